@@ -1,0 +1,247 @@
+//! k-means: 1,000,000 x 16, K = 50, 25 iterations from the same start, beside scikit-learn (f64, f32) and faiss (f32).
+//!
+//! Three kinds of rows, because bounds skip as much as the rows allow:
+//! - `gaits`: what a log of a legged robot looks like: a limit cycle of sixteen correlated channels, five gaits at varying frequencies, in the order
+//!   of time, with sensor noise. The main case. No cluster structure but a manifold of low dimension.
+//! - `blobs`: fifty Gaussian blobs around random centres, in random order: the usual benchmark, kind to bounds.
+//! - `noise`: one isotropic Gaussian: no structure whatever, the worst case.
+//!
+//! Bias: every process runs alone and reports its best of three; peers get the rows in their own layout and type before the clock starts, and so do
+//! we. The float32 peers solve an easier problem and stop at other centroids; their inertia is computed in float64 for all. faiss makes all
+//! iterations, the others stop at a fixed point.
+
+use std::{error::Error, path::Path};
+
+use faer::{Accum, Mat, Par, linalg::matmul::matmul};
+use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_data::{Cancelled, Silent, parallel_map, thread_count};
+use fleetfoot_pwa::{KMeansOptions, Points, Start, kmeans};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const N: usize = 1_000_000;
+const D: usize = 16;
+const K: usize = 50;
+const ITERATIONS: usize = 25;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let rate = product_rate();
+    println!(
+        "k-means, {N} x {D}, K = {K}, {ITERATIONS} iterations, {} threads",
+        thread_count()
+    );
+    println!("f64 products of faer on all threads: {rate:.1} GFMA/s");
+    // Cargo hands its own arguments over; names choose cases.
+    let wanted: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|argument| !argument.starts_with('-'))
+        .collect();
+    for (name, rows) in [
+        ("gaits", gaits as fn() -> Vec<Vec<f64>>),
+        ("blobs", blobs),
+        ("noise", noise),
+    ] {
+        if wanted.is_empty() || wanted.iter().any(|wanted| wanted == name) {
+            case(name, rows(), rate)?;
+        }
+    }
+    Ok(())
+}
+
+fn case(name: &str, columns: Vec<Vec<f64>>, rate: f64) -> Result<(), Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let (build, points) = best_of(3, || Points::from_columns(&slices, &[0.0; D], &[1.0; D]));
+    let points = points?;
+    let rows: Vec<f64> = (0..N).flat_map(|row| points.row(row).to_vec()).collect();
+    write_f64(&folder.path().join("rows.f64"), &rows)?;
+    let start: Vec<f64> = (0..K)
+        .flat_map(|k| points.row((k * 19_997 + 123) % N).to_vec())
+        .collect();
+    write_f64(&folder.path().join("start.f64"), &start)?;
+    drop((rows, columns));
+
+    let options = KMeansOptions {
+        k: K,
+        max_iterations: ITERATIONS,
+        tolerance: 0.0,
+    };
+    let (seconds, found) = best_of(5, || {
+        kmeans(&points, Start::Centroids(&start), &options, &Silent)
+    });
+    let found = found?;
+    println!(
+        "\n{name}: rows into place {build:.3} s; k-means++ from seed, {} centroids: {:.3} s",
+        K,
+        seeding(&points)?
+    );
+    println!(
+        "{:<16} {:>8} {:>7} {:>6} {:>9} {:>18} {:>12}",
+        "", "seconds", "ratio", "iter.", "peak MiB", "inertia", "max |dc|"
+    );
+    let line = |who: &str, time: f64, iterations: u64, peak: f64, inertia: f64, difference: f64| {
+        println!(
+            "{who:<16} {time:>8.3} {:>7.2} {iterations:>6} {peak:>9.0} {inertia:>18.8e} {difference:>12.1e}",
+            time / seconds
+        );
+    };
+    line(
+        "fleetfoot f64",
+        seconds,
+        found.iterations as u64,
+        peak_rss_mib(),
+        found.inertia,
+        0.0,
+    );
+    let arguments = [N, D, K, ITERATIONS].map(|value| value.to_string());
+    for who in ["sklearn64", "sklearn32", "faiss32"] {
+        let mut all: Vec<&Path> = vec![folder.path(), Path::new(who)];
+        all.extend(arguments.iter().map(Path::new));
+        match peer("kmeans.py", &all) {
+            Err(reason) => println!("{who:<16} absent: {reason}"),
+            Ok(answer) => {
+                let number = |key: &str| answer[key].as_f64().unwrap_or(f64::NAN);
+                let centroids = read_f64(&folder.path().join(format!("{who}.f64")))?;
+                let difference = found
+                    .centroids
+                    .iter()
+                    .zip(&centroids)
+                    .map(|(a, b)| (a - b).abs())
+                    .fold(0.0, f64::max);
+                line(
+                    who,
+                    number("seconds"),
+                    number("iterations") as u64,
+                    number("peak_mib"),
+                    number("inertia"),
+                    difference,
+                );
+                if who == "sklearn64"
+                    && !(difference <= 1e-9 && found.inertia <= number("inertia") * (1.0 + 1e-12))
+                {
+                    return Err(format!("{name}: the answer differs from scikit-learn's: centroids by {difference:e}, inertia {} and {}", found.inertia, number("inertia")).into());
+                }
+            }
+        }
+    }
+    let work = (N * D * K * (found.iterations + 1)) as f64 * 1e-9;
+    println!(
+        "plain Lloyd needs {work:.1} GFMA: {:.3} s at the rate of f64 products; this run took {:.2} of that",
+        work / rate,
+        seconds * rate / work
+    );
+    Ok(())
+}
+
+/// Seconds of k-means++ alone.
+fn seeding(points: &Points) -> Result<f64, Box<dyn Error>> {
+    let options = KMeansOptions {
+        k: K,
+        max_iterations: 0,
+        tolerance: 0.0,
+    };
+    let (seconds, found) = best_of(2, || {
+        kmeans(
+            points,
+            Start::PlusPlus {
+                seed: 1,
+                restarts: 1,
+            },
+            &options,
+            &Silent,
+        )
+    });
+    found?;
+    Ok(seconds)
+}
+
+/// GFMA/s of large f64 products, one on every thread.
+fn product_rate() -> f64 {
+    let m = 1024;
+    let a = Mat::from_fn(m, m, |i, j| ((i * 7 + j * 3) % 11) as f64);
+    let product = |_| {
+        let mut c = Mat::<f64>::zeros(m, m);
+        matmul(
+            c.as_mut(),
+            Accum::Replace,
+            a.as_ref(),
+            a.as_ref(),
+            1.0,
+            Par::Seq,
+        );
+        Ok::<_, Cancelled>(c[(m - 1, m - 1)])
+    };
+    let (seconds, _) = best_of(5, || parallel_map(thread_count(), &Silent, product));
+    (thread_count() * m * m * m) as f64 * 1e-9 / seconds
+}
+
+fn gaussian(random: &mut Pcg64) -> f64 {
+    // Box and Muller; 1 - u is never zero.
+    let (u, v): (f64, f64) = (random.random(), random.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+fn standardise(columns: &mut [Vec<f64>]) {
+    for column in columns {
+        let mean = column.iter().sum::<f64>() / N as f64;
+        let deviation = (column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / N as f64).sqrt();
+        column.iter_mut().for_each(|x| *x = (*x - mean) / deviation);
+    }
+}
+
+fn gaits() -> Vec<Vec<f64>> {
+    let mut random = Pcg64::seed_from_u64(1);
+    let mut columns = vec![Vec::with_capacity(N); D];
+    // Amplitude and phase of three harmonics, per gait and channel.
+    let shapes: Vec<[[f64; 6]; D]> = (0..5)
+        .map(|_| {
+            std::array::from_fn(|_| {
+                std::array::from_fn(|h| gaussian(&mut random) / (1.0 + (h / 2) as f64))
+            })
+        })
+        .collect();
+    let (mut phase, mut gait, mut speed) = (0.0f64, 0, 1.0f64);
+    for row in 0..N {
+        if row % 5000 == 0 {
+            gait = random.random_range(0..shapes.len());
+        }
+        speed += 0.002 * (1.0 - speed) + 0.01 * gaussian(&mut random);
+        phase += std::f64::consts::TAU * 4.0 * (1.0 + 0.1 * speed) * 0.002;
+        for (column, shape) in columns.iter_mut().zip(&shapes[gait]) {
+            let cycle: f64 = (0..3)
+                .map(|h| {
+                    let angle = (h + 1) as f64 * phase;
+                    shape[2 * h] * angle.sin() + shape[2 * h + 1] * angle.cos()
+                })
+                .sum();
+            column.push(speed * cycle + 0.3 * gaussian(&mut random));
+        }
+    }
+    standardise(&mut columns);
+    columns
+}
+
+fn blobs() -> Vec<Vec<f64>> {
+    let mut random = Pcg64::seed_from_u64(2);
+    let centres: Vec<[f64; D]> = (0..K)
+        .map(|_| std::array::from_fn(|_| random.random_range(-10.0..10.0)))
+        .collect();
+    let mut columns = vec![Vec::with_capacity(N); D];
+    for _ in 0..N {
+        let centre = &centres[random.random_range(0..K)];
+        for (column, centre) in columns.iter_mut().zip(centre) {
+            column.push(centre + 2.0 * gaussian(&mut random));
+        }
+    }
+    standardise(&mut columns);
+    columns
+}
+
+fn noise() -> Vec<Vec<f64>> {
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut columns: Vec<Vec<f64>> = (0..D)
+        .map(|_| (0..N).map(|_| gaussian(&mut random)).collect())
+        .collect();
+    standardise(&mut columns);
+    columns
+}

@@ -1,0 +1,57 @@
+//! Helpers that the benches share: timing, memory, and the peers, which run in the same process order on the same data.
+//!
+//! A bench is a program that prints a table. It checks the answer of what it times against the peer's, and says what the physical limit is.
+//! The Python that runs the peers is `FLEETFOOT_PYTHON`, else `python3`; a peer that is not installed is reported as absent, never as a number.
+
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+    time::Instant,
+};
+
+/// Runs `work` `times` times; the fastest run in seconds, and the last result.
+pub fn best_of<R>(times: usize, mut work: impl FnMut() -> R) -> (f64, R) {
+    let mut best = f64::INFINITY;
+    let mut result = None;
+    for _ in 0..times.max(1) {
+        let start = Instant::now();
+        let value = work();
+        best = best.min(start.elapsed().as_secs_f64());
+        result = Some(value);
+    }
+    (best, result.expect("at least one run"))
+}
+
+/// The largest resident set of this process so far, MiB. NaN where the system does not tell.
+pub fn peak_rss_mib() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok()).map_or(f64::NAN, |kib| kib / 1024.0)
+}
+
+/// Runs `benches/peers/<script> arguments...`, whose last line of standard output is one JSON value.
+///
+/// Returns the reason when the peer cannot run here (no Python, package not installed).
+pub fn peer(script: &str, arguments: &[&Path]) -> Result<serde_json::Value, String> {
+    let python = std::env::var("FLEETFOOT_PYTHON").unwrap_or_else(|_| "python3".into());
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
+    let output = Command::new(&python).arg(&path).args(arguments).output().map_err(|error| format!("{python}: {error}"))?;
+    if !output.status.success() {
+        let talk = String::from_utf8_lossy(&output.stderr);
+        return Err(talk.lines().last().unwrap_or("the peer failed without a word").to_owned());
+    }
+    let text = String::from_utf8_lossy(&output.stdout);
+    serde_json::from_str(text.lines().last().unwrap_or_default()).map_err(|error| format!("{script}: {error}"))
+}
+
+/// Writes values as raw little-endian `f64`, for `numpy.fromfile`.
+pub fn write_f64(path: &Path, values: &[f64]) -> std::io::Result<()> {
+    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    std::fs::write(path, bytes)
+}
+
+/// Reads what [`write_f64`] or `numpy.ndarray.tofile` wrote.
+pub fn read_f64(path: &Path) -> std::io::Result<Vec<f64>> {
+    let bytes = std::fs::read(path)?;
+    Ok(bytes.chunks_exact(8).map(|chunk| f64::from_le_bytes(chunk.try_into().expect("eight bytes"))).collect())
+}

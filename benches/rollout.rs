@@ -1,0 +1,339 @@
+//! Rollouts: 1,000 starts x 200 Euler steps of a piecewise-affine model with K = 50, 16 states, 2 inputs, beside vectorised numpy.
+//!
+//! Two models, because the search for the region is skipped while a state is known to be inside its cell:
+//! - `gait`: oscillations of 5 Hz in steps of 1 ms, what the log of a running robot looks like. The main case.
+//! - `jumps`: the same a hundred times as fast: nearly every step needs a search. The worst case.
+//!
+//! Bias: numpy gets contiguous arrays in its own layout before the clock starts, and the fastest of four ways to write the step counts. Ours is
+//! timed as a user calls it: starts checked, rows read from the source, inputs gathered, divergence and ranges watched, trajectories returned. Both
+//! allocate their result within the clock, and both use all threads (numpy through its BLAS).
+
+use std::{error::Error, path::Path};
+
+use faer::{Accum, Mat, Par, linalg::matmul::matmul};
+use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_data::{Column, MemorySource, Silent, Source, thread_count, with_threads};
+use fleetfoot_dynamics::{RolloutOptions, Simulator, Start, Starts, Step, Trajectory};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{
+    Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const STATES: usize = 16;
+const INPUTS: usize = 2;
+const COLUMNS: usize = STATES + INPUTS;
+const REGIONS: usize = 50;
+const STARTS: usize = 1_000;
+const STEPS: usize = 200;
+const DT: f64 = 1e-3;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!(
+        "rollouts, {STARTS} starts x {STEPS} Euler steps, K = {REGIONS}, {STATES} states, {INPUTS} inputs, {} threads",
+        thread_count()
+    );
+    let rate = product_rate();
+    let (map, search) = (COLUMNS * STATES, STATES * REGIONS);
+    println!("f64 products of faer on one thread: {rate:.1} GFMA/s");
+    println!(
+        "floor of a step on one thread: map {:.1} ns, search {:.1} ns, both {:.1} ns",
+        map as f64 / rate,
+        search as f64 / rate,
+        (map + search) as f64 / rate
+    );
+    case("gait", 5.0)?;
+    case("jumps", 500.0)
+}
+
+fn case(name: &str, hertz: f64) -> Result<(), Box<dyn Error>> {
+    let model = model(hertz);
+    let source = recording(hertz);
+    let simulator = Simulator::new(&model)?;
+    assert!(simulator.is_affine());
+    let mut options = RolloutOptions::new(STEPS);
+    options.step = Step::Seconds(DT);
+    let needed = simulator.needed_rows(STEPS);
+    let starts = Starts::Random {
+        count: STARTS,
+        seed: 7,
+    }
+    .choose(&source, STEPS, needed.before, needed.after)?;
+    let run = || simulator.trajectories(&source, &starts, &options, &Silent);
+    let (one_thread, _) = with_threads(1, || best_of(15, run));
+    let (seconds, trajectories) = best_of(25, run);
+    let trajectories: Vec<Trajectory> = trajectories?.into_iter().flatten().collect();
+    let steps = (STARTS * STEPS) as f64;
+    assert_eq!(
+        trajectories.iter().map(Trajectory::steps).sum::<usize>(),
+        STARTS * STEPS,
+        "no trajectory ends early"
+    );
+    let changes: usize = trajectories
+        .iter()
+        .map(|t| {
+            t.regions
+                .windows(2)
+                .filter(|pair| pair[0] != pair[1])
+                .count()
+        })
+        .sum();
+    println!(
+        "\n{name}: the region changes every {:.1} steps",
+        steps / changes as f64
+    );
+    println!(
+        "{:<22} {:>9} {:>9} {:>7} {:>9}",
+        "", "ms", "ns/step", "ratio", "peak MiB"
+    );
+    let row = |what: &str, s: f64, ratio: f64, peak: f64| {
+        println!(
+            "{what:<22} {:>9.2} {:>9.1} {ratio:>7.1} {peak:>9.0}",
+            s * 1e3,
+            s * 1e9 / steps
+        );
+    };
+    row("fleetfoot", seconds, 1.0, peak_rss_mib());
+    row(
+        "fleetfoot, one thread",
+        one_thread,
+        one_thread / seconds,
+        peak_rss_mib(),
+    );
+
+    let folder = tempfile::tempdir()?;
+    write_problem(folder.path(), &model, &source, &starts)?;
+    let numbers: Vec<String> = [STARTS, STEPS, STATES, INPUTS, REGIONS]
+        .iter()
+        .map(ToString::to_string)
+        .chain([DT.to_string()])
+        .collect();
+    let mut arguments = vec![folder.path()];
+    arguments.extend(numbers.iter().map(Path::new));
+    match peer("rollout.py", &arguments) {
+        Err(reason) => println!("numpy                  absent: {reason}"),
+        Ok(answer) => {
+            let number = |key: &str| answer[key].as_f64().unwrap_or(f64::NAN);
+            let label = format!(
+                "numpy {} ({})",
+                answer["version"].as_str().unwrap_or("?"),
+                answer["variant"].as_str().unwrap_or("?")
+            );
+            row(
+                &label,
+                number("seconds"),
+                number("seconds") / seconds,
+                number("peak"),
+            );
+            println!("its variants, s: {}", answer["all"]);
+            let theirs = read_f64(&folder.path().join("numpy.f64"))?;
+            let ours: Vec<f64> = trajectories
+                .iter()
+                .flat_map(|t| t.states.iter().copied())
+                .collect();
+            assert_eq!(ours.len(), theirs.len());
+            let largest = ours
+                .iter()
+                .zip(&theirs)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max);
+            println!("largest difference of a state: {largest:.1e}");
+            assert!(largest < 1e-9, "the answers differ");
+        }
+    }
+    Ok(())
+}
+
+/// Multiply-adds per second of a large product on one thread, in units of 1e9.
+fn product_rate() -> f64 {
+    let n = 768;
+    let a = Mat::from_fn(n, n, |i, j| ((i * 7 + j) % 13) as f64);
+    let mut c = Mat::<f64>::zeros(n, n);
+    let (seconds, ()) = best_of(5, || {
+        matmul(
+            c.as_mut(),
+            Accum::Replace,
+            a.as_ref(),
+            a.as_ref(),
+            1.0,
+            Par::Seq,
+        )
+    });
+    (n * n * n) as f64 / seconds / 1e9
+}
+
+fn names() -> Vec<String> {
+    (0..STATES)
+        .map(|i| format!("x{i}"))
+        .chain((0..INPUTS).map(|i| format!("u{i}")))
+        .collect()
+}
+
+/// Oscillating channels around `hertz`, in four episodes.
+fn recording(hertz: f64) -> MemorySource {
+    let mut source = MemorySource::new(names().into_iter().map(Column::float).collect());
+    for episode in 0..4 {
+        let mut random = Pcg64::seed_from_u64(100 + episode);
+        let columns = (0..COLUMNS)
+            .map(|_| {
+                let frequency = std::f64::consts::TAU * hertz * random.random_range(0.8..1.2);
+                let phase: f64 = random.random_range(0.0..6.28);
+                (0..2_000)
+                    .map(|k| 1.3 * (frequency * DT * f64::from(k) + phase).sin())
+                    .collect()
+            })
+            .collect();
+        source.push_uniform(format!("run {episode}"), DT, columns);
+    }
+    source
+}
+
+/// Damped rotations in eight planes at about `hertz`, differently coupled and driven in every region, so that trajectories
+/// keep moving through the regions.
+fn model(hertz: f64) -> Model {
+    let mut random = Pcg64::seed_from_u64(1);
+    let names = names();
+    let omega = std::f64::consts::TAU * hertz;
+    // An explicit Euler step turns and stretches by |1 + (i w - d) dt|: the damping holds that below one, as far as steps allow.
+    let (turn, damping) = if omega * DT < 0.5 {
+        (omega, 0.1 * omega + omega * omega * DT)
+    } else {
+        (0.6 / DT, 1.0 / DT)
+    };
+    let mut coefficients = vec![vec![vec![0.0; COLUMNS]; REGIONS]; STATES];
+    let mut constants = vec![vec![0.0; REGIONS]; STATES];
+    for region in 0..REGIONS {
+        for i in 0..STATES {
+            for j in 0..COLUMNS {
+                coefficients[i][region][j] = 0.02 * turn * random.random_range(-1.0..1.0);
+            }
+            coefficients[i][region][i] -= damping;
+            let partner = i ^ 1;
+            coefficients[i][region][partner] += if i < partner { turn } else { -turn };
+            constants[i][region] = turn * random.random_range(-1.0..1.0);
+        }
+    }
+    let centroids = (0..REGIONS)
+        .map(|_| {
+            (0..STATES)
+                .map(|_| random.random_range(-1.6..1.6))
+                .collect()
+        })
+        .collect();
+    let functions: Vec<Expr> = names
+        .iter()
+        .map(|name| Expr::column(name.as_str()))
+        .collect();
+    let triangle = |n: usize| n * (n + 1) / 2;
+    let diagonal = |n: usize| -> Vec<f64> {
+        (0..n)
+            .flat_map(|i| (0..=i).map(move |j| if i == j { 1.0 } else { 0.0 }))
+            .collect()
+    };
+    let mut partition = Partition::whole();
+    partition.specification = format!("kmeans:{REGIONS}");
+    partition.columns = functions[..STATES].to_vec();
+    partition.centre = (0..STATES)
+        .map(|_| random.random_range(-0.1..0.1))
+        .collect();
+    partition.scale = (0..STATES).map(|_| random.random_range(0.8..1.2)).collect();
+    partition.rule = Rule::voronoi(centroids);
+    partition.regions = (0..REGIONS)
+        .map(|region| Region {
+            name: region.to_string(),
+            rows: 100,
+            mean: vec![0.0; COLUMNS],
+            covariance: diagonal(COLUMNS),
+            range: vec![[-1e3, 1e3]; COLUMNS],
+            residual_covariance: vec![0.0; triangle(STATES)],
+            rank: COLUMNS,
+            condition: 1.0,
+            confounded: Vec::new(),
+        })
+        .collect();
+    let columns = names
+        .iter()
+        .enumerate()
+        .map(|(i, name)| fleetfoot_model::Column {
+            name: name.clone(),
+            source: name.clone(),
+            unit: None,
+            role: if i < STATES { Role::State } else { Role::Input },
+            angle: false,
+        })
+        .collect();
+    let training = Training {
+        target_mean: vec![0.0; STATES],
+        target_covariance: diagonal(STATES),
+        target_deviation: vec![1.0; STATES],
+        state_covariance: diagonal(STATES),
+        ..Training::default()
+    };
+    let mut model = Model::new("bench", columns, DT, training);
+    model.libraries = vec![functions];
+    model.partitions = vec![partition];
+    for (i, (coefficients, constants)) in coefficients.into_iter().zip(constants).enumerate() {
+        let name = format!("f{i}");
+        model.equations.push(Equation {
+            subject: names[i].clone(),
+            prediction: Prediction::Derivative,
+            right: Expr::column(name.as_str()),
+            target: Some(Expr::column(names[i].as_str())),
+            unit: None,
+        });
+        model.latents.push(Latent {
+            name,
+            library: 0,
+            partition: 0,
+            constants,
+            coefficients,
+        });
+    }
+    model
+}
+
+fn write_problem(
+    folder: &Path,
+    model: &Model,
+    source: &MemorySource,
+    starts: &[Start],
+) -> Result<(), Box<dyn Error>> {
+    let partition = &model.partitions[0];
+    let Rule::Linear { weights, offsets } = &partition.rule else {
+        return Err("not a Voronoi partition".into());
+    };
+    let mut theta = Vec::new();
+    for region in 0..REGIONS {
+        for latent in &model.latents {
+            theta.extend_from_slice(&latent.coefficients[region]);
+            theta.push(latent.constants[region]);
+        }
+    }
+    let (mut first, mut inputs) = (Vec::new(), Vec::new());
+    for start in starts {
+        let block = source.read(
+            start.episode,
+            start.row..start.row + STEPS,
+            Default::default(),
+        )?;
+        first.extend((0..STATES).map(|i| block.core(i)[0]));
+        inputs.extend(
+            (0..STEPS)
+                .flat_map(|k| (STATES..COLUMNS).map(move |i| (k, i)))
+                .map(|(k, i)| block.core(i)[k]),
+        );
+    }
+    for (name, values) in [
+        ("theta", &theta),
+        ("start", &first),
+        ("inputs", &inputs),
+        ("centre", &partition.centre),
+        ("scale", &partition.scale),
+        ("weights", &weights.concat()),
+        ("offsets", offsets),
+    ] {
+        write_f64(&folder.join(format!("{name}.f64")), values)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,270 @@
+//! Arguments.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Turns robot logs into equations.
+#[derive(Debug, Parser)]
+#[command(name = "fleetfoot", version, about, propagate_version = true, max_term_width = 110)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Threads to use (default: all cores). The answer does not depend on it.
+    #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) threads: usize,
+    /// Print the result as JSON.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// No progress bar, no notes: only results and errors.
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Generate a robot's logs, fit a model to them, score it on held-out runs.
+    Demo(Demo),
+    /// Tell what files hold: columns, rows, rates, gaps.
+    Info(Info),
+    /// Write a commented recipe for a file, to be edited.
+    Init(Init),
+    /// Fit a model to logs.
+    #[command(subcommand)]
+    Fit(Fit),
+    /// Score a model's one-step predictions on logs.
+    Score(Score),
+    /// Write a model's prediction, residual, region and distance from the training domain for every row.
+    Predict(Predict),
+    /// Simulate a model from measured states and compare with what happened.
+    Rollout(Rollout),
+    /// Print a model's equations and regions.
+    Show(Show),
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Fit {
+    /// A piecewise-affine model.
+    Pwa(Box<FitPwa>),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Demo {
+    /// Folder for the generated logs and the model.
+    #[arg(short, long, value_name = "DIR", default_value = "fleetfoot-demo")]
+    pub(crate) output: PathBuf,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Info {
+    /// Files, globs or folders.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
+    /// Read all values: minimum, mean, maximum and missing values of every column.
+    #[arg(long)]
+    pub(crate) values: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Init {
+    /// A log file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// The recipe to write (default: standard output).
+    #[arg(short, long, value_name = "RECIPE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Overwrite an existing recipe.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+/// What the recipe says; a flag overrides it.
+#[derive(Debug, Args, Default)]
+pub(crate) struct RecipeArgs {
+    /// The recipe.
+    #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
+    pub(crate) recipe: Option<PathBuf>,
+    /// States, separated by commas.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) states: Vec<String>,
+    /// Inputs, separated by commas.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) inputs: Vec<String>,
+    /// States and inputs that are angles, separated by commas.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) angles: Vec<String>,
+    /// A short name for a field or an expression; may be repeated.
+    #[arg(long, value_name = "NAME=EXPRESSION")]
+    pub(crate) alias: Vec<String>,
+    /// How the derivative of a state is measured: auto, central, forward, backward, a column or an expression; may be repeated.
+    #[arg(long, value_name = "STATE=HOW")]
+    pub(crate) derivative: Vec<String>,
+    /// What is predicted: derivative, next, delta, or a column (plain regression).
+    #[arg(long, value_name = "WHAT")]
+    pub(crate) predict: Option<String>,
+    /// Total degree of the polynomial library (1: affine).
+    #[arg(long, value_name = "N")]
+    pub(crate) degree: Option<u32>,
+    /// Past rows of every state and input beside the present one.
+    #[arg(long, value_name = "N")]
+    pub(crate) lags: Option<u32>,
+    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times.
+    #[arg(long, value_name = "EXPRESSION")]
+    pub(crate) weight: Option<String>,
+    #[command(flatten)]
+    pub(crate) time: TimeArgs,
+}
+
+#[derive(Debug, Args, Default)]
+pub(crate) struct TimeArgs {
+    /// The column of the time stamps.
+    #[arg(long, value_name = "COLUMN")]
+    pub(crate) time: Option<String>,
+    /// The unit of numeric stamps: s, ms, us, ns.
+    #[arg(long, value_name = "UNIT", requires = "time")]
+    pub(crate) time_unit: Option<String>,
+    /// Rows are this many seconds apart: no time column is read.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "time")]
+    pub(crate) dt: Option<f64>,
+    /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none.
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) max_gap: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Select {
+    /// The smallest model whose cross-validated error is within one standard error of the best.
+    Cv,
+    /// The lowest Bayesian information criterion, with the effective sample size.
+    Bic,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Unseen {
+    /// An error.
+    Refuse,
+    /// They get a model fitted on all rows.
+    Pool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct FitPwa {
+    /// Files, globs or folders.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) recipe: RecipeArgs,
+    /// Partitions: null, average, zscore:1.5, kmeans:10, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`)
+    /// one is chosen.
+    #[arg(short, long, value_name = "PARTITIONS")]
+    pub(crate) partition: Option<String>,
+    /// What partitions look at, separated by commas (default: the states).
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) partition_on: Vec<String>,
+    /// How one of several partitions is chosen.
+    #[arg(long, value_enum, default_value = "cv")]
+    pub(crate) select: Select,
+    /// Folds of cross-validation: whole episodes when there are enough, else spans; 0 for none.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) folds: u16,
+    /// Gap between held-out and training rows of one episode.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    pub(crate) purge: f64,
+    /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation).
+    #[arg(long, value_name = "ROWS", default_value = "0")]
+    pub(crate) shrinkage: String,
+    /// What happens to labels that were not seen in training.
+    #[arg(long, value_enum, default_value = "refuse")]
+    pub(crate) unseen_labels: Unseen,
+    /// Seed of k-means++.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Restarts of k-means; the best is kept.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) restarts: usize,
+    /// Iterations of k-means at most.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub(crate) iterations: usize,
+    /// Memory for the rows that k-means keeps; beyond it a sample is clustered.
+    #[arg(long, value_name = "MiB", default_value_t = 512)]
+    pub(crate) memory: usize,
+    /// Tell what the job would read and keep, and stop.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// The model to write.
+    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
+    pub(crate) output: PathBuf,
+}
+
+/// A model and the logs it is run on.
+#[derive(Debug, Args)]
+pub(crate) struct ModelData {
+    /// The model.
+    #[arg(value_name = "MODEL")]
+    pub(crate) model: PathBuf,
+    /// Files, globs or folders.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) time: TimeArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Score {
+    #[command(flatten)]
+    pub(crate) model: ModelData,
+    /// Show the score of every episode.
+    #[arg(long)]
+    pub(crate) episodes: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Predict {
+    #[command(flatten)]
+    pub(crate) model: ModelData,
+    /// The Parquet file to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Method {
+    /// Forward Euler, as the paper.
+    Euler,
+    /// The classical fourth-order Runge-Kutta method.
+    Rk4,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Rollout {
+    #[command(flatten)]
+    pub(crate) model: ModelData,
+    /// Steps of every trajectory.
+    #[arg(long, value_name = "STEPS", default_value_t = 200)]
+    pub(crate) horizon: usize,
+    /// Number of trajectories.
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub(crate) starts: usize,
+    /// How derivatives are integrated.
+    #[arg(long, value_enum, default_value = "euler")]
+    pub(crate) method: Method,
+    /// Choose the starts at random with this seed (default: evenly spread).
+    #[arg(long, value_name = "SEED")]
+    pub(crate) seed: Option<u64>,
+    /// The Parquet file to write the trajectories to.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Show {
+    /// The model.
+    #[arg(value_name = "MODEL")]
+    pub(crate) model: PathBuf,
+    /// Regions to write out, the largest first.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) regions: usize,
+}

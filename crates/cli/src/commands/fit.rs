@@ -1,0 +1,248 @@
+//! `fleetfoot fit pwa`.
+
+use fleetfoot::{
+    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, dynamics, fit_pwa,
+    log::write_atomic,
+    model::UnseenLabel,
+    pwa::{Options, Selection, Shrinkage},
+};
+use serde_json::json;
+
+use super::{Context, files, real};
+use crate::{
+    args::{FitPwa, RecipeArgs, Select, TimeArgs, Unseen},
+    table::{bytes, number, ratio, table},
+};
+
+pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
+    let mut recipe = recipe(&arguments.recipe)?;
+    if let Some(partition) = &arguments.partition {
+        recipe.model.partition = Some(partition.clone());
+    }
+    if !arguments.partition_on.is_empty() {
+        recipe.model.partition_on = Some(arguments.partition_on.clone());
+    }
+    let files = files(&arguments.data)?;
+    refuse_overwriting(&arguments.output, &files)?;
+    let options = options(arguments)?;
+    if arguments.dry_run {
+        return dry_run(&recipe, &options, &files, context);
+    }
+    let bar = context.bar();
+    let fitted = fit_pwa(&recipe, &options, arguments.purge, &files, &bar);
+    bar.finish();
+    let fitted = fitted?;
+    write_atomic(&arguments.output, fitted.identification.model.to_json().as_bytes())?;
+    context.notes(&fitted.notes);
+    context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted));
+    context.say(format!("wrote {}", arguments.output.display()));
+    Ok(())
+}
+
+fn refuse_overwriting(output: &std::path::Path, files: &[std::path::PathBuf]) -> Result<(), Error> {
+    let same = |file: &std::path::PathBuf| match (file.canonicalize(), output.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    };
+    if files.iter().any(same) {
+        return Err(Error::Request(format!("{} is one of the inputs; choose another --output", output.display())));
+    }
+    Ok(())
+}
+
+fn options(arguments: &FitPwa) -> Result<Options, Error> {
+    let mut options = Options::default();
+    options.folds = arguments.folds;
+    options.selection = match arguments.select {
+        Select::Cv => Selection::CrossValidation,
+        Select::Bic => Selection::Bic,
+    };
+    options.shrinkage = match arguments.shrinkage.as_str() {
+        "auto" => Shrinkage::Auto,
+        text => match text.parse::<f64>() {
+            Ok(rows) if rows >= 0.0 && rows.is_finite() => Shrinkage::Rows(rows),
+            _ => return Err(Error::Request(format!("--shrinkage {text}: write a number of rows, or auto"))),
+        },
+    };
+    options.unseen = match arguments.unseen_labels {
+        Unseen::Refuse => UnseenLabel::Refuse,
+        Unseen::Pool => UnseenLabel::Pool,
+    };
+    if !(arguments.purge >= 0.0 && arguments.purge.is_finite()) {
+        return Err(Error::Request(format!("--purge {}: write seconds", arguments.purge)));
+    }
+    options.seed = arguments.seed;
+    options.restarts = arguments.restarts.max(1);
+    options.iterations = arguments.iterations.max(1);
+    options.memory = arguments.memory << 20;
+    Ok(options)
+}
+
+fn dry_run(recipe: &Recipe, options: &Options, files: &[std::path::PathBuf], context: &Context) -> Result<(), Error> {
+    let bar = context.bar();
+    let plan = fleetfoot::plan_pwa(recipe, options, files, &bar);
+    bar.finish();
+    let plan = plan?;
+    context.notes(&plan.notes);
+    let clustered = if plan.clustered_rows == 0 {
+        "none".to_owned()
+    } else if plan.clustered_rows < plan.rows {
+        format!("a sample of {} rows", plan.clustered_rows)
+    } else {
+        "all rows".to_owned()
+    };
+    context.print(
+        &json!({
+            "files": plan.files, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns,
+            "regressors": plan.regressors, "targets": plan.targets, "passes": 3,
+            "clustered_rows": plan.clustered_rows, "memory_bytes": plan.memory,
+        }),
+        || {
+            format!(
+                "{} files, {} episodes, {} rows\n{} columns read: {}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
+                plan.files,
+                plan.episodes,
+                plan.rows,
+                plan.columns.len(),
+                plan.columns.join(", "),
+                plan.regressors,
+                plan.targets,
+                bytes(plan.memory as u64)
+            )
+        },
+    );
+    Ok(())
+}
+
+pub(crate) fn to_text(fitted: &Fitted) -> String {
+    let found = &fitted.identification;
+    let mut header = vec!["partition", "regions"];
+    header.extend(found.targets.iter().map(String::as_str));
+    header.extend(["Mahalanobis", "loss", ""]);
+    let mut rows: Vec<Vec<String>> = found
+        .candidates
+        .iter()
+        .enumerate()
+        .map(|(index, score)| {
+            let mut row = vec![score.specification.to_string(), score.regions.to_string()];
+            row.extend(score.over_null.iter().map(|&value| ratio(value)));
+            row.push(ratio(score.mahalanobis));
+            row.push(if score.loss.is_nan() {
+                "-".into()
+            } else {
+                format!("{} +- {}", ratio(score.loss), ratio(score.standard_error))
+            });
+            row.push(if index == found.chosen { "<- chosen".into() } else { String::new() });
+            row
+        })
+        .collect();
+    let mut sigma = vec!["sigma".to_owned(), String::new()];
+    sigma.extend(found.sigma.iter().map(|&value| number(value)));
+    sigma.extend([String::new(), String::new(), String::new()]);
+    rows.push(sigma);
+    let which = if found.held_out { "cross-validated" } else { "in-sample" };
+    format!(
+        "{} rows of {} episodes ({} independent), {} left out at borders, {} incomplete\n\
+         mean absolute error over the null model's, {which}; loss: squared error over variance\n{}",
+        found.rows,
+        fitted.episodes,
+        number(found.effective_rows),
+        found.at_border,
+        found.incomplete,
+        table(&header, rows)
+    )
+}
+
+pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::Value {
+    let found = &fitted.identification;
+    let reals = |values: &[f64]| values.iter().map(|&value| real(value)).collect::<Vec<_>>();
+    json!({
+        "model": output.display().to_string(),
+        "hash": found.model.hash(),
+        "rows": found.rows, "episodes": fitted.episodes, "files": fitted.files,
+        "effective_rows": real(found.effective_rows),
+        "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
+        "targets": found.targets, "sigma": reals(&found.sigma),
+        "held_out": found.held_out, "condition": real(found.condition),
+        "chosen": found.chosen,
+        "candidates": found.candidates.iter().map(|score| json!({
+            "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
+            "mae_over_null": reals(&score.over_null), "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
+            "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
+            "fold_losses": reals(&score.losses), "bic": real(score.bic),
+        })).collect::<Vec<_>>(),
+        "notes": fitted.notes,
+    })
+}
+
+/// The recipe with all flags applied.
+pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
+    let mut recipe = arguments.recipe.as_deref().map_or_else(|| Ok(Recipe::default()), Recipe::read)?;
+    for text in &arguments.alias {
+        let (name, expression) = pair("--alias", text)?;
+        recipe.columns.insert(name, expression);
+    }
+    for state in &arguments.states {
+        recipe.states.entry(state.clone()).or_default();
+    }
+    for input in &arguments.inputs {
+        recipe.inputs.entry(input.clone()).or_insert_with(|| Input::Table(InputTable::default()));
+    }
+    for angle in &arguments.angles {
+        if let Some(state) = recipe.states.get_mut(angle) {
+            state.kind = Some(Kind::Angle);
+        } else if let Some(input) = recipe.inputs.get_mut(angle) {
+            *input = Input::Table(InputTable { kind: Some(Kind::Angle), ..input.table() });
+        } else {
+            return Err(Error::Request(format!("--angles {angle}: it is neither a state nor an input")));
+        }
+    }
+    for text in &arguments.derivative {
+        let (name, how) = pair("--derivative", text)?;
+        let Some(state) = recipe.states.get_mut(&name) else {
+            return Err(Error::Request(format!("--derivative {text}: `{name}` is not a state")));
+        };
+        state.derivative = Some(how);
+    }
+    let model = &mut recipe.model;
+    model.predict = arguments.predict.clone().or(model.predict.take());
+    model.degree = arguments.degree.or(model.degree);
+    model.lags = arguments.lags.or(model.lags);
+    model.weight = arguments.weight.clone().or(model.weight.take());
+    apply_time(&mut recipe, &arguments.time)?;
+    Ok(recipe)
+}
+
+pub(crate) fn apply_time(recipe: &mut Recipe, time: &TimeArgs) -> Result<(), Error> {
+    if let Some(column) = &time.time {
+        recipe.time.column = Some(column.clone());
+        recipe.time.unit = time.time_unit.clone();
+        recipe.time.dt = None;
+    }
+    if let Some(dt) = time.dt {
+        recipe.time.dt = Some(dt);
+        recipe.time.column = None;
+    }
+    if let Some(gap) = &time.max_gap {
+        recipe.time.max_gap = Some(gap.parse().map_or_else(|_| Gap::Word(gap.clone()), Gap::Seconds));
+    }
+    Ok(())
+}
+
+fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((name.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err(Error::Request(format!("{flag} {text}: write NAME=VALUE"))),
+    }
+}
+
+/// For people: what an interval compares.
+pub(crate) fn basis(basis: &dynamics::Basis) -> String {
+    match basis {
+        dynamics::Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
+        dynamics::Basis::Spans(count) => format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)"),
+        dynamics::Basis::Starts(count) => format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)"),
+    }
+}

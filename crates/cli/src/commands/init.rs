@@ -1,0 +1,29 @@
+//! `fleetfoot init`.
+
+use fleetfoot::{Error, log::write_atomic, starter_recipe};
+
+use super::Context;
+use crate::args::Init;
+
+pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
+    let info = fleetfoot::log::inspect(&arguments.file)?;
+    let columns: Vec<fleetfoot::Column> = info
+        .columns
+        .iter()
+        .filter(|column| column.unsupported.is_none())
+        .map(|column| fleetfoot::Column { name: column.name.clone(), unit: column.unit.clone(), kind: column.kind.clone() })
+        .collect();
+    let name = arguments.file.file_name().unwrap_or_default().to_string_lossy();
+    let text = starter_recipe(&name, &columns, info.time.as_ref().map(|time| time.column.as_str()));
+    match &arguments.output {
+        None => print!("{text}"),
+        Some(path) if path.exists() && !arguments.force => {
+            return Err(Error::Request(format!("{} exists already; give --force to overwrite it", path.display())));
+        }
+        Some(path) => {
+            write_atomic(path, text.as_bytes())?;
+            context.say(format!("wrote {}: uncomment states and inputs, then run fleetfoot fit", path.display()));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! One file a command.
+
+pub(crate) mod demo;
+pub(crate) mod fit;
+pub(crate) mod info;
+pub(crate) mod init;
+pub(crate) mod predict;
+pub(crate) mod rollout;
+pub(crate) mod score;
+pub(crate) mod show;
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot::{Error, Model, Recipe};
+
+use crate::progress::Bar;
+
+/// What all commands share.
+pub(crate) struct Context {
+    pub(crate) json: bool,
+    pub(crate) quiet: bool,
+}
+
+impl Context {
+    pub(crate) fn bar(&self) -> Bar {
+        Bar::new(self.quiet)
+    }
+
+    /// Talk goes to standard error.
+    pub(crate) fn say(&self, text: impl AsRef<str>) {
+        if !self.quiet {
+            eprintln!("{}", text.as_ref());
+        }
+    }
+
+    pub(crate) fn notes(&self, notes: &[String]) {
+        for note in notes {
+            self.say(format!("note: {note}"));
+        }
+    }
+
+    /// Results go to standard output.
+    pub(crate) fn print(&self, json: &serde_json::Value, text: impl FnOnce() -> String) {
+        if self.json {
+            println!("{json:#}");
+        } else {
+            println!("{}", text().trim_end());
+        }
+    }
+}
+
+/// The files behind the arguments.
+pub(crate) fn files(data: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+    Ok(fleetfoot::log::paths(data)?)
+}
+
+pub(crate) fn read_model(path: &Path) -> Result<Model, Error> {
+    Ok(Model::read(path)?)
+}
+
+/// Changes of the clock alone, as a recipe.
+pub(crate) fn time_changes(time: &crate::args::TimeArgs) -> Result<Recipe, Error> {
+    let mut recipe = Recipe::default();
+    fit::apply_time(&mut recipe, time)?;
+    Ok(recipe)
+}
+
+/// A warning for data that the model was trained on.
+pub(crate) fn in_sample(context: &Context, names: &[String], episodes: usize) {
+    if !names.is_empty() {
+        let some: Vec<&str> = names.iter().take(3).map(String::as_str).collect();
+        let more = if names.len() > 3 { ", ..." } else { "" };
+        context.say(format!(
+            "warning: {} of {episodes} episodes were used in training ({}{more}): these scores are in-sample and flatter the model",
+            names.len(),
+            some.join(", ")
+        ));
+    }
+}
+
+/// A number for JSON, which has no NaN.
+pub(crate) fn real(value: f64) -> serde_json::Value {
+    serde_json::Number::from_f64(value).map_or(serde_json::Value::Null, serde_json::Value::Number)
+}

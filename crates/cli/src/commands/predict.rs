@@ -1,0 +1,27 @@
+//! `fleetfoot predict`.
+
+use fleetfoot::Error;
+use serde_json::json;
+
+use super::{Context, files, read_model, time_changes};
+use crate::args::Predict;
+
+pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Error> {
+    let model = read_model(&arguments.model.model)?;
+    let files = files(&arguments.model.data)?;
+    let bar = context.bar();
+    let written = fleetfoot::predict(&model, &time_changes(&arguments.model.time)?, &files, &arguments.output, &bar);
+    bar.finish();
+    let written = written?;
+    let path = arguments.output.display();
+    context.print(
+        &json!({ "file": path.to_string(), "rows": written.rows, "predicted": written.predicted, "outside_domain": written.outside_domain }),
+        || {
+            format!(
+                "wrote {path}: {} rows, {} with target and prediction, {} outside what their region saw in training",
+                written.rows, written.predicted, written.outside_domain
+            )
+        },
+    );
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! `fleetfoot rollout`.
+
+use fleetfoot::{
+    Error, Model, RolledOut,
+    dynamics::{Method as Integration, RolloutOptions, Starts, UsefulHorizon},
+};
+use serde_json::json;
+
+use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
+use crate::{
+    args::{Method, Rollout},
+    table::{number, ratio, seconds, table},
+};
+
+pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
+    let model = read_model(&arguments.model.model)?;
+    let files = files(&arguments.model.data)?;
+    let mut options = RolloutOptions::new(arguments.horizon);
+    options.method = match arguments.method {
+        Method::Euler => Integration::Euler,
+        Method::Rk4 => Integration::Rk4,
+    };
+    let starts = match arguments.seed {
+        None => Starts::Even(arguments.starts),
+        Some(seed) => Starts::Random { count: arguments.starts, seed },
+    };
+    let changes = time_changes(&arguments.model.time)?;
+    let bar = context.bar();
+    let rolled = fleetfoot::rollout(&model, &changes, &files, &starts, &options, arguments.output.as_deref(), &bar);
+    bar.finish();
+    let rolled = rolled?;
+    context.notes(&rolled.notes);
+    in_sample(context, &rolled.in_sample, rolled.episodes);
+    if !rolled.rollouts.recorded_states.is_empty() {
+        context.say(format!("note: no equation advances {}: taken from the recording", rolled.rollouts.recorded_states.join(", ")));
+    }
+    context.print(&to_json(&rolled), || to_text(&rolled, &model));
+    if let Some(path) = &arguments.output {
+        context.say(format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// The steps worth a line: 1, 2, 5, 10, 20, 50, ... and the last.
+fn told(steps: usize) -> Vec<usize> {
+    let mut told = Vec::new();
+    let mut decade = 1;
+    while decade <= steps {
+        told.extend([1, 2, 5].iter().map(|factor| factor * decade).filter(|&step| step < steps));
+        decade *= 10;
+    }
+    told.push(steps);
+    told
+}
+
+fn useful(horizon: &UsefulHorizon) -> String {
+    match horizon.beaten_by {
+        Some(baseline) if horizon.steps == 0 => format!("useful horizon: none, {} is better from the first step on", baseline.name()),
+        Some(baseline) => format!("useful horizon: {}; then {} is better", seconds(horizon.seconds), baseline.name()),
+        None => format!("useful horizon: at least {} (better than every baseline to the end)", seconds(horizon.seconds)),
+    }
+}
+
+pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
+    let rollouts = &rolled.rollouts;
+    let horizon = &rollouts.horizon;
+    let states = horizon.states.len();
+    let mut header = vec!["step".to_owned(), "time".into(), "Mahalanobis".into()];
+    header.extend(horizon.baselines.iter().map(|(baseline, _)| baseline.name().to_owned()));
+    header.push("ended".into());
+    header.extend(horizon.states.iter().map(|name| {
+        let unit = model.column(name).and_then(|column| model.columns[column].unit.as_ref());
+        format!("RMSE {name}{}", unit.map(|unit| format!(" [{unit}]")).unwrap_or_default())
+    }));
+    let rows = told(horizon.time.len())
+        .into_iter()
+        .map(|step| {
+            let at = step - 1;
+            let mut row = vec![step.to_string(), seconds(horizon.time[at]), ratio(horizon.model.mahalanobis[at].value)];
+            row.extend(horizon.baselines.iter().map(|(_, score)| ratio(score.mahalanobis[at].value)));
+            row.push(format!("{:.1} %", 100.0 * horizon.ended[at]));
+            row.extend(horizon.model.rmse[at * states..(at + 1) * states].iter().map(|&value| number(value)));
+            row
+        })
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    format!(
+        "{} rollouts from {} episodes; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}",
+        rollouts.outcomes.len(),
+        rolled.episodes,
+        rollouts.missing,
+        rollouts.diverged(),
+        rollouts.without_region(),
+        rollouts.left_domain(),
+        table(&header, rows),
+        basis(&horizon.basis),
+        useful(&horizon.useful)
+    )
+}
+
+fn to_json(rolled: &RolledOut) -> serde_json::Value {
+    let rollouts = &rolled.rollouts;
+    let horizon = &rollouts.horizon;
+    let score = |score: &fleetfoot::dynamics::HorizonScore| {
+        let table = |values: &[f64]| {
+            values.chunks(horizon.states.len().max(1)).map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>()).collect::<Vec<_>>()
+        };
+        json!({
+            "rmse": table(&score.rmse), "mae": table(&score.mae),
+            "mahalanobis": score.mahalanobis.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
+        "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
+        "episodes": rolled.episodes, "in_sample_episodes": rolled.in_sample,
+        "states": horizon.states, "recorded_states": rollouts.recorded_states,
+        "time": horizon.time, "model": score(&horizon.model),
+        "baselines": horizon.baselines.iter()
+            .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),
+        "ended": horizon.ended, "intervals": basis(&horizon.basis),
+        "useful_horizon": { "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
+                            "beaten_by": horizon.useful.beaten_by.map(|b| b.name()) },
+        "notes": rolled.notes,
+    })
+}

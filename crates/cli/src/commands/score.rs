@@ -1,0 +1,125 @@
+//! `fleetfoot score`.
+
+use fleetfoot::{
+    Error, Scored,
+    dynamics::{Baseline, Estimate, TargetScore},
+};
+use serde_json::json;
+
+use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
+use crate::{
+    args::Score,
+    table::{number, ratio, table},
+};
+
+pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
+    let model = read_model(&arguments.model.model)?;
+    let files = files(&arguments.model.data)?;
+    let bar = context.bar();
+    let scored = fleetfoot::score(&model, &time_changes(&arguments.model.time)?, &files, &bar);
+    bar.finish();
+    let scored = scored?;
+    context.notes(&scored.notes);
+    in_sample(context, &scored.in_sample, scored.episodes);
+    context.print(&to_json(&scored), || to_text(&scored, arguments.episodes));
+    Ok(())
+}
+
+fn interval(estimate: &Estimate, show: impl Fn(f64) -> String) -> String {
+    if estimate.low.is_finite() && estimate.high.is_finite() {
+        format!("{} [{}, {}]", show(estimate.value), show(estimate.low), show(estimate.high))
+    } else {
+        show(estimate.value)
+    }
+}
+
+fn baseline(target: &TargetScore, which: Baseline) -> String {
+    // Over the model's error on the very same rows: above one, the model is better.
+    target.baselines.iter().find(|score| score.baseline == which).map_or("-".into(), |score| ratio(score.mae / score.model_mae))
+}
+
+fn to_text(scored: &Scored, episodes: bool) -> String {
+    let scores = &scored.scores;
+    let header =
+        ["target", "sigma", "MAE", "MAE / null", "MAE / sigma", "RMSE", "R2", "null / model", "persistence / model", "const. vel. / model"];
+    let rows = scores
+        .targets
+        .iter()
+        .map(|target| {
+            let unit = target.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
+            vec![
+                format!("{}{unit}", target.name),
+                number(target.deviation),
+                number(target.mae.value),
+                interval(&target.mae_over_null, ratio),
+                ratio(target.mae_over_sigma),
+                number(target.rmse),
+                ratio(target.r2),
+                baseline(target, Baseline::Null),
+                baseline(target, Baseline::Persistence),
+                baseline(target, Baseline::ConstantVelocity),
+            ]
+        })
+        .collect();
+    let skipped = &scores.skipped;
+    let mut text = format!(
+        "{} rows of {} episodes scored; {} at borders, {} with missing values, {} without a finite prediction\n{}\n{}\n\
+         Mahalanobis score {} (under the covariance of these targets {})\n\
+         outside what their region saw in training: {:.1} % of rows; outside all of training: {:.1} %",
+        scores.rows,
+        scored.episodes,
+        skipped.border,
+        skipped.missing,
+        skipped.non_finite,
+        table(&header, rows),
+        basis(&scores.basis),
+        interval(&scores.mahalanobis, ratio),
+        ratio(scores.mahalanobis_measured),
+        100.0 * scores.outside_region as f64 / scores.rows as f64,
+        100.0 * scores.outside_training as f64 / scores.rows as f64,
+    );
+    if episodes {
+        let mut header = vec!["episode", "rows", "in training"];
+        header.extend(scores.targets.iter().map(|target| target.name.as_str()));
+        let rows = scores
+            .episodes
+            .iter()
+            .map(|episode| {
+                let mut row =
+                    vec![episode.name.clone(), episode.rows.to_string(), if episode.in_training { "yes".into() } else { "no".into() }];
+                row.extend(episode.mae_over_null.iter().map(|&value| ratio(value)));
+                row
+            })
+            .collect();
+        text.push_str(&format!("\n\nMAE / null by episode\n{}", table(&header, rows)));
+    }
+    text
+}
+
+fn to_json(scored: &Scored) -> serde_json::Value {
+    let scores = &scored.scores;
+    let estimate = |e: &Estimate| json!({ "value": real(e.value), "low": real(e.low), "high": real(e.high) });
+    json!({
+        "rows": scores.rows, "episodes": scored.episodes, "in_sample_episodes": scored.in_sample, "intervals": basis(&scores.basis),
+        "skipped": { "border": scores.skipped.border, "missing": scores.skipped.missing,
+                     "no_region": scores.skipped.no_region, "non_finite": scores.skipped.non_finite },
+        "rows_outside_region": scores.outside_region, "rows_outside_training": scores.outside_training,
+        "mahalanobis": estimate(&scores.mahalanobis), "mahalanobis_measured": real(scores.mahalanobis_measured),
+        "targets": scores.targets.iter().map(|target| json!({
+            "name": target.name, "unit": target.unit, "mae": estimate(&target.mae), "mae_over_null": estimate(&target.mae_over_null),
+            "mae_over_sigma": real(target.mae_over_sigma), "rmse": real(target.rmse), "r2": real(target.r2), "bias": real(target.bias),
+            "max": real(target.max), "sigma": real(target.deviation),
+            "baselines": target.baselines.iter().map(|b| json!({
+                "name": b.baseline.name(), "rows": b.rows, "mae": real(b.mae), "rmse": real(b.rmse),
+                "model_mae": real(b.model_mae), "model_rmse": real(b.model_rmse) })).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "calibration": scores.calibration.iter().map(|bin| json!({
+            "rows": bin.rows, "input": real(bin.input), "output": real(bin.output) })).collect::<Vec<_>>(),
+        "by_episode": scores.episodes.iter().map(|episode| json!({
+            "name": episode.name, "id": episode.id.to_string(), "rows": episode.rows, "in_training": episode.in_training,
+            "mae_over_null": episode.mae_over_null.iter().map(|&v| real(v)).collect::<Vec<_>>(),
+            "rmse": episode.rmse.iter().map(|&v| real(v)).collect::<Vec<_>>(), "mahalanobis": real(episode.mahalanobis),
+        })).collect::<Vec<_>>(),
+        "notes": scored.notes,
+    })
+}

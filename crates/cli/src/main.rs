@@ -1,0 +1,43 @@
+//! The `fleetfoot` command: arguments, progress, exit codes.
+//!
+//! Exit codes: 0, 1 (the data or the fit is at fault; the message says what to do about it), 2 (usage), 130 (stopped).
+
+mod args;
+mod commands;
+mod progress;
+mod report;
+mod table;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use commands::Context;
+
+use crate::args::{Cli, Command, Fit};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    progress::stop_on_interrupt();
+    let context = Context { json: cli.json, quiet: cli.quiet };
+    let result = fleetfoot::with_threads(cli.threads, || match &cli.command {
+        Command::Demo(arguments) => commands::demo::demo(arguments, &context),
+        Command::Info(arguments) => commands::info::info(arguments, &context),
+        Command::Init(arguments) => commands::init::init(arguments, &context),
+        Command::Fit(Fit::Pwa(arguments)) => commands::fit::pwa(arguments, &context),
+        Command::Score(arguments) => commands::score::score(arguments, &context),
+        Command::Predict(arguments) => commands::predict::predict(arguments, &context),
+        Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
+        Command::Show(arguments) => commands::show::show(arguments, &context),
+    });
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(_) if progress::stopped() => {
+            eprintln!("stopped; nothing was written");
+            ExitCode::from(130)
+        }
+        Err(error) => {
+            report::report(error);
+            ExitCode::from(1)
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! What a recording is: sources, episodes, columns with units, blocks, ordered parallel work.
+//!
+//! A [`Source`] holds [`Episode`]s: uninterrupted stretches of rows with time stamps and columns of `f64`.
+//! Nothing is read until a range of an episode's rows is asked for ([`Source::read`]); the answer is a
+//! [`Block`], which brings along a [`Halo`] of neighbouring rows so that lags and differences at the border of
+//! the range find what they need. A halo never crosses an episode's border.
+//!
+//! Missing values are NaN everywhere. Time is nanoseconds as `i64`; computation uses seconds from the start of the
+//! episode ([`Block::seconds`]).
+
+mod block;
+mod column;
+mod episode;
+mod error;
+mod memory;
+mod parallel;
+mod source;
+
+pub use arrow_buffer::ScalarBuffer;
+pub use block::{Block, Halo};
+pub use column::{Column, ColumnKind};
+pub use episode::{Episode, EpisodeId, Fingerprint};
+pub use error::Error;
+pub use memory::MemorySource;
+pub use parallel::{Cancelled, Progress, Silent, parallel_fold, parallel_map, thread_count, with_threads};
+pub use source::{Source, sample_ranges};

@@ -1,0 +1,147 @@
+//! Ordered parallel work: the door to the threads for independent pieces, with progress and cancellation.
+//!
+//! Results come back in the order of the pieces, whoever computed them, so that nothing downstream can depend on the number of threads.
+
+/// The user stopped the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("stopped")]
+pub struct Cancelled;
+
+/// Who is told about progress, and may stop the work.
+pub trait Progress: Sync {
+    /// `units` more pieces are done, of `total` in this stage.
+    fn advance(&self, units: usize, total: usize);
+
+    /// Whether the work should stop at the next piece.
+    fn cancelled(&self) -> bool {
+        false
+    }
+
+    /// A new stage begins.
+    fn stage(&self, _name: &str) {}
+}
+
+/// Tells nobody.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn advance(&self, _units: usize, _total: usize) {}
+}
+
+/// Threads that the two doors use here.
+pub fn thread_count() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Runs `work` with `threads` threads behind the doors (0: as many as there are cores).
+pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(work),
+        // No threads to be had: the answer is the same with the ones there are.
+        Err(_) => work(),
+    }
+}
+
+/// `work(0), work(1), ... work(count - 1)`, in order, computed in parallel. The first error in order wins.
+pub fn parallel_map<R, E>(
+    count: usize,
+    progress: &dyn Progress,
+    work: impl Fn(usize) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, E>
+where
+    R: Send,
+    E: Send + From<Cancelled>,
+{
+    let mut results = Vec::with_capacity(count);
+    parallel_fold(count, progress, work, |result| {
+        results.push(result);
+        Ok(())
+    })?;
+    Ok(results)
+}
+
+/// Computes `work(i)` in parallel and hands the results to `fold` in the order of `i`.
+///
+/// At most a few results per thread are held at any time: while one wave is folded, the next is computed.
+pub fn parallel_fold<R, E>(
+    count: usize,
+    progress: &dyn Progress,
+    work: impl Fn(usize) -> Result<R, E> + Sync,
+    mut fold: impl FnMut(R) -> Result<(), E> + Send,
+) -> Result<(), E>
+where
+    R: Send,
+    E: Send + From<Cancelled>,
+{
+    use rayon::prelude::*;
+    let wave = if count <= 4096 { 2 * rayon::current_num_threads() } else { 8 * rayon::current_num_threads() };
+    let compute = |from: usize| -> Vec<Result<R, E>> {
+        (from..(from + wave).min(count))
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|i| {
+                if progress.cancelled() {
+                    return Err(Cancelled.into());
+                }
+                let result = work(i);
+                progress.advance(1, count);
+                result
+            })
+            .collect()
+    };
+    let mut ready = compute(0);
+    let mut next = wave;
+    while !ready.is_empty() {
+        let (folded, following) = rayon::join(|| ready.into_iter().try_for_each(|result| fold(result?)), || compute(next));
+        folded?;
+        ready = following;
+        next += wave;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn results_come_in_order_on_any_number_of_threads() {
+        for threads in [1, 2, 7] {
+            let squares = with_threads(threads, || parallel_map(1000, &Silent, |i| Ok::<_, Cancelled>(i * i)));
+            assert_eq!(squares.unwrap(), (0..1000).map(|i| i * i).collect::<Vec<_>>());
+        }
+        assert!(parallel_map(0, &Silent, Ok::<_, Cancelled>).unwrap().is_empty());
+    }
+
+    #[test]
+    fn the_first_error_in_order_wins_and_stops() {
+        #[derive(Debug, PartialEq)]
+        struct Bad(usize);
+        impl From<Cancelled> for Bad {
+            fn from(_: Cancelled) -> Self {
+                Bad(usize::MAX)
+            }
+        }
+        let done = AtomicUsize::new(0);
+        let result = parallel_map(100_000, &Silent, |i| {
+            done.fetch_add(1, Ordering::Relaxed);
+            if i % 10 == 7 { Err(Bad(i)) } else { Ok(i) }
+        });
+        assert_eq!(result, Err(Bad(7)));
+        assert!(done.load(Ordering::Relaxed) < 1000);
+    }
+
+    #[test]
+    fn cancelling_stops() {
+        struct Stop;
+        impl Progress for Stop {
+            fn advance(&self, _: usize, _: usize) {}
+            fn cancelled(&self) -> bool {
+                true
+            }
+        }
+        assert_eq!(parallel_map(10, &Stop, Ok::<usize, Cancelled>), Err(Cancelled));
+    }
+}

@@ -1,0 +1,250 @@
+//! The region of a moving state: searched for when it may have changed, known otherwise.
+
+use fleetfoot_model::Rule;
+
+use crate::{
+    compiled::Regions,
+    kernel::{LANES, affine, argmax, load, padded, scaled_square},
+};
+
+/// The partition of the fast path: how regions follow from the slots of a trajectory.
+pub(crate) struct Cells {
+    rule: CellRule,
+    /// Slot, centre and scale of each standardised column.
+    columns: Vec<(usize, f64, f64)>,
+    /// Per slot: length of the standardised step that a unit step of the slot makes.
+    slot_scale: Vec<f64>,
+    slots: usize,
+}
+
+enum CellRule {
+    Whole,
+    Ball { radius: f64 },
+    Linear(Linear),
+}
+
+/// `argmax_i (w_i . z + b_i)`, one vector lane a region.
+struct Linear {
+    count: usize,
+    width: usize,
+    /// Columns x width.
+    weights: Vec<f64>,
+    /// Width; minus infinity in the padding.
+    offsets: Vec<f64>,
+    /// Per region, width: `1 / |w_i - w_j|`.
+    nearness: Vec<f64>,
+    largest_weight: f64,
+    largest_offset: f64,
+}
+
+/// Where a trajectory is: its region, and how far it may go before the region has to be searched again.
+pub(crate) struct Cell {
+    region: usize,
+    /// Square of the free radius around the reference; negative: not known.
+    free_square: f64,
+    reference: Vec<f64>,
+}
+
+impl Cells {
+    /// `columns` are the slots of the partition's columns. `None` for a partition by labels.
+    pub(crate) fn new(regions: Option<&Regions>, columns: &[usize], slots: usize) -> Option<Self> {
+        let mut cells = Self {
+            rule: CellRule::Whole,
+            columns: Vec::new(),
+            slot_scale: vec![0.0; slots],
+            slots,
+        };
+        let Some(regions) = regions else {
+            return Some(cells);
+        };
+        cells.rule = match &regions.rule {
+            Rule::Whole => return Some(cells),
+            Rule::Ball { radius } => CellRule::Ball { radius: *radius },
+            Rule::Linear { weights, offsets } => {
+                CellRule::Linear(Linear::new(weights, offsets, columns.len()))
+            }
+            Rule::Labels { .. } => return None,
+        };
+        for ((&slot, &centre), &scale) in columns.iter().zip(&regions.centre).zip(&regions.scale) {
+            cells.columns.push((slot, centre, scale));
+            cells.slot_scale[slot] = cells.slot_scale[slot].hypot(1.0 / scale);
+        }
+        Some(cells)
+    }
+
+    /// Number of regions.
+    pub(crate) fn count(&self) -> usize {
+        match &self.rule {
+            CellRule::Whole => 1,
+            CellRule::Ball { .. } => 2,
+            CellRule::Linear(linear) => linear.count,
+        }
+    }
+
+    /// Length of the scratch memory of [`Self::locate`].
+    pub(crate) fn scratch(&self) -> usize {
+        let width = if let CellRule::Linear(linear) = &self.rule {
+            linear.width
+        } else {
+            0
+        };
+        self.columns.len() + width
+    }
+
+    /// A cell that has not been searched yet.
+    pub(crate) fn nowhere(&self) -> Cell {
+        Cell {
+            region: 0,
+            free_square: -1.0,
+            reference: vec![0.0; self.slots],
+        }
+    }
+
+    /// The region of these slots; `None` where a standardised column is not a number.
+    #[inline(always)]
+    pub(crate) fn locate(
+        &self,
+        cell: &mut Cell,
+        slots: &[f64],
+        scratch: &mut [f64],
+    ) -> Option<usize> {
+        if scaled_square(slots, &cell.reference, &self.slot_scale) < cell.free_square {
+            return Some(cell.region);
+        }
+        self.search(cell, slots, scratch)
+    }
+
+    fn search(&self, cell: &mut Cell, slots: &[f64], scratch: &mut [f64]) -> Option<usize> {
+        pulp::Arch::new().dispatch(Search {
+            cells: self,
+            cell,
+            slots,
+            scratch,
+        })
+    }
+
+    #[inline(always)]
+    fn search_here(&self, cell: &mut Cell, slots: &[f64], scratch: &mut [f64]) -> Option<usize> {
+        let (z, scores) = scratch.split_at_mut(self.columns.len());
+        let mut square = 0.0;
+        for (z, &(slot, centre, scale)) in z.iter_mut().zip(&self.columns) {
+            *z = (slots[slot] - centre) / scale;
+            square += *z * *z;
+        }
+        if square.is_nan() {
+            cell.free_square = -1.0;
+            return None;
+        }
+        let size = square.sqrt();
+        let (region, free) = match &self.rule {
+            CellRule::Whole => (0, f64::INFINITY),
+            CellRule::Ball { radius } => {
+                let rounding =
+                    (self.columns.len() + 4) as f64 * 4.0 * f64::EPSILON * (1.0 + size + radius);
+                (
+                    usize::from(square > radius * radius),
+                    (size - radius).abs() - rounding,
+                )
+            }
+            CellRule::Linear(linear) => linear.search(z, size, scores),
+        };
+        cell.region = region;
+        // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
+        let free = free.min(1.0 + size) * (1.0 - 1e-9);
+        cell.free_square = if free > 0.0 { free * free } else { -1.0 };
+        cell.reference.copy_from_slice(slots);
+        Some(region)
+    }
+}
+
+/// [`Cells::search_here`] with the widest vectors of the machine.
+struct Search<'a> {
+    cells: &'a Cells,
+    cell: &'a mut Cell,
+    slots: &'a [f64],
+    scratch: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Search<'_> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Option<usize> {
+        self.cells.search_here(self.cell, self.slots, self.scratch)
+    }
+}
+
+impl Linear {
+    fn new(weights: &[Vec<f64>], offsets: &[f64], columns: usize) -> Self {
+        let count = offsets.len();
+        let width = padded(count);
+        let mut linear = Self {
+            count,
+            width,
+            weights: vec![0.0; columns * width],
+            offsets: vec![f64::NEG_INFINITY; width],
+            nearness: vec![1.0; count * width],
+            largest_weight: 0.0,
+            largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
+        };
+        linear.offsets[..count].copy_from_slice(offsets);
+        for (i, row) in weights.iter().enumerate() {
+            for (column, &weight) in row.iter().enumerate() {
+                linear.weights[column * width + i] = weight;
+            }
+            linear.largest_weight = linear
+                .largest_weight
+                .max(row.iter().map(|w| w * w).sum::<f64>().sqrt());
+            for (j, other) in weights.iter().enumerate() {
+                let distance = row
+                    .iter()
+                    .zip(other)
+                    .map(|(a, b)| (a - b) * (a - b))
+                    .sum::<f64>()
+                    .sqrt();
+                // Equal weights: the order of the two never changes.
+                linear.nearness[i * width + j] = if distance > 1e-300 {
+                    1.0 / distance
+                } else {
+                    1e300
+                };
+            }
+        }
+        linear
+    }
+
+    /// The region and the distance in z within which no other can win.
+    ///
+    /// While `z` moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
+    #[inline(always)]
+    fn search(&self, z: &[f64], size: f64, scores: &mut [f64]) -> (usize, f64) {
+        affine(&self.weights, &self.offsets, z, scores);
+        let (top, region) = argmax(scores);
+        // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
+        let terms = (z.len() + 4) as f64;
+        let rounding = 4.0
+            * terms
+            * f64::EPSILON
+            * (self.largest_offset + self.largest_weight * (2.0 * size + 1.0));
+        scores[region] = f64::NEG_INFINITY;
+        let mut free = [f64::INFINITY; LANES];
+        let nearness = &self.nearness[region * self.width..][..self.width];
+        for (scores, nearness) in scores.chunks_exact(LANES).zip(nearness.chunks_exact(LANES)) {
+            let (scores, nearness) = (load::<LANES>(scores), load::<LANES>(nearness));
+            for i in 0..LANES {
+                let distance = ((top - scores[i]) - rounding) * nearness[i];
+                free[i] = if distance < free[i] {
+                    distance
+                } else {
+                    free[i]
+                };
+            }
+        }
+        (
+            region,
+            free.iter()
+                .copied()
+                .fold(f64::INFINITY, |a, b| if b < a { b } else { a }),
+        )
+    }
+}

@@ -1,0 +1,350 @@
+//! A model compiled for rows of columns: functions, regions, latents, right sides.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_library::{Expr, Leaf, Program, Scratch};
+use fleetfoot_model::{Equation, Model, Rule};
+
+use crate::{
+    Error,
+    kernel::{LANES, affine, padded},
+};
+
+/// A model's equations as programs over columns.
+///
+/// Evaluation has three stages: `functions` (the candidate functions in use, then the columns of the partitions), the regions and
+/// the latents' affine maps, and `rights` (right sides over the columns and, behind them, the latents).
+pub(crate) struct Compiled {
+    pub(crate) functions: Program,
+    pub(crate) rights: Program,
+    pub(crate) partitions: Vec<Regions>,
+    pub(crate) groups: Vec<Latents>,
+    columns: usize,
+    latents: usize,
+}
+
+/// A partition in use: where its columns stand among the outputs of `functions`.
+pub(crate) struct Regions {
+    pub(crate) partition: usize,
+    pub(crate) first: usize,
+    pub(crate) centre: Vec<f64>,
+    pub(crate) scale: Vec<f64>,
+    pub(crate) rule: Rule,
+}
+
+/// Latents that share a library and a partition: one affine map per region.
+pub(crate) struct Latents {
+    /// Index into [`Compiled::partitions`].
+    pub(crate) regions: usize,
+    /// Index of the library in the model.
+    pub(crate) library: usize,
+    /// Index of the first function among the outputs of `functions`.
+    pub(crate) first: usize,
+    /// Which functions of the library are in use, ascending.
+    pub(crate) kept: Vec<usize>,
+    /// Slots of the latents, in the order of the matrix columns.
+    pub(crate) slots: Vec<usize>,
+    pub(crate) width: usize,
+    /// Per region: kept functions x width.
+    pub(crate) matrices: Vec<f64>,
+    /// Per region: width.
+    pub(crate) constants: Vec<f64>,
+}
+
+/// Memory of [`Compiled::evaluate`], reused from call to call. Column-major with `stride` values a column.
+#[derive(Default)]
+pub(crate) struct Workspace {
+    pub(crate) stride: usize,
+    /// Outputs of `functions`; the partitions' columns are standardised in place.
+    pub(crate) values: Vec<f64>,
+    /// One list a partition in use.
+    pub(crate) regions: Vec<Vec<u32>>,
+    latents: Vec<f64>,
+    /// Values of the right sides.
+    pub(crate) outputs: Vec<f64>,
+    features: Vec<f64>,
+    row: Vec<f64>,
+    scratch: Scratch,
+}
+
+impl Compiled {
+    /// Compiles the equations `equations` of a model over columns of these names.
+    ///
+    /// Functions whose coefficients are all zero are left out, except in library `whole`, if any.
+    pub(crate) fn new(
+        model: &Model,
+        columns: &[&str],
+        equations: &[&Equation],
+        whole: Option<usize>,
+    ) -> Result<Self, Error> {
+        let names: Vec<&str> = columns
+            .iter()
+            .copied()
+            .chain(model.latents.iter().map(|l| l.name.as_str()))
+            .collect();
+        let right_sides: Vec<Expr> = equations
+            .iter()
+            .map(|equation| equation.right.clone())
+            .collect();
+        let needed = needed_latents(model, columns.len(), &names, equations)?;
+        let mut expressions = Vec::new();
+        let (groups, used) = latent_groups(model, &needed, whole, &mut expressions);
+        let partitions = used
+            .into_iter()
+            .map(|index| {
+                let partition = &model.partitions[index];
+                let first = expressions.len();
+                expressions.extend(partition.columns.iter().cloned());
+                Regions {
+                    partition: index,
+                    first,
+                    centre: partition.centre.clone(),
+                    scale: partition.scale.clone(),
+                    rule: partition.rule.clone(),
+                }
+            })
+            .collect();
+        Ok(Self {
+            functions: Program::compile(&expressions, columns)?,
+            rights: Program::compile(&right_sides, &names)?,
+            partitions,
+            groups,
+            columns: columns.len(),
+            latents: model.latents.len(),
+        })
+    }
+
+    /// Evaluates `rows` rows; `leaf` gives a column (with its lag) or time as a slice of at least that many values.
+    ///
+    /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region.
+    pub(crate) fn evaluate<'a>(
+        &self,
+        rows: usize,
+        leaf: &dyn Fn(Leaf) -> &'a [f64],
+        workspace: &mut Workspace,
+    ) {
+        // Columns that are a power of two apart would fall on the same cache lines.
+        let stride = padded(rows) + LANES;
+        workspace.stride = stride;
+        workspace
+            .values
+            .resize(self.functions.outputs() * stride, 0.0);
+        workspace
+            .outputs
+            .resize(self.rights.outputs() * stride, 0.0);
+        workspace.latents.resize(self.latents * stride, 0.0);
+        let leaves: Vec<&[f64]> = self.functions.leaves().iter().map(|&l| leaf(l)).collect();
+        self.functions.evaluate(
+            &leaves,
+            rows,
+            &mut workspace.values,
+            stride,
+            &mut workspace.scratch,
+        );
+        self.assign(rows, workspace);
+        for group in &self.groups {
+            pulp::Arch::new().dispatch(EvaluateLatents {
+                group,
+                rows,
+                workspace,
+            });
+        }
+        let leaves: Vec<&[f64]> = self
+            .rights
+            .leaves()
+            .iter()
+            .map(|&l| match l {
+                Leaf::Column { column, .. } if column >= self.columns => {
+                    &workspace.latents[(column - self.columns) * stride..][..rows]
+                }
+                other => leaf(other),
+            })
+            .collect();
+        self.rights.evaluate(
+            &leaves,
+            rows,
+            &mut workspace.outputs,
+            stride,
+            &mut workspace.scratch,
+        );
+    }
+
+    fn assign(&self, rows: usize, workspace: &mut Workspace) {
+        workspace
+            .regions
+            .resize_with(self.partitions.len(), Vec::new);
+        for (regions, out) in self.partitions.iter().zip(&mut workspace.regions) {
+            out.clear();
+            out.resize(rows, 0);
+            let stride = workspace.stride;
+            let values =
+                &mut workspace.values[regions.first * stride..][..regions.centre.len() * stride];
+            for ((column, &centre), &scale) in values
+                .chunks_exact_mut(stride)
+                .zip(&regions.centre)
+                .zip(&regions.scale)
+            {
+                for value in &mut column[..rows] {
+                    *value = (*value - centre) / scale;
+                }
+            }
+            let z: Vec<&[f64]> = values
+                .chunks_exact(stride)
+                .map(|column| &column[..rows])
+                .collect();
+            regions.rule.assign(&z, out);
+        }
+    }
+}
+
+/// [`Latents::evaluate`] with the widest vectors of the machine.
+struct EvaluateLatents<'a> {
+    group: &'a Latents,
+    rows: usize,
+    workspace: &'a mut Workspace,
+}
+
+impl pulp::WithSimd for EvaluateLatents<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.group.evaluate(self.rows, self.workspace);
+    }
+}
+
+impl Latents {
+    #[inline(always)]
+    fn evaluate(&self, rows: usize, workspace: &mut Workspace) {
+        let Workspace {
+            stride,
+            values,
+            regions,
+            latents,
+            features,
+            row: out,
+            ..
+        } = workspace;
+        let (stride, count) = (*stride, self.kept.len());
+        features.resize(count, 0.0);
+        out.resize(self.width, 0.0);
+        for row in 0..rows {
+            let region = regions[self.regions][row] as usize;
+            if region * self.width >= self.constants.len() {
+                for &slot in &self.slots {
+                    latents[slot * stride + row] = f64::NAN;
+                }
+                continue;
+            }
+            for (j, feature) in features.iter_mut().enumerate() {
+                *feature = values[(self.first + j) * stride + row];
+            }
+            let matrix = &self.matrices[region * count * self.width..][..count * self.width];
+            affine(
+                matrix,
+                &self.constants[region * self.width..][..self.width],
+                features,
+                out,
+            );
+            for (&slot, &value) in self.slots.iter().zip(&*out) {
+                latents[slot * stride + row] = value;
+            }
+        }
+    }
+}
+
+/// Which latents the right sides speak of.
+fn needed_latents(
+    model: &Model,
+    columns: usize,
+    names: &[&str],
+    equations: &[&Equation],
+) -> Result<Vec<bool>, Error> {
+    let mut needed = vec![false; model.latents.len()];
+    for equation in equations {
+        let program = Program::compile(std::slice::from_ref(&equation.right), names)?;
+        for leaf in program.leaves() {
+            if let Leaf::Column { column, lag } = *leaf
+                && column >= columns
+            {
+                if lag != 0 {
+                    let latent = names[column].to_owned();
+                    return Err(Error::LaggedLatent {
+                        equation: equation.label(),
+                        latent,
+                        lag,
+                    });
+                }
+                needed[column - columns] = true;
+            }
+        }
+    }
+    Ok(needed)
+}
+
+/// Groups the needed latents by library and partition, and lists the functions that they use. Also gives the partitions in use.
+fn latent_groups(
+    model: &Model,
+    needed: &[bool],
+    whole: Option<usize>,
+    expressions: &mut Vec<Expr>,
+) -> (Vec<Latents>, Vec<usize>) {
+    let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+    for slot in (0..needed.len()).filter(|&slot| needed[slot]) {
+        members
+            .entry((model.latents[slot].library, model.latents[slot].partition))
+            .or_default()
+            .push(slot);
+    }
+    let mut used: Vec<usize> = members.keys().map(|key| key.1).collect();
+    used.sort_unstable();
+    used.dedup();
+    let groups = members
+        .into_iter()
+        .map(|((library, partition), slots)| {
+            let functions = &model.libraries[library];
+            let in_use = |j: usize| {
+                slots.iter().any(|&slot| {
+                    model.latents[slot]
+                        .coefficients
+                        .iter()
+                        .any(|region| region[j] != 0.0)
+                })
+            };
+            let kept: Vec<usize> = (0..functions.len())
+                .filter(|&j| whole == Some(library) || in_use(j))
+                .collect();
+            let first = expressions.len();
+            expressions.extend(kept.iter().map(|&j| functions[j].clone()));
+            let regions = used
+                .iter()
+                .position(|&index| index == partition)
+                .unwrap_or(0);
+            let count = model.partitions[partition].rule.count();
+            let width = padded(slots.len());
+            let mut matrices = vec![0.0; count * kept.len() * width];
+            let mut constants = vec![0.0; count * width];
+            for (o, &slot) in slots.iter().enumerate() {
+                let latent = &model.latents[slot];
+                for region in 0..count {
+                    constants[region * width + o] = latent.constants[region];
+                    for (j, &function) in kept.iter().enumerate() {
+                        matrices[(region * kept.len() + j) * width + o] =
+                            latent.coefficients[region][function];
+                    }
+                }
+            }
+            Latents {
+                regions,
+                library,
+                first,
+                kept,
+                slots,
+                width,
+                matrices,
+                constants,
+            }
+        })
+        .collect();
+    (groups, used)
+}

@@ -1,0 +1,176 @@
+//! The training domain: how far a row is from what its region saw.
+
+use fleetfoot_model::{Model, Region, packed};
+
+use crate::{
+    Mahalanobis,
+    kernel::{padded, within},
+};
+
+/// Whether a row lies within the ranges of the regressors seen in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Domain {
+    /// Every regressor is within the range that its region saw.
+    #[default]
+    Inside,
+    /// Some regressor is outside the range of its region, but within that of all regions together.
+    OutsideRegion,
+    /// Some regressor is outside the range of all training rows.
+    OutsideTraining,
+}
+
+/// The regions' statistics of the first latent's regressors, ready to measure rows.
+pub(crate) struct TrainingDomain {
+    functions: usize,
+    width: usize,
+    regions: Vec<RegionDomain>,
+    low: Vec<f64>,
+    high: Vec<f64>,
+    /// Metric of all training rows together.
+    overall: Mahalanobis,
+}
+
+struct RegionDomain {
+    mean: Vec<f64>,
+    low: Vec<f64>,
+    high: Vec<f64>,
+    metric: Mahalanobis,
+}
+
+/// Where a row stands.
+pub(crate) struct Place {
+    /// Distance from the region's mean under the region's covariance.
+    pub(crate) distance: f64,
+    /// The same under the covariance of all training rows.
+    pub(crate) centre_distance: f64,
+    pub(crate) domain: Domain,
+}
+
+impl TrainingDomain {
+    /// The domain of the model's first latent; `None` where the model has no latent or no statistics.
+    pub(crate) fn new(model: &Model) -> Option<Self> {
+        let latent = model.latents.first()?;
+        let regions = &model.partitions[latent.partition].regions;
+        let functions = model.libraries[latent.library].len();
+        if regions.is_empty() || regions.iter().any(|region| region.mean.len() != functions) {
+            return None;
+        }
+        let covariance = overall_covariance(regions, functions);
+        let scale: Vec<f64> = (0..functions)
+            .map(|j| {
+                let deviation = covariance[packed(j, j)].sqrt();
+                // What never varied is measured in units of its size.
+                let size = regions
+                    .iter()
+                    .map(|region| region.mean[j].abs())
+                    .fold(0.0, f64::max);
+                if deviation > 0.0 { deviation } else { size }
+            })
+            .collect();
+        let width = padded(functions);
+        let bounds = |region: &Region, end: usize| -> Vec<f64> {
+            let pad = if end == 0 {
+                f64::NEG_INFINITY
+            } else {
+                f64::INFINITY
+            };
+            region
+                .range
+                .iter()
+                .map(|range| range[end])
+                .chain(std::iter::repeat(pad))
+                .take(width)
+                .collect()
+        };
+        let mut low = vec![f64::INFINITY; width];
+        let mut high = vec![f64::NEG_INFINITY; width];
+        let regions: Vec<RegionDomain> = regions
+            .iter()
+            .map(|region| {
+                let domain = RegionDomain {
+                    mean: region.mean.clone(),
+                    low: bounds(region, 0),
+                    high: bounds(region, 1),
+                    metric: Mahalanobis::new(&region.covariance, &scale),
+                };
+                for j in 0..width {
+                    low[j] = low[j].min(domain.low[j]);
+                    high[j] = high[j].max(domain.high[j]);
+                }
+                domain
+            })
+            .collect();
+        Some(Self {
+            functions,
+            width,
+            regions,
+            low,
+            high,
+            overall: Mahalanobis::new(&covariance, &scale),
+        })
+    }
+
+    /// Length of the scratch memory of [`Self::place`].
+    pub(crate) fn scratch(&self) -> usize {
+        2 * self.width
+    }
+
+    /// Measures one row; `features` are padded with zeros. The scratch has [`Self::scratch`] values.
+    #[inline(always)]
+    pub(crate) fn place(&self, region: usize, features: &[f64], scratch: &mut [f64]) -> Place {
+        let info = &self.regions[region];
+        let (error, scratch) = scratch.split_at_mut(self.width);
+        for j in 0..self.functions {
+            error[j] = features[j] - info.mean[j];
+        }
+        let distance = info.metric.score_with(error, scratch);
+        let centre_distance = self.overall.score_with(error, scratch);
+        let domain = if within(features, &info.low, &info.high) {
+            Domain::Inside
+        } else if within(features, &self.low, &self.high) {
+            Domain::OutsideRegion
+        } else {
+            Domain::OutsideTraining
+        };
+        Place {
+            distance,
+            centre_distance,
+            domain,
+        }
+    }
+
+    /// Padded number of functions.
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of regions.
+    pub(crate) fn regions(&self) -> usize {
+        self.regions.len()
+    }
+}
+
+/// Covariance of the regressors over all training rows: within the regions and between their means.
+fn overall_covariance(regions: &[Region], functions: usize) -> Vec<f64> {
+    let total: f64 = regions.iter().map(|region| region.rows as f64).sum();
+    let mut mean = vec![0.0; functions];
+    let mut covariance = vec![0.0; functions * (functions + 1) / 2];
+    if total == 0.0 {
+        return covariance;
+    }
+    for region in regions.iter().filter(|region| region.rows > 0) {
+        for j in 0..functions {
+            mean[j] += region.mean[j] * (region.rows as f64 / total);
+        }
+    }
+    for region in regions.iter().filter(|region| region.rows > 0) {
+        let share = region.rows as f64 / total;
+        for i in 0..functions {
+            for j in 0..=i {
+                let between = (region.mean[i] - mean[i]) * (region.mean[j] - mean[j]);
+                covariance[packed(i, j)] += share * (region.covariance[packed(i, j)] + between);
+            }
+        }
+    }
+    covariance
+}

@@ -1,0 +1,111 @@
+//! Errors of predicting, scoring and rolling out.
+
+use fleetfoot_data::Cancelled;
+use fleetfoot_library::UnknownColumn;
+
+/// Why a model could not be run on a recording.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Rows could not be read, or the user stopped the work.
+    #[error(transparent)]
+    Data(#[from] fleetfoot_data::Error),
+    /// An expression of the model speaks of a column that is not there.
+    #[error(transparent)]
+    UnknownColumn(#[from] UnknownColumn),
+    /// The parts of the model do not fit together.
+    #[error("the model contradicts itself: {0}; fit it again")]
+    Inconsistent(String),
+    /// A model of given equations only.
+    #[error("the model has no fitted equation: there is nothing to score")]
+    NothingFitted,
+    /// No equation advances a state.
+    #[error(
+        "no equation of the model advances a state ({equations}): a rollout needs the derivative, the next value or the difference of at least one column; fit with such a target"
+    )]
+    NothingToAdvance {
+        /// The left sides that there are.
+        equations: String,
+    },
+    /// Two equations for one state.
+    #[error("two equations advance `{state}`; a rollout needs exactly one")]
+    Contradiction {
+        /// The state.
+        state: String,
+    },
+    /// A right side speaks of a latent at another row.
+    #[error(
+        "the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only"
+    )]
+    LaggedLatent {
+        /// The equation's left side.
+        equation: String,
+        /// The latent.
+        latent: String,
+        /// Rows back in time.
+        lag: i32,
+    },
+    /// The model needs a simulated value before it is computed.
+    #[error(
+        "the model uses `{state}` {ahead} rows ahead; in a rollout that value is not known yet; fit with lags instead of leads"
+    )]
+    FutureState {
+        /// The state.
+        state: String,
+        /// Rows ahead.
+        ahead: i32,
+    },
+    /// No episode is long enough for the horizon.
+    #[error(
+        "no episode is long enough: a rollout of {horizon} steps needs {needed} consecutive rows, the longest episode{} has {longest}; choose a shorter horizon",
+        .episode.as_ref().map(|name| format!(" ({name})")).unwrap_or_default()
+    )]
+    TooShort {
+        /// Steps asked for.
+        horizon: usize,
+        /// Rows that they need, history included.
+        needed: usize,
+        /// Rows of the longest episode.
+        longest: usize,
+        /// Its name.
+        episode: Option<String>,
+    },
+    /// A start that was asked for does not lie in the recording, or too near to a border.
+    #[error(
+        "a rollout cannot start at row {row} of episode {episode}: it needs {before} rows before and {after} after, the episode has {rows} rows"
+    )]
+    BadStart {
+        /// The episode's name, or its number.
+        episode: String,
+        /// The row.
+        row: usize,
+        /// Rows of history needed.
+        before: usize,
+        /// Rows needed after the start.
+        after: usize,
+        /// Rows there are.
+        rows: usize,
+    },
+    /// Every start has missing values.
+    #[error(
+        "all {starts} starts have missing values in the {needed} rows that they need; choose a shorter horizon or fill the gaps"
+    )]
+    MissingValues {
+        /// Starts tried.
+        starts: usize,
+        /// Rows each needs.
+        needed: usize,
+    },
+    /// Nothing to simulate.
+    #[error("the horizon is 0 steps; ask for at least one")]
+    NoHorizon,
+    /// A step that is not a positive number of seconds.
+    #[error("a step of {0} s; the step must be a positive number of seconds")]
+    BadStep(f64),
+}
+
+impl From<Cancelled> for Error {
+    fn from(cancelled: Cancelled) -> Self {
+        Error::Data(cancelled.into())
+    }
+}

@@ -1,0 +1,375 @@
+//! Errors of rollouts by horizon, beside the baselines on the same starts.
+
+use fleetfoot_model::{Model, packed};
+
+use crate::{
+    Baseline, Basis, End, Estimate, Mahalanobis, Simulator, Trajectory, angle::wrap, window::Window,
+};
+
+/// How far a model's rollouts are from the recording, by step.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Horizon {
+    /// Seconds from the start after each step (mean over the starts), from step 1.
+    pub time: Vec<f64>,
+    /// The states scored, in the order of [`HorizonScore::rmse`].
+    pub states: Vec<String>,
+    /// The model's scores.
+    pub model: HorizonScore,
+    /// The baselines' scores on the same starts.
+    pub baselines: Vec<(Baseline, HorizonScore)>,
+    /// Share of the trajectories that had ended early (diverged, or without a region) by each step. They are scored with their last good state.
+    pub ended: Vec<f64>,
+    /// How long the model is worth using.
+    pub useful: UsefulHorizon,
+    /// What the intervals compare.
+    pub basis: Basis,
+}
+
+/// Scores by step, from step 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HorizonScore {
+    /// Root of the mean squared error, steps x states.
+    pub rmse: Vec<f64>,
+    /// Mean absolute error, steps x states.
+    pub mae: Vec<f64>,
+    /// Mean Mahalanobis score (equation 10) of the state error under the training states' covariance: the vertical axis of Fig. 8 of Buchan, Haldane,
+    /// Fearing.
+    pub mahalanobis: Vec<Estimate>,
+}
+
+/// The longest time during which the model's mean Mahalanobis score is below that of every baseline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsefulHorizon {
+    /// Steps.
+    pub steps: usize,
+    /// Seconds; 0 when a baseline is better from the first step on.
+    pub seconds: f64,
+    /// The baseline that is better at the next step; `None` when the model is better over the whole horizon.
+    pub beaten_by: Option<Baseline>,
+}
+
+/// The baselines of rollouts.
+pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [
+    Baseline::Null,
+    Baseline::Persistence,
+    Baseline::ConstantVelocity,
+];
+
+/// What is needed to score windows.
+pub(crate) struct HorizonScorer {
+    pub(crate) horizon: usize,
+    states: usize,
+    /// Positions (among the advanced states) that enter the Mahalanobis score.
+    scored: Vec<usize>,
+    metric: Mahalanobis,
+    angles: Vec<bool>,
+    columns: Vec<usize>,
+}
+
+/// Errors of one predictor: per step and state.
+#[derive(Clone, Default)]
+struct ErrorTable {
+    square: Vec<f64>,
+    absolute: Vec<f64>,
+    rows: Vec<f64>,
+}
+
+/// Sums over starts, mergeable in order. Predictors: the model, then the baselines.
+#[derive(Clone, Default)]
+pub(crate) struct HorizonSums {
+    starts: u64,
+    time: Vec<f64>,
+    ended: Vec<u64>,
+    tables: Vec<ErrorTable>,
+    /// Per predictor and step: sum and sum of squares of the Mahalanobis scores, and their number.
+    scores: Vec<Vec<[f64; 3]>>,
+    /// Per episode, predictor and step: sum of the scores and their number.
+    episodes: Vec<(usize, Vec<Vec<[f64; 2]>>)>,
+}
+
+impl HorizonScorer {
+    pub(crate) fn new(model: &Model, simulator: &Simulator, horizon: usize) -> Self {
+        let scored: Vec<usize> = (0..simulator.states.len())
+            .filter(|&s| simulator.states[s].order.is_some())
+            .collect();
+        let order: Vec<usize> = scored
+            .iter()
+            .filter_map(|&s| simulator.states[s].order)
+            .collect();
+        let covariance: Vec<f64> = (0..order.len())
+            .flat_map(|i| (0..=i).map(move |j| (i, j)))
+            .map(|(i, j)| model.training.state_covariance[packed(order[i], order[j])])
+            .collect();
+        Self {
+            horizon,
+            states: simulator.states.len(),
+            metric: Mahalanobis::of_covariance(&covariance, order.len()),
+            scored,
+            angles: simulator
+                .states
+                .iter()
+                .map(|state| state.advance.angle)
+                .collect(),
+            columns: simulator.states.iter().map(|state| state.column).collect(),
+        }
+    }
+
+    pub(crate) fn empty(&self) -> HorizonSums {
+        let predictors = 1 + ROLLOUT_BASELINES.len();
+        let cells = self.horizon * self.states;
+        let table = ErrorTable {
+            square: vec![0.0; cells],
+            absolute: vec![0.0; cells],
+            rows: vec![0.0; cells],
+        };
+        HorizonSums {
+            starts: 0,
+            time: vec![0.0; self.horizon],
+            ended: vec![0; self.horizon],
+            tables: vec![table; predictors],
+            scores: vec![vec![[0.0; 3]; self.horizon]; predictors],
+            episodes: Vec::new(),
+        }
+    }
+
+    /// Adds one start: the model's trajectory, the null model's, and the recording. `time` holds horizon + 1 seconds.
+    pub(crate) fn add(
+        &self,
+        window: &Window<'_>,
+        time: &[f64],
+        model: &Trajectory,
+        null: Option<&Trajectory>,
+        sums: &mut HorizonSums,
+    ) {
+        let measured: Vec<&[f64]> = self
+            .columns
+            .iter()
+            .map(|&column| window.values(column, -1, self.horizon as i64 + 1))
+            .collect();
+        let stamps = &window.block.time[window.at - 1..=window.at];
+        let interval = (stamps[1] - stamps[0]) as f64 * 1e-9;
+        let velocity: Vec<f64> = (0..self.states)
+            .map(|s| self.difference(s, measured[s][1], measured[s][0]) / interval)
+            .collect();
+        sums.starts += 1;
+        let episode = sums.episode(window.start.episode, self.horizon);
+        let mut error = vec![0.0; self.states];
+        let mut vector = vec![0.0; self.scored.len()];
+        let mut scratch = vec![0.0; self.metric.width()];
+        for k in 1..=self.horizon {
+            sums.time[k - 1] += time[k];
+            sums.ended[k - 1] += u64::from(model.end != End::Horizon && k > model.steps());
+            for predictor in 0..=ROLLOUT_BASELINES.len() {
+                for s in 0..self.states {
+                    let value = match (predictor, null) {
+                        (0, _) => model.state(k)[s],
+                        (1, Some(null)) => null.state(k)[s],
+                        (1, None) => f64::NAN,
+                        (2, _) => measured[s][1],
+                        _ => time[k].mul_add(velocity[s], measured[s][1]),
+                    };
+                    error[s] = self.difference(s, measured[s][k + 1], value);
+                }
+                let cell = (k - 1) * self.states;
+                let table = &mut sums.tables[predictor];
+                for s in (0..self.states).filter(|&s| error[s].is_finite()) {
+                    table.square[cell + s] += error[s] * error[s];
+                    table.absolute[cell + s] += error[s].abs();
+                    table.rows[cell + s] += 1.0;
+                }
+                for (value, &s) in vector.iter_mut().zip(&self.scored) {
+                    *value = error[s];
+                }
+                if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
+                    let score = self.metric.score_with(&vector, &mut scratch);
+                    let sum = &mut sums.scores[predictor][k - 1];
+                    *sum = [sum[0] + score, score.mul_add(score, sum[1]), sum[2] + 1.0];
+                    let part = &mut sums.episodes[episode].1[predictor][k - 1];
+                    *part = [part[0] + score, part[1] + 1.0];
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn difference(&self, state: usize, a: f64, b: f64) -> f64 {
+        if self.angles[state] {
+            wrap(a - b)
+        } else {
+            a - b
+        }
+    }
+
+    /// The scores behind the sums.
+    pub(crate) fn finish(&self, states: Vec<String>, sums: &HorizonSums) -> Horizon {
+        let starts = sums.starts as f64;
+        let basis = if sums.episodes.len() >= 2 {
+            Basis::Episodes(sums.episodes.len())
+        } else {
+            Basis::Starts(sums.starts as usize)
+        };
+        let score = |predictor: usize| HorizonScore {
+            rmse: sums.tables[predictor]
+                .means(|table| &table.square)
+                .map(f64::sqrt)
+                .collect(),
+            mae: sums.tables[predictor]
+                .means(|table| &table.absolute)
+                .collect(),
+            mahalanobis: (0..self.horizon)
+                .map(|k| sums.estimate(predictor, k))
+                .collect(),
+        };
+        let time: Vec<f64> = sums.time.iter().map(|time| time / starts).collect();
+        let model = score(0);
+        // A baseline that does not exist for this model has no rows.
+        let baselines: Vec<(Baseline, HorizonScore)> = ROLLOUT_BASELINES
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| sums.tables[i + 1].rows.iter().any(|&rows| rows > 0.0))
+            .map(|(i, &baseline)| (baseline, score(i + 1)))
+            .collect();
+        Horizon {
+            useful: useful_horizon(&time, &model, &baselines),
+            ended: sums
+                .ended
+                .iter()
+                .map(|&count| count as f64 / starts)
+                .collect(),
+            time,
+            states,
+            model,
+            baselines,
+            basis,
+        }
+    }
+}
+
+fn useful_horizon(
+    time: &[f64],
+    model: &HorizonScore,
+    baselines: &[(Baseline, HorizonScore)],
+) -> UsefulHorizon {
+    for k in 0..time.len() {
+        let own = model.mahalanobis[k].value;
+        let best = baselines
+            .iter()
+            .map(|(baseline, score)| (*baseline, score.mahalanobis[k].value))
+            .filter(|(_, value)| value.is_finite())
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((baseline, value)) = best
+            && !(own < value)
+        {
+            let seconds = if k == 0 { 0.0 } else { time[k - 1] };
+            return UsefulHorizon {
+                steps: k,
+                seconds,
+                beaten_by: Some(baseline),
+            };
+        }
+    }
+    UsefulHorizon {
+        steps: time.len(),
+        seconds: time.last().copied().unwrap_or(0.0),
+        beaten_by: None,
+    }
+}
+
+impl ErrorTable {
+    fn means<'a>(&'a self, sum: impl Fn(&'a Self) -> &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        sum(self)
+            .iter()
+            .zip(&self.rows)
+            .map(|(sum, rows)| sum / rows)
+    }
+
+    fn merge(&mut self, other: &Self) {
+        for (own, other) in [
+            (&mut self.square, &other.square),
+            (&mut self.absolute, &other.absolute),
+            (&mut self.rows, &other.rows),
+        ] {
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+        }
+    }
+}
+
+impl HorizonSums {
+    /// The place of an episode's sums.
+    fn episode(&mut self, episode: usize, horizon: usize) -> usize {
+        match self
+            .episodes
+            .iter()
+            .rposition(|(known, _)| *known == episode)
+        {
+            Some(place) => place,
+            None => {
+                self.episodes
+                    .push((episode, vec![vec![[0.0; 2]; horizon]; self.scores.len()]));
+                self.episodes.len() - 1
+            }
+        }
+    }
+
+    /// Adds the starts behind `other`.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        self.starts += other.starts;
+        self.time
+            .iter_mut()
+            .zip(&other.time)
+            .for_each(|(a, b)| *a += b);
+        self.ended
+            .iter_mut()
+            .zip(&other.ended)
+            .for_each(|(a, b)| *a += b);
+        self.tables
+            .iter_mut()
+            .zip(&other.tables)
+            .for_each(|(a, b)| a.merge(b));
+        for (a, b) in self
+            .scores
+            .iter_mut()
+            .flatten()
+            .zip(other.scores.iter().flatten())
+        {
+            (0..3).for_each(|i| a[i] += b[i]);
+        }
+        for (episode, parts) in &other.episodes {
+            let place = self.episode(*episode, self.time.len());
+            for (a, b) in self.episodes[place]
+                .1
+                .iter_mut()
+                .flatten()
+                .zip(parts.iter().flatten())
+            {
+                (0..2).for_each(|i| a[i] += b[i]);
+            }
+        }
+    }
+
+    fn estimate(&self, predictor: usize, k: usize) -> Estimate {
+        if self.episodes.len() >= 2 {
+            return Estimate::of_ratio(self.episodes.iter().map(|(_, parts)| {
+                let part = parts[predictor][k];
+                (part[0], part[1])
+            }));
+        }
+        let [sum, square, count] = self.scores[predictor][k];
+        let value = sum / count;
+        if count < 2.0 {
+            return Estimate {
+                value,
+                low: f64::NAN,
+                high: f64::NAN,
+            };
+        }
+        let variance = ((square - sum * value) / (count - 1.0)).max(0.0);
+        let half = crate::student_t_95(count as usize - 1) * (variance / count).sqrt();
+        Estimate {
+            value,
+            low: value - half,
+            high: value + half,
+        }
+    }
+}

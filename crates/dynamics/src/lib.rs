@@ -1,0 +1,44 @@
+//! What a model does: integrate, roll out; scores.
+//!
+//! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
+//! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.
+//! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
+//!
+//! A source given to this crate has the model's columns (aliases) as its columns, in any order.
+
+mod affine;
+mod angle;
+mod baseline;
+mod cell;
+mod compiled;
+mod domain;
+mod error;
+mod general;
+mod horizon;
+mod integrate;
+mod interval;
+mod kernel;
+mod mahalanobis;
+mod metrics;
+mod predict;
+mod rollout;
+mod score;
+mod simulator;
+mod starts;
+mod trajectory;
+mod window;
+
+pub use baseline::Baseline;
+pub use domain::Domain;
+pub use error::Error;
+pub use horizon::{Horizon, HorizonScore, UsefulHorizon};
+pub use integrate::{Method, Step};
+pub use interval::{Basis, Estimate, student_t_95};
+pub use mahalanobis::Mahalanobis;
+pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
+pub use predict::{Predicted, Predictor, PredictorWorkspace, RowStatus};
+pub use rollout::{Outcome, Rollouts, rollout};
+pub use score::{ScoreOptions, score};
+pub use simulator::{RolloutOptions, Simulator};
+pub use starts::{Start, Starts};
+pub use trajectory::{End, Trajectory};

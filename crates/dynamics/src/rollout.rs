@@ -1,0 +1,182 @@
+//! Rollouts of a model against a recording: simulated, scored by horizon, beside the baselines.
+
+use fleetfoot_data::{Progress, Source, parallel_fold};
+use fleetfoot_library::Expr;
+use fleetfoot_model::Model;
+
+use crate::{
+    End, Error, Horizon, RolloutOptions, Simulator, Start, Starts, Trajectory,
+    horizon::{HorizonScorer, HorizonSums},
+    simulator::GROUP,
+    window::{Window, read_windows},
+};
+
+/// What a set of rollouts showed.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Rollouts {
+    /// States that were advanced, in the order of [`Trajectory::states`].
+    pub states: Vec<String>,
+    /// States without an equation: taken from the recording, so nothing is predicted of them.
+    pub recorded_states: Vec<String>,
+    /// One entry a start that was simulated, in the order of the starts.
+    pub outcomes: Vec<Outcome>,
+    /// Starts left out because a value that they need is missing.
+    pub missing: usize,
+    /// Errors by horizon.
+    pub horizon: Horizon,
+    /// The trajectories, if they were to be kept.
+    pub trajectories: Vec<Trajectory>,
+}
+
+/// How one rollout went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Where it started.
+    pub start: Start,
+    /// How it ended.
+    pub end: End,
+    /// Seconds until its last good state.
+    pub seconds: f64,
+    /// Seconds until a regressor was first outside the range that its region saw in training.
+    pub left_domain: Option<f64>,
+}
+
+impl Rollouts {
+    /// Rollouts that diverged.
+    pub fn diverged(&self) -> usize {
+        self.outcomes
+            .iter()
+            .filter(|outcome| outcome.end == End::Diverged)
+            .count()
+    }
+
+    /// Rollouts that met a label not seen in training.
+    pub fn without_region(&self) -> usize {
+        self.outcomes
+            .iter()
+            .filter(|outcome| outcome.end == End::NoRegion)
+            .count()
+    }
+
+    /// Rollouts that left the training domain.
+    pub fn left_domain(&self) -> usize {
+        self.outcomes
+            .iter()
+            .filter(|outcome| outcome.left_domain.is_some())
+            .count()
+    }
+}
+
+impl Outcome {
+    fn new(trajectory: &Trajectory) -> Self {
+        Self {
+            start: trajectory.start,
+            end: trajectory.end,
+            seconds: trajectory.time[trajectory.steps()],
+            left_domain: trajectory.left_domain.map(|step| trajectory.time[step]),
+        }
+    }
+}
+
+/// Rolls a model out from many starts and scores it against the recording by horizon.
+///
+/// Inputs and auxiliary columns are taken from the recording, held from row to row; lagged columns start from the recording
+/// and go on with the model's own values. A trajectory that ends early is scored with its last good state, so that it does not drop out of the mean.
+/// Baselines: the null model's rollout, persistence, and constant velocity `x0 + t (x0 - x_previous) / (t0 - t_previous)`.
+///
+/// # Errors
+/// Those of [`Simulator::new`], [`Starts::choose`], of reading, and [`Error::MissingValues`] when no start is usable.
+pub fn rollout(
+    model: &Model,
+    source: &dyn Source,
+    starts: &Starts,
+    options: &RolloutOptions,
+    progress: &dyn Progress,
+) -> Result<Rollouts, Error> {
+    options.validate()?;
+    let simulator = Simulator::new(model)?;
+    // The null model of equations that share latents has no meaning; then there is no such baseline.
+    let null = null_model(model).and_then(|model| Simulator::new(&model).ok());
+    let needed = simulator.needed_rows(options.horizon);
+    let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
+    let map = simulator.column_map(source)?;
+    let scorer = HorizonScorer::new(model, &simulator, options.horizon);
+    let mut sums = scorer.empty();
+    let (mut outcomes, mut trajectories, mut missing) =
+        (Vec::with_capacity(starts.len()), Vec::new(), 0);
+    parallel_fold(
+        starts.len().div_ceil(GROUP),
+        progress,
+        |group| -> Result<_, Error> {
+            let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
+            let blocks = read_windows(source, starts, needed)?;
+            let windows = blocks.windows(starts, &map);
+            let usable: Vec<&Window<'_>> = windows
+                .iter()
+                .filter(|window| simulator.is_complete(window, options.horizon))
+                .collect();
+            let done = simulator.simulate(source, &usable, options);
+            let nulls = null
+                .as_ref()
+                .map(|null| null.simulate(source, &usable, options));
+            let mut sums = scorer.empty();
+            for (i, (window, trajectory)) in usable.iter().zip(&done).enumerate() {
+                let time = simulator.times(source, window, options);
+                scorer.add(
+                    window,
+                    &time,
+                    trajectory,
+                    nulls.as_ref().map(|nulls| &nulls[i]),
+                    &mut sums,
+                );
+            }
+            Ok((starts.len() - usable.len(), done, sums))
+        },
+        |(lost, done, part): (usize, Vec<Trajectory>, HorizonSums)| {
+            missing += lost;
+            outcomes.extend(done.iter().map(Outcome::new));
+            sums.merge(&part);
+            if options.keep {
+                trajectories.extend(done);
+            }
+            Ok(())
+        },
+    )?;
+    if outcomes.is_empty() {
+        return Err(Error::MissingValues {
+            starts: missing,
+            needed: needed.before + needed.after + 1,
+        });
+    }
+    Ok(Rollouts {
+        states: simulator.states().to_vec(),
+        recorded_states: simulator.recorded_states().to_vec(),
+        horizon: scorer.finish(simulator.states().to_vec(), &sums),
+        outcomes,
+        missing,
+        trajectories,
+    })
+}
+
+/// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent.
+fn null_model(model: &Model) -> Option<Model> {
+    let mut null = model.clone();
+    let mut means = model.training.target_mean.iter();
+    for equation in &mut null.equations {
+        if equation.target.is_some() {
+            equation.right = Expr::number(*means.next()?);
+        } else if equation
+            .right
+            .columns()
+            .iter()
+            .any(|name| model.latents.iter().any(|latent| latent.name == **name))
+        {
+            return None;
+        }
+    }
+    null.latents.clear();
+    null.partitions.clear();
+    null.libraries.clear();
+    Some(null)
+}

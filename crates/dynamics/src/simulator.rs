@@ -1,0 +1,483 @@
+//! A model compiled to run free: states advanced by the equations, everything else taken from a recording.
+
+use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
+use fleetfoot_library::{Leaf, UnknownColumn, nearest};
+use fleetfoot_model::{Equation, Model, Role, packed};
+
+use crate::{
+    Error, Method, Start, Step, Trajectory,
+    affine::AffineKernel,
+    compiled::Compiled,
+    integrate::Advance,
+    kernel::padded,
+    window::{Window, read_windows},
+};
+
+/// Starts that one piece of parallel work simulates. A constant: results do not depend on it, only the memory in flight does.
+pub(crate) const GROUP: usize = 32;
+
+/// How to roll out.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct RolloutOptions {
+    /// Steps ahead, one a row.
+    pub horizon: usize,
+    /// How derivatives are integrated.
+    pub method: Method,
+    /// How long a step is.
+    pub step: Step,
+    /// A state this many training standard deviations away from where it started has diverged.
+    pub divergence: f64,
+    /// Whether [`crate::rollout`] keeps the trajectories.
+    pub keep: bool,
+}
+
+impl RolloutOptions {
+    /// Euler steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
+    pub fn new(horizon: usize) -> Self {
+        Self {
+            horizon,
+            method: Method::Euler,
+            step: Step::Median,
+            divergence: 1e3,
+            keep: false,
+        }
+    }
+
+    pub(crate) fn validate(&self) -> Result<(), Error> {
+        match self.step {
+            _ if self.horizon == 0 => Err(Error::NoHorizon),
+            Step::Seconds(seconds) if !(seconds.is_finite() && seconds > 0.0) => {
+                Err(Error::BadStep(seconds))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A model compiled for rollouts.
+pub struct Simulator {
+    pub(crate) columns: Vec<String>,
+    pub(crate) states: Vec<State>,
+    pub(crate) compiled: Compiled,
+    pub(crate) ranges: Option<Ranges>,
+    /// Index among the compiled partitions of the one whose regions are reported.
+    pub(crate) reported: usize,
+    /// Columns that are recorded and used, with the lags at which they are used: `(column, most, least)`.
+    pub(crate) recorded: Vec<(usize, i32, i32)>,
+    history: usize,
+    ahead: usize,
+    kernel: Option<AffineKernel>,
+    names: Vec<String>,
+    from_recording: Vec<String>,
+}
+
+/// A state that an equation advances.
+pub(crate) struct State {
+    pub(crate) column: usize,
+    pub(crate) advance: Advance,
+    /// Standard deviation in training; NaN where unknown.
+    pub(crate) deviation: f64,
+    /// Index among the columns with role State, if it is one.
+    pub(crate) order: Option<usize>,
+}
+
+/// Ranges of the regressors in use, per region.
+pub(crate) struct Ranges {
+    /// Index of the latents' group.
+    pub(crate) group: usize,
+    pub(crate) width: usize,
+    pub(crate) low: Vec<f64>,
+    pub(crate) high: Vec<f64>,
+}
+
+impl Simulator {
+    /// Compiles the equations that advance a state.
+    ///
+    /// # Errors
+    /// [`Error::NothingToAdvance`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::LaggedLatent`],
+    /// [`Error::UnknownColumn`], [`Error::Inconsistent`].
+    pub fn new(model: &Model) -> Result<Self, Error> {
+        model.validate().map_err(Error::Inconsistent)?;
+        let (states, equations) = advanced_states(model)?;
+        let columns: Vec<&str> = model
+            .columns
+            .iter()
+            .map(|column| column.name.as_str())
+            .collect();
+        let compiled = Compiled::new(model, &columns, &equations, None)?;
+        let ranges = ranges(model, &compiled);
+        let reported = ranges
+            .as_ref()
+            .map_or(0, |ranges| compiled.groups[ranges.group].regions);
+        let mut simulator = Self {
+            columns: model
+                .columns
+                .iter()
+                .map(|column| column.name.clone())
+                .collect(),
+            names: states
+                .iter()
+                .map(|state| model.columns[state.column].name.clone())
+                .collect(),
+            from_recording: model
+                .columns
+                .iter()
+                .enumerate()
+                .filter(|(i, column)| {
+                    column.role == Role::State && states.iter().all(|state| state.column != *i)
+                })
+                .map(|(_, column)| column.name.clone())
+                .collect(),
+            recorded: Vec::new(),
+            history: 0,
+            ahead: 0,
+            kernel: None,
+            ranges,
+            reported,
+            states,
+            compiled,
+        };
+        simulator.find_reach()?;
+        simulator.kernel = AffineKernel::new(model, &simulator, &equations);
+        Ok(simulator)
+    }
+
+    /// How far back and ahead the equations look.
+    fn find_reach(&mut self) -> Result<(), Error> {
+        let count = self.columns.len();
+        let mut reach: Vec<Option<(i32, i32)>> = vec![None; count];
+        for leaf in self
+            .compiled
+            .functions
+            .leaves()
+            .iter()
+            .chain(self.compiled.rights.leaves())
+        {
+            let (column, lag) = match *leaf {
+                Leaf::Column { column, lag } if column < count => (Some(column), lag),
+                Leaf::Column { .. } => continue,
+                Leaf::Time { lag } => (None, lag),
+            };
+            self.history = self.history.max(usize::try_from(lag).unwrap_or(0));
+            self.ahead = self
+                .ahead
+                .max(usize::try_from(-i64::from(lag)).unwrap_or(0));
+            let Some(column) = column else { continue };
+            if lag < 0 && self.states.iter().any(|state| state.column == column) {
+                return Err(Error::FutureState {
+                    state: self.columns[column].clone(),
+                    ahead: lag.saturating_neg(),
+                });
+            }
+            let (most, least) = reach[column].unwrap_or((lag, lag));
+            reach[column] = Some((most.max(lag), least.min(lag)));
+        }
+        let advanced = |column: usize| self.states.iter().any(|state| state.column == column);
+        self.recorded = (0..count)
+            .filter(|&column| !advanced(column))
+            .filter_map(|column| reach[column].map(|(most, least)| (column, most, least)))
+            .collect();
+        Ok(())
+    }
+
+    /// Forces the path that evaluates any expression, also where the faster one for affine models would do. The results are the same.
+    pub fn general(mut self) -> Self {
+        self.kernel = None;
+        self
+    }
+
+    /// Whether the model runs on the fast path for piecewise-affine models.
+    pub fn is_affine(&self) -> bool {
+        self.kernel.is_some()
+    }
+
+    /// The states that are advanced, in the order of the model's columns.
+    pub fn states(&self) -> &[String] {
+        &self.names
+    }
+
+    /// States that no equation advances: their values come from the recording.
+    pub fn recorded_states(&self) -> &[String] {
+        &self.from_recording
+    }
+
+    /// Rows needed before and after a start for a rollout of `horizon` steps.
+    ///
+    /// At least one row before: the constant-velocity baseline looks at it.
+    pub fn needed_rows(&self, horizon: usize) -> Halo {
+        Halo {
+            before: self.history.max(1),
+            after: horizon.max((horizon + self.ahead).saturating_sub(1)),
+        }
+    }
+
+    pub(crate) fn history(&self) -> usize {
+        self.history
+    }
+
+    pub(crate) fn ahead(&self) -> usize {
+        self.ahead
+    }
+
+    /// Rolls the model out from every start; `None` for a start whose rows have missing values.
+    ///
+    /// The source's columns are the model's, in any order. Same bits on any number of threads and for any grouping of starts.
+    ///
+    /// # Errors
+    /// Of reading, of a start that does not fit ([`Starts::choose`](crate::Starts::choose) gives such that do), and of the options.
+    pub fn trajectories(
+        &self,
+        source: &dyn Source,
+        starts: &[Start],
+        options: &RolloutOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Option<Trajectory>>, Error> {
+        options.validate()?;
+        let needed = self.needed_rows(options.horizon);
+        let starts = crate::Starts::At(starts.to_vec()).choose(
+            source,
+            options.horizon,
+            needed.before,
+            needed.after,
+        )?;
+        let map = self.column_map(source)?;
+        let groups = parallel_map(
+            starts.len().div_ceil(GROUP),
+            progress,
+            |group| -> Result<_, Error> {
+                let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
+                let blocks = read_windows(source, starts, needed)?;
+                let windows: Vec<Window<'_>> = blocks.windows(starts, &map);
+                let usable: Vec<bool> = windows
+                    .iter()
+                    .map(|window| self.is_complete(window, options.horizon))
+                    .collect();
+                let chosen: Vec<&Window<'_>> = windows
+                    .iter()
+                    .zip(&usable)
+                    .filter(|(_, ok)| **ok)
+                    .map(|(w, _)| w)
+                    .collect();
+                let mut done = self.simulate(source, &chosen, options).into_iter();
+                Ok(usable
+                    .iter()
+                    .map(|&ok| if ok { done.next() } else { None })
+                    .collect::<Vec<_>>())
+            },
+        )?;
+        Ok(groups.into_iter().flatten().collect())
+    }
+
+    /// Simulates complete windows.
+    pub(crate) fn simulate(
+        &self,
+        source: &dyn Source,
+        windows: &[&Window<'_>],
+        options: &RolloutOptions,
+    ) -> Vec<Trajectory> {
+        let runs: Vec<Run<'_>> = windows
+            .iter()
+            .map(|window| Run::new(source, window, options))
+            .collect();
+        let limits: Vec<f64> = self
+            .states
+            .iter()
+            .map(|state| state.limit(options.divergence))
+            .collect();
+        match &self.kernel {
+            Some(kernel) => kernel.simulate(self, &runs, &limits, options.method),
+            None => crate::general::simulate(self, &runs, &limits, options),
+        }
+    }
+
+    /// Seconds from a start after each step, horizon + 1 values.
+    pub(crate) fn times(
+        &self,
+        source: &dyn Source,
+        window: &Window<'_>,
+        options: &RolloutOptions,
+    ) -> Vec<f64> {
+        Run::new(source, window, options).time
+    }
+
+    /// The source's index of each column of the model; of a column that neither a state nor an equation needs, `usize::MAX` if absent.
+    pub(crate) fn column_map(&self, source: &dyn Source) -> Result<Vec<usize>, Error> {
+        let names: Vec<&str> = source
+            .columns()
+            .iter()
+            .map(|column| column.name.as_str())
+            .collect();
+        let needed = |column: usize| {
+            self.states.iter().any(|state| state.column == column)
+                || self.recorded.iter().any(|r| r.0 == column)
+        };
+        let mut map = Vec::with_capacity(self.columns.len());
+        for (column, name) in self.columns.iter().enumerate() {
+            match names.iter().position(|known| known == name) {
+                Some(index) => map.push(index),
+                None if !needed(column) => map.push(usize::MAX),
+                None => {
+                    let nearest = nearest(name, names.iter().copied());
+                    return Err(UnknownColumn {
+                        name: name.clone(),
+                        nearest,
+                    }
+                    .into());
+                }
+            }
+        }
+        Ok(map)
+    }
+
+    /// Whether everything that a rollout reads is finite.
+    pub(crate) fn is_complete(&self, window: &Window<'_>, horizon: usize) -> bool {
+        let back = self.history.max(1) as i64;
+        let finite = |column: usize, from: i64, to: i64| {
+            window
+                .values(column, from, to)
+                .iter()
+                .all(|v| v.is_finite())
+        };
+        self.states
+            .iter()
+            .all(|state| finite(state.column, -back, 1))
+            && self.recorded.iter().all(|&(column, most, least)| {
+                finite(column, -i64::from(most), horizon as i64 - i64::from(least))
+            })
+    }
+}
+
+impl State {
+    /// How far from its start the state may go.
+    fn limit(&self, divergence: f64) -> f64 {
+        let limit = divergence * self.deviation;
+        if limit > 0.0 && limit.is_finite() && !self.advance.angle {
+            limit
+        } else {
+            f64::MAX
+        }
+    }
+}
+
+/// One rollout to be done: its window, and the time of its steps.
+pub(crate) struct Run<'a> {
+    pub(crate) window: &'a Window<'a>,
+    /// Seconds from the start, horizon + 1 values.
+    pub(crate) time: Vec<f64>,
+    pub(crate) start: Start,
+    pub(crate) horizon: usize,
+    /// Whether all steps are `time[1]` long.
+    uniform: bool,
+}
+
+impl<'a> Run<'a> {
+    fn new(source: &dyn Source, window: &'a Window<'a>, options: &RolloutOptions) -> Self {
+        let start = window.start;
+        let uniform = |seconds: f64| (0..=options.horizon).map(|k| k as f64 * seconds).collect();
+        let time = match options.step {
+            Step::Seconds(seconds) => uniform(seconds),
+            Step::Median => uniform(source.episodes()[start.episode].period),
+            Step::Stamps => {
+                let stamps: &[i64] = &window.block.time[window.at..];
+                stamps[..=options.horizon]
+                    .iter()
+                    .map(|&stamp| (stamp - stamps[0]) as f64 * 1e-9)
+                    .collect()
+            }
+        };
+        Self {
+            window,
+            time,
+            start,
+            horizon: options.horizon,
+            uniform: options.step != Step::Stamps,
+        }
+    }
+
+    /// Length of a step, seconds.
+    #[inline(always)]
+    pub(crate) fn step(&self, k: usize) -> f64 {
+        // A uniform step is not a difference of rounded products.
+        if self.uniform {
+            self.time[1]
+        } else {
+            self.time[k + 1] - self.time[k]
+        }
+    }
+
+    pub(crate) fn block(&self) -> &Block {
+        self.window.block
+    }
+}
+
+/// The states that equations advance, in the order of the columns, and their equations.
+fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
+    let roles: Vec<usize> = (0..model.columns.len())
+        .filter(|&c| model.columns[c].role == Role::State)
+        .collect();
+    let (mut states, mut equations) = (Vec::new(), Vec::new());
+    for (index, column) in model.columns.iter().enumerate() {
+        let mut own = model.equations.iter().filter_map(|equation| {
+            let advance = Advance::new(equation.prediction, column.angle)?;
+            (equation.subject == column.name).then_some((equation, advance))
+        });
+        let Some((equation, advance)) = own.next() else {
+            continue;
+        };
+        if own.next().is_some() {
+            return Err(Error::Contradiction {
+                state: column.name.clone(),
+            });
+        }
+        let order = roles.iter().position(|&role| role == index);
+        let variance = order.and_then(|i| model.training.state_covariance.get(packed(i, i)));
+        states.push(State {
+            column: index,
+            advance,
+            deviation: variance.map_or(f64::NAN, |v| v.sqrt()),
+            order,
+        });
+        equations.push(equation);
+    }
+    if states.is_empty() {
+        let equations = model
+            .equations
+            .iter()
+            .map(Equation::label)
+            .collect::<Vec<_>>()
+            .join(", ");
+        return Err(Error::NothingToAdvance { equations });
+    }
+    Ok((states, equations))
+}
+
+/// The ranges of the first latent's regressors, where it takes part.
+fn ranges(model: &Model, compiled: &Compiled) -> Option<Ranges> {
+    let latent = model.latents.first()?;
+    let group = compiled.groups.iter().position(|group| {
+        group.library == latent.library
+            && compiled.partitions[group.regions].partition == latent.partition
+    })?;
+    let kept = &compiled.groups[group].kept;
+    let width = padded(kept.len());
+    let bounds = |end: usize, pad: f64| -> Vec<f64> {
+        let regions = &model.partitions[latent.partition].regions;
+        regions
+            .iter()
+            .flat_map(|region| {
+                kept.iter()
+                    .map(|&j| region.range[j][end])
+                    .chain(std::iter::repeat(pad))
+                    .take(width)
+                    .collect::<Vec<_>>()
+            })
+            .collect()
+    };
+    Some(Ranges {
+        group,
+        width,
+        low: bounds(0, f64::NEG_INFINITY),
+        high: bounds(1, f64::INFINITY),
+    })
+}

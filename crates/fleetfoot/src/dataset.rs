@@ -1,0 +1,213 @@
+//! A set of log files opened for a recipe or for a model.
+
+use std::path::PathBuf;
+
+use fleetfoot_data::{Column, Episode, Progress, Source};
+use fleetfoot_library::{Expr, View};
+use fleetfoot_log::{LabelRule, MaxGap, Recording, Selection, TimeSpec, TimeUnit};
+use fleetfoot_model::{Model, Rule};
+
+use crate::{
+    Error, Gap, Recipe,
+    labels::Labelled,
+    task::{Task, aliases_of_model},
+};
+
+/// Log files as the columns of a recipe or a model.
+pub struct Dataset {
+    source: Labelled<Recording>,
+    aliases: Vec<(Column, Expr)>,
+    recodings: Vec<(String, Vec<f64>)>,
+}
+
+/// The fields of the first file, and the labels that the recipe gives to episodes.
+fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
+    let Some(first) = files.first() else { return Err(Error::Request("no file is given".into())) };
+    let mut fields: Vec<Column> = fleetfoot_log::inspect(first)?
+        .columns
+        .into_iter()
+        .map(|info| Column { name: info.name, unit: info.unit, kind: info.kind })
+        .collect();
+    for label in label_names(recipe) {
+        if fields.iter().any(|field| field.name == label) {
+            let problem = format!("the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label", first.display());
+            return Err(Error::Request(problem));
+        }
+        fields.push(Column::float(label));
+    }
+    Ok(fields)
+}
+
+fn label_names(recipe: &Recipe) -> Vec<String> {
+    let mut names: Vec<String> = recipe.episodes.iter().flat_map(|rule| rule.labels.keys().cloned()).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// What the recipe says about clock and episodes.
+fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> {
+    let time = &recipe.time;
+    let mut selection = Selection::new(columns);
+    selection.time = match (&time.column, time.dt) {
+        (Some(_), Some(_)) => {
+            return Err(Error::Request("[time] has both `column` and `dt`; the stamps come from one of them".into()));
+        }
+        (None, Some(dt)) if dt > 0.0 && dt.is_finite() => TimeSpec::Uniform { dt_seconds: dt },
+        (None, Some(dt)) => return Err(Error::Request(format!("[time] dt = {dt}: the sampling period must be positive"))),
+        (Some(name), None) => {
+            let unit = match time.unit.as_deref() {
+                None => None,
+                Some(text) => Some(TimeUnit::parse(text).ok_or_else(|| {
+                    Error::Request(format!("[time] unit = \"{text}\": write s, ms, us or ns"))
+                })?),
+            };
+            TimeSpec::Column { name: name.clone(), unit }
+        }
+        (None, None) => TimeSpec::Auto,
+    };
+    selection.max_gap = match &time.max_gap {
+        None => MaxGap::Auto,
+        Some(Gap::Seconds(seconds)) if *seconds > 0.0 => MaxGap::Seconds(*seconds),
+        Some(Gap::Word(word)) if word == "auto" => MaxGap::Auto,
+        Some(Gap::Word(word)) if word == "none" => MaxGap::Unlimited,
+        Some(gap) => return Err(Error::Request(format!("[time] max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
+    };
+    selection.label_rules = recipe
+        .episodes
+        .iter()
+        .map(|rule| LabelRule {
+            pattern: rule.pattern.clone(),
+            labels: rule
+                .labels
+                .iter()
+                .map(|(key, value)| (key.clone(), value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
+                .collect(),
+        })
+        .collect();
+    Ok(selection)
+}
+
+impl Dataset {
+    /// Opens files for a recipe; `labels` are the columns that partitions need beside the recipe's.
+    pub fn for_recipe(
+        recipe: &Recipe,
+        labels: &[String],
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<(Self, Task), Error> {
+        let task = Task::resolve(recipe, &fields(recipe, files)?, labels, 0.0)?;
+        let dataset = Self::open(recipe, &task.aliases, files, progress)?;
+        let mut task = task;
+        task.problem.step = dataset.step();
+        Ok((dataset, task))
+    }
+
+    /// Opens files for a model: its columns, clock and labels are those of its training.
+    pub fn for_model(model: &Model, changes: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
+        let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
+        // What the caller says about the clock of these files replaces what training said.
+        if changes.time.column.is_some() || changes.time.dt.is_some() {
+            recipe.time.column = changes.time.column.clone();
+            recipe.time.unit = changes.time.unit.clone();
+            recipe.time.dt = changes.time.dt;
+        }
+        if changes.time.max_gap.is_some() {
+            recipe.time.max_gap = changes.time.max_gap.clone();
+        }
+        if !changes.episodes.is_empty() {
+            recipe.episodes = changes.episodes.clone();
+        }
+        let aliases = aliases_of_model(&model.columns, &fields(&recipe, files)?)?;
+        let mut dataset = Self::open(&recipe, &aliases, files, progress)?;
+        dataset.recode(model);
+        Ok(dataset)
+    }
+
+    fn open(recipe: &Recipe, aliases: &[(Column, Expr)], files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
+        let labels = label_names(recipe);
+        let mut columns: Vec<String> = Vec::new();
+        for (_, expression) in aliases {
+            columns.extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
+        }
+        columns.sort();
+        columns.dedup();
+        progress.stage("open");
+        let recording = fleetfoot_log::open_with_progress(files, &selection(recipe, columns)?, progress)?;
+        let source = Labelled::new(recording, &labels);
+        let mut aliases = aliases.to_vec();
+        for (column, expression) in &mut aliases {
+            // What the numbers stand for is known now that all files are open.
+            if let Some(field) = expression.as_column().and_then(|name| source.column_index(name)) {
+                column.kind = source.columns()[field].kind.clone();
+            }
+        }
+        Ok(Self { source, aliases, recodings: Vec::new() })
+    }
+
+    /// Gives category columns the codes that the model's labels had in training.
+    fn recode(&mut self, model: &Model) {
+        for partition in &model.partitions {
+            let Rule::Labels { values, names, .. } = &partition.rule else { continue };
+            let Some(label) = partition.columns.last().and_then(Expr::as_column) else { continue };
+            let Some((column, _)) = self.aliases.iter().find(|(column, _)| column.name == label) else { continue };
+            if let fleetfoot_data::ColumnKind::Category(here) = &column.kind {
+                let known = |name: &String| names.iter().position(|known| known == name).map(|at| values[at]);
+                // Codes below zero are no label of the model.
+                let table = here.iter().enumerate().map(|(code, name)| known(name).unwrap_or(-1.0 - code as f64)).collect();
+                self.recodings.push((label.to_owned(), table));
+            }
+        }
+    }
+
+    /// The source that fits, scores and rollouts read: the aliases as columns.
+    pub fn view(&self) -> Result<View<'_>, Error> {
+        let mut view = View::new(&self.source, &self.aliases)?;
+        for (column, values) in &self.recodings {
+            view.recode(column, values.clone());
+        }
+        Ok(view)
+    }
+
+    /// The episodes.
+    pub fn episodes(&self) -> &[Episode] {
+        self.source.episodes()
+    }
+
+    /// What had to be assumed or left out while opening.
+    pub fn notes(&self) -> &[String] {
+        self.source.inner().notes()
+    }
+
+    /// The fields that are read.
+    pub fn columns(&self) -> Vec<String> {
+        self.source.columns().iter().map(|column| column.name.clone()).collect()
+    }
+
+    /// Rows of all episodes.
+    pub fn rows(&self) -> usize {
+        self.source.rows()
+    }
+
+    /// The sampling period of most rows, seconds.
+    pub fn step(&self) -> f64 {
+        let mut periods: Vec<(f64, usize)> =
+            self.episodes().iter().filter(|e| e.rows > 1).map(|episode| (episode.period, episode.rows)).collect();
+        periods.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let half = periods.iter().map(|(_, rows)| rows).sum::<usize>() / 2;
+        let mut seen = 0;
+        for (period, rows) in periods {
+            seen += rows;
+            if seen > half {
+                return period;
+            }
+        }
+        0.0
+    }
+
+    /// Names of the episodes that the model was trained on.
+    pub fn in_sample(&self, model: &Model) -> Vec<String> {
+        let trained: std::collections::HashSet<&str> = model.training.episodes.iter().map(|(id, _)| id.as_str()).collect();
+        self.episodes().iter().filter(|e| trained.contains(e.id.to_string().as_str())).map(|e| e.name.clone()).collect()
+    }
+}

@@ -1,0 +1,95 @@
+//! What can go wrong in a pipeline. Every message says where, and what to do.
+
+use std::path::PathBuf;
+
+/// What can go wrong in a pipeline.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The recipe cannot be understood.
+    #[error("{name}: {problem}")]
+    Recipe {
+        /// The recipe's file or origin.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// An expression cannot be understood.
+    #[error("{place} = \"{text}\": {source}")]
+    Expression {
+        /// Where it stands.
+        place: String,
+        /// The expression.
+        text: String,
+        /// What is wrong.
+        source: fleetfoot_library::ParseError,
+    },
+    /// A column that does not exist.
+    #[error("{place}: there is no column `{name}`{}", nearest(.candidates))]
+    UnknownColumn {
+        /// Where it was asked for.
+        place: String,
+        /// The name.
+        name: String,
+        /// The nearest names.
+        candidates: Vec<String>,
+    },
+    /// The recipe asks for nothing to predict, or for something impossible.
+    #[error("{0}")]
+    Request(String),
+    /// A label that the model has not seen.
+    #[error(
+        "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with --unseen-labels pool"
+    )]
+    UnseenLabel {
+        /// The column.
+        column: String,
+        /// Some of the labels.
+        labels: String,
+        /// How many rows.
+        rows: u64,
+    },
+    /// Reading or writing files.
+    #[error(transparent)]
+    Log(#[from] fleetfoot_log::Error),
+    /// Reading rows.
+    #[error(transparent)]
+    Data(#[from] fleetfoot_data::Error),
+    /// The user stopped the work.
+    #[error(transparent)]
+    Cancelled(#[from] fleetfoot_data::Cancelled),
+    /// Compiling expressions.
+    #[error(transparent)]
+    Columns(#[from] fleetfoot_library::UnknownColumn),
+    /// The library of functions is too large.
+    #[error(transparent)]
+    Library(#[from] fleetfoot_library::LibraryError),
+    /// A partition cannot be understood.
+    #[error(transparent)]
+    Specification(#[from] fleetfoot_pwa::SpecificationError),
+    /// The identification failed.
+    #[error(transparent)]
+    Identification(#[from] fleetfoot_pwa::Error),
+    /// A model file was refused.
+    #[error(transparent)]
+    Model(#[from] fleetfoot_model::FileError),
+    /// Prediction, scoring or rolling out failed.
+    #[error(transparent)]
+    Dynamics(#[from] fleetfoot_dynamics::Error),
+    /// A file could not be written.
+    #[error("{path}: cannot be written: {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+fn nearest(candidates: &[String]) -> String {
+    match candidates {
+        [] => String::new(),
+        [one] => format!("; did you mean `{one}`?"),
+        many => format!("; did you mean one of {}?", many.iter().map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", ")),
+    }
+}

@@ -1,0 +1,132 @@
+//! A commented recipe for a file, to be edited.
+
+use std::fmt::Write;
+
+use fleetfoot_data::{Column, ColumnKind};
+
+/// Names that usually stand for angles in radians.
+const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "angle", "azimuth"];
+
+/// The recipe's text: every field listed where it can be uncommented, the time column filled in, quaternions and angles noticed.
+///
+/// It is valid TOML as it stands, and is completed by uncommenting.
+pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
+    let fields: Vec<&Column> = columns.iter().filter(|column| Some(column.name.as_str()) != time).collect();
+    let numeric: Vec<&Column> =
+        fields.iter().copied().filter(|column| !matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean)).collect();
+    let mut out = String::new();
+    let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
+    let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition kmeans:10 -o model.json\n");
+    let _ = writeln!(out, "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions.");
+    let _ = writeln!(out, "[columns]");
+    for prefix in quaternions(columns) {
+        for angle in ["yaw", "pitch", "roll"] {
+            let _ = writeln!(out, "# {angle} = \"{angle}({prefix})\"");
+        }
+    }
+    let _ = writeln!(out, "# speed = \"sqrt(vx^2 + vy^2)\"\n");
+    let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
+    let _ = writeln!(out, "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine");
+    let _ = writeln!(out, "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression");
+    let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
+    let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");
+    let _ = writeln!(out, "[states]");
+    for column in &numeric {
+        let kind = if is_angle(&column.name) { "kind = \"angle\"" } else { "" };
+        let _ = writeln!(out, "# {} = {{ {kind} }}{}", key(&column.name), unit(column));
+    }
+    let _ = writeln!(out, "\n# What is given from outside.");
+    let _ = writeln!(out, "[inputs]");
+    for column in &numeric {
+        let _ = writeln!(out, "# {} = {}{}", key(&column.name), text(&column.name), unit(column));
+    }
+    let _ = writeln!(out, "\n# The clock. Without a time column: dt = 0.01");
+    let _ = writeln!(out, "[time]");
+    match time {
+        Some(name) => {
+            let _ = writeln!(out, "column = {}", text(name));
+        }
+        None => {
+            let _ = writeln!(out, "# column = \"t\"");
+        }
+    }
+    let _ = writeln!(out, "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n");
+    let _ = writeln!(out, "[model]");
+    let _ = writeln!(out, "# predict = \"derivative\"   # or next, delta, or a column (plain regression)");
+    let _ = writeln!(out, "# degree = 1               # of the polynomial library in each region");
+    let _ = writeln!(out, "# lags = 0                 # past rows beside the present one");
+    let _ = writeln!(out, "# partition = \"kmeans:10\"  # or null, average, zscore:1.5, labels:COLUMN");
+    let labels: Vec<&str> = fields
+        .iter()
+        .filter(|column| matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean | ColumnKind::Integer))
+        .map(|column| column.name.as_str())
+        .collect();
+    if !labels.is_empty() {
+        let _ = writeln!(out, "# columns that may be labels: {}", labels.join(", "));
+    }
+    let _ = writeln!(out, "\n# Labels for the episodes of matching files, for --partition labels:terrain");
+    let _ = writeln!(out, "# [[episodes]]\n# match = \"grass_*\"\n# terrain = \"grass\"");
+    out
+}
+
+/// Common beginnings of fields x, y, z, w.
+fn quaternions(columns: &[Column]) -> Vec<String> {
+    let has = |name: &str| columns.iter().any(|column| column.name == name);
+    let mut prefixes = Vec::new();
+    for column in columns {
+        for separator in [".", "_", ""] {
+            if let Some(prefix) = column.name.strip_suffix(&format!("{separator}w"))
+                && !prefix.is_empty()
+                && !prefix.ends_with(['.', '_'])
+                && ["x", "y", "z"].iter().all(|letter| has(&format!("{prefix}{separator}{letter}")))
+                && !prefixes.contains(&prefix.to_owned())
+            {
+                prefixes.push(prefix.to_owned());
+            }
+        }
+    }
+    prefixes
+}
+
+fn is_angle(name: &str) -> bool {
+    let last = name.rsplit(['.', '/']).next().unwrap_or(name).to_lowercase();
+    ANGLES.iter().any(|angle| last == *angle || last.strip_suffix("_rad") == Some(angle))
+}
+
+/// A TOML key.
+fn key(name: &str) -> String {
+    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if bare { name.to_owned() } else { text(name) }
+}
+
+/// A TOML string.
+fn text(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+fn unit(column: &Column) -> String {
+    column.unit.as_ref().map(|unit| format!("  # {unit}")).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Recipe;
+
+    #[test]
+    fn it_is_a_recipe_before_and_after_uncommenting() {
+        let names = ["t", "q_x", "q_y", "q_z", "q_w", "yaw", "v [m/s]", "odd \"name\""];
+        let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
+        let text = starter_recipe("a.csv", &columns, Some("t"));
+        let recipe = Recipe::parse(&text, "starter").unwrap();
+        assert_eq!(recipe.time.column.as_deref(), Some("t"));
+        assert!(text.contains("yaw(q)"));
+        let start = text.find("[states]").unwrap();
+        let end = text.find("# What is given").unwrap();
+        let uncommented = text[start..end].replace("\n# ", "\n");
+        let recipe = Recipe::parse(&uncommented, "uncommented").unwrap();
+        assert_eq!(recipe.states.len(), 7);
+        assert_eq!(recipe.states["yaw"].kind, Some(crate::Kind::Angle));
+        assert!(recipe.states.contains_key("odd \"name\""));
+    }
+}

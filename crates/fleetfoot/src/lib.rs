@@ -1,0 +1,32 @@
+//! The Rust API: re-exports, and the pipelines that join the crates. No numerics.
+//!
+//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] makes a [`Model`];
+//! [`score`], [`predict`] and [`rollout`] run one on files.
+
+mod dataset;
+mod demo;
+mod error;
+mod fit;
+mod init;
+mod labels;
+mod recipe;
+mod run;
+mod task;
+
+pub use dataset::Dataset;
+pub use demo::{DemoFiles, generate as generate_demo};
+pub use error::Error;
+pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa};
+pub use init::starter_recipe;
+pub use recipe::{EpisodeRule, Gap, Input, InputTable, Kind, ModelSection, Recipe, State, Time};
+pub use run::{RolledOut, Scored, Written, predict, rollout, score};
+pub use task::Task;
+
+pub use fleetfoot_data::{Column, ColumnKind, Episode, EpisodeId, Progress, Silent, Source, thread_count, with_threads};
+pub use fleetfoot_dynamics as dynamics;
+pub use fleetfoot_library as library;
+pub use fleetfoot_log as log;
+pub use fleetfoot_model::{self as model, Model, describe};
+pub use fleetfoot_pwa as pwa;
+pub use fleetfoot_sim as sim;
+pub use fleetfoot_stats as stats;

@@ -1,0 +1,227 @@
+//! The recipe: which fields of a log are what, in TOML.
+//!
+//! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries says all.
+
+use std::{collections::BTreeMap, path::Path};
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// What a user says about the recordings and the model.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Recipe {
+    /// Short names: alias = a field of the log, or an expression over fields and earlier aliases.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub columns: IndexMap<String, String>,
+    /// What the model advances in time.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub states: IndexMap<String, State>,
+    /// What is given from outside.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub inputs: IndexMap<String, Input>,
+    /// The clock and the episodes.
+    #[serde(skip_serializing_if = "is_default")]
+    pub time: Time,
+    /// What is predicted, from which functions.
+    #[serde(skip_serializing_if = "is_default")]
+    pub model: ModelSection,
+    /// Labels for the episodes of matching files.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub episodes: Vec<EpisodeRule>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// A state.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct State {
+    /// Field or expression, when the name is not an alias or a field itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// How its derivative is measured: `auto` and `central` (central difference over the stamps), `forward`, `backward`, or a field or expression.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub derivative: Option<String>,
+    /// Its derivative is this expression: integrated, never fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub known: Option<String>,
+    /// Whether it stands in the library and the partition; yes unless said otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regressor: Option<bool>,
+    /// `angle` or `linear`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<Kind>,
+    /// Unit, when the file does not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+}
+
+/// What kind of quantity a column is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// A real number.
+    Linear,
+    /// An angle in radians: differences wrap, regressors and partitions see its cosine and sine.
+    Angle,
+}
+
+/// An input: `u = "field"` or `u = { column = "field", kind = "angle" }`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a field or expression in quotes, or a table { column = ..., kind = ..., unit = ... }")]
+pub enum Input {
+    /// A field or expression.
+    Text(String),
+    /// With details.
+    Table(InputTable),
+}
+
+/// Details of an input.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InputTable {
+    /// Field or expression, when the name is not an alias or a field itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// `angle` or `linear`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<Kind>,
+    /// Unit, when the file does not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+}
+
+/// The clock and the episodes.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Time {
+    /// The column of the stamps; found by its name when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// The unit of numeric stamps: s, ms, us, ns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Rows are this many seconds apart; the file has no time column, or it is not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dt: Option<f64>,
+    /// The gap that ends an episode: seconds, `auto` (five median periods) or `none`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_gap: Option<Gap>,
+}
+
+/// A gap in seconds, or a word.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected seconds, \"auto\" or \"none\"")]
+pub enum Gap {
+    /// Seconds.
+    Seconds(f64),
+    /// `auto` or `none`.
+    Word(String),
+}
+
+/// What is predicted, from which functions.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelSection {
+    /// `derivative` (default), `next`, `delta`, or a column (plain regression).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predict: Option<String>,
+    /// Total degree of the polynomial library; 1 (affine) by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degree: Option<u32>,
+    /// Past rows of every state and input that stand beside the present one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lags: Option<u32>,
+    /// Non-negative row weights: a field or expression.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weight: Option<String>,
+    /// Partitions: `kmeans:10`, `null,average,zscore:1.5,kmeans:2,5,10`, `labels:COLUMN+kmeans:3`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub partition: Option<String>,
+    /// What partitions look at, when not the states.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub partition_on: Option<Vec<String>>,
+}
+
+/// Labels for the episodes of matching files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeRule {
+    /// A glob over the file's name.
+    #[serde(rename = "match")]
+    pub pattern: String,
+    /// The labels.
+    #[serde(flatten)]
+    pub labels: BTreeMap<String, toml::Value>,
+}
+
+impl Recipe {
+    /// Reads a recipe from TOML text; `name` is its origin, for messages.
+    pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
+        toml::from_str(text).map_err(|error| Error::Recipe { name: name.to_owned(), problem: error.to_string() })
+    }
+
+    /// Reads a recipe from a file.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::Recipe { name: path.display().to_string(), problem: format!("cannot be read: {error}") })?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// The recipe as TOML.
+    pub fn to_toml(&self) -> String {
+        // Plain tables of strings and numbers always serialise.
+        toml::to_string(self).unwrap_or_default()
+    }
+}
+
+impl Input {
+    /// The details, however they were written.
+    pub fn table(&self) -> InputTable {
+        match self {
+            Self::Text(text) => InputTable { column: Some(text.clone()), ..InputTable::default() },
+            Self::Table(table) => table.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"
+[columns]
+vx = "/odom.twist.twist.linear.x"
+yaw = "yaw(/odom.pose.pose.orientation)"
+[states]
+x = { known = "vx*cos(yaw) - vy*sin(yaw)", regressor = false }
+vx = { derivative = "auto" }
+yaw = { kind = "angle" }
+[inputs]
+u = "/cmd_vel.linear.x"
+[time]
+max_gap = 0.5
+[[episodes]]
+match = "grass_*"
+terrain = "grass"
+"#;
+
+    #[test]
+    fn recipes_round_trip_in_order() {
+        let recipe = Recipe::parse(TEXT, "test").unwrap();
+        assert_eq!(recipe.states.keys().collect::<Vec<_>>(), ["x", "vx", "yaw"]);
+        assert_eq!(recipe.states["yaw"].kind, Some(Kind::Angle));
+        assert_eq!(recipe.time.max_gap, Some(Gap::Seconds(0.5)));
+        assert_eq!(Recipe::parse(&recipe.to_toml(), "again").unwrap(), recipe);
+    }
+
+    #[test]
+    fn typing_errors_are_told_with_their_line() {
+        let error = Recipe::parse("[states]\nx = { regresor = false }\n", "robot.toml").unwrap_err().to_string();
+        assert!(error.contains("robot.toml") && error.contains("regresor") && error.contains("line 2"), "{error}");
+    }
+}

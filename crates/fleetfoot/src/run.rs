@@ -1,0 +1,248 @@
+//! A model run on files: scores, predictions row by row, rollouts.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_data::{Progress, Source, parallel_fold};
+use fleetfoot_dynamics::{
+    Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores, Starts,
+};
+use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
+use fleetfoot_model::{Model, Rule};
+
+use crate::{Dataset, Error, Recipe};
+
+/// Rows predicted at once.
+const PREDICT_ROWS: usize = 65_536;
+
+/// Scores, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Scored {
+    /// The scores.
+    pub scores: Scores,
+    /// Episodes scored.
+    pub episodes: usize,
+    /// Names of those that the model was trained on: their scores are in-sample.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Scores one-step predictions on files.
+pub fn score(model: &Model, changes: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<Scored, Error> {
+    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let view = dataset.view()?;
+    progress.stage("score");
+    let scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    refuse_unseen_labels(model, scores.skipped.no_region, scores.rows)?;
+    if scores.rows == 0 {
+        return Err(nothing_to_score(&scores));
+    }
+    Ok(Scored {
+        scores,
+        episodes: dataset.episodes().len(),
+        in_sample: dataset.in_sample(model),
+        notes: dataset.notes().to_vec(),
+    })
+}
+
+fn nothing_to_score(scores: &Scores) -> Error {
+    let skipped = &scores.skipped;
+    Error::Request(format!(
+        "no row can be scored: {} rows lack neighbours at the border of their episode, {} have a missing value, for {} the model gives no finite \
+         number; give longer episodes or other files",
+        skipped.border, skipped.missing, skipped.non_finite
+    ))
+}
+
+/// A model whose labels do not cover the data says so unless it was fitted to pool them.
+fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Result<(), Error> {
+    let label = model.partitions.iter().find_map(|partition| match &partition.rule {
+        Rule::Labels { names, .. } => Some((partition.columns.last().map(ToString::to_string).unwrap_or_default(), names)),
+        _ => None,
+    });
+    match label {
+        Some((column, names)) if without_region > 0 => Err(Error::UnseenLabel {
+            column,
+            labels: format!("it knows {}; {scored} rows have one of these", names.join(", ")),
+            rows: without_region,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// What was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Written {
+    /// Rows in the file.
+    pub rows: u64,
+    /// Rows with a prediction.
+    pub predicted: u64,
+    /// Of these, rows outside what their region saw in training.
+    pub outside_domain: u64,
+}
+
+/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
+/// and whether the row is inside it.
+pub fn predict(
+    model: &Model,
+    changes: &Recipe,
+    files: &[PathBuf],
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<Written, Error> {
+    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let view = dataset.view()?;
+    let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
+    let predictor = Predictor::new(model, &names)?;
+    let mut columns = vec![WriteColumn::new("episode", WriteKind::Text), WriteColumn::new("time", WriteKind::Stamp)];
+    for (name, equation) in predictor.names().iter().zip(model.fitted()) {
+        for kind in ["measured", "predicted", "residual"] {
+            let column = WriteColumn::new(format!("{name} {kind}"), WriteKind::Float);
+            columns.push(equation.unit.iter().fold(column, |column, unit| column.with_unit(unit)));
+        }
+    }
+    columns.push(WriteColumn::new("region", WriteKind::Integer));
+    columns.push(WriteColumn::new("distance", WriteKind::Float));
+    columns.push(WriteColumn::new("in_domain", WriteKind::Boolean));
+    let mut writer = ParquetWriter::create(output, columns, &write_options(model, files))?;
+    let pieces: Vec<(usize, std::ops::Range<usize>)> = view
+        .episodes()
+        .iter()
+        .enumerate()
+        .flat_map(|(episode, info)| {
+            (0..info.rows).step_by(PREDICT_ROWS).map(move |from| (episode, from..(from + PREDICT_ROWS).min(info.rows)))
+        })
+        .collect();
+    progress.stage("predict");
+    let mut written = Written { rows: 0, predicted: 0, outside_domain: 0 };
+    parallel_fold(
+        pieces.len(),
+        progress,
+        |piece| {
+            let (episode, rows) = pieces[piece].clone();
+            let block = view.read(episode, rows, predictor.halo())?;
+            let mut predicted = Predicted::default();
+            predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut predicted);
+            Ok::<_, Error>((episode, block.stamps().to_vec(), predicted))
+        },
+        |(episode, stamps, predicted)| {
+            write_predicted(&mut writer, &view.episodes()[episode].name, &stamps, &predicted, predictor.names().len())?;
+            written.rows += predicted.rows as u64;
+            written.predicted += predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
+            written.outside_domain += predicted.domain.iter().filter(|&&domain| domain != Domain::Inside).count() as u64;
+            Ok(())
+        },
+    )?;
+    writer.finish()?;
+    Ok(written)
+}
+
+fn write_predicted(
+    writer: &mut ParquetWriter,
+    episode: &str,
+    stamps: &[i64],
+    predicted: &Predicted,
+    equations: usize,
+) -> Result<(), Error> {
+    let rows = predicted.rows;
+    let names = vec![episode; rows];
+    let regions: Vec<i64> = predicted.region.iter().map(|&r| if r == u32::MAX { -1 } else { i64::from(r) }).collect();
+    let inside: Vec<bool> = predicted.domain.iter().map(|&domain| domain == Domain::Inside).collect();
+    let mut values = vec![Values::Text(&names), Values::Integer(stamps)];
+    for equation in 0..equations {
+        for column in [&predicted.measured, &predicted.predicted, &predicted.residual] {
+            values.push(Values::Float(Predicted::equation(column, rows, equation)));
+        }
+    }
+    values.extend([Values::Integer(&regions), Values::Float(&predicted.distance), Values::Boolean(&inside)]);
+    writer.write(&values)?;
+    Ok(())
+}
+
+fn write_options(model: &Model, files: &[PathBuf]) -> WriteOptions {
+    let metadata = [("fleetfoot.model".to_owned(), model.hash()), ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
+    WriteOptions { metadata: metadata.into(), inputs: files.to_vec(), ..WriteOptions::default() }
+}
+
+/// Rollouts, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RolledOut {
+    /// Scores against the horizon, and the trajectories where they were kept.
+    pub rollouts: Rollouts,
+    /// Episodes there are.
+    pub episodes: usize,
+    /// Names of those that the model was trained on.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Simulates a model from measured states; writes the trajectories when `output` is given.
+pub fn rollout(
+    model: &Model,
+    changes: &Recipe,
+    files: &[PathBuf],
+    starts: &Starts,
+    options: &RolloutOptions,
+    output: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<RolledOut, Error> {
+    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let view = dataset.view()?;
+    progress.stage("rollout");
+    let mut options = options.clone();
+    options.keep = output.is_some();
+    let rollouts = fleetfoot_dynamics::rollout(model, &view, starts, &options, progress)?;
+    if let Some(path) = output {
+        write_trajectories(model, &view, &rollouts, files, path)?;
+    }
+    Ok(RolledOut {
+        rollouts,
+        episodes: dataset.episodes().len(),
+        in_sample: dataset.in_sample(model),
+        notes: dataset.notes().to_vec(),
+    })
+}
+
+fn write_trajectories(model: &Model, view: &dyn Source, rollouts: &Rollouts, files: &[PathBuf], path: &Path) -> Result<(), Error> {
+    let mut columns = vec![
+        WriteColumn::new("trajectory", WriteKind::Integer),
+        WriteColumn::new("episode", WriteKind::Text),
+        WriteColumn::new("row", WriteKind::Integer),
+        WriteColumn::new("step", WriteKind::Integer),
+        WriteColumn::new("seconds", WriteKind::Float).with_unit("s"),
+    ];
+    for state in &rollouts.states {
+        let unit = model.column(state).and_then(|column| model.columns[column].unit.as_ref());
+        let column = WriteColumn::new(state, WriteKind::Float);
+        columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str())));
+    }
+    columns.push(WriteColumn::new("region", WriteKind::Integer));
+    let mut writer = ParquetWriter::create(path, columns, &write_options(model, files))?;
+    for (index, trajectory) in rollouts.trajectories.iter().enumerate() {
+        let rows = trajectory.steps() + 1;
+        let numbers = vec![index as i64; rows];
+        let names = vec![view.episodes()[trajectory.start.episode].name.as_str(); rows];
+        let at: Vec<i64> = (0..rows).map(|step| (trajectory.start.row + step) as i64).collect();
+        let steps: Vec<i64> = (0..rows as i64).collect();
+        let states: Vec<Vec<f64>> =
+            (0..rollouts.states.len()).map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect()).collect();
+        // The last state was reached; no step was made from it.
+        let regions: Vec<i64> = trajectory.regions.iter().map(|&region| i64::from(region)).chain([-1]).collect();
+        let mut values = vec![
+            Values::Integer(&numbers),
+            Values::Text(&names),
+            Values::Integer(&at),
+            Values::Integer(&steps),
+            Values::Float(&trajectory.time),
+        ];
+        values.extend(states.iter().map(|state| Values::Float(state)));
+        values.push(Values::Integer(&regions));
+        writer.write(&values)?;
+    }
+    writer.finish()?;
+    Ok(())
+}

@@ -1,0 +1,35 @@
+//! What a candidate function is: parse, evaluate over columns, differentiate, print.
+//!
+//! An [`Expr`] is an immutable tree over the columns of a recording, their lags and time. It is read from text within a
+//! [`Scope`] ([`Expr::parse`], where the grammar stands), printed so that it reads back equal, differentiated exactly
+//! ([`Expr::derivative`]), and compiled together with others into a [`Program`] that evaluates blocks of rows. A
+//! [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
+
+mod derivative;
+mod design;
+mod difference;
+mod expr;
+mod function;
+mod kernel;
+mod library;
+mod nearest;
+mod parse;
+mod print;
+mod program;
+mod rotation;
+mod scope;
+mod simplify;
+mod view;
+
+pub use design::{Design, DesignRows};
+pub use difference::{backward_difference, central_difference, forward_difference};
+pub use expr::{Expr, Node};
+pub use function::{Binary, Unary};
+pub use kernel::Scratch;
+pub use library::{Library, LibraryError, MAX_FUNCTIONS};
+pub use nearest::nearest;
+pub use parse::{ParseError, ParseErrorKind};
+pub use program::{Leaf, Program, UnknownColumn};
+pub use rotation::Quaternion;
+pub use scope::Scope;
+pub use view::View;

@@ -1,0 +1,179 @@
+//! Parse errors: the place, what is wrong, and the mend.
+
+use std::fmt;
+
+use super::{MAX_DEPTH, MAX_SIZE, MAX_TEXT};
+
+/// Why and where a text is not an expression.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParseError {
+    detail: Box<Detail>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Detail {
+    text: String,
+    position: usize,
+    alias: Option<String>,
+    kind: ParseErrorKind,
+}
+
+/// What is wrong with a text.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParseErrorKind {
+    /// Something else should stand here.
+    #[error("expected {expected}, found {found}")]
+    Expected {
+        /// What should stand here.
+        expected: &'static str,
+        /// What stands here.
+        found: String,
+    },
+    /// A name that is neither a column nor an alias.
+    #[error(
+        "unknown column or alias `{name}`{}{}",
+        suggestion(nearest),
+        topic_hint(name)
+    )]
+    UnknownName {
+        /// The name.
+        name: String,
+        /// Names that resemble it.
+        nearest: Vec<String>,
+    },
+    /// A function that does not exist.
+    #[error("unknown function `{name}`{}", suggestion(nearest))]
+    UnknownFunction {
+        /// The name.
+        name: String,
+        /// Names that resemble it.
+        nearest: Vec<String>,
+    },
+    /// The wrong number of arguments.
+    #[error("`{function}` takes {expected} argument(s), here it has {found}")]
+    Arguments {
+        /// The function.
+        function: String,
+        /// How many it takes.
+        expected: usize,
+        /// How many it was given.
+        found: usize,
+    },
+    /// A vector or a quaternion whose components are not there.
+    #[error(
+        "`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}",
+        suggestion(nearest)
+    )]
+    NoComponents {
+        /// The common beginning of the names.
+        prefix: String,
+        /// The components that are needed.
+        components: String,
+        /// Names that resemble its first component.
+        nearest: Vec<String>,
+    },
+    /// An alias that is defined by itself.
+    #[error("the alias `{name}` is defined by itself, directly or through others")]
+    Circular {
+        /// The alias.
+        name: String,
+    },
+    /// Too many parentheses, signs or exponents inside each other.
+    #[error("nested more than {MAX_DEPTH} levels deep")]
+    TooDeep,
+    /// Too much text, or too large an expression once the aliases are written out.
+    #[error(
+        "too long: an expression may have {MAX_TEXT} bytes and, with its aliases written out, {MAX_SIZE} terms and operations"
+    )]
+    TooLarge,
+}
+
+impl ParseError {
+    pub(super) fn new(text: &str, position: usize, kind: ParseErrorKind) -> Self {
+        Self {
+            detail: Box::new(Detail {
+                text: text.to_owned(),
+                position,
+                alias: None,
+                kind,
+            }),
+        }
+    }
+
+    /// The byte of the text where the parser stopped.
+    pub fn position(&self) -> usize {
+        self.detail.position
+    }
+
+    /// What is wrong.
+    pub fn kind(&self) -> &ParseErrorKind {
+        &self.detail.kind
+    }
+
+    /// The whole text.
+    pub fn text(&self) -> &str {
+        &self.detail.text
+    }
+
+    /// The alias whose text it is, if any.
+    pub fn alias(&self) -> Option<&str> {
+        self.detail.alias.as_deref()
+    }
+
+    pub(crate) fn in_alias(mut self, alias: String) -> Self {
+        self.detail.alias = Some(alias);
+        self
+    }
+}
+
+impl std::error::Error for ParseError {}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Detail {
+            text,
+            position,
+            alias,
+            kind,
+        } = &*self.detail;
+        let (before, after) = text.split_at(*position);
+        let column = before.chars().count();
+        // A long text is shown around the place.
+        let skipped = column.saturating_sub(40);
+        let shown: String = before
+            .chars()
+            .skip(skipped)
+            .chain(after.chars().take(40))
+            .collect();
+        let (head, tail) = (
+            if skipped > 0 { "..." } else { "" },
+            if after.chars().nth(40).is_some() {
+                "..."
+            } else {
+                ""
+            },
+        );
+        match alias {
+            Some(alias) => write!(f, "in the alias `{alias}` = `{head}{shown}{tail}`")?,
+            None => write!(f, "in `{head}{shown}{tail}`")?,
+        }
+        write!(f, ", character {}: {kind}", column + 1)
+    }
+}
+
+fn suggestion(nearest: &[String]) -> String {
+    if nearest.is_empty() {
+        String::new()
+    } else {
+        format!("; did you mean `{}`?", nearest.join("`, `"))
+    }
+}
+
+fn topic_hint(name: &str) -> &'static str {
+    if name.starts_with('/') && name[1..].contains(['/', '-']) {
+        "; after a topic's field, `-` and `/` need a space in front to be operators"
+    } else {
+        ""
+    }
+}

@@ -1,0 +1,211 @@
+//! Scopes: which names an expression's text may use, and what they mean.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
+use crate::{Expr, ParseError, ParseErrorKind, nearest, parse::is_bare_name};
+
+/// The names that stand for something: the columns of a recording and the aliases of a recipe.
+///
+/// An alias hides a column of the same name. Text that a program wrote (a printed expression) is therefore read in a scope
+/// without aliases.
+#[derive(Debug, Clone, Default)]
+pub struct Scope {
+    /// Every name is a column.
+    open: bool,
+    columns: BTreeSet<Arc<str>>,
+    aliases: BTreeMap<String, Expr>,
+    /// Aliases of the common beginning of a vector's or a quaternion's fields.
+    groups: BTreeMap<String, String>,
+    /// Aliases whose text has not been read yet, while they are defined together.
+    pending: BTreeSet<String>,
+    /// The alias whose text is being read: in it, its own name is a column.
+    defining: Option<String>,
+}
+
+/// What stands between a vector's name and its component's.
+const SEPARATORS: [&str; 3] = [".", "_", ""];
+
+impl Scope {
+    /// A recording's columns, no aliases.
+    pub fn new<N: AsRef<str>>(columns: impl IntoIterator<Item = N>) -> Self {
+        Self {
+            columns: columns
+                .into_iter()
+                .map(|name| Arc::from(name.as_ref()))
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Takes every name for a column: for text whose recording is not at hand, such as a model's.
+    pub fn open() -> Self {
+        Self {
+            open: true,
+            ..Self::default()
+        }
+    }
+
+    /// Gives an expression a name.
+    pub fn define(&mut self, name: impl Into<String>, expr: Expr) {
+        let name = name.into();
+        self.groups.remove(&name);
+        self.aliases.insert(name, expr);
+    }
+
+    /// Reads a recipe's aliases, `(name, text)` in any order; they may use each other.
+    ///
+    /// A text that is a column's whole name is that column, whatever characters it has. A text that is the common beginning
+    /// of vector fields (`/imu.orientation`, for `/imu.orientation.x` and so on) names the vector or the quaternion. In
+    /// its own text an alias is the column of that name.
+    ///
+    /// # Errors
+    /// A text that does not parse, with the alias named; aliases that need each other in a circle. The scope stays as it was.
+    pub fn define_all<N: AsRef<str>, T: AsRef<str>>(
+        &mut self,
+        aliases: impl IntoIterator<Item = (N, T)>,
+    ) -> Result<(), ParseError> {
+        let texts: BTreeMap<String, String> = aliases
+            .into_iter()
+            .map(|(name, text)| (name.as_ref().to_owned(), text.as_ref().to_owned()))
+            .collect();
+        let mut scope = self.clone();
+        scope.pending = texts.keys().cloned().collect();
+        for name in texts.keys() {
+            let mut stack = vec![name.clone()];
+            while let Some(name) = stack.last().cloned() {
+                if !scope.pending.contains(&name) {
+                    stack.pop();
+                    continue;
+                }
+                scope.defining = Some(name.clone());
+                match scope.define_text(&name, &texts[&name]) {
+                    Ok(()) => {
+                        scope.pending.remove(&name);
+                    }
+                    // Not read yet: that one first.
+                    Err(error) => match error.kind() {
+                        ParseErrorKind::Circular { name: other } if !stack.contains(other) => {
+                            stack.push(other.clone())
+                        }
+                        _ => return Err(error.in_alias(name)),
+                    },
+                }
+            }
+        }
+        scope.defining = None;
+        *self = scope;
+        Ok(())
+    }
+
+    fn define_text(&mut self, name: &str, text: &str) -> Result<(), ParseError> {
+        let whole = text.trim();
+        if self.columns.contains(whole) {
+            self.define(name, Expr::column(whole));
+        } else if is_bare_name(whole)
+            && !self.open
+            && !self.aliases.contains_key(whole)
+            && !self.pending.contains(whole)
+            && SEPARATORS.iter().any(|separator| {
+                self.columns
+                    .contains(format!("{whole}{separator}x").as_str())
+            })
+        {
+            self.aliases.remove(name);
+            self.groups.insert(name.to_owned(), whole.to_owned());
+        } else {
+            let expr = Expr::parse(text, self)?;
+            self.define(name, expr);
+        }
+        Ok(())
+    }
+
+    /// What a name stands for.
+    ///
+    /// # Errors
+    /// [`ParseErrorKind::UnknownName`] with the nearest names.
+    pub fn resolve(&self, name: &str) -> Result<Expr, ParseErrorKind> {
+        match self.find(name)? {
+            Some(expr) => Ok(expr),
+            None => Err(ParseErrorKind::UnknownName {
+                name: name.to_owned(),
+                nearest: nearest(name, self.names()),
+            }),
+        }
+    }
+
+    /// The components of a vector, by the common beginning of their names: `v.x`, `v_x` or `vx`.
+    pub(crate) fn components<const N: usize>(
+        &self,
+        prefix: &str,
+        letters: [&str; N],
+    ) -> Result<[Expr; N], ParseErrorKind> {
+        self.check_pending(prefix)?;
+        let prefix = self.groups.get(prefix).map_or(prefix, String::as_str);
+        for separator in SEPARATORS {
+            let mut found = Vec::with_capacity(N);
+            for letter in letters {
+                let Some(expr) = self.find(&format!("{prefix}{separator}{letter}"))? else {
+                    break;
+                };
+                found.push(expr);
+            }
+            if let Ok(components) = found.try_into() {
+                return Ok(components);
+            }
+        }
+        Err(ParseErrorKind::NoComponents {
+            prefix: prefix.to_owned(),
+            components: letters.join(", "),
+            nearest: nearest(&format!("{prefix}.x"), self.names()),
+        })
+    }
+
+    fn find(&self, name: &str) -> Result<Option<Expr>, ParseErrorKind> {
+        if self.defining.as_deref() != Some(name) {
+            self.check_pending(name)?;
+            if let Some(expr) = self.aliases.get(name) {
+                return Ok(Some(expr.clone()));
+            }
+        }
+        if self.open || self.columns.contains(name) {
+            return Ok(Some(Expr::column(name)));
+        }
+        // A field of an alias that names a vector.
+        let Some((head, field)) = name.rsplit_once('.') else {
+            return Ok(None);
+        };
+        if self.defining.as_deref() != Some(head) {
+            self.check_pending(head)?;
+        }
+        Ok(self.groups.get(head).and_then(|prefix| {
+            let mut candidates = SEPARATORS
+                .iter()
+                .map(|separator| format!("{prefix}{separator}{field}"));
+            candidates
+                .find(|candidate| self.columns.contains(candidate.as_str()))
+                .map(Expr::column)
+        }))
+    }
+
+    fn check_pending(&self, name: &str) -> Result<(), ParseErrorKind> {
+        if self.defining.as_deref() != Some(name) && self.pending.contains(name) {
+            return Err(ParseErrorKind::Circular {
+                name: name.to_owned(),
+            });
+        }
+        Ok(())
+    }
+
+    /// All names, aliases first.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let aliases = self
+            .aliases
+            .keys()
+            .chain(self.groups.keys())
+            .map(String::as_str);
+        aliases.chain(self.columns.iter().map(|name| &**name))
+    }
+}

@@ -1,0 +1,251 @@
+//! Rows of text into columns.
+
+use std::{
+    collections::HashMap,
+    io::{Cursor, Read},
+    path::Path,
+    sync::Arc,
+};
+
+use fleetfoot_data::{Column, ColumnKind};
+
+use super::{
+    cell::{Cell, boolean, is_missing, is_whole, number},
+    head::{Head, Sort, sort_of},
+    input::{Watched, line_of, read_error},
+    reader,
+};
+use crate::{
+    Compression, Error, TimeUnit,
+    error::shorten,
+    parquet::MAX_CATEGORIES,
+    stamp,
+    store::{Budget, ColumnStore, StoreBuilder},
+    table::{MISSING, TableColumn},
+};
+
+/// What is to be decoded.
+pub(super) struct Plan<'a> {
+    pub path: &'a Path,
+    pub compression: Compression,
+    pub head: Head,
+    /// The fields of the selected columns.
+    pub fields: Vec<usize>,
+    pub time: Option<TimeField>,
+}
+
+/// Where the stamps are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TimeField {
+    pub field: usize,
+    pub unit: TimeUnit,
+    /// Its cells are dates, numbers, or not known yet.
+    pub sort: Sort,
+}
+
+/// A decoded file.
+pub(super) struct Decoded {
+    pub store: ColumnStore,
+    pub columns: Vec<TableColumn>,
+    pub notes: Vec<String>,
+}
+
+/// A cell that does not fit: its field and what was expected.
+struct Misfit {
+    field: usize,
+    expected: &'static str,
+}
+
+/// Decodes all rows.
+pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Budget>) -> Result<Decoded, Error> {
+    let bytes = std::mem::take(&mut plan.head.bytes);
+    let (input, watch) = Watched::new(Cursor::new(bytes).chain(stream));
+    let mut rows = reader(input, plan.head.delimiter);
+    let mut columns: Vec<Decoder> = plan.fields.iter().map(|&field| Decoder::new(field, plan.head.sorts[field])).collect();
+    let mut store = StoreBuilder::new(plan.path, columns.len(), budget.clone());
+    let mut values = vec![f64::NAN; columns.len()];
+    let (mut record, mut number, mut notes) = (csv::ByteRecord::new(), 0u64, Vec::new());
+    let expected = plan.head.columns.len();
+    let mut header = plan.head.has_header;
+    loop {
+        watch.row();
+        let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
+        if !more {
+            break;
+        }
+        if std::mem::take(&mut header) {
+            continue;
+        }
+        number += 1;
+        let at = record.position().map_or(0, csv::Position::byte);
+        if record.len() != expected {
+            if record.len() == 1 && record[0].trim_ascii().is_empty() {
+                continue;
+            }
+            let found = record.len();
+            let last = !rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
+            if last && found < expected && !watch.ends_with_line() {
+                notes.push("the last line was cut off and is left out".into());
+                break;
+            }
+            return Err(plan.ragged(at, found));
+        }
+        let stamp = plan.stamp(&record).and_then(|stamp| {
+            for (decoder, value) in columns.iter_mut().zip(&mut values) {
+                *value = decoder.cell(&record[decoder.field], plan.head.decimal_comma)?;
+            }
+            Ok(stamp)
+        });
+        let stamp = stamp.map_err(|misfit| plan.bad_cell(at, &record, &misfit))?;
+        store.push(stamp, &values)?;
+        if number % 1024 == 0 {
+            check_categories(&plan, &columns)?;
+        }
+    }
+    check_categories(&plan, &columns)?;
+    let columns = columns.into_iter().map(|decoder| decoder.finish(&plan.head)).collect();
+    Ok(Decoded { store: store.finish()?, columns, notes })
+}
+
+fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
+    match columns.iter().find(|decoder| decoder.codes.len() > MAX_CATEGORIES) {
+        None => Ok(()),
+        Some(decoder) => {
+            let column = plan.head.columns[decoder.field].name.clone();
+            Err(Error::TooManyCategories { path: plan.path.into(), column, limit: MAX_CATEGORIES })
+        }
+    }
+}
+
+impl Plan<'_> {
+    fn stamp(&self, record: &csv::ByteRecord) -> Result<i64, Misfit> {
+        let Some(TimeField { field, unit, sort }) = self.time else { return Ok(0) };
+        let cell = record[field].trim_ascii();
+        let date = sort == Sort::Date;
+        let parsed = match sort {
+            Sort::Date => stamp::parse_date(cell),
+            Sort::Unknown => stamp::parse_decimal(cell, unit).or_else(|| stamp::parse_date(cell)),
+            _ => stamp::parse_decimal(cell, unit),
+        };
+        if let Some(stamp) = parsed {
+            return Ok(stamp);
+        }
+        match number(cell, self.head.decimal_comma) {
+            Cell::Missing => Ok(MISSING),
+            // Out of the range of nanoseconds, or with a decimal comma.
+            Cell::Number(value) if !date => Ok(stamp::from_f64(value, unit)),
+            _ => Err(Misfit { field, expected: if date { "a date such as 2011-07-23 13:23:09" } else { "a time in numbers" } }),
+        }
+    }
+
+    fn line(&self, offset: u64) -> u64 {
+        line_of(self.path, self.compression, self.head.skipped + offset)
+    }
+
+    fn ragged(&self, offset: u64, found: usize) -> Error {
+        Error::RaggedRow {
+            path: self.path.into(),
+            line: self.line(offset),
+            found,
+            expected: self.head.columns.len(),
+            delimiter: char::from(self.head.delimiter),
+        }
+    }
+
+    fn bad_cell(&self, offset: u64, record: &csv::ByteRecord, misfit: &Misfit) -> Error {
+        Error::BadCell {
+            path: self.path.into(),
+            line: self.line(offset),
+            column: self.head.columns[misfit.field].name.clone(),
+            expected: misfit.expected,
+            text: shorten(&record[misfit.field]),
+        }
+    }
+
+    fn csv_error(&self, problem: csv::Error, row: u64) -> Error {
+        let text = problem.to_string();
+        let source = match problem.into_kind() {
+            csv::ErrorKind::Io(source) => source,
+            _ => std::io::Error::other(text),
+        };
+        read_error(self.path, self.compression, format!("after row {row}"), source)
+    }
+}
+
+/// Decodes the cells of one column.
+struct Decoder {
+    field: usize,
+    sort: Sort,
+    /// All numbers so far are written as whole ones.
+    whole: bool,
+    /// Some value was there.
+    any: bool,
+    /// Texts in the order in which they came.
+    codes: HashMap<Vec<u8>, usize>,
+}
+
+impl Decoder {
+    fn new(field: usize, sort: Sort) -> Self {
+        Self { field, sort, whole: true, any: false, codes: HashMap::new() }
+    }
+
+    fn cell(&mut self, cell: &[u8], decimal_comma: bool) -> Result<f64, Misfit> {
+        match self.sort {
+            Sort::Number => match number(cell, decimal_comma) {
+                Cell::Number(value) => {
+                    self.any = true;
+                    self.whole = self.whole && is_whole(cell);
+                    Ok(value)
+                }
+                Cell::Missing => Ok(f64::NAN),
+                Cell::Other => Err(self.misfit("a number")),
+            },
+            _ if is_missing(cell) => Ok(f64::NAN),
+            Sort::Unknown => {
+                self.sort = sort_of(cell, decimal_comma);
+                self.cell(cell, decimal_comma)
+            }
+            Sort::Boolean => {
+                self.any = true;
+                match (boolean(cell), number(cell, false)) {
+                    (Some(truth), _) => Ok(f64::from(u8::from(truth))),
+                    (None, Cell::Number(value)) if value == 0.0 || value == 1.0 => Ok(value),
+                    _ => Err(self.misfit("true or false")),
+                }
+            }
+            Sort::Date => {
+                self.any = true;
+                let stamp = stamp::parse_date(cell.trim_ascii()).ok_or_else(|| self.misfit("a date such as 2011-07-23 13:23:09"))?;
+                Ok(stamp as f64 * 1e-9)
+            }
+            Sort::Text => {
+                self.any = true;
+                let text = cell.trim_ascii();
+                if let Some(&code) = self.codes.get(text) {
+                    return Ok(code as f64);
+                }
+                let code = self.codes.len();
+                self.codes.insert(text.to_vec(), code);
+                Ok(code as f64)
+            }
+        }
+    }
+
+    fn misfit(&self, expected: &'static str) -> Misfit {
+        Misfit { field: self.field, expected }
+    }
+
+    fn finish(self, head: &Head) -> TableColumn {
+        let kind = match self.sort {
+            Sort::Number if self.whole && self.any => ColumnKind::Integer,
+            Sort::Number | Sort::Date | Sort::Unknown => ColumnKind::Float,
+            Sort::Boolean => ColumnKind::Boolean,
+            Sort::Text => {
+                let mut names: Vec<(usize, Vec<u8>)> = self.codes.into_iter().map(|(text, code)| (code, text)).collect();
+                names.sort_unstable();
+                ColumnKind::Category(names.into_iter().map(|(_, text)| String::from_utf8_lossy(&text).into_owned()).collect())
+            }
+        };
+        TableColumn { column: Column { kind, ..head.columns[self.field].clone() }, empty: !self.any }
+    }
+}

@@ -1,0 +1,104 @@
+//! The bytes of a text file: decompressed, and watched.
+
+use std::{
+    cell::Cell,
+    fs::File,
+    io::{self, BufReader, Read},
+    path::Path,
+    rc::Rc,
+};
+
+use crate::{Compression, Error};
+
+/// Bytes that one row may have; more means an unclosed quote or no text at all.
+const MAX_ROW: usize = 64 << 20;
+
+/// Opens a file and decompresses it.
+pub(super) fn open(path: &Path, compression: Compression) -> Result<Box<dyn Read>, Error> {
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
+    let file = File::open(path).map_err(io)?;
+    Ok(match compression {
+        Compression::None => Box::new(file),
+        Compression::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(1 << 16, file))),
+        Compression::Zstd => Box::new(zstd::Decoder::new(file).map_err(io)?),
+    })
+}
+
+/// Reads on and remembers: how much since the last row, and the last byte.
+pub(super) struct Watched<R> {
+    inner: R,
+    shared: Watch,
+}
+
+/// What a [`Watched`] reader saw.
+#[derive(Clone, Default)]
+pub(super) struct Watch {
+    since_row: Rc<Cell<usize>>,
+    last: Rc<Cell<Option<u8>>>,
+}
+
+impl Watch {
+    /// A row is complete.
+    pub(super) fn row(&self) {
+        self.since_row.set(0);
+    }
+
+    /// Whether the bytes so far end with a line.
+    pub(super) fn ends_with_line(&self) -> bool {
+        matches!(self.last.get(), None | Some(b'\n' | b'\r'))
+    }
+}
+
+impl<R: Read> Watched<R> {
+    pub(super) fn new(inner: R) -> (Self, Watch) {
+        let shared = Watch::default();
+        (Self { inner, shared: shared.clone() }, shared)
+    }
+}
+
+impl<R: Read> Read for Watched<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.inner.read(buffer)?;
+        let since = self.shared.since_row.get() + count;
+        self.shared.since_row.set(since);
+        if since > MAX_ROW {
+            let problem = "a row of more than 64 MiB: an unclosed quote, or no text at all";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, problem));
+        }
+        if let Some(&last) = buffer[..count].last() {
+            self.shared.last.set(Some(last));
+        }
+        Ok(count)
+    }
+}
+
+/// What went wrong while reading, as far as the operating system and the decompressors tell.
+pub(super) fn read_error(path: &Path, compression: Compression, place: String, source: io::Error) -> Error {
+    let mend = match (compression, source.kind()) {
+        (Compression::None, io::ErrorKind::InvalidData) => "close the quote, or give the file the extension of what it is",
+        (Compression::None, _) => return Error::Io { path: path.into(), action: "read", source },
+        _ => "the compressed file is cut or damaged: copy it again, or save what is left with `zcat` or `zstdcat`",
+    };
+    Error::Damaged { path: path.into(), place, problem: source.to_string(), mend }
+}
+
+/// The line, from 1, of the row that begins at `offset` or after the blank and comment lines there. Reads the file again: only for messages.
+pub(super) fn line_of(path: &Path, compression: Compression, offset: u64) -> u64 {
+    let Ok(input) = open(path, compression) else { return 0 };
+    let mut line = 1;
+    let mut bytes = BufReader::with_capacity(1 << 16, input).bytes();
+    for byte in bytes.by_ref().take(usize::try_from(offset).unwrap_or(usize::MAX)) {
+        line += u64::from(matches!(byte, Ok(b'\n')));
+    }
+    let mut comment = false;
+    for byte in bytes.map_while(Result::ok) {
+        match byte {
+            b'\n' => (line, comment) = (line + 1, false),
+            b'#' => comment = true,
+            b'\r' => {}
+            _ if comment => {}
+            _ => break,
+        }
+    }
+    line
+}

@@ -1,0 +1,123 @@
+//! Delimited text: sniffed, decoded once into columns.
+
+mod cell;
+mod decode;
+mod head;
+mod input;
+
+use std::{io::Read, ops::Range, path::Path, sync::Arc};
+
+use fleetfoot_data::{Column, ScalarBuffer};
+
+use crate::{
+    Compression, Error, Selection, TimeSpec,
+    error::nearest,
+    parquet::list,
+    recording::Opened,
+    store::{Budget, ColumnStore},
+    table::{Table, TableColumn, TableRows},
+    time_column::{self, Clock},
+};
+use decode::{Plan, TimeField};
+use head::Head;
+
+/// What a file is, as far as its first rows tell.
+pub(crate) struct Description {
+    pub columns: Vec<Column>,
+    pub clock: Option<Clock>,
+    pub notes: Vec<String>,
+}
+
+/// Describes a file by its first rows.
+pub(crate) fn describe(path: &Path, compression: Compression) -> Result<Description, Error> {
+    let (head, _) = head::open(path, compression)?;
+    let clock = time_column::choose(&head.candidates(), &TimeSpec::Auto);
+    let columns = (0..head.columns.len()).map(|c| Column { kind: head.kind(c), ..head.columns[c].clone() }).collect();
+    Ok(Description { columns, clock, notes: head.notes })
+}
+
+/// Decodes the selected columns of a file.
+pub(crate) fn open(path: &Path, compression: Compression, selection: &Selection, budget: &Arc<Budget>) -> Result<Opened, Error> {
+    let (head, stream) = head::open(path, compression)?;
+    let fields = selection.columns.iter().map(|name| find(path, &head, name)).collect::<Result<Vec<_>, _>>()?;
+    let clock = find_clock(path, &head, &selection.time)?;
+    let time = clock.as_ref().map(|clock| TimeField { field: clock.column, unit: clock.unit, sort: head.sorts[clock.column] });
+    let mut notes = head.notes.clone();
+    notes.extend(clock.as_ref().and_then(|clock| clock.assumed.clone()));
+    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
+    let time_column = clock.map(|clock| head.columns[clock.column].name.clone());
+    let plan = Plan { path, compression, head, fields, time };
+    let decoded = decode::decode(plan, stream, budget)?;
+    notes.extend(decoded.notes);
+    let table = CsvTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes })
+}
+
+fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {
+    let mut matching = (0..head.columns.len()).filter(|&c| head.columns[c].name == name);
+    let Some(first) = matching.next() else {
+        let nearest = nearest(name, head.columns.iter().map(|column| column.name.as_str()));
+        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
+    };
+    match matching.count() {
+        0 => Ok(first),
+        more => Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 }),
+    }
+}
+
+fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+    match spec {
+        TimeSpec::Uniform { .. } => return Ok(None),
+        TimeSpec::Column { name, .. } => {
+            find(path, head, name)?;
+        }
+        TimeSpec::Auto => {}
+    }
+    match time_column::choose(&head.candidates(), spec) {
+        Some(clock) => Ok(Some(clock)),
+        None => {
+            let names: Vec<&str> = head.columns.iter().map(|column| column.name.as_str()).collect();
+            Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
+        }
+    }
+}
+
+/// A reader of rows, with the habits of all places that read text.
+fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
+    csv::ReaderBuilder::new()
+        .delimiter(delimiter)
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .buffer_capacity(1 << 16)
+        .from_reader(input)
+}
+
+/// A decoded text file.
+struct CsvTable {
+    store: ColumnStore,
+    columns: Vec<TableColumn>,
+    has_time: bool,
+}
+
+impl Table for CsvTable {
+    fn rows(&self) -> usize {
+        self.store.rows()
+    }
+
+    fn columns(&self) -> &[TableColumn] {
+        &self.columns
+    }
+
+    fn pieces(&self) -> Vec<Range<usize>> {
+        self.store.pieces()
+    }
+
+    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        if self.has_time { self.store.stamps(rows) } else { Ok(Vec::new().into()) }
+    }
+
+    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
+        self.store.values(rows)
+    }
+}

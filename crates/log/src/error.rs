@@ -1,0 +1,249 @@
+//! Errors: each names the file, the place in it, and the mend.
+
+use std::path::PathBuf;
+
+use fleetfoot_data::Cancelled;
+
+/// Why a file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried, as an infinitive.
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// No argument named a file.
+    #[error("no input files: name files, folders or patterns such as runs/*.parquet")]
+    NoFiles,
+    /// A file or pattern that matches nothing.
+    #[error("nothing matches {pattern}{}", hint(nearest, "the nearest name is", "look for a typing error, or a wrong folder"))]
+    NoMatch {
+        /// The argument.
+        pattern: String,
+        /// An existing name close to it.
+        nearest: Option<String>,
+    },
+    /// A pattern that cannot be understood.
+    #[error("{pattern} is not a valid file pattern: {problem}; write * ? [a-z] or ** between slashes")]
+    Pattern {
+        /// The argument.
+        pattern: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A folder without any file of a known format.
+    #[error("{} holds no recording ({}); name the files, or another folder", path.display(), crate::format::KNOWN)]
+    EmptyFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file of an unknown format.
+    #[error("{}: unknown format; the readable ones end in {}: rename or convert the file", path.display(), crate::format::KNOWN)]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The contents are not what the name says.
+    #[error("{}: {problem}; {mend}", path.display())]
+    WrongFormat {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        problem: String,
+        /// What to do.
+        mend: &'static str,
+    },
+    /// A damaged, truncated or lying file.
+    #[error("{}: {place}: {problem}; {mend}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file.
+        place: String,
+        /// What was found.
+        problem: String,
+        /// What to do.
+        mend: &'static str,
+    },
+    /// A column that the file does not have.
+    #[error("{} has no column `{column}`{}", path.display(), hint(nearest, "the nearest name is", "list its columns with `info`"))]
+    MissingColumn {
+        /// The file.
+        path: PathBuf,
+        /// The column asked for.
+        column: String,
+        /// An existing name close to it.
+        nearest: Option<String>,
+    },
+    /// A name that two columns of the file share.
+    #[error("{} has {count} columns named `{column}`: rename them, the name does not say which is meant", path.display())]
+    AmbiguousColumn {
+        /// The file.
+        path: PathBuf,
+        /// The column asked for.
+        column: String,
+        /// How many there are.
+        count: usize,
+    },
+    /// A column whose type cannot become numbers.
+    #[error("{}: column `{column}` has the type {kind}, which is not a number, a truth value, a time or a text: leave it out or convert it", path.display())]
+    UnsupportedColumn {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// Its type in the file.
+        kind: String,
+    },
+    /// A column that means different things in two files.
+    #[error("column `{column}` is {first_is} in {} but {second_is} in {}: make the files agree", first.display(), second.display())]
+    ColumnsDisagree {
+        /// The column.
+        column: String,
+        /// One file.
+        first: PathBuf,
+        /// What it says.
+        first_is: String,
+        /// The other file.
+        second: PathBuf,
+        /// What that says.
+        second_is: String,
+    },
+    /// A text column with too many different texts to be a category.
+    #[error("{}: column `{column}` holds more than {limit} different texts, so it is not a category: leave it out", path.display())]
+    TooManyCategories {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// The most that is accepted.
+        limit: usize,
+    },
+    /// No column can be the clock.
+    #[error("{}: no time column found among {columns}; name it (time column), or give the sampling period (--dt)", path.display())]
+    NoTimeColumn {
+        /// The file.
+        path: PathBuf,
+        /// The columns there are, shortened.
+        columns: String,
+    },
+    /// A sampling period or a gap that is not a positive number.
+    #[error("the {what} must be a positive number of seconds below 1e9, not {seconds}")]
+    BadSeconds {
+        /// What it was for.
+        what: &'static str,
+        /// The value.
+        seconds: f64,
+    },
+    /// No row has a usable stamp.
+    #[error("{}: none of its {rows} rows has a readable stamp in `{column}`; name another time column or its unit", path.display())]
+    NoStamps {
+        /// The file.
+        path: PathBuf,
+        /// Its rows.
+        rows: usize,
+        /// The time column.
+        column: String,
+    },
+    /// A file without rows.
+    #[error("{} has no rows: leave it out", path.display())]
+    NoRows {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A text row with the wrong number of fields.
+    #[error("{}:{line}: {found} fields where the header has {expected}; mend the line, or quote fields that contain the delimiter `{delimiter}`", path.display())]
+    RaggedRow {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// Fields found.
+        found: usize,
+        /// Fields of the header.
+        expected: usize,
+        /// The delimiter in use.
+        delimiter: char,
+    },
+    /// A text cell that cannot be read as what the column holds.
+    #[error("{}:{line}: column `{column}` should hold {expected}, but the cell is `{text}`; mend it, or leave it empty to mark it missing", path.display())]
+    BadCell {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What the column holds.
+        expected: &'static str,
+        /// The cell, shortened.
+        text: String,
+    },
+    /// The same data twice in one recording.
+    #[error("{first} and {second} hold the same data: remove one, or a fit counts it twice")]
+    Duplicate {
+        /// An episode.
+        first: String,
+        /// Its copy.
+        second: String,
+    },
+    /// An output that is also an input.
+    #[error("{} is an input of this very command: choose another output file", path.display())]
+    OverwritesInput {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Columns handed to a writer that do not fit what it was made for.
+    #[error("{}: {problem}", path.display())]
+    BadBatch {
+        /// The file being written.
+        path: PathBuf,
+        /// What does not fit.
+        problem: String,
+    },
+    /// The user stopped the work.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<Error> for fleetfoot_data::Error {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            error => Self::Read(Box::new(error)),
+        }
+    }
+}
+
+/// `; <with> <name>` when there is a name, else `; <without>`.
+fn hint(nearest: &Option<String>, with: &str, without: &str) -> String {
+    match nearest {
+        Some(name) => format!("; {with} `{name}`"),
+        None => format!("; {without}"),
+    }
+}
+
+/// The name nearest to `wanted`, when one is near enough to be a slip.
+pub(crate) fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    let folded = wanted.to_lowercase();
+    let mut best: Option<(f64, &str)> = None;
+    for name in names {
+        let score = strsim::jaro_winkler(&folded, &name.to_lowercase());
+        if score > best.map_or(0.7, |(score, _)| score) {
+            best = Some((score, name));
+        }
+    }
+    best.map(|(_, name)| name.to_owned())
+}
+
+/// A text for a message: one line, at most 60 characters.
+pub(crate) fn shorten(bytes: &[u8]) -> String {
+    let text: String = String::from_utf8_lossy(&bytes[..bytes.len().min(240)]).chars().flat_map(char::escape_debug).collect();
+    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
+}

@@ -1,0 +1,252 @@
+//! Bytes and values of one column chunk.
+
+use std::{
+    fs::File,
+    io::{self, Read},
+    sync::Arc,
+};
+
+use bytes::Bytes;
+use parquet::{
+    column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader},
+    data_type::{BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type, Int96Type},
+    errors::{ParquetError, Result},
+    file::{
+        metadata::ColumnChunkMetaData,
+        page_index::offset_index::PageLocation,
+        reader::{ChunkReader, Length},
+        serialized_reader::SerializedPageReader,
+    },
+    schema::types::ColumnDescPtr,
+};
+
+use super::leaf::{Meaning, Rule, Word, decimal_bytes, half, int96_nanoseconds};
+use crate::file_io::read_exact_at;
+
+/// A file read at offsets.
+#[derive(Debug)]
+pub(super) struct FileBytes {
+    pub file: Arc<File>,
+    pub length: u64,
+}
+
+impl Length for FileBytes {
+    fn len(&self) -> u64 {
+        self.length
+    }
+}
+
+impl ChunkReader for FileBytes {
+    type T = HeaderReader;
+
+    fn get_read(&self, start: u64) -> Result<HeaderReader> {
+        // Used for page headers only: they are short, and a few KiB at once cost no more than a few bytes.
+        let length = self.length.saturating_sub(start).min(2048) as usize;
+        let rest = HeaderReader { buffer: self.get_bytes(start, length)?, at: 0, next: start + length as u64, file: self.file.clone() };
+        Ok(rest)
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
+        if start.checked_add(length as u64).is_none_or(|end| end > self.length) {
+            return Err(ParquetError::EOF(format!("{length} bytes at {start} lie outside the file of {} bytes", self.length)));
+        }
+        let mut buffer = vec![0; length];
+        read_exact_at(&self.file, &mut buffer, start)?;
+        Ok(buffer.into())
+    }
+}
+
+/// Reads on from an offset; the first bytes are there already.
+#[derive(Debug)]
+pub(super) struct HeaderReader {
+    buffer: Bytes,
+    at: usize,
+    next: u64,
+    file: Arc<File>,
+}
+
+impl Read for HeaderReader {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.at == self.buffer.len() {
+            // A header with long statistics.
+            let mut more = vec![0; 16 << 10];
+            let read = read_some_at(&self.file, &mut more, self.next)?;
+            more.truncate(read);
+            self.next += read as u64;
+            (self.buffer, self.at) = (more.into(), 0);
+        }
+        let count = out.len().min(self.buffer.len() - self.at);
+        out[..count].copy_from_slice(&self.buffer[self.at..self.at + count]);
+        self.at += count;
+        Ok(count)
+    }
+}
+
+fn read_some_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
+    let left = file.metadata()?.len().saturating_sub(offset);
+    let count = usize::try_from(left).unwrap_or(usize::MAX).min(buffer.len());
+    read_exact_at(file, &mut buffer[..count], offset)?;
+    Ok(count)
+}
+
+/// Decodes one column chunk from its first row on.
+pub(super) struct ChunkDecoder {
+    values: Values,
+    levels: Vec<i16>,
+    full_level: i16,
+}
+
+enum Values {
+    Bool(ColumnReaderImpl<BoolType>, Vec<bool>),
+    Int32(ColumnReaderImpl<Int32Type>, Vec<i32>),
+    Int64(ColumnReaderImpl<Int64Type>, Vec<i64>),
+    Int96(ColumnReaderImpl<Int96Type>, Vec<parquet::data_type::Int96>),
+    Float(ColumnReaderImpl<FloatType>, Vec<f32>),
+    Double(ColumnReaderImpl<DoubleType>, Vec<f64>),
+    Bytes(ColumnReaderImpl<ByteArrayType>, Vec<parquet::data_type::ByteArray>),
+    Fixed(ColumnReaderImpl<FixedLenByteArrayType>, Vec<parquet::data_type::FixedLenByteArray>),
+}
+
+impl ChunkDecoder {
+    /// A decoder of a chunk of `rows` rows; `pages` are its page locations when the file has an offset index.
+    pub(super) fn new(
+        file: Arc<FileBytes>,
+        chunk: &ColumnChunkMetaData,
+        descriptor: ColumnDescPtr,
+        rows: usize,
+        pages: Option<Vec<PageLocation>>,
+    ) -> Result<Self> {
+        let full_level = descriptor.max_def_level();
+        let pages = SerializedPageReader::new(file, chunk, rows, pages)?;
+        let values = match get_column_reader(descriptor, Box::new(pages)) {
+            ColumnReader::BoolColumnReader(reader) => Values::Bool(reader, Vec::new()),
+            ColumnReader::Int32ColumnReader(reader) => Values::Int32(reader, Vec::new()),
+            ColumnReader::Int64ColumnReader(reader) => Values::Int64(reader, Vec::new()),
+            ColumnReader::Int96ColumnReader(reader) => Values::Int96(reader, Vec::new()),
+            ColumnReader::FloatColumnReader(reader) => Values::Float(reader, Vec::new()),
+            ColumnReader::DoubleColumnReader(reader) => Values::Double(reader, Vec::new()),
+            ColumnReader::ByteArrayColumnReader(reader) => Values::Bytes(reader, Vec::new()),
+            ColumnReader::FixedLenByteArrayColumnReader(reader) => Values::Fixed(reader, Vec::new()),
+        };
+        Ok(Self { values, levels: Vec::new(), full_level })
+    }
+
+    /// Skips rows.
+    pub(super) fn skip(&mut self, rows: usize) -> Result<()> {
+        let skipped = match &mut self.values {
+            Values::Bool(reader, _) => reader.skip_records(rows),
+            Values::Int32(reader, _) => reader.skip_records(rows),
+            Values::Int64(reader, _) => reader.skip_records(rows),
+            Values::Int96(reader, _) => reader.skip_records(rows),
+            Values::Float(reader, _) => reader.skip_records(rows),
+            Values::Double(reader, _) => reader.skip_records(rows),
+            Values::Bytes(reader, _) => reader.skip_records(rows),
+            Values::Fixed(reader, _) => reader.skip_records(rows),
+        }?;
+        enough(skipped, rows)
+    }
+
+    /// Appends the next rows, converted.
+    pub(super) fn read<W: Word>(&mut self, rows: usize, rule: &Rule, out: &mut Vec<W>) -> Result<()> {
+        let Self { values, levels, full_level } = self;
+        let full = *full_level;
+        match values {
+            Values::Bool(reader, buffer) => pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(i64::from(value), rule)),
+            Values::Int32(reader, buffer) => {
+                let unsigned = matches!(rule.meaning, Meaning::Integer { unsigned: true });
+                let widen = |value: i32| if unsigned { i64::from(value as u32) } else { i64::from(value) };
+                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(widen(value), rule))
+            }
+            Values::Int64(reader, buffer) => pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(value, rule)),
+            Values::Int96(reader, buffer) => {
+                pull(reader, rows, full, levels, buffer, out, |value| W::from_int(int96_nanoseconds(value), rule))
+            }
+            Values::Float(reader, buffer) => pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(f64::from(value), rule)),
+            Values::Double(reader, buffer) => match W::as_doubles(out) {
+                Some(doubles) => pull_doubles(reader, rows, full, levels, doubles),
+                None => pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(value, rule)),
+            },
+            Values::Bytes(reader, buffer) => match rule.meaning {
+                Meaning::Decimal { scale } => {
+                    pull(reader, rows, full, levels, buffer, out, |value| W::from_float(decimal_bytes(value.data(), scale), rule))
+                }
+                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_text(value.data(), rule)),
+            },
+            Values::Fixed(reader, buffer) => match rule.meaning {
+                Meaning::Decimal { scale } => {
+                    pull(reader, rows, full, levels, buffer, out, |value| W::from_float(decimal_bytes(value.data(), scale), rule))
+                }
+                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_float(half(value.data()), rule)),
+            },
+        }
+    }
+
+    /// The non-null texts of the next rows.
+    pub(super) fn texts(&mut self, rows: usize, mut each: impl FnMut(&[u8])) -> Result<()> {
+        let Values::Bytes(reader, buffer) = &mut self.values else {
+            return Err(ParquetError::General("not a column of texts".into()));
+        };
+        buffer.clear();
+        self.levels.clear();
+        let levels = (self.full_level > 0).then_some(&mut self.levels);
+        let (read, _, _) = reader.read_records(rows, levels, None, buffer)?;
+        buffer.iter().for_each(|text| each(text.data()));
+        enough(read, rows)
+    }
+}
+
+fn enough(found: usize, wanted: usize) -> Result<()> {
+    if found == wanted { Ok(()) } else { Err(ParquetError::EOF(format!("{} rows are missing", wanted.saturating_sub(found)))) }
+}
+
+/// Reads rows and appends them converted; nulls become [`Word::NONE`].
+fn pull<T: DataType, W: Word>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    full_level: i16,
+    levels: &mut Vec<i16>,
+    buffer: &mut Vec<T::T>,
+    out: &mut Vec<W>,
+    convert: impl Fn(&T::T) -> W,
+) -> Result<()> {
+    buffer.clear();
+    levels.clear();
+    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, buffer)?;
+    enough(read, rows)?;
+    if present == read {
+        out.extend(buffer.iter().map(convert));
+        return Ok(());
+    }
+    let mut values = buffer.iter();
+    out.extend(levels.iter().map(|&level| if level == full_level { values.next().map_or(W::NONE, &convert) } else { W::NONE }));
+    Ok(())
+}
+
+/// Doubles go straight to where they are wanted; the columns of a log rarely have nulls, and then there is nothing more to do.
+fn pull_doubles(
+    reader: &mut ColumnReaderImpl<DoubleType>,
+    rows: usize,
+    full_level: i16,
+    levels: &mut Vec<i16>,
+    out: &mut Vec<f64>,
+) -> Result<()> {
+    let start = out.len();
+    levels.clear();
+    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, out)?;
+    enough(read, rows)?;
+    if present == read {
+        return Ok(());
+    }
+    // The values stand together at the front: spread them from the back, so that none is overwritten before it has moved.
+    let mut from = out.len();
+    out.resize(start + rows, f64::NAN);
+    for (place, &level) in levels.iter().enumerate().rev() {
+        out[start + place] = if level == full_level {
+            from -= 1;
+            out[from]
+        } else {
+            f64::NAN
+        };
+    }
+    Ok(())
+}

@@ -1,0 +1,327 @@
+//! Opening Parquet files: metadata, wanted columns, the clock, and the names of categories.
+
+use std::{
+    collections::BTreeSet,
+    fs::File,
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    sync::Arc,
+};
+
+use fleetfoot_data::{Column, ColumnKind, Silent, parallel_map};
+use parquet::{
+    arrow::parquet_to_arrow_schema,
+    errors::ParquetError,
+    file::{
+        metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
+        page_index::offset_index::PageLocation,
+    },
+};
+
+use super::{
+    Cursors, ParquetFile, ParquetTable,
+    chunk::FileBytes,
+    damaged, footer,
+    leaf::{Leaf, Meaning, Rule, leaves},
+};
+use crate::{
+    Error, Selection, TimeSpec, TimeUnit,
+    error::nearest,
+    recording::Opened,
+    stamp,
+    table::{MISSING, TableColumn},
+    time_column::{self, Candidate, CandidateKind, Clock},
+};
+
+/// Different texts that a category may have.
+pub(crate) const MAX_CATEGORIES: usize = 65_536;
+/// Rows looked at to recognise the clock.
+const SAMPLE: usize = 1000;
+/// Rows decoded at a time when texts are collected.
+const BATCH: usize = 8192;
+/// More rows than any log has; a count beyond it is a lie.
+const MAX_ROWS: usize = 1 << 40;
+
+/// What a file is, without reading its rows.
+pub(crate) struct Description {
+    pub rows: usize,
+    /// All leaves: column and the type's word; `Err` holds the type of an unsupported one.
+    pub columns: Vec<(Column, Result<(), String>)>,
+    pub clock: Option<Clock>,
+}
+
+/// Describes a file: columns, rows, clock.
+pub(crate) fn describe(path: &Path) -> Result<Description, Error> {
+    let (file, leaves) = load(path)?;
+    let rows = check_rows(&file)?.0;
+    let (candidates, clock) = find_clock(&file, &leaves, &TimeSpec::Auto)?;
+    debug_assert_eq!(candidates.len(), leaves.len());
+    let columns = leaves
+        .iter()
+        .map(|leaf| {
+            let support = match &leaf.meaning {
+                Meaning::Unsupported(kind) => Err(kind.clone()),
+                _ => Ok(()),
+            };
+            (Column { name: leaf.name.clone(), unit: leaf.unit.clone(), kind: leaf.kind() }, support)
+        })
+        .collect();
+    Ok(Description { rows, columns, clock })
+}
+
+/// Opens a file for reading the selected columns.
+pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -> Result<Opened, Error> {
+    let (file, all) = load(path)?;
+    let (rows, starts) = check_rows(&file)?;
+    let mut columns = Vec::with_capacity(selection.columns.len());
+    let mut wanted = Vec::with_capacity(selection.columns.len());
+    for name in &selection.columns {
+        let leaf = find(path, &all, name)?;
+        check_chunks(&file, leaf)?;
+        let mut rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
+        let mut kind = leaf.kind();
+        let mut empty = false;
+        if leaf.meaning == Meaning::Text {
+            rule.names = collect_texts(&file, leaf)?;
+            empty = rule.names.is_empty();
+            kind = ColumnKind::Category(rule.names.clone());
+        }
+        columns.push(TableColumn { column: Column { name: name.clone(), unit: leaf.unit.clone(), kind }, empty });
+        wanted.push((leaf.index, rule));
+    }
+    let (time, clock) = open_clock(&file, &all, &selection.time)?;
+    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
+    let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
+    let time_column = clock.map(|clock| all[clock.column].name.clone());
+    let table = ParquetTable { file, cursors: cursors.clone(), number: cursors.new_file(), rows, starts, columns, time, leaves: wanted };
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes })
+}
+
+type TimeRule = Option<(usize, Rule)>;
+
+fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(TimeRule, Option<Clock>), Error> {
+    if matches!(spec, TimeSpec::Uniform { .. }) {
+        return Ok((None, None));
+    }
+    if let TimeSpec::Column { name, .. } = spec {
+        let leaf = find(&file.path, all, name)?;
+        check_chunks(file, leaf)?;
+    }
+    let (_, clock) = find_clock(file, all, spec)?;
+    let Some(clock) = clock else {
+        let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
+        return Err(Error::NoTimeColumn { path: file.path.clone(), columns: list(&names) });
+    };
+    let leaf = &all[clock.column];
+    check_chunks(file, leaf)?;
+    let rule = Rule { meaning: leaf.meaning.clone(), unit: clock.unit, names: Vec::new() };
+    Ok((Some((leaf.index, rule)), Some(clock)))
+}
+
+/// A few names for a message.
+pub(crate) fn list(names: &[&str]) -> String {
+    let shown = names.iter().take(12).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
+}
+
+fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {
+    let mut matching = all.iter().filter(|leaf| leaf.name == name);
+    let Some(leaf) = matching.next() else {
+        let nearest = nearest(name, all.iter().map(|leaf| leaf.name.as_str()));
+        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
+    };
+    let more = matching.count();
+    if more > 0 {
+        return Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 });
+    }
+    match &leaf.meaning {
+        Meaning::Unsupported(kind) => Err(Error::UnsupportedColumn { path: path.into(), column: name.into(), kind: kind.clone() }),
+        _ => Ok(leaf),
+    }
+}
+
+fn load(path: &Path) -> Result<(ParquetFile, Vec<Leaf>), Error> {
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
+    let file = File::open(path).map_err(io)?;
+    let info = file.metadata().map_err(io)?;
+    let length = info.len();
+    let bytes = footer::read(path, &file, length)?;
+    let metadata = caught(|| ParquetMetaDataReader::decode_metadata(&bytes)).map_err(|problem| damaged(path, "its footer", problem))?;
+    let metadata = Arc::new(with_pages(metadata, &FileBytes { file: Arc::new(file), length }));
+    let schema = metadata.file_metadata();
+    // The Arrow schema only adds units; a file without a valid one is read without them.
+    let arrow = caught(|| parquet_to_arrow_schema(schema.schema_descr(), schema.key_value_metadata())).ok();
+    let leaves = leaves(schema.schema_descr(), arrow.as_ref().map(|schema| schema.fields()));
+    let file = ParquetFile { path: path.into(), metadata: metadata.clone(), length, modified: info.modified().ok() };
+    Ok((file, leaves))
+}
+
+/// The metadata with the offset index, which tells where pages are, when the file has a sound one.
+fn with_pages(metadata: ParquetMetaData, file: &FileBytes) -> ParquetMetaData {
+    // The index is an aid: without it, page headers are walked.
+    let indexed = caught(|| {
+        let mut reader = ParquetMetaDataReader::new_with_metadata(metadata.clone())
+            .with_column_index_policy(PageIndexPolicy::Skip)
+            .with_offset_index_policy(PageIndexPolicy::Optional);
+        reader.read_page_indexes(file)?;
+        reader.finish()
+    });
+    indexed.unwrap_or(metadata)
+}
+
+/// Runs a decoder of the `parquet` crate; errors and panics become a text.
+fn caught<R>(work: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, String> {
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(result) => result.map_err(|error| error.to_string()),
+        Err(_) => Err("it cannot be decoded".into()),
+    }
+}
+
+/// The page locations of a chunk, when they make sense.
+pub(super) fn page_locations(metadata: &ParquetMetaData, group: usize, leaf: usize) -> Option<Vec<PageLocation>> {
+    let pages = metadata.offset_index()?.get(group)?.get(leaf)?.page_locations();
+    let chunk = metadata.row_group(group);
+    let (start, length) = chunk.column(leaf).byte_range();
+    let end = start.checked_add(length)?;
+    let (mut offset, mut row) = (start, -1);
+    for page in pages {
+        let at = u64::try_from(page.offset).ok()?;
+        let size = u64::try_from(page.compressed_page_size).ok()?;
+        if at < offset || at.checked_add(size)? > end || page.first_row_index <= row {
+            return None;
+        }
+        (offset, row) = (at + size, page.first_row_index);
+    }
+    let first = pages.first()?;
+    let sound = first.first_row_index == 0 && row < chunk.num_rows() && first.offset as u64 - start <= i32::MAX as u64;
+    sound.then(|| pages.clone())
+}
+
+/// All rows, and the first row of each row group.
+fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
+    let mut starts = Vec::with_capacity(file.metadata.num_row_groups());
+    let mut rows = 0usize;
+    for (number, group) in file.metadata.row_groups().iter().enumerate() {
+        starts.push(rows);
+        let own = usize::try_from(group.num_rows()).ok().filter(|&own| own <= MAX_ROWS);
+        rows = own
+            .and_then(|own| rows.checked_add(own))
+            .filter(|&rows| rows <= MAX_ROWS)
+            .ok_or_else(|| damaged(&file.path, format!("row group {number}"), format!("it claims {} rows", group.num_rows())))?;
+    }
+    Ok((rows, starts))
+}
+
+/// The chunks of a leaf lie inside the file and have as many values as the row group has rows.
+fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error> {
+    for (number, group) in file.metadata.row_groups().iter().enumerate() {
+        let place = || format!("column `{}`, row group {number}", leaf.name);
+        let Some(chunk) = group.columns().get(leaf.index) else {
+            return Err(damaged(&file.path, place(), "it is not there"));
+        };
+        if chunk.num_values() != group.num_rows() {
+            let problem = format!("{} values in a group of {} rows", chunk.num_values(), group.num_rows());
+            return Err(damaged(&file.path, place(), problem));
+        }
+        let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset());
+        let range = u64::try_from(start).ok().zip(u64::try_from(chunk.compressed_size()).ok());
+        if range.and_then(|(start, length)| start.checked_add(length)).is_none_or(|end| end > file.length) {
+            let problem = format!("{} bytes at {start} lie outside the file of {} bytes", chunk.compressed_size(), file.length);
+            return Err(damaged(&file.path, place(), problem));
+        }
+    }
+    Ok(())
+}
+
+/// The sorted different texts of a column.
+fn collect_texts(file: &ParquetFile, leaf: &Leaf) -> Result<Vec<String>, Error> {
+    let bytes = file.reopen()?;
+    let groups = parallel_map(file.metadata.num_row_groups(), &Silent, |group| {
+        let mut decoder = file.decoder(&bytes, leaf.index, group)?;
+        let mut texts: BTreeSet<Vec<u8>> = BTreeSet::new();
+        let (mut row, rows) = (0, file.group_rows(group));
+        while row < rows {
+            let count = BATCH.min(rows - row);
+            file.guarded(leaf.index, group, || {
+                decoder.texts(count, |text| {
+                    if texts.len() <= MAX_CATEGORIES && !texts.contains(text) {
+                        texts.insert(text.to_vec());
+                    }
+                })
+            })?;
+            row += count;
+        }
+        Ok::<_, Error>(texts)
+    })?;
+    let all: BTreeSet<Vec<u8>> = groups.into_iter().flatten().collect();
+    if all.len() > MAX_CATEGORIES {
+        return Err(Error::TooManyCategories { path: file.path.clone(), column: leaf.name.clone(), limit: MAX_CATEGORIES });
+    }
+    let texts: Result<Vec<String>, _> = all.into_iter().map(String::from_utf8).collect();
+    texts.map_err(|_| damaged(&file.path, format!("column `{}`", leaf.name), "its texts are not UTF-8"))
+}
+
+/// The clock among all leaves. Values are sampled only where the choice needs them.
+fn find_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(Vec<Candidate>, Option<Clock>), Error> {
+    let mut candidates: Vec<Candidate> = all.iter().map(bare_candidate).collect();
+    for (candidate, leaf) in candidates.iter_mut().zip(all) {
+        // Dates may be texts; a look at the first few tells.
+        if leaf.meaning == Meaning::Text && sample_dates(file, leaf) {
+            candidate.kind = CandidateKind::Time;
+        }
+    }
+    if let Some(clock) = time_column::choose(&candidates, spec) {
+        candidates[clock.column].sample = sample(file, &all[clock.column]);
+    } else {
+        for (candidate, leaf) in candidates.iter_mut().zip(all) {
+            if candidate.kind != CandidateKind::Other {
+                candidate.sample = sample(file, leaf);
+            }
+        }
+    }
+    let clock = time_column::choose(&candidates, spec);
+    Ok((candidates, clock))
+}
+
+fn bare_candidate(leaf: &Leaf) -> Candidate {
+    let kind = match leaf.meaning {
+        Meaning::Float | Meaning::Decimal { .. } => CandidateKind::Float,
+        Meaning::Integer { .. } => CandidateKind::Integer,
+        Meaning::Time { .. } => CandidateKind::Time,
+        _ => CandidateKind::Other,
+    };
+    Candidate { name: leaf.name.clone(), unit: leaf.unit.clone(), kind, sample: Vec::new() }
+}
+
+/// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.
+fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
+    let rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
+    if leaf.meaning == Meaning::Text {
+        let mut stamps: Vec<i64> = Vec::new();
+        first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut stamps));
+        return stamps.iter().map(|&stamp| if stamp == MISSING { f64::NAN } else { stamp as f64 * 1e-9 }).collect();
+    }
+    let mut values: Vec<f64> = Vec::new();
+    first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut values));
+    values
+}
+
+fn sample_dates(file: &ParquetFile, leaf: &Leaf) -> bool {
+    let (mut dates, mut others) = (0, 0);
+    first_rows(file, leaf, |decoder, rows| {
+        decoder.texts(rows.min(8), |text| *if stamp::parse_date(text.trim_ascii()).is_some() { &mut dates } else { &mut others } += 1)
+    });
+    dates > others
+}
+
+fn first_rows(file: &ParquetFile, leaf: &Leaf, work: impl FnOnce(&mut super::ChunkDecoder, usize) -> Result<(), ParquetError>) {
+    if file.metadata.num_row_groups() == 0 || check_chunks(file, leaf).is_err() {
+        return;
+    }
+    let rows = SAMPLE.min(file.group_rows(0));
+    let Ok(bytes) = file.reopen() else { return };
+    if let Ok(mut decoder) = file.decoder(&bytes, leaf.index, 0) {
+        // A failure here leaves the sample empty.
+        let _ = file.guarded(leaf.index, 0, || work(&mut decoder, rows));
+    }
+}

@@ -1,0 +1,429 @@
+//! A recording: the episodes of many files behind one source.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use arrow_buffer::ArrowNativeType;
+use fleetfoot_data::{Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer, Silent, Source, parallel_map};
+
+use crate::{
+    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec,
+    column_set::{self, ColumnSet},
+    csv, index,
+    index::{FileIndex, Span},
+    parquet,
+    paths::distinct,
+    row_mask::RowMask,
+    store::Budget,
+    table::{Table, TableRows},
+};
+
+/// Files opened for reading: their episodes, and rows on demand.
+///
+/// Episodes stand in the order of the files' paths and, within a file, of its rows. A file begins an episode; so does a stamp before its
+/// predecessor, and a gap larger than [`Selection::max_gap`] allows. Rows with the very stamp of their predecessor and rows without a readable
+/// stamp are left out and counted in [`Recording::notes`].
+pub struct Recording {
+    columns: Vec<Column>,
+    episodes: Vec<Episode>,
+    places: Vec<Place>,
+    files: Vec<RecordedFile>,
+    notes: Vec<String>,
+    dt: Option<f64>,
+}
+
+impl std::fmt::Debug for Recording {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let files: Vec<&Path> = self.files.iter().map(|file| file.path.as_path()).collect();
+        f.debug_struct("Recording").field("files", &files).field("columns", &self.columns).field("episodes", &self.episodes).finish()
+    }
+}
+
+/// Where an episode's rows are.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    file: usize,
+    /// Its first row, counted over the used rows of the file.
+    first: usize,
+}
+
+struct RecordedFile {
+    path: PathBuf,
+    table: Box<dyn Table>,
+    mask: RowMask,
+    clock: ClockSummary,
+    /// For each column: this file's category codes to the recording's.
+    recode: Vec<Option<Vec<f64>>>,
+}
+
+/// What opening a file gives: its table and what had to be assumed.
+pub(crate) struct Opened {
+    pub table: Box<dyn Table>,
+    /// The unit that was assumed for whole-number stamps: it must be the same in all files.
+    pub assumed_unit: Option<crate::TimeUnit>,
+    pub time_column: Option<String>,
+    pub notes: Vec<String>,
+}
+
+/// Opens files as one recording. See [`open_with_progress`].
+pub fn open<P: AsRef<Path>>(paths: &[P], selection: &Selection) -> Result<Recording, Error> {
+    open_with_progress(paths, selection, &Silent)
+}
+
+/// Opens files as one recording: reads their headers and stamps (text files wholly), finds the episodes and their identities.
+///
+/// The order of `paths` does not matter, and a file named twice counts once.
+///
+/// # Errors
+/// Unreadable, damaged or empty files, missing or unsuitable columns, files that disagree about a column, no clock, and the same data twice.
+pub fn open_with_progress<P: AsRef<Path>>(paths: &[P], selection: &Selection, progress: &dyn Progress) -> Result<Recording, Error> {
+    let paths = distinct(paths.iter().map(|path| path.as_ref().to_path_buf()).collect());
+    if paths.is_empty() {
+        return Err(Error::NoFiles);
+    }
+    check(selection)?;
+    let selection = Selection { columns: without_repeats(&selection.columns), ..selection.clone() };
+    let budget = Arc::new(Budget::new(selection.memory_budget));
+    let cache = Arc::new(parquet::Cursors::new(selection.columns.len() + 1));
+
+    progress.stage("opening files");
+    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache))?;
+    agree_on_units(&paths, &opened)?;
+    let tables: Vec<_> = paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
+    let ColumnSet { columns, recode } = column_set::join(&tables)?;
+
+    progress.stage("finding episodes");
+    let inner = Quiet { outer: progress };
+    let indices = parallel_map(paths.len(), progress, |i| index_file(&paths[i], &opened[i], &selection, &inner))?;
+
+    let mut recording = Recording {
+        columns,
+        episodes: Vec::new(),
+        places: Vec::new(),
+        files: Vec::with_capacity(paths.len()),
+        notes: Vec::new(),
+        dt: match selection.time {
+            TimeSpec::Uniform { dt_seconds } => Some(dt_seconds),
+            _ => None,
+        },
+    };
+    let mut spans = Vec::new();
+    let mut told = Notes::default();
+    for (((path, opened), FileIndex { mask, spans: own, clock }), recode) in paths.into_iter().zip(opened).zip(indices).zip(recode) {
+        told.add_file(&path, &opened.notes, &clock, &own);
+        let file = recording.files.len();
+        spans.extend(own.into_iter().map(|span| (file, span)));
+        recording.files.push(RecordedFile { path, table: opened.table, mask, clock, recode });
+    }
+    recording.notes = told.finish();
+    recording.add_episodes(spans, &selection.label_rules, progress)?;
+    if !selection.allow_duplicates {
+        refuse_duplicates(&recording.episodes)?;
+    }
+    Ok(recording)
+}
+
+fn check(selection: &Selection) -> Result<(), Error> {
+    let positive = |what, seconds: f64| if seconds > 0.0 && seconds < 1e9 { Ok(()) } else { Err(Error::BadSeconds { what, seconds }) };
+    if let TimeSpec::Uniform { dt_seconds } = selection.time {
+        positive("sampling period", dt_seconds)?;
+    }
+    if let MaxGap::Seconds(seconds) = selection.max_gap {
+        positive("largest gap", seconds)?;
+    }
+    for rule in &selection.label_rules {
+        glob::Pattern::new(&rule.pattern)
+            .map_err(|problem| Error::Pattern { pattern: rule.pattern.clone(), problem: problem.to_string() })?;
+    }
+    Ok(())
+}
+
+fn without_repeats(names: &[String]) -> Vec<String> {
+    let mut seen = BTreeSet::new();
+    names.iter().filter(|name| seen.insert(name.as_str())).cloned().collect()
+}
+
+fn open_file(path: &Path, selection: &Selection, budget: &Arc<Budget>, cache: &Arc<parquet::Cursors>) -> Result<Opened, Error> {
+    match Format::of(path) {
+        Some(Format::Parquet) => parquet::open(path, selection, cache),
+        Some(Format::Csv(compression)) => csv::open(path, compression, selection, budget),
+        None => Err(Error::UnknownFormat { path: path.into() }),
+    }
+}
+
+/// Guessed units must be the same everywhere: two guesses that differ mean that one is wrong.
+fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
+    let mut guesses = paths.iter().zip(opened).filter_map(|(path, opened)| Some((path, opened.time_column.clone()?, opened.assumed_unit?)));
+    let Some((first, column, unit)) = guesses.next() else { return Ok(()) };
+    for (path, _, other) in guesses {
+        if other != unit {
+            let says = |unit: crate::TimeUnit| format!("in {} as far as its whole numbers tell", unit.symbol());
+            return Err(Error::ColumnsDisagree {
+                column,
+                first: first.clone(),
+                first_is: says(unit),
+                second: path.clone(),
+                second_is: format!("{} (or name the unit of the time column)", says(other)),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn index_file(path: &Path, opened: &Opened, selection: &Selection, progress: &dyn Progress) -> Result<FileIndex, Error> {
+    let table = opened.table.as_ref();
+    if table.rows() == 0 {
+        return Err(Error::NoRows { path: path.into() });
+    }
+    if let TimeSpec::Uniform { dt_seconds } = selection.time {
+        return index::uniform(path, table.rows(), dt_seconds);
+    }
+    let index = index::build(table, selection.max_gap, progress)?;
+    if index.spans.is_empty() {
+        let column = opened.time_column.clone().unwrap_or_default();
+        return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
+    }
+    Ok(index)
+}
+
+/// Hands on the wish to stop, and no counts: those of inner work would mix with the outer ones.
+struct Quiet<'a> {
+    outer: &'a dyn Progress,
+}
+
+impl Progress for Quiet<'_> {
+    fn advance(&self, _units: usize, _total: usize) {}
+
+    fn cancelled(&self) -> bool {
+        self.outer.cancelled()
+    }
+}
+
+impl Recording {
+    /// What a person should know: assumptions made, rows left out, how files were cut.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The files, in the order of their episodes, with what their stamps look like.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &ClockSummary)> {
+        self.files.iter().map(|file| (file.path.as_path(), &file.clock))
+    }
+
+    fn add_episodes(&mut self, spans: Vec<(usize, Span)>, rules: &[LabelRule], progress: &dyn Progress) -> Result<(), Error> {
+        let names = episode_names(&self.files, &spans);
+        let mut fingerprints = Vec::with_capacity(spans.len());
+        for ((file, span), name) in spans.into_iter().zip(names) {
+            let path = &self.files[file].path;
+            self.places.push(Place { file, first: span.first });
+            self.episodes.push(Episode {
+                id: EpisodeId(0),
+                labels: labels(rules, path, &name),
+                name,
+                file: Some(path.clone()),
+                rows: span.rows,
+                start: span.start,
+                end: span.end,
+                period: span.period,
+            });
+            fingerprints.push(span.fingerprint);
+        }
+        progress.stage("identifying episodes");
+        let texts: Vec<Option<Vec<f64>>> = self.columns.iter().map(|column| category_digests(&column.kind)).collect();
+        let ids = parallel_map(fingerprints.len(), progress, |e| self.identify(e, fingerprints[e].clone(), &texts))?;
+        for (episode, id) in self.episodes.iter_mut().zip(ids) {
+            episode.id = id;
+        }
+        Ok(())
+    }
+
+    /// Finishes an episode's fingerprint with samples of its values. Categories go in by name: their codes depend on the other files.
+    fn identify(&self, episode: usize, mut fingerprint: Fingerprint, texts: &[Option<Vec<f64>>]) -> Result<EpisodeId, Error> {
+        for rows in Fingerprint::sampled_rows(self.episodes[episode].rows) {
+            let mut block = self.read_block(episode, rows, Halo::default())?;
+            for (column, digests) in block.columns.iter_mut().zip(texts) {
+                if let Some(digests) = digests {
+                    *column = recode(column, digests);
+                }
+            }
+            fingerprint.sample(&self.columns, &block);
+        }
+        Ok(fingerprint.finish())
+    }
+
+    pub(crate) fn read_block(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
+        let info = &self.episodes[episode];
+        let Place { file, first } = self.places[episode];
+        let before = halo.before.min(rows.start);
+        let after = halo.after.min(info.rows - rows.end);
+        let all = rows.start - before..rows.end + after;
+        let mut block = Block {
+            first: rows.start,
+            before,
+            rows: rows.len(),
+            after,
+            start: info.start,
+            time: ScalarBuffer::from(Vec::new()),
+            columns: vec![ScalarBuffer::from(Vec::new()); self.columns.len()],
+        };
+        if all.is_empty() {
+            return Ok(block);
+        }
+        let file = &self.files[file];
+        let (from, to) = (file.mask.place(first + all.start), file.mask.place(first + all.end - 1) + 1);
+        let TableRows { mut time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
+        if to - from != all.len() {
+            let used: Vec<bool> = (from..to).map(|row| !file.mask.is_dropped(row)).collect();
+            time = keep(&time, &used);
+            columns = columns.iter().map(|column| keep(column, &used)).collect();
+        }
+        for (column, codes) in columns.iter_mut().zip(&file.recode) {
+            if let Some(codes) = codes {
+                *column = recode(column, codes);
+            }
+        }
+        block.time = match self.dt {
+            Some(dt) => index::uniform_stamps(all, dt),
+            None => time,
+        };
+        block.columns = columns;
+        Ok(block)
+    }
+}
+
+impl Source for Recording {
+    fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    fn episodes(&self) -> &[Episode] {
+        &self.episodes
+    }
+
+    fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, fleetfoot_data::Error> {
+        let info = &self.episodes[episode];
+        if rows.start > rows.end || rows.end > info.rows {
+            return Err(fleetfoot_data::Error::OutOfRange {
+                episode: info.name.clone(),
+                start: rows.start,
+                end: rows.end,
+                rows: info.rows,
+            });
+        }
+        Ok(self.read_block(episode, rows, halo)?)
+    }
+}
+
+/// The values whose row is used.
+fn keep<T: ArrowNativeType>(values: &ScalarBuffer<T>, used: &[bool]) -> ScalarBuffer<T> {
+    values.iter().zip(used).filter(|(_, used)| **used).map(|(&value, _)| value).collect::<Vec<T>>().into()
+}
+
+/// Codes to what stands for them; NaN stays NaN.
+fn recode(values: &[f64], table: &[f64]) -> ScalarBuffer<f64> {
+    let look_up = |&code: &f64| if code >= 0.0 { table.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN };
+    values.iter().map(look_up).collect::<Vec<f64>>().into()
+}
+
+/// A number for each category that depends on its name alone.
+fn category_digests(kind: &ColumnKind) -> Option<Vec<f64>> {
+    let ColumnKind::Category(names) = kind else { return None };
+    let digest = |name: &String| {
+        let mut bytes = [0u8; 8];
+        bytes.copy_from_slice(&blake3::hash(name.as_bytes()).as_bytes()[..8]);
+        // 52 bits are a whole number that f64 holds exactly.
+        (u64::from_le_bytes(bytes) >> 12) as f64
+    };
+    Some(names.iter().map(digest).collect())
+}
+
+/// The file's name, the whole path where two files share the name, and `#k` where a file holds several episodes.
+fn episode_names(files: &[RecordedFile], spans: &[(usize, Span)]) -> Vec<String> {
+    let short = |path: &Path| path.file_name().map_or_else(|| path.to_string_lossy().into_owned(), |name| name.to_string_lossy().into_owned());
+    let mut shared: HashMap<String, usize> = HashMap::new();
+    for file in files {
+        *shared.entry(short(&file.path)).or_default() += 1;
+    }
+    let mut count = vec![0usize; files.len()];
+    spans.iter().for_each(|(file, _)| count[*file] += 1);
+    let mut next = vec![0usize; files.len()];
+    let mut names = Vec::with_capacity(spans.len());
+    for &(file, _) in spans {
+        let path = &files[file].path;
+        let mut name = short(path);
+        if shared.get(&name).is_some_and(|&times| times > 1) {
+            name = path.to_string_lossy().into_owned();
+        }
+        next[file] += 1;
+        names.push(if count[file] > 1 { format!("{name}#{}", next[file]) } else { name });
+    }
+    names
+}
+
+fn labels(rules: &[LabelRule], path: &Path, episode: &str) -> BTreeMap<String, String> {
+    let whole = path.to_string_lossy();
+    let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    let stem = file.split('.').next().unwrap_or_default();
+    let mut labels = BTreeMap::new();
+    for rule in rules {
+        let Ok(pattern) = glob::Pattern::new(&rule.pattern) else { continue };
+        if [whole.as_ref(), file.as_ref(), stem, episode].iter().any(|name| pattern.matches(name)) {
+            labels.extend(rule.labels.clone());
+        }
+    }
+    labels
+}
+
+fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
+    let mut seen: HashMap<EpisodeId, &str> = HashMap::new();
+    for episode in episodes {
+        if let Some(first) = seen.insert(episode.id, &episode.name) {
+            return Err(Error::Duplicate { first: first.into(), second: episode.name.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// Collects what happened in many files into a few sentences.
+#[derive(Default)]
+struct Notes {
+    /// Sentences about single files and the files they are about.
+    sentences: BTreeMap<String, Vec<String>>,
+    /// For each kind of event: how many, in how many files, and one of these.
+    counts: BTreeMap<&'static str, (usize, usize, String)>,
+}
+
+impl Notes {
+    fn add_file(&mut self, path: &Path, notes: &[String], clock: &ClockSummary, spans: &[Span]) {
+        for note in notes {
+            self.sentences.entry(note.clone()).or_default().push(path.display().to_string());
+        }
+        let single = spans.iter().filter(|span| span.rows == 1).count();
+        let events = [
+            ("rows without a readable stamp left out", clock.missing),
+            ("rows with the stamp of the row before left out", clock.repeated),
+            ("backward stamps, each starting an episode", clock.backward),
+            ("gaps longer than accepted, each starting an episode", clock.gaps),
+            ("episodes of a single row", single),
+        ];
+        for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
+            let entry = self.counts.entry(what).or_insert_with(|| (0, 0, path.display().to_string()));
+            entry.0 += count;
+            entry.1 += 1;
+        }
+    }
+
+    fn finish(self) -> Vec<String> {
+        let place = |files: usize, first: &str| match files {
+            1 => first.to_owned(),
+            more => format!("{more} files, first {first}"),
+        };
+        let sentences = self.sentences.into_iter().map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
+        let counts = self.counts.into_iter().map(|(what, (count, files, first))| format!("{}: {count} {what}", place(files, &first)));
+        sentences.chain(counts).collect()
+    }
+}

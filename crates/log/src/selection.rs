@@ -1,0 +1,132 @@
+//! What a caller wants of a recording: columns, clock, episodes, labels.
+
+use std::collections::BTreeMap;
+
+/// What to read, and how to find the episodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selection {
+    /// The columns, by their names in the files; only these are decoded. A name given twice counts once.
+    pub columns: Vec<String>,
+    /// Where the stamps come from.
+    pub time: TimeSpec,
+    /// The gap that ends an episode.
+    pub max_gap: MaxGap,
+    /// Labels for the episodes of the files whose name matches.
+    pub label_rules: Vec<LabelRule>,
+    /// Accept the same data twice (a fit would count it twice).
+    pub allow_duplicates: bool,
+    /// Bytes of decoded text columns that are kept in memory, over all files; beyond it they go to an unnamed temporary file.
+    pub memory_budget: usize,
+}
+
+impl Selection {
+    /// These columns, with the time column and the episodes found by themselves.
+    pub fn new<S: Into<String>>(columns: impl IntoIterator<Item = S>) -> Self {
+        Self { columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
+    }
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            columns: Vec::new(),
+            time: TimeSpec::Auto,
+            max_gap: MaxGap::Auto,
+            label_rules: Vec::new(),
+            allow_duplicates: false,
+            memory_budget: 256 << 20,
+        }
+    }
+}
+
+/// Where the stamps come from.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum TimeSpec {
+    /// By the name of a column, else the first column of strictly increasing times; what was taken is told in the notes.
+    #[default]
+    Auto,
+    /// This column.
+    Column {
+        /// Its name.
+        name: String,
+        /// The unit of numbers; guessed from the name and the magnitude when not given. Dates and time types carry their own.
+        unit: Option<TimeUnit>,
+    },
+    /// Rows are equally spaced; every file is one episode that starts at zero.
+    Uniform {
+        /// The sampling period, seconds.
+        dt_seconds: f64,
+    },
+}
+
+/// The unit of numeric stamps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TimeUnit {
+    /// s
+    Seconds,
+    /// ms
+    Milliseconds,
+    /// us
+    Microseconds,
+    /// ns
+    Nanoseconds,
+}
+
+impl TimeUnit {
+    /// The power of ten of nanoseconds in one unit.
+    pub(crate) fn exponent(self) -> i32 {
+        match self {
+            Self::Seconds => 9,
+            Self::Milliseconds => 6,
+            Self::Microseconds => 3,
+            Self::Nanoseconds => 0,
+        }
+    }
+
+    /// Nanoseconds in one unit.
+    pub fn nanoseconds(self) -> i64 {
+        10i64.pow(self.exponent().unsigned_abs())
+    }
+
+    /// `s`, `ms`, `us`, `ns`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Seconds => "s",
+            Self::Milliseconds => "ms",
+            Self::Microseconds => "us",
+            Self::Nanoseconds => "ns",
+        }
+    }
+
+    /// Reads `s`, `sec`, `seconds`, `ms`, `us`, `µs`, `ns`, ...
+    pub fn parse(text: &str) -> Option<Self> {
+        match text.trim().to_lowercase().as_str() {
+            "s" | "sec" | "secs" | "second" | "seconds" => Some(Self::Seconds),
+            "ms" | "msec" | "msecs" | "millis" | "millisecond" | "milliseconds" => Some(Self::Milliseconds),
+            "us" | "\u{b5}s" | "\u{3bc}s" | "usec" | "usecs" | "micros" | "microsecond" | "microseconds" => Some(Self::Microseconds),
+            "ns" | "nsec" | "nsecs" | "nanos" | "nanosecond" | "nanoseconds" => Some(Self::Nanoseconds),
+            _ => None,
+        }
+    }
+}
+
+/// The gap between two stamps that ends an episode.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum MaxGap {
+    /// More than five median periods of the file.
+    #[default]
+    Auto,
+    /// More than these seconds.
+    Seconds(f64),
+    /// No gap ends an episode; a backward stamp still does.
+    Unlimited,
+}
+
+/// Labels for the episodes of matching files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelRule {
+    /// A glob over the file's name or its path, e.g. `grass_*`; the extension may be left out. An episode `file.csv#2` can be named alone.
+    pub pattern: String,
+    /// The labels, by key. A later rule overrides an earlier one.
+    pub labels: BTreeMap<String, String>,
+}

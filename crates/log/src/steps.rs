@@ -1,0 +1,99 @@
+//! The median of a stream of positive steps, in bounded memory.
+
+/// Steps up to this many are kept and their median is exact.
+const EXACT: usize = 1 << 16;
+/// Bits of a step that tell its bin: the median of a longer stream is within 1 / 4096 of the truth.
+const BITS: u32 = 12;
+
+/// Collects steps between stamps, nanoseconds.
+#[derive(Debug, Default)]
+pub(crate) struct Steps {
+    exact: Vec<u64>,
+    /// One page of `2^BITS` bins for each power of two that occurs.
+    pages: Vec<Option<Box<[Bin]>>>,
+    count: u64,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Bin {
+    count: u64,
+    /// Sum of what the steps exceed the bin's lower edge by: a bin of equal steps answers with that very step.
+    excess: f64,
+}
+
+impl Steps {
+    /// Adds a step.
+    pub(crate) fn push(&mut self, step: u64) {
+        self.count += 1;
+        if self.count <= EXACT as u64 {
+            self.exact.push(step);
+            return;
+        }
+        if !self.exact.is_empty() {
+            for step in std::mem::take(&mut self.exact) {
+                self.bin(step);
+            }
+        }
+        self.bin(step);
+    }
+
+    fn bin(&mut self, step: u64) {
+        let page = (u64::BITS - step.leading_zeros()).saturating_sub(BITS) as usize;
+        let slot = (step >> page) as usize;
+        if self.pages.len() <= page {
+            self.pages.resize_with(page + 1, || None);
+        }
+        let bins = self.pages[page].get_or_insert_with(|| vec![Bin::default(); 1 << BITS].into_boxed_slice());
+        bins[slot].count += 1;
+        bins[slot].excess += (step - ((slot as u64) << page)) as f64;
+    }
+
+    /// The upper median; `None` without steps.
+    pub(crate) fn median(&mut self) -> Option<u64> {
+        let rank = self.count / 2;
+        if self.count <= EXACT as u64 {
+            self.exact.sort_unstable();
+            return self.exact.get(rank as usize).copied();
+        }
+        let mut below = 0;
+        for (page, bins) in self.pages.iter().enumerate() {
+            for (slot, bin) in bins.iter().flat_map(|bins| bins.iter()).enumerate() {
+                below += bin.count;
+                if below > rank {
+                    return Some(((slot as u64) << page) + (bin.excess / bin.count as f64).round() as u64);
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn median(steps: impl IntoIterator<Item = u64>) -> Option<u64> {
+        let mut all = Steps::default();
+        steps.into_iter().for_each(|step| all.push(step));
+        all.median()
+    }
+
+    #[test]
+    fn equal_steps_are_exact_at_any_length() {
+        assert_eq!(median([]), None);
+        assert_eq!(median([7]), Some(7));
+        assert_eq!(median((0..300_000).map(|_| 1_000_003)), Some(1_000_003));
+        assert_eq!(median((0..300_000).map(|_| 3)), Some(3));
+        assert_eq!(median((0..100_000).map(|_| (1 << 40) | 12_345)), Some((1 << 40) | 12_345));
+    }
+
+    #[test]
+    fn long_streams_are_near_the_sorted_median() {
+        let steps: Vec<u64> = (0..200_001u64).map(|i| 900_000 + i.wrapping_mul(0x9E37_79B9_7F4A_7C15) % 200_000).collect();
+        let mut sorted = steps.clone();
+        sorted.sort_unstable();
+        let exact = sorted[steps.len() / 2] as f64;
+        let streamed = median(steps).unwrap() as f64;
+        assert!((streamed / exact - 1.0).abs() < 1.0 / 4096.0, "{streamed} {exact}");
+    }
+}

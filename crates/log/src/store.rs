@@ -1,0 +1,250 @@
+//! Decoded columns on their way to being read: in memory while they fit a budget, in an unnamed temporary file beyond it.
+
+use std::{
+    fs::File,
+    io::{self, Write},
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+};
+
+use fleetfoot_data::ScalarBuffer;
+
+use crate::{Error, file_io::read_exact_at, table::TableRows};
+
+/// Rows of a segment.
+pub(crate) const SEGMENT: usize = 65_536;
+
+/// Bytes that all stores of a recording may hold in memory together.
+#[derive(Debug)]
+pub(crate) struct Budget {
+    left: AtomicUsize,
+}
+
+impl Budget {
+    pub(crate) fn new(bytes: usize) -> Self {
+        Self { left: AtomicUsize::new(bytes) }
+    }
+
+    /// Takes `bytes` off the budget when they fit. Which store gets them depends on timing; what is read back does not.
+    fn take(&self, bytes: usize) -> bool {
+        self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes)).is_ok()
+    }
+}
+
+/// Columns of `f64` with a stamp a row, appended row by row and read by range.
+#[derive(Debug)]
+pub(crate) struct ColumnStore {
+    /// The file that the rows come from, for messages.
+    source: PathBuf,
+    columns: usize,
+    rows: usize,
+    segments: Vec<Segment>,
+    spill: Option<File>,
+}
+
+#[derive(Debug)]
+enum Segment {
+    /// Stamps and columns.
+    Memory(ScalarBuffer<i64>, Vec<ScalarBuffer<f64>>),
+    /// Offset in the spill file; stamps first, then column after column, little-endian, `rows` values each.
+    Disk { offset: u64, rows: usize },
+}
+
+impl ColumnStore {
+    /// Rows held.
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The segments as ranges of rows.
+    pub(crate) fn pieces(&self) -> Vec<Range<usize>> {
+        (0..self.rows).step_by(SEGMENT).map(|from| from..(from + SEGMENT).min(self.rows)).collect()
+    }
+
+    /// Stamps of a range of rows.
+    pub(crate) fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        self.gather(rows, |segment, part| self.segment_stamps(segment, part))
+    }
+
+    /// Stamps and values of a range of rows; shared, not copied, within a segment in memory.
+    pub(crate) fn values(&self, rows: Range<usize>) -> Result<TableRows, Error> {
+        let columns = (0..self.columns)
+            .map(|c| self.gather(rows.clone(), |segment, part| self.segment_values(segment, c, part)))
+            .collect::<Result<_, _>>()?;
+        Ok(TableRows { time: self.stamps(rows)?, columns })
+    }
+
+    fn gather<T: arrow_buffer::ArrowNativeType>(
+        &self,
+        rows: Range<usize>,
+        part_of: impl Fn(&Segment, Range<usize>) -> Result<ScalarBuffer<T>, Error>,
+    ) -> Result<ScalarBuffer<T>, Error> {
+        let mut parts = Vec::new();
+        let mut at = rows.start;
+        while at < rows.end {
+            let (segment, within) = (at / SEGMENT, at % SEGMENT);
+            let take = (SEGMENT - within).min(rows.end - at);
+            parts.push(part_of(&self.segments[segment], within..within + take)?);
+            at += take;
+        }
+        if parts.len() == 1 {
+            return Ok(parts.remove(0));
+        }
+        let mut all = Vec::with_capacity(rows.len());
+        parts.iter().for_each(|part| all.extend_from_slice(part));
+        Ok(all.into())
+    }
+
+    fn segment_stamps(&self, segment: &Segment, part: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        match segment {
+            Segment::Memory(time, _) => Ok(time.slice(part.start, part.len())),
+            Segment::Disk { offset, .. } => {
+                let bytes = self.read_spill(offset + 8 * part.start as u64, 8 * part.len())?;
+                Ok(bytes.chunks_exact(8).map(|word| i64::from_le_bytes(array(word))).collect::<Vec<_>>().into())
+            }
+        }
+    }
+
+    fn segment_values(&self, segment: &Segment, column: usize, part: Range<usize>) -> Result<ScalarBuffer<f64>, Error> {
+        match segment {
+            Segment::Memory(_, columns) => Ok(columns[column].slice(part.start, part.len())),
+            Segment::Disk { offset, rows } => {
+                let at = offset + 8 * ((1 + column) * rows + part.start) as u64;
+                let bytes = self.read_spill(at, 8 * part.len())?;
+                Ok(bytes.chunks_exact(8).map(|word| f64::from_le_bytes(array(word))).collect::<Vec<_>>().into())
+            }
+        }
+    }
+
+    fn read_spill(&self, offset: u64, length: usize) -> Result<Vec<u8>, Error> {
+        let mut bytes = vec![0; length];
+        let read = match &self.spill {
+            Some(file) => read_exact_at(file, &mut bytes, offset),
+            None => Err(io::Error::other("the temporary file is gone")),
+        };
+        read.map_err(|source| spill_error(&self.source, source))?;
+        Ok(bytes)
+    }
+}
+
+fn array(word: &[u8]) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    bytes.copy_from_slice(word);
+    bytes
+}
+
+fn spill_error(path: &Path, source: io::Error) -> Error {
+    Error::Io { path: path.into(), action: "keep its decoded columns in a temporary file (TMPDIR says where)", source }
+}
+
+/// Fills a [`ColumnStore`].
+pub(crate) struct StoreBuilder {
+    store: ColumnStore,
+    budget: Arc<Budget>,
+    time: Vec<i64>,
+    values: Vec<Vec<f64>>,
+    spilled: u64,
+}
+
+impl StoreBuilder {
+    /// A store of `columns` columns of the file `source`.
+    pub(crate) fn new(source: &Path, columns: usize, budget: Arc<Budget>) -> Self {
+        let store = ColumnStore { source: source.into(), columns, rows: 0, segments: Vec::new(), spill: None };
+        Self { store, budget, time: Vec::new(), values: vec![Vec::new(); columns], spilled: 0 }
+    }
+
+    /// Adds a row, with one value a column.
+    pub(crate) fn push(&mut self, stamp: i64, row: &[f64]) -> Result<(), Error> {
+        self.time.push(stamp);
+        for (column, &value) in self.values.iter_mut().zip(row) {
+            column.push(value);
+        }
+        if self.time.len() == SEGMENT { self.close_segment() } else { Ok(()) }
+    }
+
+    fn close_segment(&mut self) -> Result<(), Error> {
+        let rows = self.time.len();
+        if rows == 0 {
+            return Ok(());
+        }
+        let (time, values) = (std::mem::take(&mut self.time), self.values.iter_mut().map(std::mem::take).collect::<Vec<_>>());
+        let bytes = 8 * rows * (1 + values.len());
+        let segment = if self.budget.take(bytes) {
+            let shrink = |mut column: Vec<f64>| {
+                column.shrink_to_fit();
+                column.into()
+            };
+            Segment::Memory(time.into(), values.into_iter().map(shrink).collect())
+        } else {
+            let segment = self.spill(&time, &values).map_err(|source| spill_error(&self.store.source, source))?;
+            // The next segment reuses the buffers.
+            self.time = time;
+            self.time.clear();
+            self.values = values;
+            self.values.iter_mut().for_each(Vec::clear);
+            segment
+        };
+        self.store.segments.push(segment);
+        self.store.rows += rows;
+        Ok(())
+    }
+
+    fn spill(&mut self, time: &[i64], values: &[Vec<f64>]) -> io::Result<Segment> {
+        let mut file = match self.store.spill.take() {
+            Some(file) => file,
+            None => tempfile::tempfile()?,
+        };
+        let offset = self.spilled;
+        let mut bytes = Vec::with_capacity(8 * time.len());
+        bytes.extend(time.iter().flat_map(|stamp| stamp.to_le_bytes()));
+        file.write_all(&bytes)?;
+        for column in values {
+            bytes.clear();
+            bytes.extend(column.iter().flat_map(|value| value.to_le_bytes()));
+            file.write_all(&bytes)?;
+        }
+        self.spilled += 8 * (time.len() * (1 + values.len())) as u64;
+        self.store.spill = Some(file);
+        Ok(Segment::Disk { offset, rows: time.len() })
+    }
+
+    /// The filled store.
+    pub(crate) fn finish(mut self) -> Result<ColumnStore, Error> {
+        self.close_segment()?;
+        Ok(self.store)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(rows: usize, budget: usize) -> ColumnStore {
+        let mut builder = StoreBuilder::new(Path::new("x.csv"), 2, Arc::new(Budget::new(budget)));
+        for row in 0..rows {
+            builder.push(row as i64 * 3, &[row as f64, -(row as f64)]).unwrap();
+        }
+        builder.finish().unwrap()
+    }
+
+    #[test]
+    fn rows_come_back_from_memory_and_from_the_spill_file() {
+        let rows = 2 * SEGMENT + 100;
+        // All in memory; the first segment only; nothing.
+        for (budget, spilled) in [(usize::MAX, 0), (SEGMENT * 24 + 1, 1), (0, 3)] {
+            let store = filled(rows, budget);
+            assert_eq!(store.rows(), rows);
+            assert_eq!(store.spill.is_some(), spilled > 0);
+            for range in [0..10, SEGMENT - 5..SEGMENT + 5, SEGMENT - 1..2 * SEGMENT + 7, rows - 1..rows, 5..5] {
+                let read = store.values(range.clone()).unwrap();
+                assert_eq!(read.time.to_vec(), range.clone().map(|row| row as i64 * 3).collect::<Vec<_>>());
+                assert_eq!(read.columns[1].to_vec(), range.map(|row| -(row as f64)).collect::<Vec<_>>());
+            }
+            assert_eq!(store.pieces().len(), 3);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The columns a model speaks of.
+
+/// A column of the model: an alias for an expression over the fields of a log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// The alias.
+    pub name: String,
+    /// The expression over the log's fields that gives it, as text.
+    pub source: String,
+    /// The unit, when known.
+    pub unit: Option<String>,
+    /// Its part in the model.
+    pub role: Role,
+    /// Whether it is an angle: wrapped to (-pi, pi], standing in libraries and partitions as its cosine and sine.
+    pub angle: bool,
+}
+
+/// The part of a column in a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Advanced by the model's equations in a rollout.
+    State,
+    /// Given from outside at every time.
+    Input,
+    /// Read from the recording only to measure a target or to choose a region.
+    Auxiliary,
+}

@@ -1,0 +1,499 @@
+//! Models in files: JSON that reads back bit for bit.
+//!
+//! The file is `{"fleetfoot_model": 1, "checksum": "...", "model": {...}}`. Expressions are stored as their text, floats in
+//! the shortest form that reads back to the same bits, and NaN and the infinities (which JSON lacks) as strings. The checksum covers the canonical
+//! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_library::{Expr, Scope};
+use serde::{Deserialize, Serialize};
+
+use crate::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel};
+
+/// Version of the file format that this version writes and reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Why a model file was refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// The file could not be read.
+    #[error("{path}: cannot be read: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not JSON, cut off, or not of a model's shape.
+    #[error("{name}: not a fleetfoot model: {source}; fit the model again, or restore the file from a copy")]
+    Syntax {
+        /// The file or other origin.
+        name: String,
+        /// What the parser said, with line and column.
+        source: serde_json::Error,
+    },
+    /// Another version of the format.
+    #[error("{name}: model format {found}, this version reads format {FORMAT_VERSION}; use the fleetfoot that wrote it, or fit again")]
+    Version {
+        /// The file or other origin.
+        name: String,
+        /// The version in the file.
+        found: u32,
+    },
+    /// The content is not what was written.
+    #[error("{name}: the content does not match its checksum: the file was damaged or edited; fit the model again")]
+    Checksum {
+        /// The file or other origin.
+        name: String,
+    },
+    /// The content contradicts itself.
+    #[error("{name}: not a usable model: {problem}")]
+    Invalid {
+        /// The file or other origin.
+        name: String,
+        /// The contradiction.
+        problem: String,
+    },
+}
+
+impl Model {
+    /// The model as JSON text.
+    pub fn to_json(&self) -> String {
+        let content = ModelText::from(self);
+        // Serialising plain structs, numbers and strings cannot fail.
+        let canonical = serde_json::to_string(&content).unwrap_or_default();
+        let envelope = Envelope {
+            fleetfoot_model: FORMAT_VERSION,
+            checksum: blake3::hash(canonical.as_bytes()).to_hex().to_string(),
+            model: content,
+        };
+        let mut text = serde_json::to_string_pretty(&envelope).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// Reads a model from JSON text; `name` is the origin, for messages.
+    pub fn from_json(text: &str, name: &str) -> Result<Self, FileError> {
+        #[derive(Deserialize)]
+        struct Head {
+            fleetfoot_model: u32,
+        }
+        let syntax = |source| FileError::Syntax { name: name.to_owned(), source };
+        let head: Head = serde_json::from_str(text).map_err(syntax)?;
+        if head.fleetfoot_model != FORMAT_VERSION {
+            return Err(FileError::Version { name: name.to_owned(), found: head.fleetfoot_model });
+        }
+        let envelope: Envelope = serde_json::from_str(text).map_err(syntax)?;
+        let canonical = serde_json::to_string(&envelope.model).map_err(syntax)?;
+        if blake3::hash(canonical.as_bytes()).to_hex().as_str() != envelope.checksum {
+            return Err(FileError::Checksum { name: name.to_owned() });
+        }
+        let invalid = |problem| FileError::Invalid { name: name.to_owned(), problem };
+        let model = envelope.model.into_model().map_err(invalid)?;
+        model.validate().map_err(invalid)?;
+        Ok(model)
+    }
+
+    /// Reads a model from a file.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = std::fs::read(path).map_err(|source| FileError::Io { path: path.to_owned(), source })?;
+        Self::from_json(&String::from_utf8_lossy(&bytes), &path.display().to_string())
+    }
+
+    /// A short hash that identifies the model.
+    pub fn hash(&self) -> String {
+        let canonical = serde_json::to_string(&ModelText::from(self)).unwrap_or_default();
+        blake3::hash(canonical.as_bytes()).to_hex()[..16].to_owned()
+    }
+}
+
+/// A float in JSON: a number, or one of the strings `nan`, `inf`, `-inf`.
+#[derive(Clone, Copy)]
+struct Real(f64);
+
+impl Serialize for Real {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            v if v.is_finite() => serializer.serialize_f64(v),
+            v if v.is_nan() => serializer.serialize_str("nan"),
+            v if v > 0.0 => serializer.serialize_str("inf"),
+            _ => serializer.serialize_str("-inf"),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Real {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Form {
+            Number(f64),
+            Text(String),
+        }
+        match Form::deserialize(deserializer)? {
+            Form::Number(value) => Ok(Real(value)),
+            Form::Text(text) => match text.as_str() {
+                "nan" => Ok(Real(f64::NAN)),
+                "inf" => Ok(Real(f64::INFINITY)),
+                "-inf" => Ok(Real(f64::NEG_INFINITY)),
+                other => Err(serde::de::Error::custom(format!("`{other}` is not a number"))),
+            },
+        }
+    }
+}
+
+type Reals = Vec<Real>;
+
+fn reals(values: &[f64]) -> Reals {
+    values.iter().map(|&value| Real(value)).collect()
+}
+
+fn floats(values: Reals) -> Vec<f64> {
+    values.into_iter().map(|value| value.0).collect()
+}
+
+fn rows(values: &[Vec<f64>]) -> Vec<Reals> {
+    values.iter().map(|row| reals(row)).collect()
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Envelope {
+    fleetfoot_model: u32,
+    checksum: String,
+    model: ModelText,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelText {
+    method: String,
+    step: Real,
+    columns: Vec<ColumnText>,
+    libraries: Vec<Vec<String>>,
+    partitions: Vec<PartitionText>,
+    latents: Vec<LatentText>,
+    equations: Vec<EquationText>,
+    training: TrainingText,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColumnText {
+    name: String,
+    source: String,
+    unit: Option<String>,
+    role: String,
+    angle: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartitionText {
+    specification: String,
+    columns: Vec<String>,
+    centre: Reals,
+    scale: Reals,
+    rule: RuleText,
+    regions: Vec<RegionText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+enum RuleText {
+    Whole,
+    Ball { radius: Real },
+    Linear { weights: Vec<Reals>, offsets: Reals },
+    Labels { values: Reals, names: Vec<String>, rules: Vec<RuleText>, pool_unseen: bool },
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RegionText {
+    name: String,
+    rows: u64,
+    mean: Reals,
+    covariance: Reals,
+    range: Vec<[Real; 2]>,
+    residual_covariance: Reals,
+    rank: usize,
+    condition: Real,
+    confounded: Vec<Vec<usize>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LatentText {
+    name: String,
+    library: usize,
+    partition: usize,
+    constants: Reals,
+    coefficients: Vec<Reals>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EquationText {
+    subject: String,
+    prediction: String,
+    right: String,
+    target: Option<String>,
+    unit: Option<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrainingText {
+    version: String,
+    recipe: String,
+    seed: u64,
+    rows: u64,
+    episodes: Vec<(String, String)>,
+    target_mean: Reals,
+    target_covariance: Reals,
+    target_deviation: Reals,
+    state_covariance: Reals,
+}
+
+const ROLES: [(Role, &str); 3] = [(Role::State, "state"), (Role::Input, "input"), (Role::Auxiliary, "auxiliary")];
+const PREDICTIONS: [(Prediction, &str); 4] = [
+    (Prediction::Derivative, "derivative"),
+    (Prediction::Next, "next"),
+    (Prediction::Difference, "delta"),
+    (Prediction::Value, "value"),
+];
+
+fn word<T: Copy + PartialEq>(table: &[(T, &'static str)], value: T) -> String {
+    table.iter().find(|(known, _)| *known == value).map(|(_, word)| (*word).to_owned()).unwrap_or_default()
+}
+
+fn value<T: Copy>(table: &[(T, &'static str)], word: &str) -> Result<T, String> {
+    table.iter().find(|(_, known)| *known == word).map(|(value, _)| *value).ok_or_else(|| format!("unknown word `{word}`"))
+}
+
+impl From<&Model> for ModelText {
+    fn from(model: &Model) -> Self {
+        Self {
+            method: model.method.clone(),
+            step: Real(model.step),
+            columns: model.columns.iter().map(ColumnText::from).collect(),
+            libraries: model.libraries.iter().map(|library| library.iter().map(Expr::to_string).collect()).collect(),
+            partitions: model.partitions.iter().map(PartitionText::from).collect(),
+            latents: model.latents.iter().map(LatentText::from).collect(),
+            equations: model.equations.iter().map(EquationText::from).collect(),
+            training: TrainingText::from(&model.training),
+        }
+    }
+}
+
+impl ModelText {
+    fn into_model(self) -> Result<Model, String> {
+        let columns = self
+            .columns
+            .into_iter()
+            .map(|c| Ok(Column { role: value(&ROLES, &c.role)?, name: c.name, source: c.source, unit: c.unit, angle: c.angle }))
+            .collect::<Result<Vec<_>, String>>()?;
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+        let scope = Scope::new(&names);
+        let parse = |text: &String| Expr::parse(text, &scope).map_err(|error| format!("`{text}`: {error}"));
+        let with_latents: Vec<&str> =
+            names.iter().copied().chain(self.latents.iter().map(|latent| latent.name.as_str())).collect();
+        let right_scope = Scope::new(&with_latents);
+        let libraries = self
+            .libraries
+            .iter()
+            .map(|library| library.iter().map(parse).collect::<Result<Vec<_>, _>>())
+            .collect::<Result<Vec<_>, _>>()?;
+        let partitions = self
+            .partitions
+            .into_iter()
+            .map(|p| {
+                Ok(Partition {
+                    columns: p.columns.iter().map(parse).collect::<Result<Vec<_>, _>>()?,
+                    specification: p.specification,
+                    centre: floats(p.centre),
+                    scale: floats(p.scale),
+                    rule: p.rule.into_rule(),
+                    regions: p.regions.into_iter().map(RegionText::into_region).collect(),
+                })
+            })
+            .collect::<Result<Vec<_>, String>>()?;
+        let equations = self
+            .equations
+            .iter()
+            .map(|e| {
+                Ok(Equation {
+                    subject: e.subject.clone(),
+                    prediction: value(&PREDICTIONS, &e.prediction)?,
+                    right: Expr::parse(&e.right, &right_scope).map_err(|error| format!("`{}`: {error}", e.right))?,
+                    target: e.target.as_ref().map(parse).transpose()?,
+                    unit: e.unit.clone(),
+                })
+            })
+            .collect::<Result<Vec<_>, String>>()?;
+        let latents = self.latents.into_iter().map(LatentText::into_latent).collect();
+        let training = self.training.into_training();
+        Ok(Model { method: self.method, columns, libraries, partitions, latents, equations, step: self.step.0, training })
+    }
+}
+
+impl From<&Column> for ColumnText {
+    fn from(c: &Column) -> Self {
+        Self {
+            name: c.name.clone(),
+            source: c.source.clone(),
+            unit: c.unit.clone(),
+            role: word(&ROLES, c.role),
+            angle: c.angle,
+        }
+    }
+}
+
+impl From<&Partition> for PartitionText {
+    fn from(p: &Partition) -> Self {
+        Self {
+            specification: p.specification.clone(),
+            columns: p.columns.iter().map(Expr::to_string).collect(),
+            centre: reals(&p.centre),
+            scale: reals(&p.scale),
+            rule: RuleText::from(&p.rule),
+            regions: p.regions.iter().map(RegionText::from).collect(),
+        }
+    }
+}
+
+impl From<&Rule> for RuleText {
+    fn from(rule: &Rule) -> Self {
+        match rule {
+            Rule::Whole => RuleText::Whole,
+            Rule::Ball { radius } => RuleText::Ball { radius: Real(*radius) },
+            Rule::Linear { weights, offsets } => RuleText::Linear { weights: rows(weights), offsets: reals(offsets) },
+            Rule::Labels { values, names, rules, unseen } => RuleText::Labels {
+                values: reals(values),
+                names: names.clone(),
+                rules: rules.iter().map(RuleText::from).collect(),
+                pool_unseen: *unseen == UnseenLabel::Pool,
+            },
+        }
+    }
+}
+
+impl RuleText {
+    fn into_rule(self) -> Rule {
+        match self {
+            RuleText::Whole => Rule::Whole,
+            RuleText::Ball { radius } => Rule::Ball { radius: radius.0 },
+            RuleText::Linear { weights, offsets } => {
+                Rule::Linear { weights: weights.into_iter().map(floats).collect(), offsets: floats(offsets) }
+            }
+            RuleText::Labels { values, names, rules, pool_unseen } => Rule::Labels {
+                values: floats(values),
+                names,
+                rules: rules.into_iter().map(RuleText::into_rule).collect(),
+                unseen: if pool_unseen { UnseenLabel::Pool } else { UnseenLabel::Refuse },
+            },
+        }
+    }
+}
+
+impl From<&Region> for RegionText {
+    fn from(r: &Region) -> Self {
+        Self {
+            name: r.name.clone(),
+            rows: r.rows,
+            mean: reals(&r.mean),
+            covariance: reals(&r.covariance),
+            range: r.range.iter().map(|[low, high]| [Real(*low), Real(*high)]).collect(),
+            residual_covariance: reals(&r.residual_covariance),
+            rank: r.rank,
+            condition: Real(r.condition),
+            confounded: r.confounded.clone(),
+        }
+    }
+}
+
+impl RegionText {
+    fn into_region(self) -> Region {
+        Region {
+            name: self.name,
+            rows: self.rows,
+            mean: floats(self.mean),
+            covariance: floats(self.covariance),
+            range: self.range.into_iter().map(|[low, high]| [low.0, high.0]).collect(),
+            residual_covariance: floats(self.residual_covariance),
+            rank: self.rank,
+            condition: self.condition.0,
+            confounded: self.confounded,
+        }
+    }
+}
+
+impl From<&Latent> for LatentText {
+    fn from(l: &Latent) -> Self {
+        Self {
+            name: l.name.clone(),
+            library: l.library,
+            partition: l.partition,
+            constants: reals(&l.constants),
+            coefficients: rows(&l.coefficients),
+        }
+    }
+}
+
+impl LatentText {
+    fn into_latent(self) -> Latent {
+        Latent {
+            name: self.name,
+            library: self.library,
+            partition: self.partition,
+            constants: floats(self.constants),
+            coefficients: self.coefficients.into_iter().map(floats).collect(),
+        }
+    }
+}
+
+impl From<&Equation> for EquationText {
+    fn from(e: &Equation) -> Self {
+        Self {
+            subject: e.subject.clone(),
+            prediction: word(&PREDICTIONS, e.prediction),
+            right: e.right.to_string(),
+            target: e.target.as_ref().map(Expr::to_string),
+            unit: e.unit.clone(),
+        }
+    }
+}
+
+impl From<&Training> for TrainingText {
+    fn from(t: &Training) -> Self {
+        Self {
+            version: t.version.clone(),
+            recipe: t.recipe.clone(),
+            seed: t.seed,
+            rows: t.rows,
+            episodes: t.episodes.clone(),
+            target_mean: reals(&t.target_mean),
+            target_covariance: reals(&t.target_covariance),
+            target_deviation: reals(&t.target_deviation),
+            state_covariance: reals(&t.state_covariance),
+        }
+    }
+}
+
+impl TrainingText {
+    fn into_training(self) -> Training {
+        Training {
+            version: self.version,
+            recipe: self.recipe,
+            seed: self.seed,
+            rows: self.rows,
+            episodes: self.episodes,
+            target_mean: floats(self.target_mean),
+            target_covariance: floats(self.target_covariance),
+            target_deviation: floats(self.target_deviation),
+            state_covariance: floats(self.state_covariance),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What a model is: latents, partitions, equations; saved, printed, exported.
+//!
+//! One type, [`Model`], for whatever method produced it. Its [`Latent`] functions are each a library of candidate
+//! functions x a [`Partition`] of the state space into regions x coefficients; its [`Equation`]s say how what is predicted
+//! follows from columns and latents. Some equations are given, not fitted (`dx/dt = vx*cos(yaw) - vy*sin(yaw)`).
+//!
+//! All expressions inside a model speak of the model's own columns (aliases). How an alias comes from the fields of a log is part of
+//! the model too ([`Column::source`]), so that a model is scored on a new log without being told the columns again.
+
+mod column;
+mod equation;
+mod file;
+mod latent;
+mod partition;
+mod print;
+mod region;
+mod validate;
+
+pub use column::{Column, Role};
+pub use equation::{Equation, Prediction};
+pub use file::{FORMAT_VERSION, FileError};
+pub use latent::Latent;
+pub use partition::{Partition, Rule, UnseenLabel};
+pub use print::describe;
+pub use region::{Region, Training, packed};
+
+use fleetfoot_library::Expr;
+
+/// A model of a recording: what is predicted, from what, and how.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Model {
+    /// The method that made it, as its user wrote it: `pwa kmeans:10`.
+    pub method: String,
+    /// The columns (aliases) that the model speaks of.
+    pub columns: Vec<Column>,
+    /// Libraries of candidate functions over the columns; the constant is implied.
+    pub libraries: Vec<Vec<Expr>>,
+    /// Partitions of the state space.
+    pub partitions: Vec<Partition>,
+    /// Fitted functions.
+    pub latents: Vec<Latent>,
+    /// What is predicted.
+    pub equations: Vec<Equation>,
+    /// The sampling period of the training data, seconds: the step of a discrete model, the default step of a continuous one.
+    pub step: f64,
+    /// Where it comes from, and the scale of what it saw.
+    pub training: Training,
+}
+
+impl Model {
+    /// A model without latents and equations; the fields are public, [`Model::validate`] checks them.
+    pub fn new(method: impl Into<String>, columns: Vec<Column>, step: f64, training: Training) -> Self {
+        Self {
+            method: method.into(),
+            columns,
+            libraries: Vec::new(),
+            partitions: Vec::new(),
+            latents: Vec::new(),
+            equations: Vec::new(),
+            step,
+            training,
+        }
+    }
+
+    /// The index of a column by name.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
+    }
+
+    /// Names of what is fitted, in the order of the fitted equations (those with a target).
+    pub fn outputs(&self) -> Vec<String> {
+        self.fitted().map(Equation::label).collect()
+    }
+
+    /// The equations whose right side was fitted.
+    pub fn fitted(&self) -> impl Iterator<Item = &Equation> {
+        self.equations.iter().filter(|equation| equation.target.is_some())
+    }
+
+    /// Whether any equation advances time by one sample instead of integrating a derivative.
+    pub fn is_discrete(&self) -> bool {
+        self.equations.iter().any(|e| matches!(e.prediction, Prediction::Next | Prediction::Difference))
+    }
+}

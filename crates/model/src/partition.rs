@@ -1,0 +1,246 @@
+//! Partitions: which region a row belongs to.
+//!
+//! Regions are decided on standardised columns z = (value - centre) / scale (angles enter as their cosine and sine). Voronoi cells of
+//! centroids and learned linear separators are the same thing, `argmax_i (w_i . z + b_i)`: nearest centroid is
+//! `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
+//! Models for a Running Robot").
+
+use fleetfoot_library::Expr;
+
+/// A partition of the state space into regions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Partition {
+    /// As the user wrote it: `kmeans:10`.
+    pub specification: String,
+    /// What it looks at, over the model's columns. With [`Rule::Labels`] the last one is the label.
+    pub columns: Vec<Expr>,
+    /// Subtracted from each column (0 for a label).
+    pub centre: Vec<f64>,
+    /// Divides each column (1 for a label).
+    pub scale: Vec<f64>,
+    /// How the region follows.
+    pub rule: Rule,
+    /// One entry per region.
+    pub regions: Vec<crate::Region>,
+}
+
+/// How a region follows from standardised columns.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Rule {
+    /// One region.
+    Whole,
+    /// Region 0 within this radius of the origin, region 1 outside (the z-score partition).
+    Ball {
+        /// Radius in standard deviations.
+        radius: f64,
+    },
+    /// `argmax_i (w_i . z + b_i)`; the lowest index wins a tie.
+    Linear {
+        /// One row of weights per region.
+        weights: Vec<Vec<f64>>,
+        /// One offset per region.
+        offsets: Vec<f64>,
+    },
+    /// By the value of the last column; every label has a rule of its own for the other columns. Regions are numbered label by label.
+    Labels {
+        /// The label values seen in training, ascending.
+        values: Vec<f64>,
+        /// Their names, for people and for text labels of another recording.
+        names: Vec<String>,
+        /// The rule within each label.
+        rules: Vec<Rule>,
+        /// What happens to other labels.
+        unseen: UnseenLabel,
+    },
+}
+
+/// What happens to a row whose label was not seen in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UnseenLabel {
+    /// It has no region: an error for the caller to report.
+    Refuse,
+    /// It is given to the extra last region, whose model was fitted on all rows.
+    Pool,
+}
+
+impl Rule {
+    /// Nearest centroid; `centroids` is one row per region, standardised.
+    pub fn voronoi(centroids: Vec<Vec<f64>>) -> Self {
+        let offsets = centroids.iter().map(|c| -0.5 * c.iter().map(|v| v * v).sum::<f64>()).collect();
+        Rule::Linear { weights: centroids, offsets }
+    }
+
+    /// Number of regions.
+    pub fn count(&self) -> usize {
+        match self {
+            Rule::Whole => 1,
+            Rule::Ball { .. } => 2,
+            Rule::Linear { offsets, .. } => offsets.len(),
+            Rule::Labels { rules, unseen, .. } => {
+                rules.iter().map(Rule::count).sum::<usize>() + usize::from(*unseen == UnseenLabel::Pool)
+            }
+        }
+    }
+
+    /// Assigns rows to regions. `z` holds one slice per column, standardised, all of the length of `regions`; rows without a region
+    /// (unseen label, a value that is not a number) get `u32::MAX`.
+    pub fn assign(&self, z: &[&[f64]], regions: &mut [u32]) {
+        match self {
+            Rule::Whole => regions.fill(0),
+            Rule::Ball { radius } => ball(z, *radius, regions),
+            Rule::Linear { weights, offsets } => {
+                pulp::Arch::new().dispatch(|| linear(weights, offsets, z, regions));
+            }
+            Rule::Labels { values, rules, unseen, .. } => labels(values, rules, *unseen, z, regions),
+        }
+        if !matches!(self, Rule::Labels { .. } | Rule::Whole) {
+            for column in z {
+                for (region, value) in regions.iter_mut().zip(*column) {
+                    if value.is_nan() {
+                        *region = u32::MAX;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The region of a single row.
+    pub fn assign_row(&self, z: &[f64]) -> Option<u32> {
+        let columns: Vec<&[f64]> = z.chunks_exact(1).collect();
+        let mut region = [u32::MAX];
+        self.assign(&columns, &mut region);
+        (region[0] != u32::MAX).then_some(region[0])
+    }
+}
+
+impl Partition {
+    /// The one-region partition.
+    pub fn whole() -> Self {
+        Self {
+            specification: "average".into(),
+            columns: Vec::new(),
+            centre: Vec::new(),
+            scale: Vec::new(),
+            rule: Rule::Whole,
+            regions: Vec::new(),
+        }
+    }
+
+    /// Standardises raw columns in place.
+    pub fn standardise(&self, columns: &mut [&mut [f64]]) {
+        for ((column, &centre), &scale) in columns.iter_mut().zip(&self.centre).zip(&self.scale) {
+            for value in column.iter_mut() {
+                *value = (*value - centre) / scale;
+            }
+        }
+    }
+}
+
+fn ball(z: &[&[f64]], radius: f64, regions: &mut [u32]) {
+    for (row, region) in regions.iter_mut().enumerate() {
+        let square: f64 = z.iter().map(|column| column[row] * column[row]).sum();
+        *region = u32::from(square > radius * radius);
+    }
+}
+
+/// Rows go through in tiles that stay in registers and first-level cache; `mul_add` gives the same bits on every machine.
+#[inline(always)]
+fn linear(weights: &[Vec<f64>], offsets: &[f64], z: &[&[f64]], regions: &mut [u32]) {
+    const TILE: usize = 64;
+    let mut from = 0;
+    while from < regions.len() {
+        let rows = TILE.min(regions.len() - from);
+        let mut best = [f64::NEG_INFINITY; TILE];
+        let mut winner = [0u32; TILE];
+        for (region, (row_weights, &offset)) in weights.iter().zip(offsets).enumerate() {
+            let mut score = [offset; TILE];
+            for (column, &weight) in z.iter().zip(row_weights) {
+                if let Some(values) = column.get(from..from + TILE) {
+                    let values: &[f64; TILE] = values.try_into().unwrap_or(&[0.0; TILE]);
+                    for i in 0..TILE {
+                        score[i] = weight.mul_add(values[i], score[i]);
+                    }
+                } else {
+                    for (s, &value) in score.iter_mut().zip(&column[from..from + rows]) {
+                        *s = weight.mul_add(value, *s);
+                    }
+                }
+            }
+            for i in 0..TILE {
+                let better = score[i] > best[i];
+                best[i] = if better { score[i] } else { best[i] };
+                winner[i] = if better { region as u32 } else { winner[i] };
+            }
+        }
+        regions[from..from + rows].copy_from_slice(&winner[..rows]);
+        from += rows;
+    }
+}
+
+fn labels(values: &[f64], rules: &[Rule], unseen: UnseenLabel, z: &[&[f64]], regions: &mut [u32]) {
+    let Some((label, rest)) = z.split_last() else {
+        regions.fill(u32::MAX);
+        return;
+    };
+    regions.fill(match unseen {
+        UnseenLabel::Refuse => u32::MAX,
+        UnseenLabel::Pool => rules.iter().map(Rule::count).sum::<usize>() as u32,
+    });
+    let mut offset = 0;
+    for (&value, rule) in values.iter().zip(rules) {
+        let rows: Vec<usize> = (0..regions.len()).filter(|&row| label[row] == value).collect();
+        let gathered: Vec<Vec<f64>> = rest.iter().map(|column| rows.iter().map(|&row| column[row]).collect()).collect();
+        let slices: Vec<&[f64]> = gathered.iter().map(Vec::as_slice).collect();
+        let mut inner = vec![0; rows.len()];
+        rule.assign(&slices, &mut inner);
+        for (&row, &region) in rows.iter().zip(&inner) {
+            regions[row] = if region == u32::MAX { u32::MAX } else { offset + region };
+        }
+        offset += rule.count() as u32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_centroid_and_ties() {
+        let rule = Rule::voronoi(vec![vec![0.0, 0.0], vec![2.0, 0.0], vec![0.0, 2.0]]);
+        let x: Vec<f64> = (0..200).map(|i| f64::from(i % 20) / 5.0 - 1.0).collect();
+        let y: Vec<f64> = (0..200).map(|i| f64::from(i / 20) / 3.0 - 1.0).collect();
+        let mut regions = vec![9; 200];
+        rule.assign(&[&x, &y], &mut regions);
+        for row in 0..200 {
+            let distance = |c: [f64; 2]| (x[row] - c[0]).powi(2) + (y[row] - c[1]).powi(2);
+            let all = [distance([0.0, 0.0]), distance([2.0, 0.0]), distance([0.0, 2.0])];
+            let nearest = all.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!(all[regions[row] as usize] <= nearest + 1e-12);
+            assert_eq!(rule.assign_row(&[x[row], y[row]]), Some(regions[row]));
+        }
+        assert_eq!(rule.assign_row(&[1.0, -1.0]), Some(0), "the lowest index wins a tie");
+        assert_eq!(rule.assign_row(&[f64::NAN, 0.0]), None);
+    }
+
+    #[test]
+    fn ball_and_labels() {
+        assert_eq!(Rule::Ball { radius: 1.5 }.assign_row(&[1.5, 0.0]), Some(0));
+        assert_eq!(Rule::Ball { radius: 1.5 }.assign_row(&[1.5, 0.1]), Some(1));
+        let mut rule = Rule::Labels {
+            values: vec![1.0, 4.0],
+            names: vec!["1".into(), "4".into()],
+            rules: vec![Rule::voronoi(vec![vec![-1.0], vec![1.0]]), Rule::Whole],
+            unseen: UnseenLabel::Refuse,
+        };
+        assert_eq!(rule.count(), 3);
+        let label = [1.0, 4.0, 1.0, 2.0];
+        let mut regions = [0; 4];
+        rule.assign(&[&[0.9, 5.0, -0.2, 0.0], &label], &mut regions);
+        assert_eq!(regions, [1, 2, 0, u32::MAX]);
+        if let Rule::Labels { unseen, .. } = &mut rule {
+            *unseen = UnseenLabel::Pool;
+        }
+        rule.assign(&[&[0.9, 5.0, -0.2, 0.0], &label], &mut regions);
+        assert_eq!(regions, [1, 2, 0, 3]);
+    }
+}

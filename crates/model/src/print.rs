@@ -1,0 +1,117 @@
+//! Models for people.
+
+use std::fmt::Write;
+
+use crate::{Latent, Model, Prediction};
+
+/// The model as text: columns, equations, and per region its size, rank and coefficients.
+///
+/// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros left out.
+pub fn describe(model: &Model, regions: usize) -> String {
+    let mut out = String::new();
+    let t = &model.training;
+    let _ = writeln!(out, "{} model {}: {} rows of {} episodes, fleetfoot {}", model.method, model.hash(), t.rows, t.episodes.len(), t.version);
+    if model.step > 0.0 {
+        let _ = writeln!(out, "sampled every {} s", short(model.step));
+    }
+    let _ = writeln!(out, "\ncolumns");
+    for column in &model.columns {
+        let unit = column.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
+        let angle = if column.angle { ", angle" } else { "" };
+        let role = format!("{:?}", column.role).to_lowercase();
+        let source = if column.source == column.name { String::new() } else { format!(" = {}", column.source) };
+        let _ = writeln!(out, "  {}{source}{unit}  ({role}{angle})", column.name);
+    }
+    let _ = writeln!(out, "\nequations");
+    for equation in &model.equations {
+        let how = match &equation.target {
+            None => "  (given)".to_owned(),
+            Some(target) if equation.prediction == Prediction::Derivative => format!("  (measured as {target})"),
+            Some(_) => String::new(),
+        };
+        let _ = writeln!(out, "  {} = {}{how}", equation.label(), equation.right);
+    }
+    for (index, partition) in model.partitions.iter().enumerate() {
+        describe_partition(&mut out, model, index, regions, &partition.specification);
+    }
+    out
+}
+
+fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usize, specification: &str) {
+    let partition = &model.partitions[index];
+    let count = partition.rule.count();
+    let _ = writeln!(out, "\npartition {specification}: {count} region{}", if count == 1 { "" } else { "s" });
+    if !partition.columns.is_empty() {
+        let columns: Vec<String> = partition.columns.iter().map(ToString::to_string).collect();
+        let _ = writeln!(out, "  on {}", columns.join(", "));
+    }
+    let mut order: Vec<usize> = (0..partition.regions.len()).collect();
+    order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
+    let total: u64 = partition.regions.iter().map(|region| region.rows).sum();
+    for &region in order.iter().take(limit) {
+        let info = &partition.regions[region];
+        let share = if total > 0 { 100.0 * info.rows as f64 / total as f64 } else { 0.0 };
+        let _ = writeln!(out, "\n  region {} ({} rows, {share:.1} %, rank {}, condition {})", info.name, info.rows, info.rank, short(info.condition));
+        for latent in model.latents.iter().filter(|latent| latent.partition == index) {
+            let _ = writeln!(out, "    {} = {}", latent.name, terms(model, latent, region));
+        }
+        let library = model.latents.iter().find(|latent| latent.partition == index).map(|latent| &model.libraries[latent.library]);
+        if let (Some(library), false) = (library, info.confounded.is_empty()) {
+            let groups: Vec<String> = info
+                .confounded
+                .iter()
+                .map(|group| group.iter().map(|&f| library[f].to_string()).collect::<Vec<_>>().join(" ~ "))
+                .collect();
+            let _ = writeln!(out, "    not separable here: {}", groups.join("; "));
+        }
+    }
+    if order.len() > limit {
+        let _ = writeln!(out, "\n  and {} smaller regions", order.len() - limit);
+    }
+}
+
+fn terms(model: &Model, latent: &Latent, region: usize) -> String {
+    let mut text = short(latent.constants[region]);
+    for (function, &coefficient) in model.libraries[latent.library].iter().zip(&latent.coefficients[region]) {
+        if coefficient != 0.0 {
+            let sign = if coefficient < 0.0 { '-' } else { '+' };
+            let _ = write!(text, " {sign} {}*{function}", short(coefficient.abs()));
+        }
+    }
+    text
+}
+
+/// Six significant digits, without a tail of zeros.
+fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor();
+    if !(-5.0..6.0).contains(&magnitude) {
+        let text = format!("{value:.5e}");
+        return match text.split_once('e') {
+            Some((digits, exponent)) if digits.contains('.') => {
+                format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.'))
+            }
+            _ => text,
+        };
+    }
+    let decimals = (5.0 - magnitude).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(short(0.1), "0.1");
+        assert_eq!(short(-1234.5678), "-1234.57");
+        assert_eq!(short(1.5e-9), "1.5e-9");
+        assert_eq!(short(2e20), "2e20");
+        assert_eq!(short(999_999.7), "1000000");
+        assert_eq!(short(f64::NAN), "NaN");
+    }
+}

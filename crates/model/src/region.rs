@@ -1,0 +1,55 @@
+//! What the training data looked like: in each region, and over all.
+
+/// What a region saw in training, so that a filter can use it and extrapolation is noticed.
+///
+/// The vectors speak of the functions of the first latent's library (regressors x) and of the fitted equations (targets y).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// For people: `3`, `grass`, `inner`.
+    pub name: String,
+    /// Training rows that fell in it.
+    pub rows: u64,
+    /// Mean of the regressors.
+    pub mean: Vec<f64>,
+    /// Covariance of the regressors (divisor: rows), packed lower triangle by rows.
+    pub covariance: Vec<f64>,
+    /// Smallest and largest value of each regressor.
+    pub range: Vec<[f64; 2]>,
+    /// Covariance of the residuals of the fitted equations (divisor: rows), packed lower triangle by rows.
+    pub residual_covariance: Vec<f64>,
+    /// Numerical rank of the regression, constant not counted.
+    pub rank: usize,
+    /// Condition number of the standardised regressors.
+    pub condition: f64,
+    /// Groups of functions (indices) that the region's rows cannot separate.
+    pub confounded: Vec<Vec<usize>>,
+}
+
+/// Where a model comes from, and the scale of what it saw.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Training {
+    /// Version of fleetfoot.
+    pub version: String,
+    /// The recipe with all flags applied, TOML.
+    pub recipe: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Rows used.
+    pub rows: u64,
+    /// Identities and names of the episodes used.
+    pub episodes: Vec<(String, String)>,
+    /// Mean of each fitted target.
+    pub target_mean: Vec<f64>,
+    /// Covariance of the fitted targets (divisor: rows), packed lower triangle.
+    pub target_covariance: Vec<f64>,
+    /// Mean absolute deviation of each target from its mean: the error of the null model.
+    pub target_deviation: Vec<f64>,
+    /// Covariance of the states (divisor: rows), packed lower triangle, in the order of the columns with role State.
+    pub state_covariance: Vec<f64>,
+}
+
+/// Index of entry (i, j) of a symmetric matrix stored as a packed lower triangle by rows.
+pub fn packed(i: usize, j: usize) -> usize {
+    let (i, j) = if i >= j { (i, j) } else { (j, i) };
+    i * (i + 1) / 2 + j
+}

@@ -1,0 +1,104 @@
+//! A model's parts must fit together before anybody computes with it.
+
+use crate::{Model, Partition, Region, Role, Rule};
+
+impl Model {
+    /// Checks that indices, lengths and names agree; the message says what does not.
+    pub fn validate(&self) -> Result<(), String> {
+        if !(self.step.is_finite() && self.step >= 0.0) {
+            return Err(format!("step {} is not a positive number of seconds", self.step));
+        }
+        let fitted = self.fitted().count();
+        let functions = self.latents.first().map_or(0, |l| self.libraries.get(l.library).map_or(0, Vec::len));
+        for partition in &self.partitions {
+            check_partition(partition, functions, fitted)?;
+        }
+        for latent in &self.latents {
+            let name = &latent.name;
+            let library = self.libraries.get(latent.library).ok_or_else(|| format!("{name}: no library {}", latent.library))?;
+            let partition =
+                self.partitions.get(latent.partition).ok_or_else(|| format!("{name}: no partition {}", latent.partition))?;
+            let regions = partition.rule.count();
+            if latent.constants.len() != regions || latent.coefficients.len() != regions {
+                return Err(format!("{name}: coefficients for {} of {regions} regions", latent.coefficients.len()));
+            }
+            if let Some(row) = latent.coefficients.iter().find(|row| row.len() != library.len()) {
+                return Err(format!("{name}: {} coefficients for {} functions", row.len(), library.len()));
+            }
+        }
+        for equation in &self.equations {
+            let subject = &equation.subject;
+            if self.column(subject).is_none() {
+                return Err(format!("the equation of `{subject}` speaks of a column that the model does not have"));
+            }
+        }
+        let states = self.columns.iter().filter(|column| column.role == Role::State).count();
+        let triangle = |n: usize| n * (n + 1) / 2;
+        let t = &self.training;
+        for (what, length, expected) in [
+            ("target means", t.target_mean.len(), fitted),
+            ("target covariances", t.target_covariance.len(), triangle(fitted)),
+            ("target deviations", t.target_deviation.len(), fitted),
+            ("state covariances", t.state_covariance.len(), triangle(states)),
+        ] {
+            if length != expected {
+                return Err(format!("{length} {what}, expected {expected}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Result<(), String> {
+    let name = &partition.specification;
+    let columns = partition.columns.len();
+    if partition.centre.len() != columns || partition.scale.len() != columns {
+        return Err(format!("partition {name}: {columns} columns, {} centres, {} scales", partition.centre.len(), partition.scale.len()));
+    }
+    if partition.scale.iter().any(|&scale| scale.is_nan() || scale <= 0.0) {
+        return Err(format!("partition {name}: a scale is not positive"));
+    }
+    check_rule(&partition.rule, columns).map_err(|problem| format!("partition {name}: {problem}"))?;
+    if partition.regions.len() != partition.rule.count() {
+        return Err(format!("partition {name}: {} of {} regions described", partition.regions.len(), partition.rule.count()));
+    }
+    for region in &partition.regions {
+        check_region(region, functions, fitted).map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;
+    }
+    Ok(())
+}
+
+fn check_region(region: &Region, functions: usize, fitted: usize) -> Result<(), String> {
+    let lengths = [region.mean.len(), region.range.len(), region.covariance.len(), region.residual_covariance.len()];
+    let expected = [functions, functions, functions * (functions + 1) / 2, fitted * (fitted + 1) / 2];
+    if lengths != expected {
+        return Err(format!("lengths {lengths:?} of mean, range, covariance, residual covariance; expected {expected:?}"));
+    }
+    if region.confounded.iter().flatten().any(|&function| function >= functions) {
+        return Err("a confounded function that does not exist".into());
+    }
+    Ok(())
+}
+
+fn check_rule(rule: &Rule, columns: usize) -> Result<(), String> {
+    match rule {
+        Rule::Whole => Ok(()),
+        Rule::Ball { radius } if *radius > 0.0 => Ok(()),
+        Rule::Ball { radius } => Err(format!("radius {radius} is not positive")),
+        Rule::Linear { weights, offsets } => {
+            if weights.is_empty() || weights.len() != offsets.len() || weights.iter().any(|row| row.len() != columns) {
+                return Err(format!("{} x {columns} weights and {} offsets do not fit", weights.len(), offsets.len()));
+            }
+            Ok(())
+        }
+        Rule::Labels { values, names, rules, .. } => {
+            if columns == 0 || values.is_empty() || values.len() != names.len() || values.len() != rules.len() {
+                return Err(format!("{} labels, {} names, {} rules", values.len(), names.len(), rules.len()));
+            }
+            rules.iter().try_for_each(|rule| match rule {
+                Rule::Labels { .. } => Err("labels within labels".into()),
+                _ => check_rule(rule, columns - 1),
+            })
+        }
+    }
+}

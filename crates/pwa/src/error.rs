@@ -1,0 +1,71 @@
+//! Why an identification could not be done.
+
+use crate::SpecificationError;
+
+/// Why an identification could not be done.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The rows could not be read.
+    #[error(transparent)]
+    Data(#[from] fleetfoot_data::Error),
+    /// The user stopped the work.
+    #[error(transparent)]
+    Cancelled(#[from] fleetfoot_data::Cancelled),
+    /// An expression speaks of a column that the source does not have.
+    #[error(transparent)]
+    UnknownColumn(#[from] fleetfoot_library::UnknownColumn),
+    /// A partition could not be understood.
+    #[error(transparent)]
+    Specification(#[from] SpecificationError),
+    /// Two parts of the statistic share a key.
+    #[error(transparent)]
+    Merge(#[from] fleetfoot_stats::MergeError),
+    /// k-means refused its input.
+    #[error("clustering: {0}")]
+    KMeans(#[from] crate::KMeansError),
+    /// Nothing to fit to.
+    #[error(
+        "{complete} complete rows for {regressors} regressors: too few to fit ({at_border} rows lack neighbours at the border of their episode, \
+         {incomplete} have a missing value); give more data, fewer regressors or shorter lags"
+    )]
+    TooFewRows {
+        /// Rows with all values.
+        complete: u64,
+        /// Columns of the regression, the constant included.
+        regressors: usize,
+        /// Rows without all neighbours.
+        at_border: u64,
+        /// Rows with a missing value.
+        incomplete: u64,
+    },
+    /// A target that never changes.
+    #[error("the target {target} has the same value {value} in all rows: there is nothing to predict; leave it out, or check its column")]
+    ConstantTarget {
+        /// The left side of its equation.
+        target: String,
+        /// The value.
+        value: f64,
+    },
+    /// Too many different labels.
+    #[error("column `{column}` has more than {limit} different values: it does not look like a label")]
+    TooManyLabels {
+        /// The column.
+        column: String,
+        /// How many are allowed.
+        limit: usize,
+    },
+    /// No equation has a target.
+    #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
+    NothingToFit,
+    /// Row weights below zero or missing.
+    #[error("weights must not be negative; episode {episode}, row {row} has {value}")]
+    NegativeWeight {
+        /// The episode.
+        episode: String,
+        /// The row.
+        row: usize,
+        /// The weight.
+        value: f64,
+    },
+}

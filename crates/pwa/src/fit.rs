@@ -1,0 +1,133 @@
+//! Regression (paper, II-E.2): an affine model for every region, for all rows and for the training rows of every fold.
+//!
+//! Nothing here sees a row: all follows from the statistic. A region that saw nothing falls back on the one-region model.
+
+use std::collections::BTreeMap;
+
+use faer::Mat;
+use fleetfoot_stats::{Gram, Key, Preconditioner, Solution, SquareRoot, Stats, least_squares, ridge};
+
+use crate::{Specification, regions::Candidate};
+
+/// The affine model of one region: `intercept + coefficients' x`.
+#[derive(Debug, Clone)]
+pub(crate) struct RegionModel {
+    /// p x q.
+    pub(crate) coefficients: Mat<f64>,
+    pub(crate) intercept: Vec<f64>,
+    pub(crate) rank: usize,
+    pub(crate) condition: f64,
+    pub(crate) confounded: Vec<Vec<usize>>,
+}
+
+impl RegionModel {
+    fn new(solution: Solution) -> Self {
+        let Solution { coefficients, intercept, rank, condition, confounded, .. } = solution;
+        Self { coefficients, intercept, rank, condition, confounded }
+    }
+
+    /// The mean of the targets.
+    fn null(root: &SquareRoot) -> Self {
+        let (p, q) = (root.mean_x.len(), root.mean_y.len());
+        Self {
+            coefficients: Mat::zeros(p, q),
+            intercept: root.mean_y.clone(),
+            rank: 0,
+            condition: 1.0,
+            confounded: Vec::new(),
+        }
+    }
+}
+
+/// The one-region model and what comes with it: prior, fallback, and the units of standardisation.
+pub(crate) struct Base {
+    pub(crate) root: SquareRoot,
+    pub(crate) scale: Vec<f64>,
+    pub(crate) average: RegionModel,
+    pub(crate) null: RegionModel,
+}
+
+/// Solves on a statistic, with and without a fold held out.
+pub(crate) struct Solver<'a> {
+    pub(crate) stats: &'a Stats,
+    pub(crate) preconditioner: &'a Preconditioner,
+}
+
+impl Solver<'_> {
+    /// The one-region model of the rows that train for `held`. `None` when there are no rows.
+    pub(crate) fn base(&self, held: Option<u16>) -> Option<Base> {
+        let gram = self.stats.total(|key| key.partition == 0 && trains(key, held))?;
+        let root = self.preconditioner.square_root(&gram);
+        let scale = column_scale(&root);
+        let average = RegionModel::new(least_squares(&root, &scale));
+        let null = RegionModel::null(&root);
+        Some(Base { root, scale, average, null })
+    }
+
+    /// Training statistics of the regions of a partition.
+    pub(crate) fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
+        self.roots(|key| usize::from(key.partition) == partition && trains(key, held))
+    }
+
+    /// Held-out statistics of the regions of a partition.
+    pub(crate) fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
+        self.roots(|key| usize::from(key.partition) == partition && key.fold.own == fold)
+    }
+
+    fn roots(&self, wanted: impl Fn(&Key) -> bool) -> BTreeMap<u32, SquareRoot> {
+        let totals: BTreeMap<u32, Gram> = self.stats.totals(|key| wanted(key).then_some(key.region));
+        totals.into_iter().map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
+    }
+}
+
+/// The models of all `count` regions of a candidate, from the training statistics of its regions.
+///
+/// `shrinkage` is in rows: the region behaves as if it had seen that many more rows of standardised, independent regressors that obey the one-region
+/// model, `min 1/(2n) rss + s/(2n) |D (beta - beta_average)|^2` with D the standard deviations over all training rows.
+pub(crate) fn region_models(
+    candidate: &Candidate,
+    count: usize,
+    base: &Base,
+    training: &BTreeMap<u32, SquareRoot>,
+    shrinkage: f64,
+) -> Vec<RegionModel> {
+    match candidate.specification {
+        Specification::Null => vec![base.null.clone()],
+        Specification::Average => vec![base.average.clone()],
+        _ => (0..count as u32)
+            .map(|region| match training.get(&region) {
+                None => base.average.clone(),
+                Some(root) if shrinkage > 0.0 => {
+                    let lambda = shrinkage / root.weight;
+                    RegionModel::new(ridge(root, &base.scale, lambda, Some(base.average.coefficients.as_ref())))
+                }
+                Some(root) => RegionModel::new(least_squares(root, &base.scale)),
+            })
+            .collect(),
+    }
+}
+
+/// Sum of squared errors of each target on held-out statistics.
+pub(crate) fn held_out_error(models: &[RegionModel], testing: &BTreeMap<u32, SquareRoot>, targets: usize) -> Vec<f64> {
+    let mut total = vec![0.0; targets];
+    for (&region, root) in testing {
+        let model = &models[(region as usize).min(models.len() - 1)];
+        let error = root.error(model.coefficients.as_ref(), &model.intercept);
+        total.iter_mut().zip(error).for_each(|(sum, error)| *sum += error);
+    }
+    total
+}
+
+/// Standard deviations of the regressors: column norms of the centred R factor. A constant column gets 1.
+fn column_scale(root: &SquareRoot) -> Vec<f64> {
+    (0..root.r.ncols())
+        .map(|column| match root.r.col(column).norm_l2() / root.weight.sqrt() {
+            norm if norm.is_finite() && norm > 1e-12 * root.mean_x[column].abs() => norm,
+            _ => 1.0,
+        })
+        .collect()
+}
+
+fn trains(key: &Key, held: Option<u16>) -> bool {
+    held.is_none_or(|held| key.fold.trains(held))
+}

@@ -1,0 +1,432 @@
+//! From rows to a scored piecewise-affine model (paper, II-E): segment, regress, choose, measure.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_model::{Latent, Model, Partition, Region, Rule, Training};
+use fleetfoot_stats::{Chunk, Gram, Grid, Preconditioner, SquareRoot};
+
+use crate::{
+    Error, Options, Problem, Specification,
+    errors::{Errors, Measure},
+    fit::{Base, RegionModel, Solver},
+    regions::{Segmentation, segment},
+    rows::Rows,
+    scan::{Scan, pilot, scan},
+    select::{Order, choose, effective_rows, evaluate},
+    survey::{Survey, kept_bytes},
+};
+
+/// Bytes that all stored statistics may take.
+const STATS_BUDGET: usize = 192 << 20;
+
+/// A model and how it was found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Identification {
+    /// The chosen model.
+    pub model: Model,
+    /// Every partition that was tried, in the order asked for.
+    pub candidates: Vec<Score>,
+    /// Index of the chosen one.
+    pub chosen: usize,
+    /// Left sides of the fitted equations.
+    pub targets: Vec<String>,
+    /// Standard deviation of each target (population).
+    pub sigma: Vec<f64>,
+    /// Rows used.
+    pub rows: u64,
+    /// Rows that lack neighbours at the border of their episode.
+    pub at_border: u64,
+    /// Rows with a missing value.
+    pub incomplete: u64,
+    /// Rows that count as independent.
+    pub effective_rows: f64,
+    /// Whether the scores are of rows that did not train (cross-validation).
+    pub held_out: bool,
+    /// Condition number of the one-region regression.
+    pub condition: f64,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Scores of one partition.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Score {
+    /// The partition.
+    pub specification: Specification,
+    /// Its regions.
+    pub regions: usize,
+    /// Shrinkage used, rows.
+    pub shrinkage: f64,
+    /// Mean absolute error of each target over that of the null model on the same rows (Table I's printed numbers).
+    pub over_null: Vec<f64>,
+    /// Mean absolute error of each target over the target's standard deviation.
+    pub over_sigma: Vec<f64>,
+    /// Coefficient of determination of each target.
+    pub r2: Vec<f64>,
+    /// Mean Mahalanobis score of the error vector under the covariance of the targets (equation (10)).
+    pub mahalanobis: f64,
+    /// Cross-validated squared error over variance, mean over targets and folds; NaN without folds.
+    pub loss: f64,
+    /// Its standard error across folds.
+    pub standard_error: f64,
+    /// The same loss, fold by fold.
+    pub losses: Vec<f64>,
+    /// Bayesian information criterion.
+    pub bic: f64,
+}
+
+/// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
+///
+/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions, and
+/// one for absolute errors.
+pub fn identify(problem: &Problem, options: &Options, source: &dyn Source, progress: &dyn Progress) -> Result<Identification, Error> {
+    let rows = Rows::compile(problem, &options.partitions, source)?;
+    let regions: usize = options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
+    let bytes = gram_bytes(rows.dimension());
+    let grid = Grid {
+        chunk_rows: Grid::for_budget(source.rows(), regions, bytes, STATS_BUDGET),
+        folds: options.folds,
+        purge: options.purge.max(rows.halo().before + rows.halo().after),
+    };
+    let chunks = grid.chunks(source.episodes());
+    progress.stage("survey");
+    let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
+    check(problem, &rows, &survey)?;
+    progress.stage("partition");
+    let segmentation = segment(problem, options, &rows, &survey, progress)?;
+    let preconditioner = pilot(&rows, source)?;
+    progress.stage("regression");
+    let plan = plan_hash(problem, &grid, &segmentation, &preconditioner);
+    let scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
+    let fit = Fit { problem, options, rows: &rows, survey: &survey, segmentation: &segmentation, scan: &scanned, preconditioner: &preconditioner };
+    fit.finish(source, &chunks, progress)
+}
+
+/// What an identification will keep in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Cost {
+    /// Rows that k-means keeps: all, or as many as the memory allows.
+    pub clustered_rows: usize,
+    /// Bytes, about: kept rows, stored statistics, blocks in flight.
+    pub bytes: usize,
+}
+
+/// Tells beforehand what [`identify`] will keep in memory for `rows` rows.
+pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
+    let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
+    let width = problem.library.len() + targets;
+    let per_row = kept_bytes(problem.partition_columns.len(), 0);
+    let clusters = options.partitions.iter().any(|p| p.clusters().is_some());
+    let clustered_rows = if clusters { rows.min(options.memory / per_row.max(1)) } else { 0 };
+    let regions: usize = options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
+    let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
+    let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
+    Cost { clustered_rows, bytes: clustered_rows * per_row + statistics + blocks }
+}
+
+fn gram_bytes(width: usize) -> usize {
+    8 * (width + 4) * (width + 4) / 2
+}
+
+fn expected_regions(specification: &Specification) -> usize {
+    match specification {
+        Specification::Null | Specification::Average => 0,
+        Specification::ZScore(_) => 2,
+        Specification::KMeans(k) => *k,
+        Specification::Labels { k, .. } => 10 * k.max(&1),
+    }
+}
+
+fn plan_hash(problem: &Problem, grid: &Grid, segmentation: &Segmentation, preconditioner: &Preconditioner) -> String {
+    let mut text = format!("{grid:?}\n{:?}\n", problem.weight.as_ref().map(ToString::to_string));
+    for function in &problem.library {
+        text.push_str(&format!("{function}\n"));
+    }
+    for target in problem.equations.iter().filter_map(|equation| equation.target.as_ref()) {
+        text.push_str(&format!("= {target}\n"));
+    }
+    for partition in &segmentation.partitions {
+        text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
+    }
+    fleetfoot_stats::plan_hash(&text, preconditioner)
+}
+
+fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {
+    if survey.complete < rows.regressors as u64 + 2 {
+        return Err(Error::TooFewRows {
+            complete: survey.complete,
+            regressors: rows.regressors + 1,
+            at_border: survey.at_border,
+            incomplete: survey.incomplete,
+        });
+    }
+    for (target, equation) in problem.equations.iter().filter(|equation| equation.target.is_some()).enumerate() {
+        if survey.scales.get(target, target) <= 0.0 {
+            return Err(Error::ConstantTarget { target: equation.label(), value: survey.scales.mean[target] });
+        }
+    }
+    Ok(())
+}
+
+/// All that is known when the statistic is complete.
+struct Fit<'a> {
+    problem: &'a Problem,
+    options: &'a Options,
+    rows: &'a Rows,
+    survey: &'a Survey,
+    segmentation: &'a Segmentation,
+    scan: &'a Scan,
+    preconditioner: &'a Preconditioner,
+}
+
+impl Fit<'_> {
+    fn finish(&self, source: &dyn Source, chunks: &[Chunk], progress: &dyn Progress) -> Result<Identification, Error> {
+        let solver = Solver { stats: &self.scan.stats, preconditioner: self.preconditioner };
+        let too_few = || Error::TooFewRows {
+            complete: self.survey.complete,
+            regressors: self.rows.regressors + 1,
+            at_border: self.survey.at_border,
+            incomplete: self.survey.incomplete,
+        };
+        let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
+        let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
+        let orders = evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
+        let specifications: Vec<&Specification> = self.segmentation.candidates.iter().map(|c| &c.specification).collect();
+        let chosen = choose(self.options.selection, &specifications, &orders);
+        progress.stage("errors");
+        let errors = self.measure(&orders, chosen, &base, &solver).run(source, chunks, progress)?;
+        let q = self.rows.targets;
+        let sigma: Vec<f64> = (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
+        let candidates = self.scores(&orders, &errors, &sigma);
+        let mut notes = self.segmentation.notes.clone();
+        self.notes(&base, &mut notes);
+        Ok(Identification {
+            model: self.model(&orders[chosen], chosen, &errors, source, &solver),
+            candidates,
+            chosen,
+            targets: self.problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
+            sigma,
+            rows: self.survey.complete,
+            at_border: self.survey.at_border,
+            incomplete: self.survey.incomplete,
+            effective_rows: independent,
+            held_out: self.options.folds > 1,
+            condition: base.average.condition,
+            notes,
+        })
+    }
+
+    fn measure<'m>(&'m self, orders: &'m [Order], chosen: usize, base: &'m Base, solver: &Solver<'_>) -> MeasureInput<'m> {
+        let folds = if self.options.folds > 1 { self.options.folds } else { 0 };
+        let fold_means = (0..folds)
+            .map(|fold| solver.base(Some(fold)).map_or_else(|| base.root.mean_y.clone(), |base| base.root.mean_y))
+            .collect();
+        let q = self.rows.targets;
+        let covariance = leading(&self.survey.scales, 0..q);
+        MeasureInput { fit: self, orders, chosen, mean: base.root.mean_y.clone(), fold_means, whitening: whitening(&covariance, q) }
+    }
+
+    fn scores(&self, orders: &[Order], errors: &Errors, sigma: &[f64]) -> Vec<Score> {
+        let q = self.rows.targets;
+        orders
+            .iter()
+            .zip(&errors.candidates)
+            .zip(&self.segmentation.candidates)
+            .map(|((order, sums), candidate)| Score {
+                specification: candidate.specification.clone(),
+                regions: order.full.len(),
+                shrinkage: order.shrinkage,
+                over_null: (0..q).map(|t| sums.absolute[t] / errors.null.absolute[t]).collect(),
+                over_sigma: (0..q).map(|t| sums.absolute[t] / errors.weight / sigma[t]).collect(),
+                r2: (0..q).map(|t| 1.0 - sums.squared[t] / (errors.weight * sigma[t] * sigma[t])).collect(),
+                mahalanobis: sums.mahalanobis / errors.weight,
+                loss: order.loss,
+                standard_error: order.standard_error,
+                losses: order.losses.clone(),
+                bic: order.bic,
+            })
+            .collect()
+    }
+
+    fn notes(&self, base: &Base, notes: &mut Vec<String>) {
+        let name = |&function: &usize| self.problem.library[function].to_string();
+        for group in &base.average.confounded {
+            let names: Vec<String> = group.iter().map(name).collect();
+            notes.push(match names.as_slice() {
+                [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
+                _ => format!("the data cannot separate {}: their coefficients are the smallest that fit", names.join(", ")),
+            });
+        }
+        if self.survey.incomplete > 0 {
+            notes.push(format!("{} rows with a missing value were left out", self.survey.incomplete));
+        }
+    }
+
+    /// Assembles the chosen model.
+    fn model(&self, order: &Order, chosen: usize, errors: &Errors, source: &dyn Source, solver: &Solver<'_>) -> Model {
+        let candidate = &self.segmentation.candidates[chosen];
+        let null = candidate.specification == Specification::Null;
+        let library = if null { Vec::new() } else { self.problem.library.clone() };
+        let mut partition = self.segmentation.partitions[candidate.full].clone();
+        partition.specification = candidate.specification.to_string();
+        let roots = solver.training(candidate.full, None);
+        partition.regions = order
+            .full
+            .iter()
+            .enumerate()
+            .map(|(region, fitted)| {
+                let ranges = &self.scan.ranges[candidate.full][region];
+                self.region(region_name(&partition, region), fitted, roots.get(&(region as u32)), ranges, &errors.residuals[region], null)
+            })
+            .collect();
+        let (q, s) = (self.rows.targets, self.rows.states);
+        let training = Training {
+            version: env!("CARGO_PKG_VERSION").into(),
+            recipe: String::new(),
+            seed: self.options.seed,
+            rows: self.survey.complete,
+            episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
+            target_mean: self.survey.scales.mean[..q].to_vec(),
+            target_covariance: leading(&self.survey.scales, 0..q),
+            target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
+            state_covariance: leading(&self.survey.scales, q..q + s),
+        };
+        let mut model = Model::new(format!("pwa {}", candidate.specification), self.problem.columns.clone(), self.problem.step, training);
+        model.latents = self
+            .problem
+            .equations
+            .iter()
+            .filter(|equation| equation.target.is_some())
+            .enumerate()
+            .map(|(t, equation)| Latent {
+                name: equation.right.to_string(),
+                library: 0,
+                partition: 0,
+                constants: order.full.iter().map(|region| region.intercept[t]).collect(),
+                coefficients: order
+                    .full
+                    .iter()
+                    .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
+                    .collect(),
+            })
+            .collect();
+        model.libraries = vec![library];
+        model.partitions = vec![partition];
+        model.equations = self.problem.equations.clone();
+        model
+    }
+
+    fn region(
+        &self,
+        name: String,
+        fitted: &RegionModel,
+        root: Option<&SquareRoot>,
+        ranges: &[[f64; 2]],
+        residuals: &(f64, Vec<f64>),
+        null: bool,
+    ) -> Region {
+        let p = if null { 0 } else { self.rows.regressors };
+        let mut covariance = vec![f64::NAN; p * (p + 1) / 2];
+        if let Some(root) = root {
+            for i in 0..p {
+                for j in 0..=i {
+                    let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
+                    covariance[i * (i + 1) / 2 + j] = product / root.weight;
+                }
+            }
+        }
+        Region {
+            name,
+            rows: root.map_or(0, |root| root.rows),
+            mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
+            covariance,
+            range: ranges[..p].to_vec(),
+            residual_covariance: residuals.1.iter().map(|sum| sum / residuals.0).collect(),
+            rank: fitted.rank,
+            condition: fitted.condition,
+            confounded: if null { Vec::new() } else { fitted.confounded.clone() },
+        }
+    }
+}
+
+/// Owns what a [`Measure`] borrows.
+struct MeasureInput<'m> {
+    fit: &'m Fit<'m>,
+    orders: &'m [Order],
+    chosen: usize,
+    mean: Vec<f64>,
+    fold_means: Vec<Vec<f64>>,
+    whitening: Vec<f64>,
+}
+
+impl MeasureInput<'_> {
+    fn run(&self, source: &dyn Source, chunks: &[Chunk], progress: &dyn Progress) -> Result<Errors, Error> {
+        Measure {
+            rows: self.fit.rows,
+            segmentation: self.fit.segmentation,
+            orders: self.orders,
+            chosen: self.chosen,
+            mean: &self.mean,
+            fold_means: &self.fold_means,
+            whitening: &self.whitening,
+        }
+        .run(source, chunks, progress)
+    }
+}
+
+/// Covariance (divisor: weight) of a range of columns, packed lower triangle.
+fn leading(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
+    let mut packed = Vec::new();
+    for i in columns.clone() {
+        for j in columns.start..=i {
+            packed.push(gram.get(i, j) / gram.weight);
+        }
+    }
+    packed
+}
+
+/// Inverse of the Cholesky factor of a packed covariance, q x q by rows. A direction without variance of its own counts as the variable's own variance.
+fn whitening(covariance: &[f64], q: usize) -> Vec<f64> {
+    let at = |i: usize, j: usize| covariance[i * (i + 1) / 2 + j];
+    let mut factor = vec![0.0; q * q];
+    for i in 0..q {
+        for j in 0..=i {
+            let dot: f64 = (0..j).map(|k| factor[i * q + k] * factor[j * q + k]).sum();
+            let rest = at(i, j) - dot;
+            factor[i * q + j] = if i == j {
+                if rest > 1e-12 * at(i, i) { rest.sqrt() } else { at(i, i).sqrt() }
+            } else {
+                rest / factor[j * q + j]
+            };
+        }
+    }
+    let mut inverse = vec![0.0; q * q];
+    for column in 0..q {
+        for i in column..q {
+            let unit = if i == column { 1.0 } else { 0.0 };
+            let dot: f64 = (column..i).map(|k| factor[i * q + k] * inverse[k * q + column]).sum();
+            inverse[i * q + column] = (unit - dot) / factor[i * q + i];
+        }
+    }
+    inverse
+}
+
+fn region_name(partition: &Partition, region: usize) -> String {
+    match &partition.rule {
+        Rule::Whole => "all".into(),
+        Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
+        Rule::Linear { .. } => region.to_string(),
+        Rule::Labels { names, rules, .. } => {
+            let mut offset = 0;
+            for (name, rule) in names.iter().zip(rules) {
+                if region < offset + rule.count() {
+                    return if rule.count() == 1 { name.clone() } else { format!("{name}/{}", region - offset) };
+                }
+                offset += rule.count();
+            }
+            "pooled".into()
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! The screen: nearest centroids of a tile of rows in `f32`, with a proof or a doubt for every row.
+//!
+//! With an origin `o`, `x' = x - o`, `c' = c - o` and `h = ||c'||^2 / 2`, the nearest centroid has the least score `h - x'.c'`
+//! (half the squared distance less `||x'||^2 / 2`). The kernel computes all scores of a tile with fused multiply-adds and keeps, in
+//! registers, the two least of each row and the place of the least; no score reaches memory.
+//!
+//! What proves the answer is a bound on the rounding. With unit roundoff `u = 2^-24`, the rounding of `x'`, `c'`, `h` and of the
+//! `d` multiply-adds changes a score by at most `e (h + ||x'|| ||c'||)`, `e = (d + 16) u`, which is at most `e (2 h + ||x'||^2 / 2)`.
+//! The part `2 e h` of a centroid is taken off its `h` beforehand, so that, up to `e ||x'||^2 / 2`, a computed score is a lower bound and
+//! exceeds the true one by nothing; it falls short of it by at most `4 e h + e ||x'||^2 / 2`. One far centroid therefore
+//! spoils only its own scores. If the gap between the two least scores is larger than the sum of the two errors, the first is the nearest
+//! centroid, strictly, also in the `f64` arithmetic of [`squared_distance`](super::distance::squared_distance), whose error is accounted for.
+//! Otherwise the row is in doubt, and the caller compares all centroids in `f64`.
+
+use pulp::Simd;
+
+use super::transpose::gather;
+
+/// Rows of a tile.
+pub(super) const TILE: usize = 64;
+
+/// Centroids whose scores are accumulated together: with four vectors of rows they fill the 32 registers of AVX-512.
+const GROUP: usize = 6;
+
+/// Centroids beyond this could overflow `f32` scores. Rows need no such limit: their squared norm overflows first, and that is a doubt.
+const LARGEST: f64 = 1e12;
+
+/// Squared distances below it may have lost all digits to underflow.
+const TINY: f32 = 1e-25;
+
+/// Centroids laid out for the kernel.
+#[derive(Debug, Clone)]
+pub(super) struct Screen {
+    dimensions: usize,
+    /// Subtracted from rows and centroids: the coordinate-wise median of the centroids, so that an offset common to all costs no digits.
+    origin: Vec<f64>,
+    /// Negated coordinates, group by group: for every dimension the group's centroids.
+    negated: Vec<f32>,
+    /// `h`, less its share of the error.
+    half_norms: Vec<f32>,
+    /// Centroids of each group: `GROUP` or one less, except when there are few.
+    groups: Vec<usize>,
+    /// The constant `e`.
+    error: f32,
+    /// Whether the centroids fit `f32`; if not, every row is in doubt.
+    safe: bool,
+}
+
+/// Working memory and results for one tile.
+#[derive(Debug, Clone)]
+pub(super) struct Tile {
+    /// `d x TILE` coordinates about the origin, rows contiguous.
+    x: Vec<Lane>,
+    /// `||x'||^2` of the rows.
+    norms: Lane,
+    first: Lane,
+    second: Lane,
+    /// The place of the least score.
+    pub(super) label: LabelLane,
+    /// Distances at least as large as the one to the nearest centroid.
+    pub(super) upper: Lane,
+    /// Distances at most as large as those to all others.
+    pub(super) lower: Lane,
+    /// Rows whose nearest centroid is not proven.
+    pub(super) doubt: [bool; TILE],
+}
+
+/// One value for each row of a tile, aligned to cache lines.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Lane(pub(super) [f32; TILE]);
+
+/// One label for each row of a tile.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct LabelLane(pub(super) [u32; TILE]);
+
+impl Tile {
+    pub(super) fn new(dimensions: usize) -> Self {
+        let zero = Lane([0.0; TILE]);
+        Self {
+            x: vec![zero; dimensions],
+            norms: zero,
+            first: zero,
+            second: zero,
+            label: LabelLane([0; TILE]),
+            upper: zero,
+            lower: zero,
+            doubt: [false; TILE],
+        }
+    }
+}
+
+impl Screen {
+    /// Prepares `centroids` (k x d).
+    pub(super) fn new(centroids: &[f64], dimensions: usize) -> Self {
+        let clusters = centroids.len() / dimensions;
+        let error = (dimensions as f32 + 16.0) * 2f32.powi(-24);
+        let origin: Vec<f64> = (0..dimensions).map(|j| median(centroids.iter().skip(j).step_by(dimensions))).collect();
+        let count = clusters.div_ceil(GROUP);
+        let groups: Vec<usize> = (0..count).map(|g| clusters * (g + 1) / count - clusters * g / count).collect();
+        let mut negated = Vec::with_capacity(centroids.len());
+        let mut from = 0;
+        for &members in &groups {
+            let rows = &centroids[from * dimensions..(from + members) * dimensions];
+            for j in 0..dimensions {
+                negated.extend((0..members).map(|c| (origin[j] - rows[c * dimensions + j]) as f32));
+            }
+            from += members;
+        }
+        let half_norms = centroids.chunks_exact(dimensions).map(|c| {
+            let half = 0.5 * c.iter().zip(&origin).map(|(c, o)| (c - o) * (c - o)).sum::<f64>();
+            (half * (1.0 - 2.0 * f64::from(error))) as f32
+        });
+        let half_norms = half_norms.collect();
+        let extent = centroids.iter().fold(0.0, |extent: f64, c| extent.max(c.abs()));
+        // Beyond 100,000 dimensions the rounding bound itself would need care.
+        let safe = extent < LARGEST && dimensions < 100_000;
+        Self { dimensions, origin, negated, half_norms, groups, error, safe }
+    }
+
+    /// Screens the rows of `rows` (row-major) whose numbers stand in `chosen`, at most `TILE` of them. Results beyond `chosen.len()` mean nothing.
+    #[inline(always)]
+    pub(super) fn tile<S: Simd>(&self, simd: S, rows: &[f64], chosen: &[u32], tile: &mut Tile) {
+        if !self.safe {
+            tile.doubt = [true; TILE];
+            return;
+        }
+        gather(rows, self.dimensions, chosen, &self.origin, &mut tile.x);
+        if S::F32_LANES >= 16 {
+            self.scores::<S, 4>(simd, chosen.len(), tile);
+        } else {
+            self.scores::<S, 2>(simd, chosen.len(), tile);
+        }
+        self.judge(tile);
+    }
+
+    /// Least scores of a tile; `P` vectors of rows at a time.
+    #[inline(always)]
+    fn scores<S: Simd, const P: usize>(&self, simd: S, rows: usize, tile: &mut Tile) {
+        let lanes = S::F32_LANES;
+        let zero = simd.splat_f32s(0.0);
+        for at in (0..rows).step_by(P * lanes) {
+            // Vectors of a last, short step that hold no rows are computed on what an earlier tile left there.
+            let at = at.min(TILE - P * lanes);
+            let mut best = Best::<S, P> {
+                first: [simd.splat_f32s(f32::INFINITY); P],
+                second: [simd.splat_f32s(f32::INFINITY); P],
+                label: [simd.splat_u32s(0); P],
+            };
+            let mut norms = [zero; P];
+            for x in &tile.x {
+                let x = vectors::<S, P>(&x.0, at);
+                for p in 0..P {
+                    norms[p] = simd.mul_add_f32s(x[p], x[p], norms[p]);
+                }
+            }
+            let (mut label, mut from) = (0, 0);
+            for &members in &self.groups {
+                let size = members * self.dimensions;
+                let group = &self.negated[from..from + size];
+                let half = &self.half_norms[label..label + members];
+                match members {
+                    6 => best.group::<6>(simd, &tile.x, at, group, half, label),
+                    5 => best.group::<5>(simd, &tile.x, at, group, half, label),
+                    4 => best.group::<4>(simd, &tile.x, at, group, half, label),
+                    3 => best.group::<3>(simd, &tile.x, at, group, half, label),
+                    2 => best.group::<2>(simd, &tile.x, at, group, half, label),
+                    _ => best.group::<1>(simd, &tile.x, at, group, half, label),
+                }
+                label += members;
+                from += size;
+            }
+            store::<S, P>(&mut tile.norms.0, at, norms);
+            store::<S, P>(&mut tile.first.0, at, best.first);
+            store::<S, P>(&mut tile.second.0, at, best.second);
+            let (out, _) = S::as_mut_simd_u32s(&mut tile.label.0[at..at + P * lanes]);
+            out.copy_from_slice(&best.label);
+        }
+    }
+
+    /// Turns scores into distance bounds and doubts.
+    #[inline(always)]
+    fn judge(&self, tile: &mut Tile) {
+        let e = self.error;
+        let mut half = Lane([0.0; TILE]);
+        for (half, label) in half.0.iter_mut().zip(&tile.label.0) {
+            *half = self.half_norms[*label as usize];
+        }
+        for i in 0..TILE {
+            let (norm, first, second) = (tile.norms.0[i], tile.first.0[i], tile.second.0[i]);
+            // One per cent covers the rounding of `norm`, of `half` and of these lines.
+            let excess = 1.01 * e * (4.0 * half.0[i] + norm) + TINY;
+            let near = (norm + 2.0 * (first + excess)) + 2.0 * e * norm;
+            let far = (norm + 2.0 * (second - e * norm)) - (4.0 * e * norm + TINY);
+            tile.upper.0[i] = near.max(0.0).sqrt() * (1.0 + 1e-6);
+            tile.lower.0[i] = far.max(0.0).sqrt() * (1.0 - 1e-6);
+            // NaN is a doubt.
+            tile.doubt[i] = !(second - first > excess);
+        }
+    }
+}
+
+/// The two least scores and the place of the least, for `P` vectors of rows.
+struct Best<S: Simd, const P: usize> {
+    first: [S::f32s; P],
+    second: [S::f32s; P],
+    label: [S::u32s; P],
+}
+
+impl<S: Simd, const P: usize> Best<S, P> {
+    /// Scores `C` more centroids, the first of which is `label`.
+    #[inline(always)]
+    fn group<const C: usize>(&mut self, simd: S, x: &[Lane], at: usize, group: &[f32], half: &[f32], label: usize) {
+        let mut scores = [[simd.splat_f32s(0.0); P]; C];
+        for c in 0..C {
+            scores[c] = [simd.splat_f32s(half[c]); P];
+        }
+        let (negated, _) = group.as_chunks::<C>();
+        for (x, negated) in x.iter().zip(negated) {
+            let x = vectors::<S, P>(&x.0, at);
+            for c in 0..C {
+                let coordinate = simd.splat_f32s(negated[c]);
+                for p in 0..P {
+                    scores[c][p] = simd.mul_add_f32s(x[p], coordinate, scores[c][p]);
+                }
+            }
+        }
+        for c in 0..C {
+            let name = simd.splat_u32s((label + c) as u32);
+            for p in 0..P {
+                let score = scores[c][p];
+                let better = simd.less_than_f32s(score, self.first[p]);
+                self.label[p] = simd.select_u32s(better, name, self.label[p]);
+                self.second[p] = simd.min_f32s(self.second[p], simd.max_f32s(self.first[p], score));
+                self.first[p] = simd.min_f32s(self.first[p], score);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn vectors<S: Simd, const P: usize>(lane: &[f32; TILE], at: usize) -> [S::f32s; P] {
+    let (values, _) = S::as_simd_f32s(&lane[at..at + P * S::F32_LANES]);
+    std::array::from_fn(|p| values[p])
+}
+
+#[inline(always)]
+fn store<S: Simd, const P: usize>(lane: &mut [f32; TILE], at: usize, values: [S::f32s; P]) {
+    let (out, _) = S::as_mut_simd_f32s(&mut lane[at..at + P * S::F32_LANES]);
+    out.copy_from_slice(&values);
+}
+
+/// The middle value; any of the two in the middle will do.
+fn median<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    let mut values: Vec<f64> = values.copied().collect();
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

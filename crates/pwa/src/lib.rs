@@ -1,0 +1,25 @@
+//! Piecewise identification: partitions, regression per region, model order.
+//!
+//! After Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot": the
+//! state space is cut into regions by simple statistics of the observations, every region gets an affine model by least squares, and the number of regions
+//! is chosen by how well rows that did not train are predicted. [`identify`] does it in three passes over the rows, whatever the number of partitions,
+//! regions and folds.
+
+mod error;
+mod errors;
+mod fit;
+mod identify;
+mod kmeans;
+mod problem;
+mod regions;
+mod rows;
+mod scan;
+mod select;
+mod specification;
+mod survey;
+
+pub use error::Error;
+pub use identify::{Cost, Identification, Score, cost, identify};
+pub use kmeans::{Assigner, KMeans, KMeansError, KMeansOptions, Points, Start, kmeans};
+pub use problem::{Options, Problem, Selection, Shrinkage};
+pub use specification::{Specification, SpecificationError};

@@ -1,0 +1,87 @@
+//! What is to be identified: columns, library, equations; and how.
+
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Column, Equation, UnseenLabel};
+
+use crate::Specification;
+
+/// What is to be identified, over the columns (aliases) of a source.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// The columns that the model will speak of.
+    pub columns: Vec<Column>,
+    /// Candidate functions, the constant left out: the regressor of equation (5) without its 1.
+    pub library: Vec<Expr>,
+    /// Equations: those with a target are fitted, each to the latent that its right side names; the others are given.
+    pub equations: Vec<Equation>,
+    /// What partitions look at (angles as cosine and sine).
+    pub partition_columns: Vec<Expr>,
+    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times.
+    pub weight: Option<Expr>,
+    /// Sampling period, seconds.
+    pub step: f64,
+}
+
+/// How it is to be identified.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Options {
+    /// Partitions to fit; the choice among them is [`Options::selection`]'s.
+    pub partitions: Vec<Specification>,
+    /// Folds of cross-validation; 0 or 1: none.
+    pub folds: u16,
+    /// Rows on either side of a held-out span that do not train.
+    pub purge: usize,
+    /// How one of several partitions is chosen.
+    pub selection: Selection,
+    /// Pull of each region towards the one-region model.
+    pub shrinkage: Shrinkage,
+    /// What happens to labels not seen in training.
+    pub unseen: UnseenLabel,
+    /// Seed of k-means++.
+    pub seed: u64,
+    /// Restarts of k-means, best kept.
+    pub restarts: usize,
+    /// Iterations of k-means at most.
+    pub iterations: usize,
+    /// Starting centroids (k x columns, standardised) in place of k-means++, for each partition that clusters.
+    pub start: Option<Vec<f64>>,
+    /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
+    pub memory: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            partitions: vec![Specification::Average],
+            folds: 10,
+            purge: 0,
+            selection: Selection::CrossValidation,
+            shrinkage: Shrinkage::Rows(0.0),
+            unseen: UnseenLabel::Refuse,
+            seed: 0,
+            restarts: 1,
+            iterations: 100,
+            start: None,
+            memory: 512 << 20,
+        }
+    }
+}
+
+/// How one of several partitions is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Selection {
+    /// The smallest whose cross-validated error is within one standard error of the best.
+    CrossValidation,
+    /// The lowest Bayesian information criterion, with the effective sample size.
+    Bic,
+}
+
+/// Pull of each region towards the one-region model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shrinkage {
+    /// As if each region had seen this many more rows of standardised regressors that obey the one-region model.
+    Rows(f64),
+    /// Chosen by cross-validation, one value for all regions of a partition.
+    Auto,
+}

@@ -1,0 +1,164 @@
+//! Model order: cross-validated error with the one-standard-error rule, or BIC with the effective sample size. No pass over rows.
+
+use fleetfoot_stats::{Stats, Preconditioner};
+
+use crate::{
+    Options, Selection, Shrinkage, Specification,
+    fit::{Base, RegionModel, Solver, held_out_error, region_models},
+    regions::Segmentation,
+};
+
+/// Shrinkage in rows that [`Shrinkage::Auto`] tries.
+const SHRINKAGE_GRID: [f64; 7] = [0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
+
+/// What the statistic says about a candidate.
+#[derive(Debug, Clone)]
+pub(crate) struct Order {
+    /// Shrinkage used.
+    pub(crate) shrinkage: f64,
+    /// Held-out error per fold, in units of the variance of the targets (mean over targets).
+    pub(crate) losses: Vec<f64>,
+    /// Mean of the losses.
+    pub(crate) loss: f64,
+    /// Standard error of that mean across folds.
+    pub(crate) standard_error: f64,
+    /// Bayesian information criterion on all rows.
+    pub(crate) bic: f64,
+    /// Models of every fold.
+    pub(crate) by_fold: Vec<Vec<RegionModel>>,
+    /// Models from all rows.
+    pub(crate) full: Vec<RegionModel>,
+}
+
+/// Evaluates all candidates on the statistic.
+pub(crate) fn evaluate(
+    stats: &Stats,
+    preconditioner: &Preconditioner,
+    segmentation: &Segmentation,
+    options: &Options,
+    all: &Base,
+    effective_rows: f64,
+) -> Vec<Order> {
+    let solver = Solver { stats, preconditioner };
+    let folds = if options.folds > 1 { options.folds } else { 0 };
+    let bases: Vec<Option<Base>> = (0..folds).map(|fold| solver.base(Some(fold))).collect();
+    let variance: Vec<f64> = all.root.total.iter().map(|total| total / all.root.weight).collect();
+    segmentation
+        .candidates
+        .iter()
+        .map(|candidate| {
+            let regions = |partition: usize| segmentation.partitions[partition].rule.count();
+            let sets: Vec<_> = (0..folds)
+                .filter_map(|fold| {
+                    let partition = candidate.by_fold[usize::from(fold)];
+                    let base = bases[usize::from(fold)].as_ref()?;
+                    Some((fold, partition, base, solver.training(partition, Some(fold)), solver.testing(partition, fold)))
+                })
+                .collect();
+            let grid: Vec<f64> = match options.shrinkage {
+                Shrinkage::Rows(rows) => vec![rows],
+                Shrinkage::Auto if folds == 0 => vec![0.0],
+                Shrinkage::Auto => SHRINKAGE_GRID.to_vec(),
+            };
+            let mut best: Option<Order> = None;
+            for shrinkage in grid {
+                let mut losses = Vec::new();
+                let mut by_fold = vec![Vec::new(); usize::from(folds)];
+                for (fold, partition, base, training, testing) in &sets {
+                    let models = region_models(candidate, regions(*partition), base, training, shrinkage);
+                    let rows: f64 = testing.values().map(|root| root.weight).sum();
+                    if rows > 0.0 {
+                        let error = held_out_error(&models, testing, variance.len());
+                        losses.push(scaled(&error, &variance, rows));
+                    }
+                    by_fold[usize::from(*fold)] = models;
+                }
+                let (loss, standard_error) = mean_and_error(&losses);
+                if best.as_ref().is_none_or(|best| loss < best.loss) {
+                    best = Some(Order { shrinkage, losses, loss, standard_error, bic: f64::NAN, by_fold, full: Vec::new() });
+                }
+            }
+            let mut order = best.unwrap_or(Order {
+                shrinkage: 0.0,
+                losses: Vec::new(),
+                loss: f64::NAN,
+                standard_error: f64::NAN,
+                bic: f64::NAN,
+                by_fold: Vec::new(),
+                full: Vec::new(),
+            });
+            let training = solver.training(candidate.full, None);
+            order.full = region_models(candidate, regions(candidate.full), all, &training, order.shrinkage);
+            let error = held_out_error(&order.full, &training, variance.len());
+            order.bic = bic(&error, all.root.weight, &order.full, effective_rows);
+            order
+        })
+        .collect()
+}
+
+/// The index of the chosen candidate.
+pub(crate) fn choose(selection: Selection, specifications: &[&Specification], orders: &[Order]) -> usize {
+    let size = |i: usize| orders[i].full.iter().map(|model| model.rank + 1).sum::<usize>();
+    let by = |value: &dyn Fn(usize) -> f64| (0..orders.len()).min_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
+    if orders.len() == 1 || specifications.is_empty() {
+        return 0;
+    }
+    match selection {
+        Selection::CrossValidation if orders.iter().all(|order| order.loss.is_finite()) => {
+            let best = by(&|i| orders[i].loss);
+            let limit = orders[best].loss + orders[best].standard_error;
+            (0..orders.len()).filter(|&i| i == best || orders[i].loss <= limit).min_by_key(|&i| (size(i), i)).unwrap_or(best)
+        }
+        _ => by(&|i| orders[i].bic),
+    }
+}
+
+/// Rows that count as independent: n / tau with tau = L Var(chunk means) / Var(rows) of the residuals of the one-region model (batch means),
+/// the worst target's.
+pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, base: &Base) -> f64 {
+    let weight = base.root.weight;
+    let q = base.root.mean_y.len();
+    let mut spread = vec![0.0; q];
+    let mut chunks = 0.0f64;
+    for (_, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
+        let chunk = preconditioner.square_root(gram);
+        chunks += 1.0;
+        for target in 0..q {
+            let mut mean = chunk.mean_y[target] - base.average.intercept[target];
+            for (j, x) in chunk.mean_x.iter().enumerate() {
+                mean -= base.average.coefficients[(j, target)] * x;
+            }
+            spread[target] += gram.weight * gram.weight * mean * mean;
+        }
+    }
+    if chunks < 2.0 {
+        return weight;
+    }
+    let error = base.root.error(base.average.coefficients.as_ref(), &base.average.intercept);
+    let tau = spread
+        .iter()
+        .zip(&error)
+        // Sum over chunks of (sum of residuals)^2 estimates n tau Var.
+        .map(|(spread, error)| if *error > 0.0 { spread / error } else { 1.0 })
+        .fold(1.0, f64::max);
+    (weight / tau).max(2.0)
+}
+
+fn scaled(error: &[f64], variance: &[f64], rows: f64) -> f64 {
+    let sum: f64 = error.iter().zip(variance).map(|(error, variance)| error / (rows * variance)).sum();
+    sum / error.len() as f64
+}
+
+fn mean_and_error(losses: &[f64]) -> (f64, f64) {
+    let n = losses.len() as f64;
+    let mean = losses.iter().sum::<f64>() / n;
+    let squares: f64 = losses.iter().map(|loss| (loss - mean) * (loss - mean)).sum();
+    (mean, (squares / (n - 1.0).max(1.0) / n).sqrt())
+}
+
+/// `n_eff sum_t ln(rss_t / n) + k ln n_eff`, with k the number of fitted parameters of all targets.
+fn bic(error: &[f64], rows: f64, models: &[RegionModel], effective_rows: f64) -> f64 {
+    let parameters: usize = models.iter().map(|model| (model.rank + 1) * error.len()).sum();
+    let fit: f64 = error.iter().map(|error| (error / rows).max(f64::MIN_POSITIVE).ln()).sum();
+    effective_rows * fit + parameters as f64 * effective_rows.ln()
+}

@@ -1,0 +1,241 @@
+//! Identification of systems with known truth, and its invariants.
+
+use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
+use fleetfoot_library::{Expr, Library};
+use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
+use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// The truth: two affine maps of (x, u) to dx, switched at x > 0, and their rows.
+fn hybrid(rows: usize, episodes: usize, noise: f64, seed: u64) -> MemorySource {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut source = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
+    for _ in 0..episodes {
+        let mut columns = vec![Vec::new(); 4];
+        for _ in 0..rows / episodes {
+            let x: f64 = random.random_range(-2.0..2.0);
+            let u: f64 = random.random_range(-1.0..1.0);
+            let e: f64 = random.random_range(-noise..=noise);
+            let dx = if x > 0.0 { -1.5 * x + 2.0 * u + 0.5 } else { -0.25 * x + 1.0 * u - 1.0 };
+            let mode = if x > 0.0 { 7.0 } else { 3.0 };
+            columns.iter_mut().zip([x, u, dx + e, mode]).for_each(|(column, value)| column.push(value));
+        }
+        source.push_uniform("run", 0.01, columns);
+    }
+    source
+}
+
+fn problem(regressors: &[&str]) -> Problem {
+    let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false };
+    Problem {
+        columns: vec![
+            column("x", Role::State),
+            column("u", Role::Input),
+            column("dx", Role::Auxiliary),
+            column("mode", Role::Auxiliary),
+        ],
+        library: regressors.iter().map(|name| Expr::column(*name)).collect(),
+        equations: vec![Equation {
+            subject: "x".into(),
+            prediction: Prediction::Derivative,
+            right: Expr::column("f_x"),
+            target: Some(Expr::column("dx")),
+            unit: None,
+        }],
+        partition_columns: vec![Expr::column("x")],
+        weight: None,
+        step: 0.01,
+    }
+}
+
+fn options(partitions: &str) -> Options {
+    let mut options = Options::default();
+    options.partitions = Specification::parse_list(partitions).unwrap();
+    options
+}
+
+fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
+    identify(problem, options, source, &Silent).unwrap()
+}
+
+#[test]
+fn labels_recover_the_truth_and_the_model_reads_back() {
+    let found = run(&problem(&["x", "u"]), &options("labels:mode"), &hybrid(2000, 4, 0.0, 1));
+    let latent = &found.model.latents[0];
+    let expected = [(-1.0, [-0.25, 1.0]), (0.5, [-1.5, 2.0])];
+    for (region, (constant, coefficients)) in expected.iter().enumerate() {
+        assert!((latent.constants[region] - constant).abs() < 1e-12);
+        for (found, expected) in latent.coefficients[region].iter().zip(coefficients) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+    }
+    assert_eq!(found.model.partitions[0].regions[0].name, "3");
+    assert!(found.candidates[0].over_null[0] < 1e-12);
+    let text = found.model.to_json();
+    let again = Model::from_json(&text, "test").unwrap();
+    assert_eq!(again.to_json(), text);
+    assert_eq!(again, found.model);
+}
+
+#[test]
+fn more_regions_predict_better_and_cross_validation_chooses() {
+    let found = run(&problem(&["x", "u"]), &options("null,average,zscore:1.5,kmeans:2,8"), &hybrid(20_000, 12, 0.05, 2));
+    let errors: Vec<f64> = found.candidates.iter().map(|candidate| candidate.over_null[0]).collect();
+    assert!((errors[0] - 1.0).abs() < 1e-12, "the null model over itself");
+    assert!(errors[1] < errors[0] && errors[3] < errors[1], "{errors:?}");
+    let chosen = &found.candidates[found.chosen];
+    assert!(matches!(chosen.specification, Specification::KMeans(_)), "{:?}", chosen.specification);
+    assert!(chosen.r2[0] > 0.99, "{}", chosen.r2[0]);
+    let by_bic = {
+        let mut options = options("null,average,kmeans:2,8");
+        options.selection = Selection::Bic;
+        run(&problem(&["x", "u"]), &options, &hybrid(20_000, 12, 0.05, 2))
+    };
+    assert!(matches!(by_bic.candidates[by_bic.chosen].specification, Specification::KMeans(_)));
+}
+
+#[test]
+fn held_out_losses_are_those_of_models_that_did_not_see_the_fold() {
+    let source = hybrid(3000, 3, 0.3, 3);
+    let mut options = options("average");
+    options.folds = 3;
+    let found = run(&problem(&["x", "u"]), &options, &source);
+    // The same by hand: leave one episode out, ordinary least squares on the others.
+    use fleetfoot_data::{Halo, Source};
+    let blocks: Vec<_> = (0..3).map(|e| source.read(e, 0..1000, Halo::default()).unwrap()).collect();
+    let mut losses = Vec::new();
+    let all: Vec<f64> = blocks.iter().flat_map(|b| b.core(2).to_vec()).collect();
+    let mean = all.iter().sum::<f64>() / 3000.0;
+    let variance = all.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / 3000.0;
+    for held in 0..3 {
+        let train: Vec<[f64; 4]> = (0..3)
+            .filter(|&e| e != held)
+            .flat_map(|e| (0..1000).map(move |i| (e, i)))
+            .map(|(e, i)| [1.0, blocks[e].core(0)[i], blocks[e].core(1)[i], blocks[e].core(2)[i]])
+            .collect();
+        let x = faer::Mat::from_fn(2000, 3, |i, j| train[i][j]);
+        let y = faer::Mat::from_fn(2000, 1, |i, _| train[i][3]);
+        use faer::linalg::solvers::SolveLstsq;
+        let beta = x.qr().solve_lstsq(&y);
+        let error: f64 = (0..1000)
+            .map(|i| {
+                let b = &blocks[held];
+                (b.core(2)[i] - beta[(0, 0)] - beta[(1, 0)] * b.core(0)[i] - beta[(2, 0)] * b.core(1)[i]).powi(2)
+            })
+            .sum();
+        losses.push(error / 1000.0 / variance);
+    }
+    let mut found_losses = found.candidates[0].losses.clone();
+    found_losses.sort_by(f64::total_cmp);
+    losses.sort_by(f64::total_cmp);
+    for (a, b) in found_losses.iter().zip(&losses) {
+        assert!((a - b).abs() < 1e-10 * b, "{a} {b}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let source = hybrid(30_000, 5, 0.1, 4);
+    let problem = problem(&["x", "u"]);
+    let options = options("kmeans:5,labels:mode+kmeans:3");
+    let texts: Vec<String> = [1, 2, 7]
+        .map(|threads| {
+            let found = with_threads(threads, || run(&problem, &options, &source));
+            let scores: Vec<_> = found.candidates.iter().map(|c| format!("{c:?}")).collect();
+            format!("{}{}", found.model.to_json(), scores.join("\n"))
+        })
+        .to_vec();
+    assert_eq!(texts[0], texts[1]);
+    assert_eq!(texts[0], texts[2]);
+}
+
+#[test]
+fn the_order_of_the_episodes_does_not_change_a_bit() {
+    let source = hybrid(10_000, 4, 0.1, 5);
+    use fleetfoot_data::{Halo, Source};
+    let mut reversed = MemorySource::new(source.columns().to_vec());
+    for episode in (0..4).rev() {
+        let block = source.read(episode, 0..2500, Halo::default()).unwrap();
+        reversed.push("run", block.time.clone(), block.columns.clone());
+    }
+    let options = options("average,kmeans:4");
+    let strip = |found: Identification| {
+        let mut model = found.model;
+        model.training.episodes.sort();
+        model.to_json()
+    };
+    assert_eq!(strip(run(&problem(&["x", "u"]), &options, &source)), strip(run(&problem(&["x", "u"]), &options, &reversed)));
+}
+
+#[test]
+fn permuting_regressors_permutes_the_coefficients() {
+    let source = hybrid(5_000, 2, 0.2, 6);
+    let a = run(&problem(&["x", "u"]), &options("zscore:1"), &source).model;
+    let b = run(&problem(&["u", "x"]), &options("zscore:1"), &source).model;
+    for region in 0..2 {
+        let (a, b) = (&a.latents[0].coefficients[region], &b.latents[0].coefficients[region]);
+        assert!((a[0] - b[1]).abs() < 1e-12 && (a[1] - b[0]).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn shrinkage_leads_from_the_regions_to_the_average() {
+    let source = hybrid(2_000, 2, 0.1, 7);
+    let slope = |shrinkage| {
+        let mut options = options("labels:mode");
+        options.shrinkage = Shrinkage::Rows(shrinkage);
+        run(&problem(&["x", "u"]), &options, &source).model.latents[0].coefficients[0][1]
+    };
+    let average = run(&problem(&["x", "u"]), &options("average"), &source).model.latents[0].coefficients[0][1];
+    let path = [0.0, 10.0, 1e3, 1e9].map(slope);
+    assert!((path[0] - 1.0).abs() < 0.05);
+    assert!((path[3] - average).abs() < 1e-4 * average.abs());
+    assert!(path.windows(2).all(|pair| (pair[0] - average).abs() >= (pair[1] - average).abs()));
+    let mut auto = options("labels:mode");
+    auto.shrinkage = Shrinkage::Auto;
+    let found = run(&problem(&["x", "u"]), &auto, &source);
+    assert!(found.candidates[0].shrinkage <= 10.0, "different maps need no shrinkage: {}", found.candidates[0].shrinkage);
+}
+
+#[test]
+fn a_constant_column_and_a_copy_are_named() {
+    let mut source = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
+    let x: Vec<f64> = (0..500).map(|i| (f64::from(i) * 0.37).sin()).collect();
+    let dx = x.iter().map(|x| 2.0 * x).collect();
+    source.push_uniform("run", 0.1, vec![x.clone(), vec![4.0; 500], dx, x]);
+    let found = run(&problem(&["x", "u", "mode"]), &options("average"), &source);
+    assert!(found.notes.iter().any(|note| note.contains("u does not change")), "{:?}", found.notes);
+    assert!(found.notes.iter().any(|note| note.contains("x, mode")), "{:?}", found.notes);
+    let coefficients = &found.model.latents[0].coefficients[0];
+    assert!((coefficients[0] - 1.0).abs() < 1e-9 && (coefficients[2] - 1.0).abs() < 1e-9, "minimum norm: {coefficients:?}");
+}
+
+#[test]
+fn what_cannot_be_fitted_says_why() {
+    let few = hybrid(3, 1, 0.0, 8);
+    let message = identify(&problem(&["x", "u"]), &options("average"), &few, &Silent).unwrap_err().to_string();
+    assert!(message.contains("too few"), "{message}");
+    let mut constant = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
+    let ramp: Vec<f64> = (0..100).map(f64::from).collect();
+    constant.push_uniform("run", 0.1, vec![ramp.clone(), ramp.clone(), vec![1.0; 100], ramp]);
+    let message = identify(&problem(&["x"]), &options("average"), &constant, &Silent).unwrap_err().to_string();
+    assert!(message.contains("d(x)/dt") && message.contains("same value"), "{message}");
+    let message = identify(&problem(&["x"]), &options("labels:dx"), &hybrid(5000, 1, 0.5, 9), &Silent).unwrap_err().to_string();
+    assert!(message.contains("does not look like a label"), "{message}");
+}
+
+#[test]
+fn polynomial_libraries_and_weights() {
+    let source = hybrid(4_000, 2, 0.0, 10);
+    let mut problem = problem(&["x", "u"]);
+    problem.library = Library::polynomial(&problem.library, 2).unwrap().functions().to_vec();
+    // Rows of the other mode weigh nothing: the one-region model is that mode's.
+    problem.weight = Some(Expr::parse("(mode - 3)/4", &fleetfoot_library::Scope::new(["mode"])).unwrap());
+    let found = run(&problem, &options("average"), &source);
+    let latent = &found.model.latents[0];
+    assert!((latent.constants[0] - 0.5).abs() < 1e-10);
+    for (found, expected) in latent.coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-10, "{:?}", latent.coefficients[0]);
+    }
+}

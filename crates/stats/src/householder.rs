@@ -1,0 +1,360 @@
+//! Orthogonal reductions: rows folded into a triangle, and the rank-revealing factorisation of a triangle.
+//!
+//! faer's unpivoted QR (0.24) drops columns whose remainder is below `16 n eps`, so that its R is an echelon form. A remainder of
+//! `1e-12` is data here, and the decision about rank is taken elsewhere, once, with the noise of every column at hand.
+
+use faer::Mat;
+use pulp::{Simd, WithSimd};
+
+/// Euclidean norm, safe against overflow and underflow of the squares.
+pub(crate) fn norm(values: &[f64]) -> f64 {
+    let largest = values
+        .iter()
+        .fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    if (1e-140..1e140).contains(&largest) {
+        return values.iter().map(|value| value * value).sum::<f64>().sqrt();
+    }
+    largest
+        * values
+            .iter()
+            .map(|value| (value / largest) * (value / largest))
+            .sum::<f64>()
+            .sqrt()
+}
+
+/// Folds the rows of `rows` (m x d) into the triangle `r` (k x d, its first k columns upper triangular): afterwards `r` is the first
+/// k rows of `Q' [r; rows]`, and `rows` holds zeros in its first k columns and the remaining rows of `Q'[r; rows]` in the others.
+///
+/// Columns beyond k are right-hand sides. One Householder reflector per column, applied to the triangle's row k and to all rows
+/// (the "triangle on top of a rectangle" step of TSQR): the backward error of every column is of the order of eps times its norm.
+/// Diagonal entries come out not negative.
+pub(crate) fn fold_rows(r: &mut Mat<f64>, rows: &mut Rows) {
+    assert_eq!(r.ncols(), rows.columns, "the same columns");
+    pulp::Arch::new().dispatch(Fold { r, rows });
+}
+
+/// Rows in column-major order, each column padded with zeros to whole vectors.
+pub(crate) struct Rows {
+    columns: usize,
+    stride: usize,
+    values: Vec<f64>,
+}
+
+impl Rows {
+    pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
+        let stride = rows.next_multiple_of(8).max(8);
+        Self {
+            columns,
+            stride,
+            values: vec![0.0; stride * columns],
+        }
+    }
+
+    /// Column `j`, padding included.
+    pub(crate) fn column(&self, j: usize) -> &[f64] {
+        &self.values[j * self.stride..(j + 1) * self.stride]
+    }
+
+    /// Column `j`, padding included: what is written there takes part.
+    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
+        &mut self.values[j * self.stride..(j + 1) * self.stride]
+    }
+}
+
+struct Fold<'a> {
+    r: &'a mut Mat<f64>,
+    rows: &'a mut Rows,
+}
+
+impl WithSimd for Fold<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { r, rows } = self;
+        let (stride, d) = (rows.stride, rows.columns);
+        for k in 0..r.nrows() {
+            let (head, tail) = rows.values.split_at_mut((k + 1) * stride);
+            let v = &mut head[k * stride..];
+            let vectors = S::as_simd_f64s(v).0;
+            let squares = dot(simd, vectors, vectors);
+            let below = if (1e-280..1e280).contains(&squares) {
+                squares.sqrt()
+            } else {
+                norm(v)
+            };
+            if below == 0.0 {
+                if r[(k, k)] < 0.0 {
+                    (k..d).for_each(|j| r[(k, j)] = -r[(k, j)]);
+                }
+                continue;
+            }
+            // Reflector I - u u' / (u'u / 2) with u = (alpha + sign(alpha) length, v), divided through by its first entry.
+            let alpha = r[(k, k)];
+            let length = alpha.hypot(below);
+            let first = alpha + length.copysign(alpha);
+            v.iter_mut().for_each(|value| *value /= first);
+            let ratio = below / first;
+            let beta = 2.0 / (1.0 + ratio * ratio);
+            // The reflector sends the column to -sign(alpha) length; the whole row changes sign where that would be negative.
+            let sign = if alpha.is_sign_negative() { 1.0 } else { -1.0 };
+            r[(k, k)] = length;
+            let (v, _) = S::as_simd_f64s(v);
+            for (j, column) in (k + 1..d).zip(tail.chunks_exact_mut(stride)) {
+                let (x, _) = S::as_mut_simd_f64s(column);
+                let step = beta * (r[(k, j)] + dot(simd, v, x));
+                r[(k, j)] = sign * (r[(k, j)] - step);
+                let step = simd.splat_f64s(-step);
+                for (x, v) in x.iter_mut().zip(v) {
+                    *x = simd.mul_add_f64s(*v, step, *x);
+                }
+            }
+            head[k * stride..].fill(0.0);
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
+    let mut sums = [simd.splat_f64s(0.0); 4];
+    let (a4, a1) = pulp::as_arrays::<4, _>(a);
+    let (b4, b1) = pulp::as_arrays::<4, _>(b);
+    for (a, b) in a4.iter().zip(b4) {
+        for k in 0..4 {
+            sums[k] = simd.mul_add_f64s(a[k], b[k], sums[k]);
+        }
+    }
+    for (a, b) in a1.iter().zip(b1) {
+        sums[0] = simd.mul_add_f64s(*a, *b, sums[0]);
+    }
+    let pairs = (
+        simd.add_f64s(sums[0], sums[1]),
+        simd.add_f64s(sums[2], sums[3]),
+    );
+    simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1))
+}
+
+/// What a column-pivoted QR found: `A[:, order] = Q [R11 R12; 0 R22]` with R22 below the noise.
+pub(crate) struct Pivoted {
+    /// Column of A at each position: first `rank` columns that carry the others, then the rest.
+    pub(crate) order: Vec<usize>,
+    /// Columns whose pivot stands above `threshold`.
+    pub(crate) rank: usize,
+    /// R in pivoted order (p x p); rows from `rank` on are left unreduced.
+    pub(crate) r: Mat<f64>,
+    /// `Q'B`.
+    pub(crate) rhs: Mat<f64>,
+}
+
+/// Householder QR of `a` (m x p) with column pivoting (Businger and Golub 1965), stopped when no remaining column is longer than
+/// `threshold`; `rhs` (m x q) is carried along.
+///
+/// The remaining lengths are computed anew in every step: a third more work than updating them, and no cancellation.
+pub(crate) fn pivoted_qr(mut a: Mat<f64>, mut rhs: Mat<f64>, threshold: f64) -> Pivoted {
+    let (m, p) = a.shape();
+    let mut order: Vec<usize> = (0..p).collect();
+    let mut rank = 0;
+    while rank < p.min(m) {
+        let k = rank;
+        let mut best = (k, 0.0);
+        for j in k..p {
+            let length = norm(&a.col_as_slice(j)[k..]);
+            if length > best.1 {
+                best = (j, length);
+            }
+        }
+        let (pivot, length) = best;
+        // Written so that NaN stops.
+        if !(length > threshold) || !length.is_finite() {
+            break;
+        }
+        if pivot != k {
+            order.swap(k, pivot);
+            for i in 0..m {
+                (a[(i, k)], a[(i, pivot)]) = (a[(i, pivot)], a[(i, k)]);
+            }
+        }
+        let mut u = a.col_as_slice(k)[k..].to_vec();
+        let alpha = u[0];
+        let first = alpha + length.copysign(alpha);
+        u[0] = first;
+        u.iter_mut().for_each(|value| *value /= first);
+        let beta = 2.0 / u.iter().map(|value| value * value).sum::<f64>();
+        a.col_as_slice_mut(k)[k + 1..].fill(0.0);
+        a[(k, k)] = -length.copysign(alpha);
+        (k + 1..p).for_each(|j| reflect(&u, beta, &mut a.col_as_slice_mut(j)[k..]));
+        (0..rhs.ncols()).for_each(|j| reflect(&u, beta, &mut rhs.col_as_slice_mut(j)[k..]));
+        rank += 1;
+    }
+    Pivoted {
+        order,
+        rank,
+        r: a,
+        rhs,
+    }
+}
+
+/// `x -= beta u (u'x)`, with u scaled so that its first entry is 1.
+fn reflect(u: &[f64], beta: f64, x: &mut [f64]) {
+    let step = beta * u.iter().zip(&*x).map(|(u, x)| u * x).sum::<f64>();
+    x.iter_mut().zip(u).for_each(|(x, u)| *x -= step * u);
+}
+
+/// Solves `R x = b` in place for the leading `n x n` upper triangle of `r`; every column of `b` is a right-hand side.
+pub(crate) fn solve_upper(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
+    for t in 0..b.ncols() {
+        let x = b.col_as_slice_mut(t);
+        for k in (0..n).rev() {
+            x[k] /= r[(k, k)];
+            let known = x[k];
+            x[..k]
+                .iter_mut()
+                .zip(r.col_as_slice(k))
+                .for_each(|(x, r)| *x -= r * known);
+        }
+    }
+}
+
+/// Solves `R'x = b` in place for the leading `n x n` upper triangle of `r`.
+pub(crate) fn solve_upper_transposed(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
+    for t in 0..b.ncols() {
+        let x = b.col_as_slice_mut(t);
+        for k in 0..n {
+            let known: f64 = x[..k]
+                .iter()
+                .zip(r.col_as_slice(k))
+                .map(|(x, r)| x * r)
+                .sum();
+            x[k] = (x[k] - known) / r[(k, k)];
+        }
+    }
+}
+
+/// Estimate, from below and usually within a few per cent, of the condition number (2-norm) of the leading `n x n` upper triangle of
+/// `r` with its columns scaled to unit length: power iteration on R'R and on its inverse. 1 when n is 0.
+pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
+    if n == 0 {
+        return 1.0;
+    }
+    let scale: Vec<f64> = (0..n).map(|j| norm(&r.col_as_slice(j)[..=j])).collect();
+    let unit = Mat::from_fn(n, n, |i, j| if i <= j { r[(i, j)] / scale[j] } else { 0.0 });
+    let mut growth = [1.0_f64; 2];
+    for (which, growth) in growth.iter_mut().enumerate() {
+        // A start with a component along everything, the same every time.
+        let start = |i: usize| {
+            (1.0 + 0.37 * ((i * 7 + 3) % 11) as f64) * if i.is_multiple_of(2) { 1.0 } else { -1.0 }
+        };
+        let mut x = Mat::from_fn(n, 1, |i, _| start(i));
+        for _ in 0..12 {
+            let length = norm(x.col_as_slice(0));
+            x.col_as_slice_mut(0)
+                .iter_mut()
+                .for_each(|value| *value /= length);
+            if which == 0 {
+                multiply_both(&unit, x.col_as_slice_mut(0));
+            } else {
+                solve_upper_transposed(&unit, n, &mut x);
+                solve_upper(&unit, n, &mut x);
+            }
+            *growth = norm(x.col_as_slice(0));
+        }
+    }
+    (growth[0] * growth[1]).sqrt().max(1.0)
+}
+
+/// `x = R'R x` for an upper triangle.
+fn multiply_both(r: &Mat<f64>, x: &mut [f64]) {
+    let mut product = vec![0.0; x.len()];
+    for (j, x) in x.iter().enumerate() {
+        product[..=j]
+            .iter_mut()
+            .zip(r.col_as_slice(j))
+            .for_each(|(sum, r)| *sum += r * x);
+    }
+    for (j, x) in x.iter_mut().enumerate() {
+        *x = product[..=j]
+            .iter()
+            .zip(r.col_as_slice(j))
+            .map(|(p, r)| p * r)
+            .sum();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(i: usize, j: usize) -> f64 {
+        (1.3 * (i * 7 + j * 3) as f64).sin() + 0.1 * j as f64
+    }
+
+    #[test]
+    fn folding_keeps_inner_products_and_carries_right_hand_sides() {
+        let (n, p, d) = (37, 4, 6);
+        let mut r = Mat::zeros(p, d);
+        let mut left = vec![0.0; d - p];
+        for first in (0..n).step_by(10) {
+            let rows = 10.min(n - first);
+            let mut tile = Rows::zeros(rows, d);
+            for j in 0..d {
+                (0..rows).for_each(|i| tile.column_mut(j)[i] = value(first + i, j));
+            }
+            fold_rows(&mut r, &mut tile);
+            (p..d).for_each(|j| left[j - p] += tile.column(j).iter().map(|x| x * x).sum::<f64>());
+            assert!((0..p).all(|j| tile.column(j).iter().all(|&x| x == 0.0)));
+        }
+        for a in 0..d {
+            for b in 0..=a {
+                let direct: f64 = (0..n).map(|i| value(i, a) * value(i, b)).sum();
+                let mut folded: f64 = (0..p).map(|k| r[(k, a)] * r[(k, b)]).sum();
+                if a >= p && a != b {
+                    continue;
+                }
+                if a >= p {
+                    folded += left[a - p];
+                }
+                assert!(
+                    (direct - folded).abs() < 1e-12,
+                    "{a} {b}: {direct} {folded}"
+                );
+            }
+        }
+        assert!((0..p).all(|k| r[(k, k)] >= 0.0 && (0..k).all(|j| r[(k, j)] == 0.0)));
+    }
+
+    #[test]
+    fn the_norm_does_not_overflow() {
+        assert_eq!(norm(&[3e200, 4e200]), 5e200);
+        assert!((norm(&[3e-200, 4e-200]) / 5e-200 - 1.0).abs() < 1e-15);
+        assert_eq!(norm(&[]), 0.0);
+    }
+
+    #[test]
+    fn pivoting_finds_the_rank_and_the_condition_is_near() {
+        let a = Mat::from_fn(6, 4, |i, j| {
+            if j == 2 {
+                value(i, 0) - 2.0 * value(i, 1)
+            } else {
+                value(i, j)
+            }
+        });
+        let found = pivoted_qr(a.clone(), Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
+        assert_eq!(found.rank, 3);
+        for k in 0..4 {
+            for l in 0..4 {
+                let (u, v) = (found.order[k], found.order[l]);
+                let direct: f64 = (0..6).map(|i| a[(i, u)] * a[(i, v)]).sum();
+                let factored: f64 = (0..3).map(|i| found.r[(i, k)] * found.r[(i, l)]).sum();
+                assert!((direct - factored).abs() < 1e-13);
+            }
+        }
+        // [1 c; 0 s] with c^2 + s^2 = 1 has singular values sqrt(1 +- c).
+        let (c, s) = (0.999_f64, (1.0_f64 - 0.999 * 0.999).sqrt());
+        let r = Mat::from_fn(2, 2, |i, j| [[5.0, c], [0.0, s]][i][j]);
+        let exact = ((1.0 + c) / (1.0 - c)).sqrt();
+        assert!((condition(&r, 2) / exact - 1.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,138 @@
+//! Statistics by key: what makes every sum exact, whoever computed its parts.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_data::EpisodeId;
+
+use crate::Gram;
+
+/// Where a row stands in cross-validation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct Fold {
+    /// The fold that holds the row out.
+    pub own: u16,
+    /// Folds whose held-out rows are so near in time that the row must not train them either (the purge gap).
+    pub purged: [Option<u16>; 2],
+}
+
+impl Fold {
+    /// Whether the row trains the model that is tested on `fold`.
+    pub fn trains(&self, fold: u16) -> bool {
+        self.own != fold && !self.purged.contains(&Some(fold))
+    }
+}
+
+/// The key of one stored statistic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Key {
+    /// The episode.
+    pub episode: EpisodeId,
+    /// The chunk of the episode.
+    pub chunk: u32,
+    /// The chunk's place in cross-validation.
+    pub fold: Fold,
+    /// Which of the partitions that share the pass.
+    pub partition: u16,
+    /// The region of that partition.
+    pub region: u32,
+}
+
+/// Why two statistics cannot be joined.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// The same rows on both sides.
+    #[error("chunk {} of episode {} is in both statistics: the same log would count twice", .0.chunk, .0.episode)]
+    Duplicate(Box<Key>),
+    /// Not made with the same plan: columns, library, targets, preconditioner, chunk length or folds differ.
+    #[error("the statistics were made with different plans ({left} and {right}): scan again with one plan")]
+    Plan {
+        /// Hash of one plan.
+        left: String,
+        /// Hash of the other.
+        right: String,
+    },
+}
+
+/// Gram matrices by key, all made with one plan. Merging is a union: nothing is rounded before a total is asked for.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Stats {
+    plan: String,
+    grams: BTreeMap<Key, Gram>,
+}
+
+impl Stats {
+    /// An empty statistic of the plan with this hash.
+    pub fn new(plan: impl Into<String>) -> Self {
+        Self { plan: plan.into(), grams: BTreeMap::new() }
+    }
+
+    /// Hash of the plan.
+    pub fn plan(&self) -> &str {
+        &self.plan
+    }
+
+    /// Adds the statistic of one key; a key that is there already is refused.
+    pub fn insert(&mut self, key: Key, gram: Gram) -> Result<(), MergeError> {
+        match self.grams.entry(key) {
+            std::collections::btree_map::Entry::Occupied(_) => Err(MergeError::Duplicate(Box::new(key))),
+            std::collections::btree_map::Entry::Vacant(slot) => {
+                slot.insert(gram);
+                Ok(())
+            }
+        }
+    }
+
+    /// Union by key. On error `self` is unchanged.
+    pub fn merge(&mut self, other: Stats) -> Result<(), MergeError> {
+        if self.plan != other.plan {
+            return Err(MergeError::Plan { left: self.plan.clone(), right: other.plan });
+        }
+        if let Some(key) = other.grams.keys().find(|key| self.grams.contains_key(key)) {
+            return Err(MergeError::Duplicate(Box::new(*key)));
+        }
+        self.grams.extend(other.grams);
+        Ok(())
+    }
+
+    /// Keys and statistics, in key order.
+    pub fn iter(&self) -> impl Iterator<Item = (&Key, &Gram)> {
+        self.grams.iter()
+    }
+
+    /// The sum, in key order, of the statistics that `wanted` selects; `None` when there are none.
+    pub fn total(&self, wanted: impl Fn(&Key) -> bool) -> Option<Gram> {
+        let mut selected = self.grams.iter().filter(|(key, _)| wanted(key)).map(|(_, gram)| gram);
+        let mut total = selected.next()?.clone();
+        for gram in selected {
+            total.merge(gram);
+        }
+        Some(total)
+    }
+
+    /// Sums, in key order, grouped: `group` names the group of a key or drops it.
+    pub fn totals<G: Ord>(&self, group: impl Fn(&Key) -> Option<G>) -> BTreeMap<G, Gram> {
+        let mut totals: BTreeMap<G, Gram> = BTreeMap::new();
+        for (key, gram) in &self.grams {
+            if let Some(name) = group(key) {
+                match totals.entry(name) {
+                    std::collections::btree_map::Entry::Occupied(mut total) => total.get_mut().merge(gram),
+                    std::collections::btree_map::Entry::Vacant(slot) => {
+                        slot.insert(gram.clone());
+                    }
+                }
+            }
+        }
+        totals
+    }
+
+    /// Number of keys.
+    pub fn len(&self) -> usize {
+        self.grams.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.grams.is_empty()
+    }
+}

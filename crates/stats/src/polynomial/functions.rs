@@ -1,0 +1,184 @@
+//! The Chebyshev functions of a tile of rows.
+
+use pulp::Simd;
+
+use super::graded::Graded;
+
+/// Rows whose functions are evaluated at once. Measured: shorter tiles load and store the sums too often, longer ones leave first-level cache.
+pub(super) const TILE: usize = 128;
+/// Values from one function to the next: not a power of two, so that equal rows of different functions do not share the low bits of their
+/// addresses (a load behind a store with the same low twelve bits has to wait).
+pub(super) const STRIDE: usize = TILE + LANES;
+/// The widest vector, in values.
+pub(super) const LANES: usize = 8;
+
+/// How a function follows from earlier ones.
+#[derive(Debug, Clone, Copy)]
+enum Recipe {
+    One,
+    /// T_1 = v.
+    Variable(usize),
+    /// T_{k+1}(v) = 2 v T_k(v) - T_{k-1}(v).
+    Recurrence {
+        variable: usize,
+        last: usize,
+        before: usize,
+    },
+    Product(usize, usize),
+}
+
+/// The functions of one group of variables, starting at variable `from`.
+#[derive(Debug, Clone)]
+pub(super) struct Functions {
+    /// The functions that are stored, in graded order.
+    recipes: Vec<Recipe>,
+    /// For each function of the group the two stored ones that it is the product of; empty when all are stored.
+    leaves: Vec<(usize, usize)>,
+}
+
+impl Functions {
+    /// All functions of the group are stored.
+    pub(super) fn stored(list: &Graded, from: usize) -> Self {
+        Self {
+            recipes: (0..list.len())
+                .map(|i| recipe(list.exponent(i), from, |e| list.index(e).unwrap_or(0)))
+                .collect(),
+            leaves: Vec::new(),
+        }
+    }
+
+    /// Only functions without the group's last variable, and those of nothing else, are stored; the others are products of two of them and made
+    /// when they are needed: a store that misses the first-level cache costs more than six products.
+    pub(super) fn with_leaves(list: &Graded, from: usize) -> Self {
+        let is_stored = |exponent: &[u8]| {
+            exponent
+                .split_last()
+                .is_none_or(|(&last, rest)| last == 0 || rest.iter().all(|&e| e == 0))
+        };
+        let stored: Vec<usize> = (0..list.len())
+            .filter(|&i| is_stored(list.exponent(i)))
+            .collect();
+        if stored.len() == list.len() {
+            return Self::stored(list, from);
+        }
+        let place = |exponent: &[u8]| {
+            list.index(exponent)
+                .and_then(|i| stored.binary_search(&i).ok())
+                .unwrap_or(0)
+        };
+        let leaf = |i: usize| {
+            let exponent = list.exponent(i);
+            if is_stored(exponent) {
+                return (place(exponent), 0);
+            }
+            let (mut rest, mut last) = (exponent.to_vec(), vec![0; exponent.len()]);
+            std::mem::swap(&mut rest[exponent.len() - 1], &mut last[exponent.len() - 1]);
+            (place(&rest), place(&last))
+        };
+        Self {
+            recipes: stored
+                .iter()
+                .map(|&i| recipe(list.exponent(i), from, place))
+                .collect(),
+            leaves: (0..list.len()).map(leaf).collect(),
+        }
+    }
+
+    /// How many are stored.
+    pub(super) fn len(&self) -> usize {
+        self.recipes.len()
+    }
+
+    /// Whether every function is stored, at its place in graded order.
+    pub(super) fn all_stored(&self) -> bool {
+        self.leaves.is_empty()
+    }
+
+    /// The stored functions on a tile of rows, one every [`STRIDE`] values.
+    #[inline(always)]
+    pub(super) fn evaluate<S: Simd>(&self, simd: S, variables: &[f64], out: &mut [f64]) {
+        for (i, recipe) in self.recipes.iter().enumerate() {
+            let (done, rest) = out.split_at_mut(i * STRIDE);
+            let get = |j: usize| S::as_simd_f64s(&done[j * STRIDE..][..TILE]).0;
+            let (target, _) = S::as_mut_simd_f64s(&mut rest[..TILE]);
+            match *recipe {
+                Recipe::One => target.fill(simd.splat_f64s(1.0)),
+                Recipe::Variable(k) => {
+                    target.copy_from_slice(S::as_simd_f64s(&variables[k * STRIDE..][..TILE]).0)
+                }
+                Recipe::Recurrence {
+                    variable,
+                    last,
+                    before,
+                } => {
+                    let (v, _) = S::as_simd_f64s(&variables[variable * STRIDE..][..TILE]);
+                    for (((target, &v), &last), &before) in
+                        target.iter_mut().zip(v).zip(get(last)).zip(get(before))
+                    {
+                        *target =
+                            simd.mul_add_e_f64s(simd.add_f64s(v, v), last, simd.neg_f64s(before));
+                    }
+                }
+                Recipe::Product(a, b) => {
+                    for ((target, &a), &b) in target.iter_mut().zip(get(a)).zip(get(b)) {
+                        *target = simd.mul_f64s(a, b);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The `width` functions from `start` on, from the stored ones.
+    #[inline(always)]
+    pub(super) fn strip<S: Simd>(
+        &self,
+        simd: S,
+        stored: &[f64],
+        start: usize,
+        width: usize,
+        steps: usize,
+        out: &mut [f64],
+    ) {
+        let get = |j: usize| &S::as_simd_f64s(&stored[j * STRIDE..][..TILE]).0[..steps];
+        for (&(a, b), out) in self.leaves[start..start + width]
+            .iter()
+            .zip(out.chunks_exact_mut(STRIDE))
+        {
+            let out = &mut S::as_mut_simd_f64s(&mut out[..TILE]).0[..steps];
+            if b == 0 {
+                out.copy_from_slice(get(a));
+            } else {
+                out.iter_mut()
+                    .zip(get(a))
+                    .zip(get(b))
+                    .for_each(|((out, &a), &b)| *out = simd.mul_f64s(a, b));
+            }
+        }
+    }
+}
+
+/// The recipe of a function; `place` finds functions of the group by exponent.
+fn recipe(exponent: &[u8], from: usize, place: impl Fn(&[u8]) -> usize) -> Recipe {
+    let Some(k) = exponent.iter().rposition(|&e| e > 0) else {
+        return Recipe::One;
+    };
+    let power = exponent[k];
+    let pure = |power: u8| {
+        let mut only = vec![0; exponent.len()];
+        only[k] = power;
+        place(&only)
+    };
+    if exponent[..k].iter().any(|&e| e > 0) {
+        let mut rest = exponent.to_vec();
+        rest[k] = 0;
+        Recipe::Product(place(&rest), pure(power))
+    } else if power == 1 {
+        Recipe::Variable(from + k)
+    } else {
+        Recipe::Recurrence {
+            variable: from + k,
+            last: pure(power - 1),
+            before: pure(power - 2),
+        }
+    }
+}

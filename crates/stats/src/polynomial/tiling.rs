@@ -1,0 +1,213 @@
+//! Which products make the moments, and how they are cut into register tiles.
+//!
+//! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times a function of the
+//! second, so the sums over rows of all products up to a total degree form a staircase-shaped part of the matrix (functions of
+//! group one)' x (functions of group two). Functions of one degree are neighbours in graded order: the staircase is a set of
+//! rectangles, and the rectangles are cut into tiles whose sums fit into registers.
+
+use super::graded::{self, Graded};
+
+/// `rows x columns` sums of products of consecutive functions of two operands; `rows <= columns`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tile {
+    /// First function of the first group.
+    pub(super) first: usize,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    /// Whether the short side is the strip.
+    pub(super) swapped: bool,
+    /// Where the tile's sums start.
+    pub(super) slot: usize,
+}
+
+/// Consecutive functions of the second group, at most as many as the kernel's long side, and the tiles that use them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Strip {
+    pub(super) start: usize,
+    pub(super) width: usize,
+    pub(super) tiles: Vec<Tile>,
+}
+
+/// Strips of tiles and, for each of the tiles' sums, the index of the moment that it is.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tiling {
+    pub(super) strips: Vec<Strip>,
+    pub(super) index: Vec<usize>,
+}
+
+/// Longest short side and long side that the kernel has code for.
+pub(super) const LIMITS: (usize, usize) = (4, 8);
+
+/// Whether a tile keeps its sums in registers, with a quarter left for operands.
+fn fits(rows: usize, columns: usize, registers: usize) -> bool {
+    let (short, long) = (rows.min(columns), rows.max(columns));
+    short <= LIMITS.0 && long <= LIMITS.1 && short * long <= (registers * 3 / 4).max(1)
+}
+
+/// Cost of a tile in arbitrary units: two products or two loads a cycle, four cycles of latency at least, and a fixed share per call.
+fn cost(rows: usize, columns: usize) -> usize {
+    16 * (rows * columns).max(rows + columns).max(8) + 4 * rows * columns + 40
+}
+
+/// Length of part `i` of `length` cut into `parts` almost equal parts, and its start.
+fn part(length: usize, parts: usize, i: usize) -> (usize, usize) {
+    let (start, end) = (i * length / parts, (i + 1) * length / parts);
+    (start, end - start)
+}
+
+/// The cheapest cut of a `rows x columns` rectangle: numbers of strips both ways.
+fn best_cut(rows: usize, columns: usize, registers: usize) -> (usize, usize) {
+    let mut best = (usize::MAX, (rows, columns));
+    for r in 1..=LIMITS.1.min(rows) {
+        for c in 1..=LIMITS.1.min(columns) {
+            if fits(r, c, registers) {
+                let cut = (rows.div_ceil(r), columns.div_ceil(c));
+                let total = (0..cut.0)
+                    .flat_map(|i| (0..cut.1).map(move |j| (i, j)))
+                    .map(|(i, j)| cost(part(rows, cut.0, i).1, part(columns, cut.1, j).1))
+                    .sum();
+                best = best.min((total, cut));
+            }
+        }
+    }
+    best.1
+}
+
+impl Tiling {
+    /// All products of total degree at most `degree` of the functions of two groups of variables; `target` is the list of the moments.
+    pub(super) fn staircase(
+        first: &Graded,
+        second: &Graded,
+        degree: usize,
+        target: &Graded,
+        registers: usize,
+    ) -> Self {
+        let mut tiling = Self::default();
+        for d in 0..=degree {
+            let columns = second.of_degree(d);
+            let rows = 0..first.of_degree(degree - d).end;
+            if columns.is_empty() {
+                continue;
+            }
+            let cut = best_cut(rows.len(), columns.len(), registers);
+            for j in 0..cut.1 {
+                let (b, width) = part(columns.len(), cut.1, j);
+                tiling.begin(columns.start + b, width);
+                for i in 0..cut.0 {
+                    let (a, height) = part(rows.len(), cut.0, i);
+                    tiling.push(a, height, |a, b| {
+                        let exponent = [first.exponent(a), second.exponent(b)].concat();
+                        target.index(&exponent).unwrap_or(0)
+                    });
+                }
+            }
+        }
+        tiling
+    }
+
+    /// Products of the first function of one operand with functions `0..count` of another; `index(j)` says which sum it is.
+    pub(super) fn strip(count: usize, registers: usize, index: impl Fn(usize) -> usize) -> Self {
+        let mut tiling = Self::default();
+        let cut = best_cut(1, count, registers);
+        for j in 0..cut.1 {
+            let (b, width) = part(count, cut.1, j);
+            tiling.begin(b, width);
+            tiling.push(0, 1, |_, b| index(b));
+        }
+        tiling
+    }
+
+    fn begin(&mut self, start: usize, width: usize) {
+        self.strips.push(Strip {
+            start,
+            width,
+            tiles: Vec::new(),
+        });
+    }
+
+    /// A tile of `height` functions of the first operand, from `a` on, with the functions of the last strip.
+    fn push(&mut self, a: usize, height: usize, index: impl Fn(usize, usize) -> usize) {
+        let Some(strip) = self.strips.last_mut() else {
+            return;
+        };
+        let (b, width) = (strip.start, strip.width);
+        let swapped = height > width;
+        let (rows, columns) = if swapped {
+            (width, height)
+        } else {
+            (height, width)
+        };
+        strip.tiles.push(Tile {
+            first: a,
+            rows,
+            columns,
+            swapped,
+            slot: self.index.len(),
+        });
+        for i in 0..rows {
+            for j in 0..columns {
+                self.index.push(if swapped {
+                    index(a + j, b + i)
+                } else {
+                    index(a + i, b + j)
+                });
+            }
+        }
+    }
+}
+
+/// How many variables the first group has: the split with the fewest functions to evaluate.
+pub(super) fn best_split(variables: usize, degree: usize) -> usize {
+    let functions = |split: usize| {
+        graded::count(split, degree).saturating_add(graded::count(variables - split, degree))
+    };
+    (1..=variables)
+        .min_by_key(|&split| functions(split))
+        .unwrap_or(variables)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_staircase_covers_every_moment_once() {
+        for (variables, degree, registers) in [
+            (1, 10, 32),
+            (2, 6, 16),
+            (3, 10, 32),
+            (3, 10, 16),
+            (6, 4, 32),
+            (5, 3, 1),
+        ] {
+            let split = best_split(variables, degree);
+            let (a, b, all) = (
+                Graded::new(split, degree),
+                Graded::new(variables - split, degree),
+                Graded::new(variables, degree),
+            );
+            let tiling = Tiling::staircase(&a, &b, degree, &all, registers);
+            let mut seen = tiling.index.clone();
+            seen.sort_unstable();
+            assert_eq!(
+                seen,
+                (0..all.len()).collect::<Vec<_>>(),
+                "{variables} {degree} {registers}"
+            );
+            assert!(
+                tiling
+                    .strips
+                    .iter()
+                    .flat_map(|strip| &strip.tiles)
+                    .all(|t| t.rows <= t.columns && fits(t.rows, t.columns, registers))
+            );
+        }
+    }
+
+    #[test]
+    fn three_variables_split_into_one_and_two() {
+        assert!([1, 2].contains(&best_split(3, 10)));
+        assert_eq!(best_split(1, 4), 1);
+        assert_eq!(best_split(4, 10), 2);
+    }
+}

@@ -1,0 +1,412 @@
+//! The pilot preconditioner: coordinates in which the Gram matrix of the rows is well conditioned.
+//!
+//! Forming X'X squares the condition number. With T the triangular factor of a QR of a pilot sample, the Gram matrix of X T^-1 is
+//! near a multiple of the identity as far as the pilot represents the rows, and `chol(T^-T X'X T^-1) T` is nearly as good an R
+//! factor of X as Householder QR gives.
+
+use faer::{
+    Mat, MatMut, MatRef,
+    reborrow::{Reborrow, ReborrowMut},
+};
+
+use crate::{
+    gram::packed,
+    householder::{Rows, fold_rows, norm},
+    separation::separate,
+    square_root::noise_level,
+    triangle::{PANEL, Triangle},
+};
+
+/// A direction of the pilot shorter than this, relative to its column, takes no part in predicting the targets: what is weak in the
+/// pilot may be strong in the rows, and would carry its rounding into the targets.
+const STRONG: f64 = 1e-3;
+
+/// An affine change of coordinates of rows (x, y), made from a pilot sample:
+///
+/// `x~ = (x - c) P T^-1`, `y~ = (y - c - x~ B) diag(s)^-1`
+///
+/// with P a permutation (the pilot's pivot order), T upper triangular, B the pilot's own regression of the targets on its strong
+/// directions, and s the size of what that leaves. Taking B out of the targets keeps the residual of an exact fit at the level of
+/// rounding squared, where the Gram matrix of y itself would only know it to `1e-16 y'y`.
+///
+/// Any pilot gives a valid change of coordinates; a poor one costs accuracy, which [`SquareRoot::condition`](crate::SquareRoot)
+/// reports. A direction that the pilot does not show keeps the scale of its column, so T is always invertible.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Preconditioner {
+    regressors: usize,
+    targets: usize,
+    centre: Vec<f64>,
+    order: Vec<usize>,
+    /// `[T B; 0 diag(s)]`, columns packed: (i, j), i <= j, at `j (j + 1) / 2 + i`.
+    triangle: Vec<f64>,
+    rank: usize,
+    condition: f64,
+    confounded: Vec<Vec<usize>>,
+    solver: Option<Triangle>,
+}
+
+/// Bytes that are no preconditioner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the bytes of the preconditioner are damaged or of another version")]
+pub struct PreconditionerError;
+
+impl Preconditioner {
+    /// The preconditioner of pilot rows (n x (p + q)): p regressors, then targets. Rows that are not finite are skipped.
+    ///
+    /// The pilot is centred on its mean, its columns are scaled to unit length, and the triangle comes from a column-pivoted QR. Columns
+    /// that the pilot cannot tell apart are named by [`Preconditioner::confounded`].
+    ///
+    /// # Panics
+    /// When there are fewer than `p` columns.
+    pub fn from_pilot(rows: MatRef<'_, f64>, p: usize) -> Self {
+        let d = rows.ncols();
+        assert!(p <= d, "the regressors are columns of the rows");
+        let used: Vec<usize> = (0..rows.nrows())
+            .filter(|&i| (0..d).all(|j| rows[(i, j)].is_finite()))
+            .collect();
+        let (columns, r) = factor_pilot(rows, &used, p);
+        let n = (used.len() as f64).max(1.0);
+        // What the numbers themselves are rounded to, beside what the factorisation rounds.
+        let noise: Vec<f64> = columns[..p]
+            .iter()
+            .map(|c| noise_level(p) * (1.0 + n.sqrt() * c.centre.abs() / c.length))
+            .collect();
+        let regressors = Mat::from_fn(d, p, |i, j| r[(i, j)]);
+        let separation = separate(
+            &regressors,
+            &noise,
+            Mat::from_fn(d, d - p, |i, j| r[(i, p + j)]),
+        );
+        let (order, rank) = (&separation.order, separation.rank);
+
+        // From unit columns to raw units, and to rows of unit variance.
+        let scale = |column: &PilotColumn| column.length / n.sqrt();
+        let predicts = used.len() >= 2 * (p + 1);
+        let mut triangle = vec![0.0; packed(d)];
+        for k in 0..p {
+            let column = &mut triangle[packed(k)..packed(k + 1)];
+            let unit = noise[order[k]] * scale(&columns[order[k]]);
+            for i in 0..(k + 1).min(rank) {
+                column[i] = separation.r[(i, k)] * unit;
+            }
+            if k >= rank {
+                column[k] = scale(&columns[order[k]]);
+            }
+        }
+        for t in 0..d - p {
+            let response = separation.rhs.col_as_slice(t);
+            let strong =
+                |k: usize| predicts && (separation.r[(k, k)] * noise[order[k]]).abs() >= STRONG;
+            let column = &mut triangle[packed(p + t)..packed(p + t + 1)];
+            let mut left: Vec<f64> = response.to_vec();
+            for k in (0..rank).filter(|&k| strong(k)) {
+                column[k] = response[k] * scale(&columns[p + t]);
+                left[k] = 0.0;
+            }
+            // An exact fit leaves rounding only; any size will do that is not zero.
+            column[p + t] = norm(&left).max(1e-8) * scale(&columns[p + t]);
+        }
+        let centre = columns.iter().map(|column| column.centre).collect();
+        let confounded = separation.confounded();
+        Self::assemble(
+            p,
+            d - p,
+            centre,
+            order.clone(),
+            triangle,
+            rank,
+            separation.condition,
+            confounded,
+        )
+    }
+
+    /// The preconditioner that changes nothing.
+    pub fn identity(p: usize, q: usize) -> Self {
+        let d = p + q;
+        let mut triangle = vec![0.0; packed(d)];
+        (0..d).for_each(|j| triangle[packed(j) + j] = 1.0);
+        Self {
+            regressors: p,
+            targets: q,
+            centre: vec![0.0; d],
+            order: (0..p).collect(),
+            triangle,
+            rank: p,
+            condition: 1.0,
+            confounded: Vec::new(),
+            solver: None,
+        }
+    }
+
+    fn assemble(
+        p: usize,
+        q: usize,
+        centre: Vec<f64>,
+        order: Vec<usize>,
+        triangle: Vec<f64>,
+        rank: usize,
+        condition: f64,
+        confounded: Vec<Vec<usize>>,
+    ) -> Self {
+        let solver = Some(Triangle::new(p + q, |i, j| triangle[packed(j) + i]));
+        Self {
+            regressors: p,
+            targets: q,
+            centre,
+            order,
+            triangle,
+            rank,
+            condition,
+            confounded,
+            solver,
+        }
+    }
+
+    /// Changes the coordinates of rows in place (n x d). Column k of the result is the k-th pivot of the pilot, not column k of x.
+    ///
+    /// # Panics
+    /// When `z` has another number of columns than the pilot.
+    pub fn apply(&self, mut z: MatMut<'_, f64>) {
+        let d = self.dimension();
+        assert_eq!(z.ncols(), d, "the columns of the pilot");
+        let Some(solver) = &self.solver else { return };
+        let mut panel = vec![0.0; solver.panel_length()];
+        for first in (0..z.nrows()).step_by(PANEL) {
+            let rows = PANEL.min(z.nrows() - first);
+            for k in 0..d {
+                let from = self.order.get(k).copied().unwrap_or(k);
+                let target = &mut panel[k * PANEL..(k + 1) * PANEL];
+                let centre = self.centre[from];
+                match z.rb().col(from).try_as_col_major() {
+                    Some(column) => {
+                        let column = &column.as_slice()[first..first + rows];
+                        target
+                            .iter_mut()
+                            .zip(column)
+                            .for_each(|(target, value)| *target = value - centre);
+                    }
+                    None => (0..rows).for_each(|i| target[i] = z[(first + i, from)] - centre),
+                }
+                target[rows..].fill(0.0);
+            }
+            solver.solve(&mut panel);
+            for k in 0..d {
+                let source = &panel[k * PANEL..k * PANEL + rows];
+                match z.rb_mut().col_mut(k).try_as_col_major_mut() {
+                    Some(column) => {
+                        column.as_slice_mut()[first..first + rows].copy_from_slice(source)
+                    }
+                    None => (0..rows).for_each(|i| z[(first + i, k)] = source[i]),
+                }
+            }
+        }
+    }
+
+    /// Number of regressors, p.
+    pub fn regressors(&self) -> usize {
+        self.regressors
+    }
+
+    /// Number of targets, q.
+    pub fn targets(&self) -> usize {
+        self.targets
+    }
+
+    /// Number of columns, d = p + q.
+    pub fn dimension(&self) -> usize {
+        self.regressors + self.targets
+    }
+
+    /// Directions of the regressors that the pilot shows.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Estimated condition number of the pilot's centred regressors, scaled to unit length, without the confounded ones.
+    pub fn condition(&self) -> f64 {
+        self.condition
+    }
+
+    /// Groups of regressors that the pilot cannot tell apart; a column constant in the pilot is a group of itself.
+    pub fn confounded(&self) -> &[Vec<usize>] {
+        &self.confounded
+    }
+
+    /// The centre of every raw column.
+    pub(crate) fn centre(&self) -> &[f64] {
+        &self.centre
+    }
+
+    /// The raw regressor behind each preconditioned one.
+    pub(crate) fn order(&self) -> &[usize] {
+        &self.order
+    }
+
+    /// Column `j` of `[T B; 0 diag(s)]`, down to its diagonal.
+    pub(crate) fn column(&self, j: usize) -> &[f64] {
+        &self.triangle[packed(j)..packed(j + 1)]
+    }
+
+    /// The preconditioner as bytes, the same for the same coordinates: for a plan's hash and for files.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut count = |value: usize| bytes.extend((value as u64).to_le_bytes());
+        count(FORMAT);
+        count(self.regressors);
+        count(self.targets);
+        count(self.rank);
+        count(usize::from(self.solver.is_some()));
+        self.order.iter().for_each(|&column| count(column));
+        count(self.confounded.len());
+        for group in &self.confounded {
+            count(group.len());
+            group.iter().for_each(|&column| count(column));
+        }
+        for value in self
+            .centre
+            .iter()
+            .chain(&self.triangle)
+            .chain([&self.condition])
+        {
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// Reads what [`Preconditioner::to_bytes`] wrote.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, PreconditionerError> {
+        Reader(bytes)
+            .preconditioner()
+            .filter(Self::is_valid)
+            .ok_or(PreconditionerError)
+    }
+
+    fn is_valid(&self) -> bool {
+        let mut order = self.order.clone();
+        order.sort_unstable();
+        let diagonal = (0..self.dimension()).map(|j| self.triangle[packed(j) + j]);
+        order.into_iter().eq(0..self.regressors)
+            && self.rank <= self.regressors
+            && self
+                .triangle
+                .iter()
+                .chain(&self.centre)
+                .all(|value| value.is_finite())
+            && diagonal.into_iter().all(|value| value != 0.0)
+            && self
+                .confounded
+                .iter()
+                .flatten()
+                .all(|&column| column < self.regressors)
+    }
+}
+
+/// Version of the bytes.
+const FORMAT: usize = 1;
+
+/// Reads counts and numbers from bytes; `None` where they end.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn word(&mut self) -> Option<[u8; 8]> {
+        let (word, rest) = self.0.split_first_chunk::<8>()?;
+        self.0 = rest;
+        Some(*word)
+    }
+
+    /// A count that the remaining bytes can still hold.
+    fn count(&mut self) -> Option<usize> {
+        usize::try_from(u64::from_le_bytes(self.word()?)).ok()
+    }
+
+    fn counts(&mut self, length: usize) -> Option<Vec<usize>> {
+        (length <= self.0.len() / 8).then_some(())?;
+        (0..length).map(|_| self.count()).collect()
+    }
+
+    fn numbers(&mut self, length: usize) -> Option<Vec<f64>> {
+        (length <= self.0.len() / 8).then_some(())?;
+        (0..length)
+            .map(|_| self.word().map(f64::from_le_bytes))
+            .collect()
+    }
+
+    fn preconditioner(mut self) -> Option<Preconditioner> {
+        (self.count()? == FORMAT).then_some(())?;
+        let (p, q, rank) = (self.count()?, self.count()?, self.count()?);
+        let solves = self.count()? != 0;
+        let order = self.counts(p)?;
+        let groups = self.count()?;
+        (groups <= p).then_some(())?;
+        let mut confounded = Vec::new();
+        for _ in 0..groups {
+            let length = self.count()?;
+            confounded.push(self.counts(length)?);
+        }
+        let d = p.checked_add(q)?;
+        let centre = self.numbers(d)?;
+        let triangle = self.numbers(packed(d))?;
+        let condition = self.numbers(1)?[0];
+        self.0.is_empty().then_some(())?;
+        let mut result =
+            Preconditioner::assemble(p, q, centre, order, triangle, rank, condition, confounded);
+        if !solves {
+            result.solver = None;
+        }
+        Some(result)
+    }
+}
+
+/// One column of the pilot: `(value - centre) / length` has unit length over the rows.
+struct PilotColumn {
+    centre: f64,
+    length: f64,
+}
+
+/// The centred pilot's columns, and the triangle (d x d) of its rows scaled to columns of unit length; a constant column is zero.
+fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotColumn>, Mat<f64>) {
+    let d = rows.ncols();
+    let n = (used.len() as f64).max(1.0);
+    let mut constant = vec![false; d];
+    let columns: Vec<PilotColumn> = (0..d)
+        .map(|j| {
+            let values = || used.iter().map(|&i| rows[(i, j)]);
+            // Dividing first keeps the sum finite.
+            let rough: f64 = values().map(|value| value / n).sum();
+            let centre = rough + values().map(|value| (value - rough) / n).sum::<f64>();
+            let largest = values().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            let spread: Vec<f64> = values().map(|value| value - centre).collect();
+            let length = norm(&spread);
+            let widest = spread
+                .iter()
+                .fold(0.0_f64, |widest, value| widest.max(value.abs()));
+            constant[j] =
+                widest <= 4.0 * f64::EPSILON * largest || !(1e-280..1e280).contains(&length);
+            if !constant[j] {
+                return PilotColumn { centre, length };
+            }
+            // Its own size is the best guess of the size of its changes.
+            let size = if (1e-280..1e280).contains(&centre.abs()) {
+                centre.abs()
+            } else {
+                1.0
+            };
+            PilotColumn {
+                centre: if centre.is_finite() { centre } else { 0.0 },
+                length: size * n.sqrt(),
+            }
+        })
+        .collect();
+    let mut r = Mat::zeros(d, d);
+    for chunk in used.chunks(256) {
+        let mut tile = Rows::zeros(chunk.len(), d);
+        for (j, column) in columns.iter().enumerate().filter(|&(j, _)| !constant[j]) {
+            for (value, &i) in tile.column_mut(j).iter_mut().zip(chunk) {
+                *value = (rows[(i, j)] - column.centre) / column.length;
+            }
+        }
+        fold_rows(&mut r, &mut tile);
+    }
+    debug_assert!(p <= d);
+    (columns, r)
+}

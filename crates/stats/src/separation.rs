@@ -1,0 +1,107 @@
+//! Which columns the data can tell apart: the rank decision, made once, in units of each column's rounding noise.
+
+use faer::Mat;
+
+use crate::householder::{Pivoted, condition, norm, pivoted_qr, solve_upper};
+
+/// A triangle factored by column-pivoted QR in units of its columns' noise.
+pub(crate) struct Separation {
+    /// Column at each position; the first `rank` are independent.
+    pub(crate) order: Vec<usize>,
+    /// Number of independent columns.
+    pub(crate) rank: usize,
+    /// `[R11 R12]` in pivoted order, column k in units of `noise[order[k]]`; rows from `rank` on mean nothing.
+    pub(crate) r: Mat<f64>,
+    /// `Q'B`.
+    pub(crate) rhs: Mat<f64>,
+    /// Condition of the independent columns, each scaled to unit length.
+    pub(crate) condition: f64,
+    constant: Vec<bool>,
+}
+
+/// Separates the columns of `r` (m x p). `noise[j] > 0` is the length below which column j is rounding.
+///
+/// Dividing every column by its noise makes the noise of all directions 1: a pivot below 1 is rounding and nothing else. The decision
+/// does not depend on the units of the columns.
+pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation {
+    let constant: Vec<bool> = (0..r.ncols())
+        .map(|j| !(norm(r.col_as_slice(j)) > noise[j]))
+        .collect();
+    let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| {
+        if constant[j] {
+            0.0
+        } else {
+            r[(i, j)] / noise[j]
+        }
+    });
+    let Pivoted {
+        order,
+        rank,
+        r,
+        rhs,
+    } = pivoted_qr(scaled, rhs, 1.0);
+    let condition = condition(&r, rank);
+    Separation {
+        order,
+        rank,
+        r,
+        rhs,
+        condition,
+        constant,
+    }
+}
+
+impl Separation {
+    /// Groups of columns that cannot be told apart, each ascending, by first column. A constant column is a group of itself.
+    ///
+    /// A dependent column belongs with the independent columns that rebuild it; groups that share a column are one.
+    pub(crate) fn confounded(&self) -> Vec<Vec<usize>> {
+        let p = self.order.len();
+        let mut group: Vec<Option<usize>> = (0..p).map(|j| self.constant[j].then_some(j)).collect();
+        for k in self.rank..p {
+            let column = self.order[k];
+            if self.constant[column] {
+                continue;
+            }
+            let mut members = self.rebuilt_from(k);
+            members.push(column);
+            let known: Vec<usize> = members.iter().filter_map(|&member| group[member]).collect();
+            let name = known.iter().copied().min().unwrap_or(column);
+            group
+                .iter_mut()
+                .filter(|g| g.is_some_and(|g| known.contains(&g)))
+                .for_each(|g| *g = Some(name));
+            members
+                .iter()
+                .for_each(|&member| group[member] = Some(name));
+        }
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        let mut names: Vec<usize> = Vec::new();
+        for (column, name) in group.iter().enumerate() {
+            let Some(name) = name else { continue };
+            match names.iter().position(|known| known == name) {
+                Some(at) => groups[at].push(column),
+                None => {
+                    names.push(*name);
+                    groups.push(vec![column]);
+                }
+            }
+        }
+        groups
+    }
+
+    /// The independent columns that matter for the dependent column at position `k`.
+    fn rebuilt_from(&self, k: usize) -> Vec<usize> {
+        let mut weights = Mat::from_fn(self.rank, 1, |i, _| self.r[(i, k)]);
+        let length = norm(weights.col_as_slice(0));
+        solve_upper(&self.r, self.rank, &mut weights);
+        // Noise of length 1 in the column moves the weights by the inverse of R11; a share below that is not a finding.
+        let least = (10.0 * self.condition / length).clamp(1e-6, 0.1);
+        (0..self.rank)
+            .filter(|&i| {
+                weights[(i, 0)].abs() * norm(&self.r.col_as_slice(i)[..=i]) > least * length
+            })
+            .map(|i| self.order[i])
+            .collect()
+    }
+}

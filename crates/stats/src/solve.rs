@@ -1,0 +1,180 @@
+//! Small solves on the square-root form: least squares of minimum norm, and ridge.
+
+use faer::{Mat, MatRef};
+
+use crate::{
+    SquareRoot,
+    householder::{Rows, fold_rows, solve_upper, solve_upper_transposed},
+    separation::{Separation, separate},
+};
+
+/// A linear model with an intercept, `y = x'beta + b`, for each target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Coefficients in raw units (p x q).
+    pub coefficients: Mat<f64>,
+    /// Intercepts (q).
+    pub intercept: Vec<f64>,
+    /// Independent regressors in the rows, the intercept not counted.
+    pub rank: usize,
+    /// Estimated condition number of the independent regressors, centred and scaled to unit length.
+    pub condition: f64,
+    /// Groups of regressors that the data cannot separate, each ascending; a constant regressor is a group of itself.
+    pub confounded: Vec<Vec<usize>>,
+    /// Weighted residual sum of squares on the rows of the fit (q).
+    pub rss: Vec<f64>,
+}
+
+/// Least squares: the minimiser of `sum w (y - x'beta - b)^2` over beta and b, per target.
+///
+/// Where the rows leave a choice, the one of least `sum_j (scale_j beta_j)^2`: minimum norm in standardised units, the intercept free.
+/// `scale` (p) holds one positive unit a column, usually its standard deviation over the training rows; an entry that is not positive
+/// counts as 1. A regressor that is constant in the rows gets the coefficient 0.
+///
+/// The rank is that of a column-pivoted QR in units of the columns' noise ([`SquareRoot::noise`]); with full rank `R beta = z` is solved by
+/// substitution, else a complete orthogonal decomposition gives the minimum norm (Golub and Van Loan 2013, section 5.5).
+///
+/// # Panics
+/// When `scale` has another length than p.
+pub fn least_squares(root: &SquareRoot, scale: &[f64]) -> Solution {
+    let units = units(root, scale);
+    let separation = separate(&root.r, &root.column_noise(), root.z.clone());
+    let coefficients = minimum_norm(&separation, &root.column_noise(), &units);
+    finish(root, coefficients, &separation)
+}
+
+/// Ridge regression towards a prior: the minimiser over beta and b, per target, of
+///
+/// `1/(2n) sum w (y - x'beta - b)^2 + lambda/2 sum_j (scale_j (beta_j - prior_j))^2`, n = sum of the weights.
+///
+/// `prior` (p x q) is zero when not given; the intercept is not penalised. Solved as the least-squares problem with the rows
+/// `sqrt(n lambda) diag(scale)` below R, so that nothing is squared. `lambda = 0` is [`least_squares`], except that minimum norm is
+/// counted from the prior. `rank`, `condition` and `confounded` describe the rows, without the penalty; `rss` is without the penalty.
+///
+/// # Panics
+/// When the shapes disagree.
+pub fn ridge(
+    root: &SquareRoot,
+    scale: &[f64],
+    lambda: f64,
+    prior: Option<MatRef<'_, f64>>,
+) -> Solution {
+    let (p, q) = (root.regressors(), root.targets());
+    let units = units(root, scale);
+    let noise = root.column_noise();
+    let data = separate(&root.r, &noise, Mat::zeros(p, 0));
+    // Solved for beta - prior: z becomes what the prior does not explain.
+    let mut stacked = Mat::from_fn(p, p + q, |i, j| {
+        if j < p {
+            root.r[(i, j)]
+        } else {
+            root.z[(i, j - p)]
+        }
+    });
+    if let Some(prior) = prior {
+        assert_eq!((prior.nrows(), prior.ncols()), (p, q), "a p x q prior");
+        for t in 0..q {
+            for i in 0..p {
+                stacked[(i, p + t)] -= (i..p).map(|j| root.r[(i, j)] * prior[(j, t)]).sum::<f64>();
+            }
+        }
+    }
+    let penalty = (root.weight * lambda).sqrt();
+    if penalty > 0.0 {
+        let mut rows = Rows::zeros(p, p + q);
+        (0..p).for_each(|j| rows.column_mut(j)[j] = penalty * units[j]);
+        fold_rows(&mut stacked, &mut rows);
+    }
+    let r = Mat::from_fn(p, p, |i, j| stacked[(i, j)]);
+    let z = Mat::from_fn(p, q, |i, t| stacked[(i, p + t)]);
+    let mut coefficients = minimum_norm(&separate(&r, &noise, z), &noise, &units);
+    if let Some(prior) = prior {
+        coefficients += prior;
+    }
+    finish(root, coefficients, &data)
+}
+
+fn units(root: &SquareRoot, scale: &[f64]) -> Vec<f64> {
+    assert_eq!(scale.len(), root.regressors(), "one unit a regressor");
+    scale
+        .iter()
+        .map(|&unit| {
+            if unit > 0.0 && unit.is_finite() {
+                unit
+            } else {
+                1.0
+            }
+        })
+        .collect()
+}
+
+/// The solution of least norm `|units * beta|` of the separated problem (p x q).
+fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f64> {
+    let Separation {
+        order,
+        rank,
+        r,
+        rhs,
+        ..
+    } = separation;
+    let (rank, p, q) = (*rank, order.len(), rhs.ncols());
+    let mut known = Mat::from_fn(rank, q, |i, t| rhs[(i, t)]);
+    let mut coefficients = Mat::zeros(p, q);
+    if rank == p {
+        solve_upper(r, rank, &mut known);
+        for (k, &column) in order.iter().enumerate() {
+            (0..q).for_each(|t| coefficients[(column, t)] = known[(k, t)] / noise[column]);
+        }
+        return coefficients;
+    }
+    // M gamma = c with gamma = units * beta and M = [R11 R12] in those units; with M' = Q L', gamma = Q L^-1 c. Carrying the identity
+    // through the reduction of M' leaves Q' beside L'.
+    let mut rows = Rows::zeros(p, rank + p);
+    for (k, &column) in order.iter().enumerate() {
+        for i in 0..rank {
+            rows.column_mut(i)[k] = if k >= i {
+                r[(i, k)] * (noise[column] / units[column])
+            } else {
+                0.0
+            };
+        }
+        rows.column_mut(rank + k)[k] = 1.0;
+    }
+    let mut reduced = Mat::zeros(rank, rank + p);
+    fold_rows(&mut reduced, &mut rows);
+    // M has full row rank up to the noise; a zero here can only come from underflow.
+    if (0..rank).any(|i| reduced[(i, i)] == 0.0) {
+        return coefficients;
+    }
+    solve_upper_transposed(&reduced, rank, &mut known);
+    for (k, &column) in order.iter().enumerate() {
+        for t in 0..q {
+            let gamma: f64 = (0..rank)
+                .map(|i| reduced[(i, rank + k)] * known[(i, t)])
+                .sum();
+            coefficients[(column, t)] = gamma / units[column];
+        }
+    }
+    coefficients
+}
+
+fn finish(root: &SquareRoot, coefficients: Mat<f64>, separation: &Separation) -> Solution {
+    let intercept: Vec<f64> = (0..root.targets())
+        .map(|t| {
+            root.mean_x
+                .iter()
+                .enumerate()
+                .fold(root.mean_y[t], |left, (j, mean)| {
+                    left - mean * coefficients[(j, t)]
+                })
+        })
+        .collect();
+    Solution {
+        rss: root.error(coefficients.as_ref(), &intercept),
+        coefficients,
+        intercept,
+        rank: separation.rank,
+        condition: separation.condition,
+        confounded: separation.confounded(),
+    }
+}

@@ -1,0 +1,367 @@
+//! The square-root form of a least-squares problem: an R factor with Q'y ("compressed data").
+
+use faer::{Mat, MatRef};
+
+use crate::{
+    Gram, Preconditioner,
+    householder::{Rows, condition, fold_rows, norm},
+};
+
+/// Rounding of a column of an R factor of p columns, relative to the size of the numbers it was made from.
+///
+/// The bound for Householder QR is of the order `n p eps`; errors that behave like a random walk stay near `sqrt(p) eps`. The factor
+/// 16 is the margin between the two in practice; it leaves condition numbers up to `1e13 / sqrt(p)` standing.
+pub(crate) fn noise_level(p: usize) -> f64 {
+    16.0 * f64::EPSILON * ((p + 1) as f64).sqrt()
+}
+
+/// Centred square-root form of a weighted least-squares problem with regressors x (p), targets y (q) and a free intercept:
+/// for coefficients beta (p) of one target, with the best intercept,
+/// `rss = |R beta - z|^2 + residual`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SquareRoot {
+    /// Rows of positive weight.
+    pub rows: u64,
+    /// Sum of the weights.
+    pub weight: f64,
+    /// Weighted mean of every regressor (p).
+    pub mean_x: Vec<f64>,
+    /// Weighted mean of every target (q).
+    pub mean_y: Vec<f64>,
+    /// R, upper triangular (p x p), raw units: `R'R` is the centred scatter of x.
+    pub r: Mat<f64>,
+    /// Q'y (p x q).
+    pub z: Mat<f64>,
+    /// Squared norm of what no x explains (q).
+    pub residual: Vec<f64>,
+    /// Centred sum of squares of y (q).
+    pub total: Vec<f64>,
+    /// Condition number of the Gram matrix that this came from, in preconditioned coordinates and with unit diagonal; 1 when the factor
+    /// came from the rows. The coefficients lose about `log10(condition)` digits to it, beyond what Householder QR loses.
+    pub condition: f64,
+    /// Relative rounding level: column j of `r` is known to `noise * magnitude[j]`, and what is shorter is no information.
+    pub noise: f64,
+    /// Size of the numbers that made column j of `r` (p): its own length, its mean, and the terms that cancelled on the way.
+    pub magnitude: Vec<f64>,
+}
+
+impl Preconditioner {
+    /// The square-root form, in raw units, of the Gram matrix of preconditioned rows ([`Preconditioner::apply`]).
+    ///
+    /// A pivoted Cholesky factor of the Gram matrix is stopped where only rounding remains (relative to the diagonal, and to what
+    /// [`Preconditioner::apply`] rounded); its product with T is brought to triangular form by a QR.
+    ///
+    /// # Panics
+    /// When `gram` has another dimension.
+    pub fn square_root(&self, gram: &Gram) -> SquareRoot {
+        let (p, q) = (self.regressors(), self.targets());
+        assert_eq!(
+            gram.dimension(),
+            p + q,
+            "a Gram matrix of the preconditioned columns"
+        );
+        let weight = gram.weight;
+        // Lengths about the pilot's centre: what the substitutions and products were made of.
+        let length: Vec<f64> = (0..p)
+            .map(|k| (gram.get(k, k) + weight * gram.mean[k] * gram.mean[k]).sqrt())
+            .collect();
+        let made_from = |k: usize| {
+            let terms: Vec<f64> = self
+                .column(k)
+                .iter()
+                .zip(&length)
+                .map(|(t, length)| t * length)
+                .collect();
+            norm(&terms)
+        };
+        let made_from: Vec<f64> = (0..p).map(made_from).collect();
+        let floor = |k: usize| {
+            let centre = self.centre()[self.order()[k]].abs() * weight.sqrt();
+            noise_level(p) * (made_from[k] + centre) / self.column(k)[k].abs()
+        };
+        let cholesky = pivoted_cholesky(gram, p, floor);
+
+        let mut stack = Rows::zeros(p, p + q);
+        for k in 0..p {
+            let target = stack.column_mut(self.order()[k]);
+            for (i, t) in self.column(k).iter().enumerate() {
+                add_scaled(
+                    target,
+                    &cholesky.factor.col_as_slice(i)[..cholesky.rank],
+                    *t,
+                );
+            }
+        }
+        for t in 0..q {
+            let column = self.column(p + t);
+            let target = stack.column_mut(p + t);
+            for (i, b) in column
+                .iter()
+                .enumerate()
+                .filter(|&(i, _)| i < p || i == p + t)
+            {
+                add_scaled(
+                    target,
+                    &cholesky.factor.col_as_slice(i)[..cholesky.rank],
+                    *b,
+                );
+            }
+        }
+        let mut factor = Mat::zeros(p, p + q);
+        fold_rows(&mut factor, &mut stack);
+
+        let mean = |k: usize| {
+            self.column(k)
+                .iter()
+                .zip(&gram.mean)
+                .map(|(t, mean)| t * mean)
+                .sum::<f64>()
+        };
+        let mut mean_x = self.centre()[..p].to_vec();
+        let mut magnitude = vec![0.0; p];
+        for (k, &column) in self.order().iter().enumerate() {
+            mean_x[column] += mean(k);
+            magnitude[column] = made_from[k]
+                + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
+        }
+        let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
+        let residual = (0..q).map(|t| {
+            let size = self.column(p + t)[p + t];
+            cholesky.left[t].max(0.0) * size * size
+        });
+        // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
+        let leak = if cholesky.rank < p {
+            cholesky.condition
+        } else {
+            1.0
+        };
+        SquareRoot::assemble(
+            (gram.rows, weight),
+            (mean_x, mean_y),
+            factor,
+            residual.collect(),
+            cholesky.condition * cholesky.condition,
+            noise_level(p) * leak,
+            magnitude,
+        )
+    }
+}
+
+fn add_scaled(target: &mut [f64], values: &[f64], factor: f64) {
+    target
+        .iter_mut()
+        .zip(values)
+        .for_each(|(target, value)| *target += factor * value);
+}
+
+impl SquareRoot {
+    /// From a factor `[R z]` (p x (p + q)).
+    pub(crate) fn assemble(
+        (rows, weight): (u64, f64),
+        (mean_x, mean_y): (Vec<f64>, Vec<f64>),
+        factor: Mat<f64>,
+        residual: Vec<f64>,
+        condition: f64,
+        noise: f64,
+        magnitude: Vec<f64>,
+    ) -> Self {
+        let p = mean_x.len();
+        let r = Mat::from_fn(p, p, |i, j| factor[(i, j)]);
+        let z = Mat::from_fn(p, mean_y.len(), |i, t| factor[(i, p + t)]);
+        let total = residual
+            .iter()
+            .enumerate()
+            .map(|(t, left)| sum_of_squares(z.col_as_slice(t)) + left)
+            .collect();
+        Self {
+            rows,
+            weight,
+            mean_x,
+            mean_y,
+            r,
+            z,
+            residual,
+            total,
+            condition,
+            noise,
+            magnitude,
+        }
+    }
+
+    /// Number of regressors, p.
+    pub fn regressors(&self) -> usize {
+        self.mean_x.len()
+    }
+
+    /// Number of targets, q.
+    pub fn targets(&self) -> usize {
+        self.mean_y.len()
+    }
+
+    /// Standard deviation of every regressor over these rows (divisor: the weight); what [`crate::least_squares`] may take as its units
+    /// once zeros are replaced.
+    pub fn deviation(&self) -> Vec<f64> {
+        let divisor = if self.weight > 0.0 {
+            self.weight.sqrt()
+        } else {
+            1.0
+        };
+        (0..self.regressors())
+            .map(|j| norm(&self.r.col_as_slice(j)[..=j]) / divisor)
+            .collect()
+    }
+
+    /// Length of rounding in every column of `r`: `noise * magnitude`, made positive.
+    pub(crate) fn column_noise(&self) -> Vec<f64> {
+        self.magnitude
+            .iter()
+            .map(|magnitude| (self.noise * magnitude).max(f64::MIN_POSITIVE))
+            .collect()
+    }
+
+    /// The weighted sum of squared errors, per target, that a model makes on these rows; it may have been fitted on any rows.
+    ///
+    /// `coefficients` is p x q in raw units, `intercept` has q entries. A sum of squares throughout, so it does not cancel:
+    /// `|R beta - z|^2 + residual + weight (mean error)^2`.
+    ///
+    /// # Panics
+    /// When the shapes disagree.
+    pub fn error(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> Vec<f64> {
+        let (p, q) = (self.regressors(), self.targets());
+        assert_eq!(
+            (coefficients.nrows(), coefficients.ncols(), intercept.len()),
+            (p, q, q),
+            "p x q coefficients"
+        );
+        let mut left = vec![0.0; p];
+        (0..q)
+            .map(|t| {
+                left.iter_mut()
+                    .zip(self.z.col_as_slice(t))
+                    .for_each(|(left, z)| *left = -z);
+                let mut mean = self.mean_y[t] - intercept[t];
+                for j in 0..p {
+                    let beta = coefficients[(j, t)];
+                    mean -= self.mean_x[j] * beta;
+                    add_scaled(&mut left[..=j], &self.r.col_as_slice(j)[..=j], beta);
+                }
+                sum_of_squares(&left) + self.residual[t] + self.weight * mean * mean
+            })
+            .collect()
+    }
+
+    /// The problem with some of the regressors only, in the order given; what the others explained joins the residual.
+    ///
+    /// # Panics
+    /// When a column does not exist.
+    pub fn select(&self, columns: &[usize]) -> Self {
+        let (k, q, p) = (columns.len(), self.targets(), self.regressors());
+        let mut stack = Rows::zeros(p, k + q);
+        for (to, &column) in columns.iter().enumerate() {
+            stack.column_mut(to)[..p].copy_from_slice(self.r.col_as_slice(column));
+        }
+        for t in 0..q {
+            stack.column_mut(k + t)[..p].copy_from_slice(self.z.col_as_slice(t));
+        }
+        let mut factor = Mat::zeros(k, k + q);
+        fold_rows(&mut factor, &mut stack);
+        let residual = (0..q)
+            .map(|t| self.residual[t] + sum_of_squares(stack.column(k + t)))
+            .collect();
+        let pick = |values: &[f64]| {
+            columns
+                .iter()
+                .map(|&column| values[column])
+                .collect::<Vec<f64>>()
+        };
+        let means = (pick(&self.mean_x), self.mean_y.clone());
+        let magnitude = pick(&self.magnitude);
+        Self::assemble(
+            (self.rows, self.weight),
+            means,
+            factor,
+            residual,
+            self.condition,
+            self.noise,
+            magnitude,
+        )
+    }
+}
+
+pub(crate) fn sum_of_squares(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+/// A pivoted Cholesky factor of the first p columns of a Gram matrix.
+struct Cholesky {
+    rank: usize,
+    /// `rank` rows of `[C C^-T G_xy]` (p x (p + q), only the first `rank` rows count): `C'C` is the Gram matrix up to rounding. Columns in
+    /// their own order: C is triangular in pivot order only.
+    factor: Mat<f64>,
+    /// Diagonal of what the factor leaves of the Gram matrix of the targets (q).
+    left: Vec<f64>,
+    /// Condition number of the kept columns of C, scaled to unit length.
+    condition: f64,
+}
+
+/// Cholesky with diagonal pivoting (Higham 2002, section 10.3) of the Gram matrix scaled to unit diagonal. Column k is set aside when what
+/// remains of it is below `8 p eps` of its diagonal, or when its length is below `floor(k)`.
+fn pivoted_cholesky(gram: &Gram, p: usize, floor: impl Fn(usize) -> f64) -> Cholesky {
+    let d = gram.dimension();
+    let tolerance = 8.0 * (p as f64) * f64::EPSILON;
+    let diagonal: Vec<f64> = (0..d).map(|k| gram.get(k, k)).collect();
+    let least: Vec<f64> = (0..p)
+        .map(|k| {
+            (tolerance * diagonal[k])
+                .max(floor(k).powi(2))
+                .max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    let mut left = diagonal.clone();
+    let mut factor = Mat::<f64>::zeros(p, d);
+    let mut order: Vec<usize> = Vec::with_capacity(p);
+    let mut open: Vec<usize> = (0..p).collect();
+    while !open.is_empty() {
+        let share = |k: usize| {
+            if left[k] > least[k] {
+                left[k] / diagonal[k]
+            } else {
+                0.0
+            }
+        };
+        let mut best = 0;
+        for at in 1..open.len() {
+            if share(open[at]) > share(open[best]) {
+                best = at;
+            }
+        }
+        if share(open[best]) <= 0.0 {
+            break;
+        }
+        let pivot = open.remove(best);
+        let row = order.len();
+        let root = left[pivot].sqrt();
+        let pivot_column: Vec<f64> = factor.col_as_slice(pivot)[..row].to_vec();
+        for j in open.iter().copied().chain(p..d) {
+            let column = factor.col_as_slice_mut(j);
+            let known: f64 = pivot_column.iter().zip(&*column).map(|(a, b)| a * b).sum();
+            let entry = (gram.get(pivot, j) - known) / root;
+            column[row] = entry;
+            left[j] -= entry * entry;
+        }
+        factor[(row, pivot)] = root;
+        order.push(pivot);
+    }
+    let rank = order.len();
+    let triangle = Mat::from_fn(
+        rank,
+        rank,
+        |i, j| if i <= j { factor[(i, order[j])] } else { 0.0 },
+    );
+    Cholesky {
+        rank,
+        condition: condition(&triangle, rank),
+        factor,
+        left: left.split_off(p),
+    }
+}

@@ -1,0 +1,48 @@
+//! The crate arrows of the design are law: this table is the design's, and any other arrow fails.
+
+use std::{collections::BTreeSet, process::Command};
+
+/// Crate, and the crates of the workspace that it may use.
+const ARROWS: [(&str, &[&str]); 10] = [
+    ("fleetfoot-data", &[]),
+    ("fleetfoot-library", &["data"]),
+    ("fleetfoot-stats", &["data"]),
+    ("fleetfoot-model", &["data", "library"]),
+    ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
+    ("fleetfoot-log", &["data"]),
+    ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
+    ("fleetfoot-sim", &["data", "library", "dynamics"]),
+    ("fleetfoot", &["data", "library", "stats", "model", "dynamics", "log", "pwa", "sim"]),
+    ("fleetfoot-cli", &["fleetfoot"]),
+];
+
+#[test]
+fn crates_use_only_what_their_row_allows() {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo metadata runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON");
+    let mut seen = BTreeSet::new();
+    for package in metadata["packages"].as_array().expect("packages") {
+        let name = package["name"].as_str().expect("a name");
+        if ["fleetfoot-tests", "fleetfoot-benches"].contains(&name) {
+            continue;
+        }
+        let row = ARROWS.iter().find(|(known, _)| *known == name);
+        let (_, allowed) = row.unwrap_or_else(|| panic!("{name} is not in the table of crates"));
+        seen.insert(name.to_owned());
+        for dependency in package["dependencies"].as_array().expect("dependencies") {
+            let used = dependency["name"].as_str().expect("a name");
+            // A test may use anything: it is not shipped.
+            let internal = used == "fleetfoot" || used.starts_with("fleetfoot-");
+            if internal && dependency["kind"] != "dev" {
+                let short = used.trim_start_matches("fleetfoot-");
+                assert!(allowed.contains(&short), "{name} must not use {used}");
+            }
+        }
+    }
+    assert_eq!(seen.len(), ARROWS.len(), "crates of the table that are gone: have {seen:?}");
+}

@@ -1,0 +1,208 @@
+//! Every kind of bad input gets a message that names the file, the place and the mend; and nothing half-written stays.
+
+use std::fs;
+
+include!("runner.rs");
+
+fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, text) in files {
+        fs::write(folder.path().join(name), text).expect("a file");
+    }
+    folder
+}
+
+/// The log with each line changed by `change(row, cells)`.
+fn changed(rows: usize, change: impl Fn(usize, &mut Vec<String>)) -> String {
+    let text = robot_csv(rows, 0.3);
+    let mut lines = text.lines();
+    let mut out = format!("{}\n", lines.next().unwrap());
+    for (row, line) in lines.enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        change(row, &mut cells);
+        if !cells.is_empty() {
+            out.push_str(&cells.join(","));
+            out.push('\n');
+        }
+    }
+    out
+}
+
+const FIT: [&str; 11] =
+    ["fit", "pwa", "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "-o", "model.json"];
+
+fn fit(folder: &Path, more: &[&str]) -> Said {
+    let mut arguments = FIT.to_vec();
+    arguments.extend(more);
+    fleetfoot(folder, &arguments)
+}
+
+#[test]
+fn usage_errors_exit_with_two() {
+    let folder = folder(&[]);
+    for arguments in [&["fit"][..], &["nonsense"], &["score", "model.json"], &["fit", "pwa", "x.csv", "--folds", "many"]] {
+        assert_eq!(fleetfoot(folder.path(), arguments).code, 2, "{arguments:?}");
+    }
+    assert_eq!(fleetfoot(folder.path(), &["--version"]).code, 0);
+}
+
+#[test]
+fn missing_and_unknown_files() {
+    let folder = folder(&[("log.csv", &robot_csv(100, 0.0)), ("notes.docx", "x"), ("model.txt", "x")]);
+    fleetfoot(folder.path(), &["info", "lag.csv"]).fails(&["lag.csv", "log.csv"]);
+    fleetfoot(folder.path(), &["info", "*.parquet"]).fails(&["*.parquet"]);
+    fleetfoot(folder.path(), &["info", "notes.docx"]).fails(&["notes.docx", ".csv"]);
+    fleetfoot(folder.path(), &["show", "gone.json"]).fails(&["gone.json"]);
+    fleetfoot(folder.path(), &["show", "model.txt"]).fails(&["model.txt", "not a fleetfoot model"]);
+}
+
+#[test]
+fn unknown_columns_name_the_nearest() {
+    let folder = folder(&[("log.csv", &robot_csv(100, 0.0))]);
+    fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "mod", "--inputs", "u"]).fails(&["`mod`", "`mode`"]);
+    fit(folder.path(), &["--partition-on", "vv"]).fails(&["vv", "v"]);
+    fit(folder.path(), &["--alias", "w=sin(uu)", "--inputs", "w"]).fails(&["uu"]);
+    fit(folder.path(), &["--time", "stamp"]).fails(&["stamp"]);
+    fit(folder.path(), &["--partition", "labels:node"]).fails(&["node", "mode"]);
+    fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--inputs", "u", "--alias", "w=u +* 2"]).fails(&["w"]);
+    assert!(!folder.path().join("model.json").exists());
+}
+
+#[test]
+fn a_recipe_with_an_error_names_its_line() {
+    let folder = folder(&[("log.csv", &robot_csv(100, 0.0)), ("bad.toml", "[states]\nv = { derivativ = \"auto\" }\n")]);
+    fit(folder.path(), &["-c", "bad.toml"]).fails(&["bad.toml", "line 2", "derivativ"]);
+}
+
+#[test]
+fn missing_values_are_left_out_and_counted() {
+    let text = changed(1000, |row, cells| {
+        if row % 100 == 50 {
+            cells[3] = "nan".into();
+        }
+    });
+    let folder = folder(&[("log.csv", &text)]);
+    let found = fit(folder.path(), &["--json"]).ok().json();
+    assert_eq!(found["rows_incomplete"], 10);
+    assert!(found["notes"].to_string().contains("missing value"));
+}
+
+#[test]
+fn gaps_and_backward_stamps_begin_episodes_and_repeated_ones_are_dropped() {
+    let gap = changed(1000, |row, cells| {
+        if (400..450).contains(&row) {
+            cells.clear();
+        }
+    });
+    let backward = changed(1000, |row, cells| {
+        if row >= 600 {
+            cells[0] = format!("{}", (row - 600) as f64 * 0.01);
+        }
+    });
+    let repeated = changed(1000, |row, cells| {
+        if row == 300 {
+            cells[0] = "2.99".into();
+        }
+    });
+    for (text, episodes, rows) in [(gap, 2, 950), (backward, 2, 1000), (repeated, 1, 999)] {
+        let folder = folder(&[("log.csv", &text)]);
+        let plan = fit(folder.path(), &["--dry-run", "--json"]).ok().json();
+        assert_eq!((plan["episodes"].as_u64(), plan["rows"].as_u64()), (Some(episodes), Some(rows)));
+        // A central difference needs a neighbour on both sides: two rows are lost to every episode.
+        let found = fit(folder.path(), &["--json"]).ok().json();
+        assert_eq!(found["rows_at_border"].as_u64(), Some(2 * episodes));
+    }
+}
+
+#[test]
+fn constant_columns_and_too_few_rows() {
+    let constant = changed(300, |_, cells| cells[2] = "1.5".into());
+    let folder_a = folder(&[("log.csv", &constant)]);
+    fit(folder_a.path(), &[]).fails(&["d(v)/dt", "same value"]);
+    let input = changed(300, |_, cells| cells[3] = "1.5".into());
+    let folder_b = folder(&[("log.csv", &input)]);
+    let said = fit(folder_b.path(), &[]).ok();
+    assert!(said.err.contains("u does not change"), "{}", said.err);
+    let folder_c = folder(&[("log.csv", &robot_csv(5, 0.0))]);
+    fit(folder_c.path(), &[]).fails(&["too few"]);
+    fleetfoot(folder_b.path(), &["rollout", "model.json", "log.csv", "--horizon", "5000"]).fails(&["5000", "horizon"]);
+}
+
+#[test]
+fn broken_cells_and_rows_are_located() {
+    let word = changed(200, |row, cells| {
+        if row == 120 {
+            cells[3] = "fast".into();
+        }
+    });
+    let short = changed(200, |row, cells| {
+        if row == 120 {
+            cells.truncate(3);
+        }
+    });
+    let folder_a = folder(&[("log.csv", &word)]);
+    fit(folder_a.path(), &[]).fails(&["log.csv", "122", "fast"]);
+    let folder_b = folder(&[("log.csv", &short)]);
+    fit(folder_b.path(), &[]).fails(&["log.csv", "122"]);
+}
+
+#[test]
+fn damaged_files_are_refused() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("fake.parquet", &robot_csv(50, 0.0))]);
+    fleetfoot(folder.path(), &["info", "fake.parquet"]).fails(&["fake.parquet"]);
+    fit(folder.path(), &[]).ok();
+    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "pred.parquet"]).ok();
+    let whole = fs::read(folder.path().join("pred.parquet")).unwrap();
+    for length in [0, 3, 100, whole.len() / 2, whole.len() - 1] {
+        fs::write(folder.path().join("cut.parquet"), &whole[..length]).unwrap();
+        fleetfoot(folder.path(), &["info", "cut.parquet"]).fails(&["cut.parquet"]);
+    }
+    let model = fs::read_to_string(folder.path().join("model.json")).unwrap();
+    let edited = model.replacen("\"rows\": ", "\"rows\": 1", 1);
+    for (text, words) in [
+        (&model[..model.len() / 2], &["cut.json", "not a fleetfoot model"][..]),
+        (&edited, &["cut.json", "checksum"]),
+        (&model.replace("\"fleetfoot_model\": 1", "\"fleetfoot_model\": 99"), &["cut.json", "format 99"]),
+    ] {
+        fs::write(folder.path().join("cut.json"), text).unwrap();
+        fleetfoot(folder.path(), &["score", "cut.json", "log.csv"]).fails(words);
+    }
+}
+
+#[test]
+fn inputs_are_never_overwritten_and_nothing_half_written_stays() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0))]);
+    fit(folder.path(), &["-o", "model.json"]).ok();
+    let before = fs::read(folder.path().join("log.csv")).unwrap();
+    fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "x", "-o", "log.csv"]).fails(&["log.csv", "input"]);
+    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "log.csv"]).fails(&["log.csv"]);
+    assert_eq!(fs::read(folder.path().join("log.csv")).unwrap(), before);
+    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "nowhere/pred.parquet"]).fails(&["nowhere"]);
+    let names: Vec<String> =
+        fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+}
+
+#[test]
+fn labels_unseen_in_training() {
+    let train = changed(1500, |row, cells| cells[4] = if row % 2 == 0 { "grass".into() } else { "sand".into() });
+    let other = changed(300, |row, cells| cells[4] = if row % 2 == 0 { "ice".into() } else { "sand".into() });
+    let folder = folder(&[("log.csv", &train), ("ice.csv", &other)]);
+    fit(folder.path(), &["--partition", "labels:mode"]).ok();
+    fleetfoot(folder.path(), &["score", "model.json", "ice.csv"]).fails(&["mode", "sand", "--unseen-labels pool"]);
+    fit(folder.path(), &["--partition", "labels:mode", "--unseen-labels", "pool"]).ok();
+    let score = fleetfoot(folder.path(), &["score", "model.json", "ice.csv", "--json"]).ok().json();
+    assert_eq!(score["rows"], 298);
+    // `sand` has code 0 here and 1 in training: it must still be sand.
+    fleetfoot(folder.path(), &["predict", "model.json", "ice.csv", "-o", "p.parquet"]).ok();
+    let info = fleetfoot(folder.path(), &["info", "p.parquet", "--values", "--json"]).ok().json();
+    let region = info[0]["columns"].as_array().unwrap().iter().find(|c| c["name"] == "region").unwrap();
+    assert_eq!((region["statistics"]["min"].as_f64(), region["statistics"]["max"].as_f64()), (Some(1.0), Some(2.0)));
+}
+
+#[test]
+fn the_same_log_twice_is_refused() {
+    let text = robot_csv(400, 0.0);
+    let folder = folder(&[("log.csv", &text), ("copy.csv", &text)]);
+    fit(folder.path(), &["copy.csv"]).fails(&["log.csv", "copy.csv"]);
+}

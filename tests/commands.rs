@@ -1,0 +1,125 @@
+//! The way a user goes: every command, on files.
+
+use std::fs;
+
+include!("runner.rs");
+
+fn logs() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::create_dir(folder.path().join("runs")).expect("a folder");
+    for run in 0..4 {
+        fs::write(folder.path().join(format!("runs/run_{run}.csv")), robot_csv(3000, f64::from(run))).expect("a file");
+    }
+    fs::write(folder.path().join("held-out.csv"), robot_csv(2000, 9.0)).expect("a file");
+    let recipe = "[columns]\nv = \"`v [m/s]`\"\n[states]\nx = { known = \"v\", regressor = false }\nv = { derivative = \"forward\" }\n\
+                  [inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
+    fs::write(folder.path().join("robot.toml"), recipe).expect("a file");
+    folder
+}
+
+#[test]
+fn from_logs_to_a_scored_model() {
+    let folder = logs();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+
+    let info = run(&["info", "runs/run_0.csv", "--values", "--json"]).json();
+    assert_eq!(info[0]["rows"], 3000);
+    assert_eq!(info[0]["time"]["column"], "t");
+    assert!((info[0]["clock"]["period"].as_f64().unwrap() - 0.01).abs() < 1e-9);
+    assert!(run(&["info", "runs"]).out.contains("run_3.csv"));
+
+    let starter = run(&["init", "runs/run_0.csv"]).out;
+    assert!(starter.contains("[states]") && starter.contains("v [m/s]") && starter.contains("column = \"t\""));
+    run(&["init", "runs/run_0.csv", "-o", "new.toml"]);
+    fleetfoot(folder.path(), &["init", "runs/run_0.csv", "-o", "new.toml"]).fails(&["exists already", "--force"]);
+
+    let plan = run(&["fit", "pwa", "-c", "robot.toml", "runs", "--partition", "kmeans:4", "--dry-run", "--json"]).json();
+    assert_eq!((plan["rows"].as_u64(), plan["files"].as_u64(), plan["passes"].as_u64()), (Some(12000), Some(4), Some(3)));
+    assert!(!folder.path().join("model.json").exists());
+
+    let fit = run(&[
+        "fit", "pwa", "-c", "robot.toml", "runs/*.csv", "--partition", "null,average,labels:mode,kmeans:2,8", "--partition-on", "v",
+        "-o", "model.json", "--json",
+    ])
+    .json();
+    assert_eq!(fit["candidates"][0]["mae_over_null"][0], 1.0);
+    let error = |candidate: usize| fit["candidates"][candidate]["mae_over_null"][0].as_f64().unwrap();
+    assert!(error(1) < 1.0 && error(2) < 1e-9 && error(4) < error(1), "{fit:#}");
+    assert_eq!(fit["chosen"], 2, "the labels are the truth");
+
+    let score = run(&["score", "model.json", "held-out.csv", "--json"]).json();
+    assert_eq!(score["rows"], 1999);
+    assert!(score["targets"][0]["mae_over_null"]["value"].as_f64().unwrap() < 1e-9);
+    assert_eq!(score["in_sample_episodes"].as_array().unwrap().len(), 0);
+    let known = run(&["score", "model.json", "runs/run_1.csv"]);
+    assert!(known.err.contains("in-sample"), "{}", known.err);
+
+    let predict = run(&["predict", "model.json", "held-out.csv", "-o", "pred.parquet", "--json"]).json();
+    assert_eq!((predict["rows"].as_u64(), predict["predicted"].as_u64()), (Some(2000), Some(1999)));
+    let columns = run(&["info", "pred.parquet"]).out;
+    assert!(columns.contains("d(v)/dt residual") && columns.contains("region") && columns.contains("in_domain"), "{columns}");
+
+    let rollout =
+        run(&["rollout", "model.json", "held-out.csv", "--horizon", "50", "--starts", "20", "-o", "rollouts.parquet", "--json"]).json();
+    assert_eq!(rollout["rollouts"], 20);
+    let last = rollout["model"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
+    let persistence = rollout["baselines"]["persistence"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
+    assert!(last < 0.02 * persistence, "{last} {persistence}");
+    assert!(run(&["info", "rollouts.parquet"]).out.contains("1020 rows"));
+
+    let show = run(&["show", "model.json"]).out;
+    for word in ["d(x)/dt = v", "region slip", "region grip", "f_v = 1 - 5*v + 2*u", "(given)"] {
+        assert!(show.contains(word), "`{word}` is missing from\n{show}");
+    }
+    assert_eq!(run(&["show", "model.json", "--json"]).out, fs::read_to_string(folder.path().join("model.json")).unwrap());
+}
+
+#[test]
+fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
+    let folder = logs();
+    let fit = |threads: &str, files: &[&str], output: &str| {
+        let mut arguments = vec!["fit", "pwa", "-c", "robot.toml", "--partition", "kmeans:3,6", "--threads", threads, "-o", output];
+        arguments.extend(files);
+        fleetfoot(folder.path(), &arguments).ok();
+        fs::read(folder.path().join(output)).unwrap()
+    };
+    let files = ["runs/run_0.csv", "runs/run_1.csv", "runs/run_2.csv"];
+    let one = fit("1", &files, "a.json");
+    assert!(one == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"));
+    assert!(one == fit("7", &files, "c.json"));
+}
+
+#[test]
+fn discrete_models_lags_and_plain_regression() {
+    let folder = logs();
+    let fit = |arguments: &[&str]| {
+        let mut all = vec!["fit", "pwa", "runs", "--json", "--time", "t", "--alias", "v=`v [m/s]`"];
+        all.extend(arguments);
+        fleetfoot(folder.path(), &all).ok().json()
+    };
+    let next = fit(&["--states", "v", "--inputs", "u", "--predict", "next", "--partition", "labels:mode", "-o", "next.json"]);
+    assert_eq!(next["targets"][0], "next(v)");
+    assert!(next["candidates"][0]["mae_over_null"][0].as_f64().unwrap() < 1e-9);
+    let show = fleetfoot(folder.path(), &["show", "next.json"]).ok().out;
+    assert!(show.contains("0.98*v") && show.contains("0.03*u"), "{show}");
+    let rollout = fleetfoot(folder.path(), &["rollout", "next.json", "held-out.csv", "--horizon", "100", "--json"]).ok().json();
+    assert_eq!(rollout["diverged"], 0);
+
+    let lags = fit(&["--states", "v", "--inputs", "u", "--predict", "delta", "--lags", "2", "--partition", "average", "-o", "lags.json"]);
+    assert_eq!(lags["rows_at_border"], 4 * 3, "two past rows and one ahead for each of four episodes");
+
+    let plain = fit(&["--inputs", "u,v", "--predict", "dv", "--partition", "labels:mode", "-o", "plain.json"]);
+    assert_eq!(plain["targets"][0], "dv");
+    assert!(plain["candidates"][0]["mae_over_null"][0].as_f64().unwrap() < 1e-9);
+    fleetfoot(folder.path(), &["rollout", "plain.json", "held-out.csv"]).fails(&["advances a state"]);
+}
+
+#[test]
+fn the_demo_runs_from_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fleetfoot(folder.path(), &["demo"]).ok();
+    for word in ["<- chosen", "Mahalanobis", "useful horizon"] {
+        assert!(said.out.contains(word), "`{word}` is missing from\n{}", said.out);
+    }
+    assert!(folder.path().join("fleetfoot-demo/model.json").exists());
+}

@@ -1,0 +1,64 @@
+// Runs the command and looks at what it says. Included by the tests of the command.
+
+use std::{
+    path::Path,
+    process::{Command, Output},
+};
+
+/// What a run said.
+pub struct Said {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Said {
+    /// The output as JSON; for runs with `--json`.
+    #[allow(dead_code)]
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}\n{}", self.out, self.err))
+    }
+
+    #[allow(dead_code)]
+    pub fn ok(self) -> Self {
+        assert_eq!(self.code, 0, "{}{}", self.out, self.err);
+        self
+    }
+
+    /// The message of a run that must fail with exit code 1, naming all of these.
+    #[allow(dead_code)]
+    pub fn fails(self, words: &[&str]) -> String {
+        assert_eq!(self.code, 1, "{}{}", self.out, self.err);
+        assert!(!self.err.contains("panicked"), "{}", self.err);
+        for word in words {
+            assert!(self.err.contains(word), "`{word}` is missing from: {}", self.err);
+        }
+        self.err
+    }
+}
+
+/// Runs `fleetfoot` in a folder.
+pub fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_fleetfoot")).current_dir(folder).args(arguments).output().expect("the command runs");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
+}
+
+/// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
+#[allow(dead_code)]
+pub fn robot_csv(rows: usize, phase: f64) -> String {
+    let dt = 0.01;
+    let (mut x, mut v) = (0.0f64, 0.0f64);
+    let mut text = String::from("t,x,v [m/s],u,mode,dv\n");
+    for row in 0..rows {
+        let t = row as f64 * dt;
+        let u = 0.5 + 0.6 * (1.3 * t + phase).sin() + 0.4 * (0.7 * t * t.sqrt() + 2.0 * phase).cos();
+        let slip = v > 0.5;
+        let dv = if slip { -5.0 * v + 2.0 * u + 1.0 } else { -2.0 * v + 3.0 * u };
+        text.push_str(&format!("{t},{x},{v},{u},{},{dv}\n", if slip { "slip" } else { "grip" }));
+        x += dt * v;
+        v += dt * dv;
+    }
+    text
+}
