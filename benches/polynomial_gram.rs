@@ -83,11 +83,11 @@ fn raw_gram(plan: &PolynomialPlan, gram: &Gram) -> Mat<f64> {
 mod peak {
     use std::arch::x86_64::*;
 
-    pub const STEPS: usize = 100_000;
+    pub(super) const STEPS: usize = 100_000;
 
     /// Twelve independent chains of fused multiply-adds in registers; the sum keeps them alive.
     #[target_feature(enable = "avx512f")]
-    pub fn avx512() -> f64 {
+    pub(super) fn avx512() -> f64 {
         let (a, b) = (_mm512_set1_pd(0.999_999_9), _mm512_set1_pd(1e-9));
         let mut sums = [_mm512_set1_pd(1.0); 12];
         for _ in 0..STEPS {
@@ -99,7 +99,7 @@ mod peak {
     }
 
     #[target_feature(enable = "avx2,fma")]
-    pub fn avx2() -> f64 {
+    pub(super) fn avx2() -> f64 {
         let (a, b) = (_mm256_set1_pd(0.999_999_9), _mm256_set1_pd(1e-9));
         let mut sums = [_mm256_set1_pd(1.0); 12];
         for _ in 0..STEPS {

@@ -61,7 +61,7 @@ fn unknown_columns_name_the_nearest() {
     let folder = folder(&[("log.csv", &robot_csv(100, 0.0))]);
     fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "mod", "--inputs", "u"]).fails(&["`mod`", "`mode`"]);
     fit(folder.path(), &["--partition-on", "vv"]).fails(&["vv", "v"]);
-    fit(folder.path(), &["--alias", "w=sin(uu)", "--inputs", "w"]).fails(&["uu"]);
+    fit(folder.path(), &["--alias", "w=sin(uu)", "--weight", "w"]).fails(&["uu"]);
     fit(folder.path(), &["--time", "stamp"]).fails(&["stamp"]);
     fit(folder.path(), &["--partition", "labels:node"]).fails(&["node", "mode"]);
     fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--inputs", "u", "--alias", "w=u +* 2"]).fails(&["w"]);
@@ -172,7 +172,7 @@ fn damaged_files_are_refused() {
 #[test]
 fn inputs_are_never_overwritten_and_nothing_half_written_stays() {
     let folder = folder(&[("log.csv", &robot_csv(400, 0.0))]);
-    fit(folder.path(), &["-o", "model.json"]).ok();
+    fit(folder.path(), &[]).ok();
     let before = fs::read(folder.path().join("log.csv")).unwrap();
     fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "x", "-o", "log.csv"]).fails(&["log.csv", "input"]);
     fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "log.csv"]).fails(&["log.csv"]);

@@ -6,28 +6,28 @@ use std::{
 };
 
 /// What a run said.
-pub struct Said {
-    pub code: i32,
-    pub out: String,
-    pub err: String,
+struct Said {
+    code: i32,
+    out: String,
+    err: String,
 }
 
 impl Said {
     /// The output as JSON; for runs with `--json`.
     #[allow(dead_code)]
-    pub fn json(&self) -> serde_json::Value {
+    fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}\n{}", self.out, self.err))
     }
 
     #[allow(dead_code)]
-    pub fn ok(self) -> Self {
+    fn ok(self) -> Self {
         assert_eq!(self.code, 0, "{}{}", self.out, self.err);
         self
     }
 
     /// The message of a run that must fail with exit code 1, naming all of these.
     #[allow(dead_code)]
-    pub fn fails(self, words: &[&str]) -> String {
+    fn fails(self, words: &[&str]) -> String {
         assert_eq!(self.code, 1, "{}{}", self.out, self.err);
         assert!(!self.err.contains("panicked"), "{}", self.err);
         for word in words {
@@ -38,7 +38,7 @@ impl Said {
 }
 
 /// Runs `fleetfoot` in a folder.
-pub fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
+fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
     let Output { status, stdout, stderr } =
         Command::new(env!("CARGO_BIN_EXE_fleetfoot")).current_dir(folder).args(arguments).output().expect("the command runs");
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
@@ -47,7 +47,7 @@ pub fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
 
 /// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
 #[allow(dead_code)]
-pub fn robot_csv(rows: usize, phase: f64) -> String {
+fn robot_csv(rows: usize, phase: f64) -> String {
     let dt = 0.01;
     let (mut x, mut v) = (0.0f64, 0.0f64);
     let mut text = String::from("t,x,v [m/s],u,mode,dv\n");

@@ -81,6 +81,37 @@ pub(crate) struct Init {
     pub(crate) force: bool,
 }
 
+/// Names or expressions separated by commas; commas within parentheses, brackets and backticks separate nothing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct List(pub(crate) Vec<String>);
+
+impl std::str::FromStr for List {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (mut items, mut item, mut depth, mut quoted) = (Vec::new(), String::new(), 0i32, false);
+        for c in text.chars() {
+            match c {
+                '`' => quoted = !quoted,
+                '(' | '[' if !quoted => depth += 1,
+                ')' | ']' if !quoted => depth -= 1,
+                _ => {}
+            }
+            if c == ',' && depth == 0 && !quoted {
+                items.push(std::mem::take(&mut item));
+            } else {
+                item.push(c);
+            }
+        }
+        items.push(item);
+        let items: Vec<String> = items.into_iter().map(|item| item.trim().to_owned()).collect();
+        if items.iter().any(String::is_empty) {
+            return Err("an empty name between commas".into());
+        }
+        Ok(Self(items))
+    }
+}
+
 /// What the recipe says; a flag overrides it.
 #[derive(Debug, Args, Default)]
 pub(crate) struct RecipeArgs {
@@ -88,14 +119,14 @@ pub(crate) struct RecipeArgs {
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: Option<PathBuf>,
     /// States, separated by commas.
-    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
-    pub(crate) states: Vec<String>,
+    #[arg(long, value_name = "COLUMNS")]
+    pub(crate) states: Option<List>,
     /// Inputs, separated by commas.
-    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
-    pub(crate) inputs: Vec<String>,
+    #[arg(long, value_name = "COLUMNS")]
+    pub(crate) inputs: Option<List>,
     /// States and inputs that are angles, separated by commas.
-    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
-    pub(crate) angles: Vec<String>,
+    #[arg(long, value_name = "COLUMNS")]
+    pub(crate) angles: Option<List>,
     /// A short name for a field or an expression; may be repeated.
     #[arg(long, value_name = "NAME=EXPRESSION")]
     pub(crate) alias: Vec<String>,
@@ -162,8 +193,8 @@ pub(crate) struct FitPwa {
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// What partitions look at, separated by commas (default: the states).
-    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
-    pub(crate) partition_on: Vec<String>,
+    #[arg(long, value_name = "COLUMNS")]
+    pub(crate) partition_on: Option<List>,
     /// How one of several partitions is chosen.
     #[arg(long, value_enum, default_value = "cv")]
     pub(crate) select: Select,
@@ -267,4 +298,16 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::List;
+
+    #[test]
+    fn lists_split_at_the_commas_between_items() {
+        let list: List = "y, lag(y,1),`odd, name`,a[0,1]".parse().unwrap();
+        assert_eq!(list.0, ["y", "lag(y,1)", "`odd, name`", "a[0,1]"]);
+        assert!("a,,b".parse::<List>().is_err());
+    }
 }

@@ -39,7 +39,7 @@ pub(crate) fn number(value: f64) -> String {
 pub(crate) fn ratio(value: f64) -> String {
     match value {
         v if v.is_nan() => "-".into(),
-        v if v != 0.0 && v.abs() < 5e-4 => format!("{v:.1e}"),
+        v if v != 0.0 && !(5e-4..1e6).contains(&v.abs()) => format!("{v:.1e}"),
         v => format!("{v:.3}"),
     }
 }

@@ -74,21 +74,29 @@ where
     R: Send,
     E: Send + From<Cancelled>,
 {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use rayon::prelude::*;
     let wave = if count <= 4096 { 2 * rayon::current_num_threads() } else { 8 * rayon::current_num_threads() };
     let compute = |from: usize| -> Vec<Result<R, E>> {
-        (from..(from + wave).min(count))
+        // Pieces begin in their order, whichever thread is free, so that those under way are neighbours:
+        // a reader that goes on where the piece before ended finds its decoder there.
+        let next = AtomicUsize::new(from);
+        let mut wave: Vec<(usize, Result<R, E>)> = (from..(from + wave).min(count))
             .into_par_iter()
             .with_max_len(1)
-            .map(|i| {
+            .map(|_| {
+                let i = next.fetch_add(1, Ordering::Relaxed);
                 if progress.cancelled() {
-                    return Err(Cancelled.into());
+                    return (i, Err(Cancelled.into()));
                 }
                 let result = work(i);
                 progress.advance(1, count);
-                result
+                (i, result)
             })
-            .collect()
+            .collect();
+        wave.sort_unstable_by_key(|(i, _)| *i);
+        wave.into_iter().map(|(_, result)| result).collect()
     };
     let mut ready = compute(0);
     let mut next = wave;

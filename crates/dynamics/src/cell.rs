@@ -1,17 +1,21 @@
 //! The region of a moving state: searched for when it may have changed, known otherwise.
 
 use fleetfoot_model::Rule;
+use pulp::Simd;
 
 use crate::{
     compiled::Regions,
-    kernel::{LANES, affine, argmax, load, padded, scaled_square},
+    kernel::{affine, argmax, padded, scaled_square, smallest_lead, standardise},
 };
 
 /// The partition of the fast path: how regions follow from the slots of a trajectory.
 pub(crate) struct Cells {
     rule: CellRule,
-    /// Slot, centre and scale of each standardised column.
-    columns: Vec<(usize, f64, f64)>,
+    /// Slots of the standardised columns.
+    columns: Vec<usize>,
+    /// Centres and scales of the columns, padded.
+    centre: Vec<f64>,
+    scale: Vec<f64>,
     /// Per slot: length of the standardised step that a unit step of the slot makes.
     slot_scale: Vec<f64>,
     slots: usize,
@@ -48,9 +52,12 @@ pub(crate) struct Cell {
 impl Cells {
     /// `columns` are the slots of the partition's columns. `None` for a partition by labels.
     pub(crate) fn new(regions: Option<&Regions>, columns: &[usize], slots: usize) -> Option<Self> {
+        let width = padded(columns.len());
         let mut cells = Self {
             rule: CellRule::Whole,
             columns: Vec::new(),
+            centre: vec![0.0; width],
+            scale: vec![1.0; width],
             slot_scale: vec![0.0; slots],
             slots,
         };
@@ -65,8 +72,10 @@ impl Cells {
             }
             Rule::Labels { .. } => return None,
         };
-        for ((&slot, &centre), &scale) in columns.iter().zip(&regions.centre).zip(&regions.scale) {
-            cells.columns.push((slot, centre, scale));
+        cells.columns = columns.to_vec();
+        cells.centre[..columns.len()].copy_from_slice(&regions.centre);
+        cells.scale[..columns.len()].copy_from_slice(&regions.scale);
+        for (&slot, &scale) in columns.iter().zip(&regions.scale) {
             cells.slot_scale[slot] = cells.slot_scale[slot].hypot(1.0 / scale);
         }
         Some(cells)
@@ -88,7 +97,7 @@ impl Cells {
         } else {
             0
         };
-        self.columns.len() + width
+        self.centre.len() + width
     }
 
     /// A cell that has not been searched yet.
@@ -102,18 +111,20 @@ impl Cells {
 
     /// The region of these slots; `None` where a standardised column is not a number.
     #[inline(always)]
-    pub(crate) fn locate(
+    pub(crate) fn locate<S: Simd>(
         &self,
+        simd: S,
         cell: &mut Cell,
         slots: &[f64],
         scratch: &mut [f64],
     ) -> Option<usize> {
-        if scaled_square(slots, &cell.reference, &self.slot_scale) < cell.free_square {
+        if scaled_square(simd, slots, &cell.reference, &self.slot_scale) < cell.free_square {
             return Some(cell.region);
         }
         self.search(cell, slots, scratch)
     }
 
+    /// Not inlined: one search for all callers.
     fn search(&self, cell: &mut Cell, slots: &[f64], scratch: &mut [f64]) -> Option<usize> {
         pulp::Arch::new().dispatch(Search {
             cells: self,
@@ -124,29 +135,35 @@ impl Cells {
     }
 
     #[inline(always)]
-    fn search_here(&self, cell: &mut Cell, slots: &[f64], scratch: &mut [f64]) -> Option<usize> {
-        let (z, scores) = scratch.split_at_mut(self.columns.len());
-        let mut square = 0.0;
-        for (z, &(slot, centre, scale)) in z.iter_mut().zip(&self.columns) {
-            *z = (slots[slot] - centre) / scale;
-            square += *z * *z;
+    fn search_here<S: Simd>(
+        &self,
+        simd: S,
+        cell: &mut Cell,
+        slots: &[f64],
+        scratch: &mut [f64],
+    ) -> Option<usize> {
+        let (z, scores) = scratch.split_at_mut(self.centre.len());
+        for (z, &slot) in z.iter_mut().zip(&self.columns) {
+            *z = slots[slot];
         }
-        if square.is_nan() {
+        let size = standardise(simd, z, &self.centre, &self.scale).sqrt();
+        if size.is_nan() {
             cell.free_square = -1.0;
             return None;
         }
-        let size = square.sqrt();
+        let z = &z[..self.columns.len()];
         let (region, free) = match &self.rule {
             CellRule::Whole => (0, f64::INFINITY),
             CellRule::Ball { radius } => {
-                let rounding =
-                    (self.columns.len() + 4) as f64 * 4.0 * f64::EPSILON * (1.0 + size + radius);
+                // Summed as the rule itself does it.
+                let square: f64 = z.iter().map(|z| z * z).sum();
+                let rounding = (z.len() + 4) as f64 * 4.0 * f64::EPSILON * (1.0 + size + radius);
                 (
                     usize::from(square > radius * radius),
                     (size - radius).abs() - rounding,
                 )
             }
-            CellRule::Linear(linear) => linear.search(z, size, scores),
+            CellRule::Linear(linear) => linear.search(simd, z, size, scores),
         };
         cell.region = region;
         // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
@@ -169,8 +186,9 @@ impl pulp::WithSimd for Search<'_> {
     type Output = Option<usize>;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Option<usize> {
-        self.cells.search_here(self.cell, self.slots, self.scratch)
+    fn with_simd<S: Simd>(self, simd: S) -> Option<usize> {
+        self.cells
+            .search_here(simd, self.cell, self.slots, self.scratch)
     }
 }
 
@@ -217,7 +235,7 @@ impl Linear {
     ///
     /// While `z` moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
     #[inline(always)]
-    fn search(&self, z: &[f64], size: f64, scores: &mut [f64]) -> (usize, f64) {
+    fn search<S: Simd>(&self, simd: S, z: &[f64], size: f64, scores: &mut [f64]) -> (usize, f64) {
         affine(&self.weights, &self.offsets, z, scores);
         let (top, region) = argmax(scores);
         // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
@@ -227,24 +245,7 @@ impl Linear {
             * f64::EPSILON
             * (self.largest_offset + self.largest_weight * (2.0 * size + 1.0));
         scores[region] = f64::NEG_INFINITY;
-        let mut free = [f64::INFINITY; LANES];
         let nearness = &self.nearness[region * self.width..][..self.width];
-        for (scores, nearness) in scores.chunks_exact(LANES).zip(nearness.chunks_exact(LANES)) {
-            let (scores, nearness) = (load::<LANES>(scores), load::<LANES>(nearness));
-            for i in 0..LANES {
-                let distance = ((top - scores[i]) - rounding) * nearness[i];
-                free[i] = if distance < free[i] {
-                    distance
-                } else {
-                    free[i]
-                };
-            }
-        }
-        (
-            region,
-            free.iter()
-                .copied()
-                .fold(f64::INFINITY, |a, b| if b < a { b } else { a }),
-        )
+        (region, smallest_lead(simd, top, rounding, scores, nearness))
     }
 }

@@ -117,7 +117,13 @@ impl TrainingDomain {
 
     /// Measures one row; `features` are padded with zeros. The scratch has [`Self::scratch`] values.
     #[inline(always)]
-    pub(crate) fn place(&self, region: usize, features: &[f64], scratch: &mut [f64]) -> Place {
+    pub(crate) fn place<S: pulp::Simd>(
+        &self,
+        simd: S,
+        region: usize,
+        features: &[f64],
+        scratch: &mut [f64],
+    ) -> Place {
         let info = &self.regions[region];
         let (error, scratch) = scratch.split_at_mut(self.width);
         for j in 0..self.functions {
@@ -125,9 +131,9 @@ impl TrainingDomain {
         }
         let distance = info.metric.score_with(error, scratch);
         let centre_distance = self.overall.score_with(error, scratch);
-        let domain = if within(features, &info.low, &info.high) {
+        let domain = if within(simd, features, &info.low, &info.high) {
             Domain::Inside
-        } else if within(features, &self.low, &self.high) {
+        } else if within(simd, features, &self.low, &self.high) {
             Domain::OutsideRegion
         } else {
             Domain::OutsideTraining

@@ -270,7 +270,7 @@ impl<'a> Batch<'a> {
                     &ranges.low[at..at + ranges.width],
                     &ranges.high[at..at + ranges.width],
                 );
-                if !within(&features, low, high) {
+                if !within(pulp::Scalar, &features, low, high) {
                     self.left[b] = Some(step);
                 }
             }

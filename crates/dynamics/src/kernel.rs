@@ -4,6 +4,8 @@
 //! Every element is computed by the same chain of fused multiply-adds on every machine and whatever stands beside it: the
 //! same bits follow from any vector width, any batch and any tile.
 
+use pulp::Simd;
+
 /// Rows of coefficients are padded to a multiple of this many values.
 pub(crate) const LANES: usize = 8;
 
@@ -63,66 +65,121 @@ pub(crate) fn load<const N: usize>(values: &[f64]) -> [f64; N] {
 #[inline(always)]
 pub(crate) fn argmax(values: &[f64]) -> (f64, usize) {
     let mut best = [f64::NEG_INFINITY; LANES];
+    let mut index = [0.0; LANES];
+    let mut at = 0.0;
     for chunk in values.chunks_exact(LANES) {
         let chunk = load::<LANES>(chunk);
         for i in 0..LANES {
-            best[i] = if chunk[i] > best[i] {
-                chunk[i]
-            } else {
-                best[i]
-            };
+            let better = chunk[i] > best[i];
+            best[i] = if better { chunk[i] } else { best[i] };
+            index[i] = if better { at } else { index[i] };
         }
+        at += LANES as f64;
     }
-    let top = best
-        .iter()
-        .copied()
-        .fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a });
-    (
-        top,
-        values.iter().position(|&value| value == top).unwrap_or(0),
-    )
+    let (mut top, mut winner) = (best[0], index[0]);
+    for i in 1..LANES {
+        let found = index[i] + i as f64;
+        let better = best[i] > top || (best[i] == top && found < winner);
+        top = if better { best[i] } else { top };
+        winner = if better { found } else { winner };
+    }
+    (top, winner as usize)
 }
 
-/// `sum_i ((values[i] - reference[i]) * scale[i])^2`, all of one padded length.
+/// `sum_i ((values[i] - reference[i]) * scale[i])^2`, all of one padded length; the rounding depends on the machine.
 #[inline(always)]
-pub(crate) fn scaled_square(values: &[f64], reference: &[f64], scale: &[f64]) -> f64 {
-    let mut sum = [0.0; LANES];
-    for ((v, r), s) in values
-        .chunks_exact(LANES)
-        .zip(reference.chunks_exact(LANES))
-        .zip(scale.chunks_exact(LANES))
-    {
-        let (v, r, s) = (load::<LANES>(v), load::<LANES>(r), load::<LANES>(s));
-        for i in 0..LANES {
-            let d = (v[i] - r[i]) * s[i];
-            sum[i] = d.mul_add(d, sum[i]);
-        }
+pub(crate) fn scaled_square<S: Simd>(
+    simd: S,
+    values: &[f64],
+    reference: &[f64],
+    scale: &[f64],
+) -> f64 {
+    let (values, reference) = (S::as_simd_f64s(values).0, S::as_simd_f64s(reference).0);
+    let mut sum = simd.splat_f64s(0.0);
+    for ((&v, &r), &s) in values.iter().zip(reference).zip(S::as_simd_f64s(scale).0) {
+        let d = simd.mul_f64s(simd.sub_f64s(v, r), s);
+        sum = simd.mul_add_f64s(d, d, sum);
     }
-    ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]))
+    simd.reduce_sum_f64s(sum)
 }
 
 /// Whether every value lies within its bounds; a NaN does not. All slices of one padded length.
 #[inline(always)]
-pub(crate) fn within(values: &[f64], low: &[f64], high: &[f64]) -> bool {
-    let mut inside = true;
-    for ((v, l), h) in values
-        .chunks_exact(LANES)
-        .zip(low.chunks_exact(LANES))
-        .zip(high.chunks_exact(LANES))
-    {
-        let (v, l, h) = (load::<LANES>(v), load::<LANES>(l), load::<LANES>(h));
-        let mut all = true;
-        for i in 0..LANES {
-            all &= (v[i] >= l[i]) & (v[i] <= h[i]);
-        }
-        inside &= all;
+pub(crate) fn within<S: Simd>(simd: S, values: &[f64], low: &[f64], high: &[f64]) -> bool {
+    let (low, high) = (S::as_simd_f64s(low).0, S::as_simd_f64s(high).0);
+    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+    let mut outside = zero;
+    for ((&v, &l), &h) in S::as_simd_f64s(values).0.iter().zip(low).zip(high) {
+        let inside = simd.and_m64s(
+            simd.less_than_or_equal_f64s(l, v),
+            simd.less_than_or_equal_f64s(v, h),
+        );
+        outside = simd.select_f64s(inside, outside, one);
     }
-    inside
+    simd.reduce_max_f64s(outside) == 0.0
+}
+
+/// Whether `|values[i] - reference[i]| <= limit[i]` everywhere; a NaN is nowhere near. All slices of one padded length.
+#[inline(always)]
+pub(crate) fn near<S: Simd>(simd: S, values: &[f64], reference: &[f64], limit: &[f64]) -> bool {
+    let (reference, limit) = (S::as_simd_f64s(reference).0, S::as_simd_f64s(limit).0);
+    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+    let mut far = zero;
+    for ((&v, &r), &l) in S::as_simd_f64s(values).0.iter().zip(reference).zip(limit) {
+        let distance = simd.abs_f64s(simd.sub_f64s(v, r));
+        far = simd.select_f64s(simd.less_than_or_equal_f64s(distance, l), far, one);
+    }
+    simd.reduce_max_f64s(far) == 0.0
+}
+
+/// `values = (values - centre) / scale`, all of one padded length. Gives the sum of the squares, rounded as the machine likes.
+#[inline(always)]
+pub(crate) fn standardise<S: Simd>(
+    simd: S,
+    values: &mut [f64],
+    centre: &[f64],
+    scale: &[f64],
+) -> f64 {
+    let mut sum = simd.splat_f64s(0.0);
+    let (centre, scale) = (S::as_simd_f64s(centre).0, S::as_simd_f64s(scale).0);
+    for ((v, &c), &s) in S::as_mut_simd_f64s(values)
+        .0
+        .iter_mut()
+        .zip(centre)
+        .zip(scale)
+    {
+        *v = simd.div_f64s(simd.sub_f64s(*v, c), s);
+        sum = simd.mul_add_f64s(*v, *v, sum);
+    }
+    simd.reduce_sum_f64s(sum)
+}
+
+/// `min_i (top - values[i] - rounding) * factors[i]`.
+#[inline(always)]
+pub(crate) fn smallest_lead<S: Simd>(
+    simd: S,
+    top: f64,
+    rounding: f64,
+    values: &[f64],
+    factors: &[f64],
+) -> f64 {
+    let (top, rounding) = (simd.splat_f64s(top), simd.splat_f64s(rounding));
+    let mut least = simd.splat_f64s(f64::INFINITY);
+    for (&v, &f) in S::as_simd_f64s(values)
+        .0
+        .iter()
+        .zip(S::as_simd_f64s(factors).0)
+    {
+        let lead = simd.mul_f64s(simd.sub_f64s(simd.sub_f64s(top, v), rounding), f);
+        least = simd.min_f64s(lead, least);
+    }
+    simd.reduce_min_f64s(least)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pulp::WithSimd;
 
     #[test]
     fn affine_is_the_plain_sum_at_every_width() {
@@ -151,15 +208,37 @@ mod tests {
     }
 
     #[test]
-    fn bounds_and_distances() {
-        let low = [-1.0; 16];
-        let high = [1.0; 16];
-        let mut values = [0.5; 16];
-        assert!(within(&values, &low, &high));
-        values[9] = f64::NAN;
-        assert!(!within(&values, &low, &high));
-        values[9] = 1.5;
-        assert!(!within(&values, &low, &high));
-        assert_eq!(scaled_square(&values, &[0.5; 16], &[2.0; 16]), 4.0);
+    fn equal_maxima_in_one_lane_and_in_several() {
+        let values: Vec<f64> = (0..56)
+            .map(|i| if i % 11 == 9 { 5.0 } else { f64::from(-i) })
+            .collect();
+        assert_eq!(argmax(&values), (5.0, 9));
+        assert_eq!(argmax(&[3.0; 24]), (3.0, 0));
+    }
+
+    #[test]
+    fn bounds_distances_and_leads() {
+        struct Checks;
+        impl pulp::WithSimd for Checks {
+            type Output = ();
+            fn with_simd<S: Simd>(self, simd: S) {
+                let (low, high) = ([-1.0; 16], [1.0; 16]);
+                let mut values = [0.5; 16];
+                assert!(within(simd, &values, &low, &high));
+                values[9] = f64::NAN;
+                assert!(!within(simd, &values, &low, &high));
+                values[9] = 1.5;
+                assert!(!within(simd, &values, &low, &high));
+                assert!(near(simd, &values, &[0.5; 16], &[1.0; 16]));
+                assert!(!near(simd, &values, &[0.5; 16], &[0.9; 16]));
+                assert!(!near(simd, &[f64::NAN; 8], &[0.5; 8], &[f64::MAX; 8]));
+                assert_eq!(scaled_square(simd, &values, &[0.5; 16], &[2.0; 16]), 4.0);
+                assert_eq!(standardise(simd, &mut values, &[0.5; 16], &[0.5; 16]), 4.0);
+                assert_eq!((values[8], values[9]), (0.0, 2.0));
+                assert_eq!(smallest_lead(simd, 3.0, 0.5, &values, &[2.0; 16]), 1.0);
+            }
+        }
+        Checks.with_simd(pulp::Scalar);
+        pulp::Arch::new().dispatch(Checks);
     }
 }

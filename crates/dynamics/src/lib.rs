@@ -18,6 +18,7 @@ mod horizon;
 mod integrate;
 mod interval;
 mod kernel;
+mod layout;
 mod mahalanobis;
 mod metrics;
 mod predict;

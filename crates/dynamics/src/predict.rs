@@ -312,7 +312,7 @@ impl pulp::WithSimd for Places<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
         let PredictorWorkspace {
             model,
             features,
@@ -332,7 +332,7 @@ impl pulp::WithSimd for Places<'_> {
             for (j, feature) in features[..self.group.kept.len()].iter_mut().enumerate() {
                 *feature = model.values[(self.group.first + j) * model.stride + row];
             }
-            let found = self.domain.place(region, features, place);
+            let found = self.domain.place(simd, region, features, place);
             self.out.distance[at] = found.distance;
             self.out.centre_distance[at] = found.centre_distance;
             self.out.domain[at] = found.domain;

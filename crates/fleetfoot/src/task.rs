@@ -200,7 +200,11 @@ fn state_equation(
         (Prediction::Derivative, Some(text)) => aliases.over_aliases(text, &format!("{place} derivative"))?,
         (other, _) => target(name, angle, other),
     };
-    let unit = unit.map(|unit| if prediction == Prediction::Derivative { format!("{unit}/s") } else { unit });
+    let unit = unit.map(|unit| match unit.strip_suffix("/s") {
+        _ if prediction != Prediction::Derivative => unit,
+        Some(base) => format!("{base}/s^2"),
+        None => format!("{unit}/s"),
+    });
     Ok(Equation { subject: name.to_owned(), prediction, right: Expr::column(format!("f_{name}")), target: Some(measured), unit })
 }
 

@@ -168,6 +168,7 @@ impl Program {
 #[derive(Default)]
 struct Graph {
     leaves: Vec<Leaf>,
+    leaf_index: HashMap<Leaf, usize>,
     values: Vec<Value>,
     known: HashMap<Value, usize>,
 }
@@ -246,14 +247,11 @@ impl Graph {
     }
 
     fn leaf(&mut self, leaf: Leaf) -> usize {
-        let index = self
-            .leaves
-            .iter()
-            .position(|known| *known == leaf)
-            .unwrap_or_else(|| {
-                self.leaves.push(leaf);
-                self.leaves.len() - 1
-            });
+        let next = self.leaves.len();
+        let index = *self.leaf_index.entry(leaf).or_insert(next);
+        if index == next {
+            self.leaves.push(leaf);
+        }
         self.intern(Value::Leaf(index))
     }
 
@@ -285,27 +283,14 @@ impl Graph {
         })
     }
 
-    /// Orders the values that the outputs need and gives each a place.
+    /// Gives each value that the outputs need a place, and writes the tape.
     fn schedule(self, outputs: &[usize]) -> Program {
-        // The number of instructions that still read a value; values that nobody reads are left out.
-        let mut readers = vec![0u32; self.values.len()];
+        let (needed, mut readers) = self.readers(outputs);
         let mut place: Vec<Option<Operand>> = vec![None; self.values.len()];
-        let mut needed = vec![false; self.values.len()];
         for (output, &value) in outputs.iter().enumerate() {
-            needed[value] = true;
-            match self.values[value] {
-                Value::Unary(..) | Value::Binary(..) if place[value].is_none() => {
-                    place[value] = Some(Operand::Output(output));
-                }
-                _ => {}
-            }
-        }
-        for (at, value) in self.values.iter().enumerate().rev() {
-            if needed[at] {
-                for argument in value.arguments() {
-                    needed[argument] = true;
-                    readers[argument] += 1;
-                }
+            if let (Value::Unary(..) | Value::Binary(..), None) = (self.values[value], place[value])
+            {
+                place[value] = Some(Operand::Output(output));
             }
         }
         let (mut tape, mut registers, mut free) = (Vec::new(), 0, Vec::new());
@@ -361,6 +346,25 @@ impl Graph {
             registers,
             outputs: outputs.len(),
         }
+    }
+
+    /// Which values the outputs need, and how many arguments of needed values each value is.
+    fn readers(&self, outputs: &[usize]) -> (Vec<bool>, Vec<u32>) {
+        let mut needed = vec![false; self.values.len()];
+        let mut readers = vec![0u32; self.values.len()];
+        for &value in outputs {
+            needed[value] = true;
+        }
+        // Arguments come before what uses them.
+        for (at, value) in self.values.iter().enumerate().rev() {
+            if needed[at] {
+                for argument in value.arguments() {
+                    needed[argument] = true;
+                    readers[argument] += 1;
+                }
+            }
+        }
+        (needed, readers)
     }
 }
 

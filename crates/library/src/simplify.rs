@@ -44,9 +44,7 @@ pub(crate) fn unary(function: Unary, x: Expr) -> Expr {
     match (function, x.node()) {
         (_, Node::Number(value)) => Expr::number(function.apply(*value)),
         (Unary::Neg, Node::Unary(Unary::Neg, inner)) => inner.clone(),
-        (Unary::Neg, Node::Binary(Binary::Sub, a, b)) => {
-            Expr::binary(Binary::Sub, b.clone(), a.clone())
-        }
+        (Unary::Neg, Node::Binary(Binary::Sub, a, b)) => difference(b.clone(), a.clone()),
         (Unary::Neg, Node::Binary(Binary::Mul, a, b)) if a.as_number().is_some() => {
             product(-a, b.clone())
         }
@@ -93,13 +91,12 @@ pub(crate) fn product(a: Expr, b: Expr) -> Expr {
     let rest = match (x, y) {
         (None, None) => return Expr::number(factor),
         (Some(x), None) | (None, Some(x)) => x,
-        (Some(x), Some(y)) if x.is_number(1.0) => y,
         (Some(x), Some(y)) => square_or_product(x, y),
     };
     if factor == 1.0 {
         rest
     } else if factor == -1.0 {
-        -rest
+        unary(Unary::Neg, rest)
     } else {
         factor * rest
     }

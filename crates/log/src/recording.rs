@@ -8,7 +8,10 @@ use std::{
 };
 
 use arrow_buffer::ArrowNativeType;
-use fleetfoot_data::{Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer, Silent, Source, parallel_map};
+use fleetfoot_data::{
+    Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer,
+    Silent, Source, parallel_map,
+};
 
 use crate::{
     ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec,
@@ -39,7 +42,11 @@ pub struct Recording {
 impl std::fmt::Debug for Recording {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let files: Vec<&Path> = self.files.iter().map(|file| file.path.as_path()).collect();
-        f.debug_struct("Recording").field("files", &files).field("columns", &self.columns).field("episodes", &self.episodes).finish()
+        f.debug_struct("Recording")
+            .field("files", &files)
+            .field("columns", &self.columns)
+            .field("episodes", &self.episodes)
+            .finish()
     }
 }
 
@@ -80,25 +87,45 @@ pub fn open<P: AsRef<Path>>(paths: &[P], selection: &Selection) -> Result<Record
 ///
 /// # Errors
 /// Unreadable, damaged or empty files, missing or unsuitable columns, files that disagree about a column, no clock, and the same data twice.
-pub fn open_with_progress<P: AsRef<Path>>(paths: &[P], selection: &Selection, progress: &dyn Progress) -> Result<Recording, Error> {
-    let paths = distinct(paths.iter().map(|path| path.as_ref().to_path_buf()).collect());
+pub fn open_with_progress<P: AsRef<Path>>(
+    paths: &[P],
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Recording, Error> {
+    let paths = distinct(
+        paths
+            .iter()
+            .map(|path| path.as_ref().to_path_buf())
+            .collect(),
+    );
     if paths.is_empty() {
         return Err(Error::NoFiles);
     }
     check(selection)?;
-    let selection = Selection { columns: without_repeats(&selection.columns), ..selection.clone() };
+    let selection = Selection {
+        columns: without_repeats(&selection.columns),
+        ..selection.clone()
+    };
     let budget = Arc::new(Budget::new(selection.memory_budget));
     let cache = Arc::new(parquet::Cursors::new(selection.columns.len() + 1));
 
     progress.stage("opening files");
-    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache))?;
+    let opened = parallel_map(paths.len(), progress, |i| {
+        open_file(&paths[i], &selection, &budget, &cache)
+    })?;
     agree_on_units(&paths, &opened)?;
-    let tables: Vec<_> = paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
+    let tables: Vec<_> = paths
+        .iter()
+        .zip(&opened)
+        .map(|(path, opened)| (path.as_path(), opened.table.columns()))
+        .collect();
     let ColumnSet { columns, recode } = column_set::join(&tables)?;
 
     progress.stage("finding episodes");
     let inner = Quiet { outer: progress };
-    let indices = parallel_map(paths.len(), progress, |i| index_file(&paths[i], &opened[i], &selection, &inner))?;
+    let indices = parallel_map(paths.len(), progress, |i| {
+        index_file(&paths[i], &opened[i], &selection, &inner)
+    })?;
 
     let mut recording = Recording {
         columns,
@@ -113,11 +140,28 @@ pub fn open_with_progress<P: AsRef<Path>>(paths: &[P], selection: &Selection, pr
     };
     let mut spans = Vec::new();
     let mut told = Notes::default();
-    for (((path, opened), FileIndex { mask, spans: own, clock }), recode) in paths.into_iter().zip(opened).zip(indices).zip(recode) {
+    for (
+        (
+            (path, opened),
+            FileIndex {
+                mask,
+                spans: own,
+                clock,
+            },
+        ),
+        recode,
+    ) in paths.into_iter().zip(opened).zip(indices).zip(recode)
+    {
         told.add_file(&path, &opened.notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
-        recording.files.push(RecordedFile { path, table: opened.table, mask, clock, recode });
+        recording.files.push(RecordedFile {
+            path,
+            table: opened.table,
+            mask,
+            clock,
+            recode,
+        });
     }
     recording.notes = told.finish();
     recording.add_episodes(spans, &selection.label_rules, progress)?;
@@ -128,7 +172,13 @@ pub fn open_with_progress<P: AsRef<Path>>(paths: &[P], selection: &Selection, pr
 }
 
 fn check(selection: &Selection) -> Result<(), Error> {
-    let positive = |what, seconds: f64| if seconds > 0.0 && seconds < 1e9 { Ok(()) } else { Err(Error::BadSeconds { what, seconds }) };
+    let positive = |what, seconds: f64| {
+        if seconds > 0.0 && seconds < 1e9 {
+            Ok(())
+        } else {
+            Err(Error::BadSeconds { what, seconds })
+        }
+    };
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
         positive("sampling period", dt_seconds)?;
     }
@@ -136,18 +186,29 @@ fn check(selection: &Selection) -> Result<(), Error> {
         positive("largest gap", seconds)?;
     }
     for rule in &selection.label_rules {
-        glob::Pattern::new(&rule.pattern)
-            .map_err(|problem| Error::Pattern { pattern: rule.pattern.clone(), problem: problem.to_string() })?;
+        glob::Pattern::new(&rule.pattern).map_err(|problem| Error::Pattern {
+            pattern: rule.pattern.clone(),
+            problem: problem.to_string(),
+        })?;
     }
     Ok(())
 }
 
 fn without_repeats(names: &[String]) -> Vec<String> {
     let mut seen = BTreeSet::new();
-    names.iter().filter(|name| seen.insert(name.as_str())).cloned().collect()
+    names
+        .iter()
+        .filter(|name| seen.insert(name.as_str()))
+        .cloned()
+        .collect()
 }
 
-fn open_file(path: &Path, selection: &Selection, budget: &Arc<Budget>, cache: &Arc<parquet::Cursors>) -> Result<Opened, Error> {
+fn open_file(
+    path: &Path,
+    selection: &Selection,
+    budget: &Arc<Budget>,
+    cache: &Arc<parquet::Cursors>,
+) -> Result<Opened, Error> {
     match Format::of(path) {
         Some(Format::Parquet) => parquet::open(path, selection, cache),
         Some(Format::Csv(compression)) => csv::open(path, compression, selection, budget),
@@ -157,11 +218,17 @@ fn open_file(path: &Path, selection: &Selection, budget: &Arc<Budget>, cache: &A
 
 /// Guessed units must be the same everywhere: two guesses that differ mean that one is wrong.
 fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
-    let mut guesses = paths.iter().zip(opened).filter_map(|(path, opened)| Some((path, opened.time_column.clone()?, opened.assumed_unit?)));
-    let Some((first, column, unit)) = guesses.next() else { return Ok(()) };
+    let mut guesses = paths.iter().zip(opened).filter_map(|(path, opened)| {
+        Some((path, opened.time_column.clone()?, opened.assumed_unit?))
+    });
+    let Some((first, column, unit)) = guesses.next() else {
+        return Ok(());
+    };
     for (path, _, other) in guesses {
         if other != unit {
-            let says = |unit: crate::TimeUnit| format!("in {} as far as its whole numbers tell", unit.symbol());
+            let says = |unit: crate::TimeUnit| {
+                format!("in {} as far as its whole numbers tell", unit.symbol())
+            };
             return Err(Error::ColumnsDisagree {
                 column,
                 first: first.clone(),
@@ -174,7 +241,12 @@ fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
     Ok(())
 }
 
-fn index_file(path: &Path, opened: &Opened, selection: &Selection, progress: &dyn Progress) -> Result<FileIndex, Error> {
+fn index_file(
+    path: &Path,
+    opened: &Opened,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<FileIndex, Error> {
     let table = opened.table.as_ref();
     if table.rows() == 0 {
         return Err(Error::NoRows { path: path.into() });
@@ -185,7 +257,11 @@ fn index_file(path: &Path, opened: &Opened, selection: &Selection, progress: &dy
     let index = index::build(table, selection.max_gap, progress)?;
     if index.spans.is_empty() {
         let column = opened.time_column.clone().unwrap_or_default();
-        return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
+        return Err(Error::NoStamps {
+            path: path.into(),
+            rows: table.rows(),
+            column,
+        });
     }
     Ok(index)
 }
@@ -211,15 +287,25 @@ impl Recording {
 
     /// The files, in the order of their episodes, with what their stamps look like.
     pub fn files(&self) -> impl Iterator<Item = (&Path, &ClockSummary)> {
-        self.files.iter().map(|file| (file.path.as_path(), &file.clock))
+        self.files
+            .iter()
+            .map(|file| (file.path.as_path(), &file.clock))
     }
 
-    fn add_episodes(&mut self, spans: Vec<(usize, Span)>, rules: &[LabelRule], progress: &dyn Progress) -> Result<(), Error> {
+    fn add_episodes(
+        &mut self,
+        spans: Vec<(usize, Span)>,
+        rules: &[LabelRule],
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
         let names = episode_names(&self.files, &spans);
         let mut fingerprints = Vec::with_capacity(spans.len());
         for ((file, span), name) in spans.into_iter().zip(names) {
             let path = &self.files[file].path;
-            self.places.push(Place { file, first: span.first });
+            self.places.push(Place {
+                file,
+                first: span.first,
+            });
             self.episodes.push(Episode {
                 id: EpisodeId(0),
                 labels: labels(rules, path, &name),
@@ -233,8 +319,14 @@ impl Recording {
             fingerprints.push(span.fingerprint);
         }
         progress.stage("identifying episodes");
-        let texts: Vec<Option<Vec<f64>>> = self.columns.iter().map(|column| category_digests(&column.kind)).collect();
-        let ids = parallel_map(fingerprints.len(), progress, |e| self.identify(e, fingerprints[e].clone(), &texts))?;
+        let texts: Vec<Option<Vec<f64>>> = self
+            .columns
+            .iter()
+            .map(|column| category_digests(&column.kind))
+            .collect();
+        let ids = parallel_map(fingerprints.len(), progress, |e| {
+            self.identify(e, fingerprints[e].clone(), &texts)
+        })?;
         for (episode, id) in self.episodes.iter_mut().zip(ids) {
             episode.id = id;
         }
@@ -242,7 +334,12 @@ impl Recording {
     }
 
     /// Finishes an episode's fingerprint with samples of its values. Categories go in by name: their codes depend on the other files.
-    fn identify(&self, episode: usize, mut fingerprint: Fingerprint, texts: &[Option<Vec<f64>>]) -> Result<EpisodeId, Error> {
+    fn identify(
+        &self,
+        episode: usize,
+        mut fingerprint: Fingerprint,
+        texts: &[Option<Vec<f64>>],
+    ) -> Result<EpisodeId, Error> {
         for rows in Fingerprint::sampled_rows(self.episodes[episode].rows) {
             let mut block = self.read_block(episode, rows, Halo::default())?;
             for (column, digests) in block.columns.iter_mut().zip(texts) {
@@ -255,7 +352,12 @@ impl Recording {
         Ok(fingerprint.finish())
     }
 
-    pub(crate) fn read_block(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
+    pub(crate) fn read_block(
+        &self,
+        episode: usize,
+        rows: Range<usize>,
+        halo: Halo,
+    ) -> Result<Block, Error> {
         let info = &self.episodes[episode];
         let Place { file, first } = self.places[episode];
         let before = halo.before.min(rows.start);
@@ -274,8 +376,14 @@ impl Recording {
             return Ok(block);
         }
         let file = &self.files[file];
-        let (from, to) = (file.mask.place(first + all.start), file.mask.place(first + all.end - 1) + 1);
-        let TableRows { mut time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
+        let (from, to) = (
+            file.mask.place(first + all.start),
+            file.mask.place(first + all.end - 1) + 1,
+        );
+        let TableRows {
+            mut time,
+            mut columns,
+        } = file.table.values(from..to, halo.before + halo.after)?;
         if to - from != all.len() {
             let used: Vec<bool> = (from..to).map(|row| !file.mask.is_dropped(row)).collect();
             time = keep(&time, &used);
@@ -304,7 +412,12 @@ impl Source for Recording {
         &self.episodes
     }
 
-    fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, fleetfoot_data::Error> {
+    fn read(
+        &self,
+        episode: usize,
+        rows: Range<usize>,
+        halo: Halo,
+    ) -> Result<Block, fleetfoot_data::Error> {
         let info = &self.episodes[episode];
         if rows.start > rows.end || rows.end > info.rows {
             return Err(fleetfoot_data::Error::OutOfRange {
@@ -320,18 +433,32 @@ impl Source for Recording {
 
 /// The values whose row is used.
 fn keep<T: ArrowNativeType>(values: &ScalarBuffer<T>, used: &[bool]) -> ScalarBuffer<T> {
-    values.iter().zip(used).filter(|(_, used)| **used).map(|(&value, _)| value).collect::<Vec<T>>().into()
+    values
+        .iter()
+        .zip(used)
+        .filter(|(_, used)| **used)
+        .map(|(&value, _)| value)
+        .collect::<Vec<T>>()
+        .into()
 }
 
 /// Codes to what stands for them; NaN stays NaN.
 fn recode(values: &[f64], table: &[f64]) -> ScalarBuffer<f64> {
-    let look_up = |&code: &f64| if code >= 0.0 { table.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN };
+    let look_up = |&code: &f64| {
+        if code >= 0.0 {
+            table.get(code as usize).copied().unwrap_or(f64::NAN)
+        } else {
+            f64::NAN
+        }
+    };
     values.iter().map(look_up).collect::<Vec<f64>>().into()
 }
 
 /// A number for each category that depends on its name alone.
 fn category_digests(kind: &ColumnKind) -> Option<Vec<f64>> {
-    let ColumnKind::Category(names) = kind else { return None };
+    let ColumnKind::Category(names) = kind else {
+        return None;
+    };
     let digest = |name: &String| {
         let mut bytes = [0u8; 8];
         bytes.copy_from_slice(&blake3::hash(name.as_bytes()).as_bytes()[..8]);
@@ -343,7 +470,12 @@ fn category_digests(kind: &ColumnKind) -> Option<Vec<f64>> {
 
 /// The file's name, the whole path where two files share the name, and `#k` where a file holds several episodes.
 fn episode_names(files: &[RecordedFile], spans: &[(usize, Span)]) -> Vec<String> {
-    let short = |path: &Path| path.file_name().map_or_else(|| path.to_string_lossy().into_owned(), |name| name.to_string_lossy().into_owned());
+    let short = |path: &Path| {
+        path.file_name().map_or_else(
+            || path.to_string_lossy().into_owned(),
+            |name| name.to_string_lossy().into_owned(),
+        )
+    };
     let mut shared: HashMap<String, usize> = HashMap::new();
     for file in files {
         *shared.entry(short(&file.path)).or_default() += 1;
@@ -359,19 +491,31 @@ fn episode_names(files: &[RecordedFile], spans: &[(usize, Span)]) -> Vec<String>
             name = path.to_string_lossy().into_owned();
         }
         next[file] += 1;
-        names.push(if count[file] > 1 { format!("{name}#{}", next[file]) } else { name });
+        names.push(if count[file] > 1 {
+            format!("{name}#{}", next[file])
+        } else {
+            name
+        });
     }
     names
 }
 
 fn labels(rules: &[LabelRule], path: &Path, episode: &str) -> BTreeMap<String, String> {
     let whole = path.to_string_lossy();
-    let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    let file = path
+        .file_name()
+        .map(|name| name.to_string_lossy())
+        .unwrap_or_default();
     let stem = file.split('.').next().unwrap_or_default();
     let mut labels = BTreeMap::new();
     for rule in rules {
-        let Ok(pattern) = glob::Pattern::new(&rule.pattern) else { continue };
-        if [whole.as_ref(), file.as_ref(), stem, episode].iter().any(|name| pattern.matches(name)) {
+        let Ok(pattern) = glob::Pattern::new(&rule.pattern) else {
+            continue;
+        };
+        if [whole.as_ref(), file.as_ref(), stem, episode]
+            .iter()
+            .any(|name| pattern.matches(name))
+        {
             labels.extend(rule.labels.clone());
         }
     }
@@ -382,7 +526,10 @@ fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
     let mut seen: HashMap<EpisodeId, &str> = HashMap::new();
     for episode in episodes {
         if let Some(first) = seen.insert(episode.id, &episode.name) {
-            return Err(Error::Duplicate { first: first.into(), second: episode.name.clone() });
+            return Err(Error::Duplicate {
+                first: first.into(),
+                second: episode.name.clone(),
+            });
         }
     }
     Ok(())
@@ -400,18 +547,30 @@ struct Notes {
 impl Notes {
     fn add_file(&mut self, path: &Path, notes: &[String], clock: &ClockSummary, spans: &[Span]) {
         for note in notes {
-            self.sentences.entry(note.clone()).or_default().push(path.display().to_string());
+            self.sentences
+                .entry(note.clone())
+                .or_default()
+                .push(path.display().to_string());
         }
         let single = spans.iter().filter(|span| span.rows == 1).count();
         let events = [
             ("rows without a readable stamp left out", clock.missing),
-            ("rows with the stamp of the row before left out", clock.repeated),
+            (
+                "rows with the stamp of the row before left out",
+                clock.repeated,
+            ),
             ("backward stamps, each starting an episode", clock.backward),
-            ("gaps longer than accepted, each starting an episode", clock.gaps),
+            (
+                "gaps longer than accepted, each starting an episode",
+                clock.gaps,
+            ),
             ("episodes of a single row", single),
         ];
         for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
-            let entry = self.counts.entry(what).or_insert_with(|| (0, 0, path.display().to_string()));
+            let entry = self
+                .counts
+                .entry(what)
+                .or_insert_with(|| (0, 0, path.display().to_string()));
             entry.0 += count;
             entry.1 += 1;
         }
@@ -422,8 +581,16 @@ impl Notes {
             1 => first.to_owned(),
             more => format!("{more} files, first {first}"),
         };
-        let sentences = self.sentences.into_iter().map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
-        let counts = self.counts.into_iter().map(|(what, (count, files, first))| format!("{}: {count} {what}", place(files, &first)));
+        let sentences = self
+            .sentences
+            .into_iter()
+            .map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
+        let counts = self
+            .counts
+            .into_iter()
+            .map(|(what, (count, files, first))| {
+                format!("{}: {count} {what}", place(files, &first))
+            });
         sentences.chain(counts).collect()
     }
 }

@@ -28,7 +28,11 @@ impl RowMask {
         self.ranks.clear();
         for stride in self.dropped.chunks(STRIDE / 64) {
             self.ranks.push(used);
-            used += stride.len() * 64 - stride.iter().map(|word| word.count_ones() as usize).sum::<usize>();
+            used += stride.len() * 64
+                - stride
+                    .iter()
+                    .map(|word| word.count_ones() as usize)
+                    .sum::<usize>();
         }
         self.dropped.shrink_to_fit();
     }
@@ -36,7 +40,9 @@ impl RowMask {
     /// The row of the file that is the `k`-th used row.
     pub(crate) fn place(&self, k: usize) -> usize {
         let stride = self.ranks.partition_point(|&rank| rank <= k);
-        let Some(stride) = stride.checked_sub(1) else { return k };
+        let Some(stride) = stride.checked_sub(1) else {
+            return k;
+        };
         let (mut word, mut left) = (stride * (STRIDE / 64), k - self.ranks[stride]);
         while let Some(&bits) = self.dropped.get(word) {
             let here = 64 - bits.count_ones() as usize;
@@ -55,7 +61,9 @@ impl RowMask {
 
     /// Whether a row is dropped.
     pub(crate) fn is_dropped(&self, row: usize) -> bool {
-        self.dropped.get(row / 64).is_some_and(|word| word >> (row % 64) & 1 == 1)
+        self.dropped
+            .get(row / 64)
+            .is_some_and(|word| word >> (row % 64) & 1 == 1)
     }
 }
 
@@ -65,12 +73,23 @@ mod tests {
 
     #[test]
     fn places_agree_with_counting() {
-        for (step, limit) in [(1usize, 0usize), (2, 20_000), (3, 9_000), (64, 20_000), (1000, 15_000)] {
+        for (step, limit) in [
+            (1usize, 0usize),
+            (2, 20_000),
+            (3, 9_000),
+            (64, 20_000),
+            (1000, 15_000),
+        ] {
             let mut mask = RowMask::default();
-            (0..limit).filter(|row| row % step == 0).for_each(|row| mask.drop_row(row));
+            (0..limit)
+                .filter(|row| row % step == 0)
+                .for_each(|row| mask.drop_row(row));
             mask.finish();
             let used: Vec<usize> = (0..20_500).filter(|&row| !mask.is_dropped(row)).collect();
-            assert_eq!(used.len(), 20_500 - (0..limit).filter(|row| row % step == 0).count());
+            assert_eq!(
+                used.len(),
+                20_500 - (0..limit).filter(|row| row % step == 0).count()
+            );
             for (k, &row) in used.iter().enumerate() {
                 assert_eq!(mask.place(k), row, "step {step} k {k}");
             }

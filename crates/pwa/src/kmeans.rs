@@ -110,7 +110,7 @@ pub enum KMeansError {
         scale: f64,
     },
     /// A value that has no place in a sum of squares.
-    #[error("row {row}, column {column}: {value} cannot be clustered (missing, infinite or beyond 1e100 when standardised); drop the row")]
+    #[error("row {row}, column {column}: {value} cannot be clustered (missing, infinite or beyond 1e30 when standardised); drop the row")]
     Value {
         /// Which row, from 0.
         row: usize,
@@ -185,7 +185,7 @@ pub fn kmeans(points: &Points, start: Start<'_>, options: &KMeansOptions, progre
 fn iterate(points: &Points, start: Vec<f64>, options: &KMeansOptions, progress: &dyn Progress) -> Result<KMeans, KMeansError> {
     let d = points.dimensions();
     let mut lloyd = Lloyd::new(points, start);
-    let threshold = if options.tolerance > 0.0 { options.tolerance * points.mean_variance() } else { 0.0 };
+    let threshold = if options.tolerance > 0.0 { options.tolerance * points.mean_variance(progress)? } else { 0.0 };
     let (mut iterations, mut converged) = (0, false);
     while iterations < options.max_iterations && !converged {
         let changed = lloyd.assign(progress)?;
@@ -215,7 +215,7 @@ fn check_centroids(centroids: &[f64], dimensions: usize) -> Result<(), KMeansErr
         let expected = centroids.len().next_multiple_of(dimensions);
         return Err(KMeansError::Shape { what: "coordinates of centroids", expected, found: centroids.len() });
     }
-    match centroids.iter().position(|value| !(value.abs() <= 1e100)) {
+    match centroids.iter().position(|value| !(value.abs() <= 1e30)) {
         Some(at) => Err(KMeansError::Centroid { cluster: at / dimensions, column: at % dimensions, value: centroids[at] }),
         None => Ok(()),
     }

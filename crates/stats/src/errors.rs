@@ -31,7 +31,7 @@ pub struct ErrorSum {
 impl ErrorSum {
     /// Adds a row.
     pub fn push(&mut self, y: f64, prediction: f64, reference: f64, weight: f64) {
-        if !(weight > 0.0) {
+        if weight <= 0.0 {
             return;
         }
         let (error, deviation) = (y - prediction, y - reference);

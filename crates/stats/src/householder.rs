@@ -167,8 +167,8 @@ pub(crate) fn pivoted_qr(mut a: Mat<f64>, mut rhs: Mat<f64>, threshold: f64) -> 
             }
         }
         let (pivot, length) = best;
-        // Written so that NaN stops.
-        if !(length > threshold) || !length.is_finite() {
+        // NaN is never the longest.
+        if length <= threshold || !length.is_finite() {
             break;
         }
         if pivot != k {
@@ -327,7 +327,7 @@ mod tests {
 
     #[test]
     fn the_norm_does_not_overflow() {
-        assert_eq!(norm(&[3e200, 4e200]), 5e200);
+        assert!((norm(&[3e200, 4e200]) / 5e200 - 1.0).abs() < 1e-15);
         assert!((norm(&[3e-200, 4e-200]) / 5e-200 - 1.0).abs() < 1e-15);
         assert_eq!(norm(&[]), 0.0);
     }

@@ -12,7 +12,7 @@ use faer::{
 use crate::{
     gram::packed,
     householder::{Rows, fold_rows, norm},
-    separation::separate,
+    separation::{Separation, separate},
     square_root::noise_level,
     triangle::{PANEL, Triangle},
 };
@@ -77,47 +77,23 @@ impl Preconditioner {
             &noise,
             Mat::from_fn(d, d - p, |i, j| r[(i, p + j)]),
         );
-        let (order, rank) = (&separation.order, separation.rank);
-
-        // From unit columns to raw units, and to rows of unit variance.
-        let scale = |column: &PilotColumn| column.length / n.sqrt();
+        let sizes: Vec<f64> = columns
+            .iter()
+            .map(|column| column.length / n.sqrt())
+            .collect();
         let predicts = used.len() >= 2 * (p + 1);
-        let mut triangle = vec![0.0; packed(d)];
-        for k in 0..p {
-            let column = &mut triangle[packed(k)..packed(k + 1)];
-            let unit = noise[order[k]] * scale(&columns[order[k]]);
-            for i in 0..(k + 1).min(rank) {
-                column[i] = separation.r[(i, k)] * unit;
-            }
-            if k >= rank {
-                column[k] = scale(&columns[order[k]]);
-            }
+        Self {
+            regressors: p,
+            targets: d - p,
+            centre: columns.iter().map(|column| column.centre).collect(),
+            triangle: pilot_triangle(&separation, &noise, &sizes, predicts),
+            rank: separation.rank,
+            condition: separation.condition,
+            confounded: separation.confounded(),
+            order: separation.order,
+            solver: None,
         }
-        for t in 0..d - p {
-            let response = separation.rhs.col_as_slice(t);
-            let strong =
-                |k: usize| predicts && (separation.r[(k, k)] * noise[order[k]]).abs() >= STRONG;
-            let column = &mut triangle[packed(p + t)..packed(p + t + 1)];
-            let mut left: Vec<f64> = response.to_vec();
-            for k in (0..rank).filter(|&k| strong(k)) {
-                column[k] = response[k] * scale(&columns[p + t]);
-                left[k] = 0.0;
-            }
-            // An exact fit leaves rounding only; any size will do that is not zero.
-            column[p + t] = norm(&left).max(1e-8) * scale(&columns[p + t]);
-        }
-        let centre = columns.iter().map(|column| column.centre).collect();
-        let confounded = separation.confounded();
-        Self::assemble(
-            p,
-            d - p,
-            centre,
-            order.clone(),
-            triangle,
-            rank,
-            separation.condition,
-            confounded,
-        )
+        .with_solver()
     }
 
     /// The preconditioner that changes nothing.
@@ -138,28 +114,12 @@ impl Preconditioner {
         }
     }
 
-    fn assemble(
-        p: usize,
-        q: usize,
-        centre: Vec<f64>,
-        order: Vec<usize>,
-        triangle: Vec<f64>,
-        rank: usize,
-        condition: f64,
-        confounded: Vec<Vec<usize>>,
-    ) -> Self {
-        let solver = Some(Triangle::new(p + q, |i, j| triangle[packed(j) + i]));
-        Self {
-            regressors: p,
-            targets: q,
-            centre,
-            order,
-            triangle,
-            rank,
-            condition,
-            confounded,
-            solver,
-        }
+    fn with_solver(mut self) -> Self {
+        let triangle = &self.triangle;
+        self.solver = Some(Triangle::new(self.dimension(), |i, j| {
+            triangle[packed(j) + i]
+        }));
+        self
     }
 
     /// Changes the coordinates of rows in place (n x d). Column k of the result is the k-th pivot of the pilot, not column k of x.
@@ -348,13 +308,62 @@ impl Reader<'_> {
         let triangle = self.numbers(packed(d))?;
         let condition = self.numbers(1)?[0];
         self.0.is_empty().then_some(())?;
-        let mut result =
-            Preconditioner::assemble(p, q, centre, order, triangle, rank, condition, confounded);
-        if !solves {
-            result.solver = None;
-        }
-        Some(result)
+        let result = Preconditioner {
+            regressors: p,
+            targets: q,
+            centre,
+            order,
+            triangle,
+            rank,
+            condition,
+            confounded,
+            solver: None,
+        };
+        Some(if solves { result.with_solver() } else { result })
     }
+}
+
+/// `[T B; 0 diag(s)]` from the separated pilot; `sizes` are the standard deviations of the columns (d), `predicts` says whether the pilot
+/// has rows enough to predict the targets.
+fn pilot_triangle(
+    separation: &Separation,
+    noise: &[f64],
+    sizes: &[f64],
+    predicts: bool,
+) -> Vec<f64> {
+    let Separation {
+        order,
+        rank,
+        r,
+        rhs,
+        ..
+    } = separation;
+    let (p, rank) = (order.len(), *rank);
+    let mut triangle = vec![0.0; packed(sizes.len())];
+    for k in 0..p {
+        let column = &mut triangle[packed(k)..packed(k + 1)];
+        // From units of noise to raw units, and to rows of unit variance.
+        let unit = noise[order[k]] * sizes[order[k]];
+        for i in 0..(k + 1).min(rank) {
+            column[i] = r[(i, k)] * unit;
+        }
+        if k >= rank {
+            column[k] = sizes[order[k]];
+        }
+    }
+    let strong = |k: usize| predicts && (r[(k, k)] * noise[order[k]]).abs() >= STRONG;
+    for t in 0..rhs.ncols() {
+        let size = sizes[p + t];
+        let column = &mut triangle[packed(p + t)..packed(p + t + 1)];
+        let mut left: Vec<f64> = rhs.col_as_slice(t).to_vec();
+        for k in (0..rank).filter(|&k| strong(k)) {
+            column[k] = left[k] * size;
+            left[k] = 0.0;
+        }
+        // An exact fit leaves rounding only; any size will do that is not zero.
+        column[p + t] = norm(&left).max(1e-8) * size;
+    }
+    triangle
 }
 
 /// One column of the pilot: `(value - centre) / length` has unit length over the rows.

@@ -25,7 +25,7 @@ pub(crate) struct Separation {
 /// does not depend on the units of the columns.
 pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation {
     let constant: Vec<bool> = (0..r.ncols())
-        .map(|j| !(norm(r.col_as_slice(j)) > noise[j]))
+        .map(|j| norm(r.col_as_slice(j)) <= noise[j])
         .collect();
     let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| {
         if constant[j] {

@@ -81,35 +81,7 @@ impl Preconditioner {
         };
         let cholesky = pivoted_cholesky(gram, p, floor);
 
-        let mut stack = Rows::zeros(p, p + q);
-        for k in 0..p {
-            let target = stack.column_mut(self.order()[k]);
-            for (i, t) in self.column(k).iter().enumerate() {
-                add_scaled(
-                    target,
-                    &cholesky.factor.col_as_slice(i)[..cholesky.rank],
-                    *t,
-                );
-            }
-        }
-        for t in 0..q {
-            let column = self.column(p + t);
-            let target = stack.column_mut(p + t);
-            for (i, b) in column
-                .iter()
-                .enumerate()
-                .filter(|&(i, _)| i < p || i == p + t)
-            {
-                add_scaled(
-                    target,
-                    &cholesky.factor.col_as_slice(i)[..cholesky.rank],
-                    *b,
-                );
-            }
-        }
-        let mut factor = Mat::zeros(p, p + q);
-        fold_rows(&mut factor, &mut stack);
-
+        let factor = self.raw_factor(&cholesky);
         let mean = |k: usize| {
             self.column(k)
                 .iter()
@@ -144,6 +116,30 @@ impl Preconditioner {
             noise_level(p) * leak,
             magnitude,
         )
+    }
+}
+
+impl Preconditioner {
+    /// `[R z]` in raw units: the Cholesky factor times `[T B; 0 diag(s)]`, made triangular.
+    fn raw_factor(&self, cholesky: &Cholesky) -> Mat<f64> {
+        let (p, q) = (self.regressors(), self.targets());
+        let part = |i: usize| &cholesky.factor.col_as_slice(i)[..cholesky.rank];
+        let mut stack = Rows::zeros(p, p + q);
+        for k in 0..p + q {
+            // Only the targets' own diagonal stands below row p.
+            let raw = self.order().get(k).copied().unwrap_or(k);
+            for (i, t) in self
+                .column(k)
+                .iter()
+                .enumerate()
+                .filter(|&(i, _)| i < p || i == k)
+            {
+                add_scaled(stack.column_mut(raw), part(i), *t);
+            }
+        }
+        let mut factor = Mat::zeros(p, p + q);
+        fold_rows(&mut factor, &mut stack);
+        factor
     }
 }
 

@@ -382,3 +382,41 @@ fn error_sums_merge_and_count_what_is_lost() {
     weighted.push(0, &y, &prediction, 0.25, Some(&doubled));
     assert!((weighted.targets[0].mean_absolute() - sum.mean_absolute()).abs() < 1e-15);
 }
+
+/// The noise level must hold at size: many columns and rows, five columns that are sums of eight others, and one that is nearly one.
+#[test]
+fn rank_is_found_among_many_columns() {
+    let (n, p) = (20_000, 40);
+    let base: Vec<Vec<f64>> = (0..p)
+        .map(|j| (0..n).map(|i| wave(i, j) + 3.0 * (j % 3) as f64).collect())
+        .collect();
+    let nearly = 1e-10;
+    let z = Mat::from_fn(n, p + 1, |i, j| match j {
+        35..40 => (0..8)
+            .map(|k| (1.0 + k as f64) * base[(j * 5 + k * 4) % 34][i])
+            .sum::<f64>(),
+        34 => base[3][i] - base[7][i] + nearly * base[34][i],
+        40 => base[0][i] + wave(i, 50),
+        _ => base[j][i],
+    });
+    let pilot = Mat::from_fn(n / 20, p + 1, |i, j| z[(20 * i + i % 20, j)]);
+    let pilot = Preconditioner::from_pilot(pilot.as_ref(), p);
+    assert_eq!(pilot.rank(), 35);
+    for root in roots(z.as_ref(), p, &pilot) {
+        let solution = least_squares(&root, &root.deviation());
+        assert_eq!(
+            solution.rank, 35,
+            "noise {:e}, condition {:e}",
+            root.noise, root.condition
+        );
+        assert!(
+            solution
+                .confounded
+                .iter()
+                .flatten()
+                .all(|&column| column != 34)
+        );
+        assert!(solution.condition > 1e9, "{:e}", solution.condition);
+        assert!(solution.rss[0] < root.total[0]);
+    }
+}

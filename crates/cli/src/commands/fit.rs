@@ -19,8 +19,8 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if let Some(partition) = &arguments.partition {
         recipe.model.partition = Some(partition.clone());
     }
-    if !arguments.partition_on.is_empty() {
-        recipe.model.partition_on = Some(arguments.partition_on.clone());
+    if let Some(on) = &arguments.partition_on {
+        recipe.model.partition_on = Some(on.0.clone());
     }
     let files = files(&arguments.data)?;
     refuse_overwriting(&arguments.output, &files)?;
@@ -182,13 +182,13 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
         let (name, expression) = pair("--alias", text)?;
         recipe.columns.insert(name, expression);
     }
-    for state in &arguments.states {
+    for state in arguments.states.iter().flat_map(|list| &list.0) {
         recipe.states.entry(state.clone()).or_default();
     }
-    for input in &arguments.inputs {
+    for input in arguments.inputs.iter().flat_map(|list| &list.0) {
         recipe.inputs.entry(input.clone()).or_insert_with(|| Input::Table(InputTable::default()));
     }
-    for angle in &arguments.angles {
+    for angle in arguments.angles.iter().flat_map(|list| &list.0) {
         if let Some(state) = recipe.states.get_mut(angle) {
             state.kind = Some(Kind::Angle);
         } else if let Some(input) = recipe.inputs.get_mut(angle) {

@@ -67,7 +67,11 @@ pub(super) struct Turn<'a> {
 impl Cursors {
     /// Room for the decoders of recordings with so many columns, stamps included.
     pub(crate) fn new(columns: usize) -> Self {
-        Self { state: Mutex::default(), changed: Condvar::new(), capacity: (columns + columns / 2).max(64) }
+        Self {
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            capacity: (columns + columns / 2).max(64),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -88,8 +92,19 @@ impl Cursors {
         state.next += 1;
         let id = state.next;
         let from = rows.start;
-        state.reads.push(Read { id, file, rows, done: 0 });
-        Turn { cursors: self, id, file, from, keep: keep.max(TAIL) }
+        state.reads.push(Read {
+            id,
+            file,
+            rows,
+            done: 0,
+        });
+        Turn {
+            cursors: self,
+            id,
+            file,
+            from,
+            keep: keep.max(TAIL),
+        }
     }
 }
 
@@ -97,17 +112,36 @@ impl Turn<'_> {
     /// The best decoder for the row `row` of a row group that begins at `group_start`, for the `order`-th column of this read.
     ///
     /// Waits for a read that is about to leave its decoder there.
-    pub(super) fn take(&self, order: usize, key: Key, group_start: usize, row: usize) -> Option<Cursor> {
+    pub(super) fn take(
+        &self,
+        order: usize,
+        key: Key,
+        group_start: usize,
+        row: usize,
+    ) -> Option<Cursor> {
         let mut state = self.cursors.lock();
         while state.reads.iter().any(|read| {
-            let ahead = read.file == self.file && read.rows.start < self.from && read.done <= order && read.id != self.id;
-            let reaches = read.rows.end > group_start && (self.from..=self.from + self.keep).contains(&read.rows.end);
+            let ahead = read.file == self.file
+                && read.rows.start < self.from
+                && read.done <= order
+                && read.id != self.id;
+            let reaches = read.rows.end > group_start
+                && (self.from..=self.from + self.keep).contains(&read.rows.end);
             ahead && reaches
         }) {
-            state = self.cursors.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self
+                .cursors
+                .changed
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
         }
         let usable = |cursor: &Cursor| cursor.row - cursor.tail.len() <= row;
-        let best = state.idle.iter().enumerate().filter(|(_, (own, cursor))| *own == key && usable(cursor)).max_by_key(|(_, (_, cursor))| cursor.row);
+        let best = state
+            .idle
+            .iter()
+            .enumerate()
+            .filter(|(_, (own, cursor))| *own == key && usable(cursor))
+            .max_by_key(|(_, (_, cursor))| cursor.row);
         let at = best.map(|(at, _)| at)?;
         Some(state.idle.remove(at).1)
     }

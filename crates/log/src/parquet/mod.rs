@@ -60,7 +60,11 @@ pub(crate) struct ParquetFile {
 impl ParquetFile {
     /// Opens the file again, and makes sure that it is still the same.
     fn reopen(&self) -> Result<Arc<FileBytes>, Error> {
-        let io = |source| Error::Io { path: self.path.clone(), action: "read", source };
+        let io = |source| Error::Io {
+            path: self.path.clone(),
+            action: "read",
+            source,
+        };
         let file = File::open(&self.path).map_err(io)?;
         let now = file.metadata().map_err(io)?;
         if now.len() != self.length || now.modified().ok() != self.modified {
@@ -71,7 +75,10 @@ impl ParquetFile {
                 mend: "wait until it is written, and start again",
             });
         }
-        Ok(Arc::new(FileBytes { file: Arc::new(file), length: self.length }))
+        Ok(Arc::new(FileBytes {
+            file: Arc::new(file),
+            length: self.length,
+        }))
     }
 
     fn group_rows(&self, group: usize) -> usize {
@@ -79,21 +86,45 @@ impl ParquetFile {
     }
 
     /// A decoder of a leaf at the beginning of a row group.
-    fn decoder(&self, file: &Arc<FileBytes>, leaf: usize, group: usize) -> Result<ChunkDecoder, Error> {
+    fn decoder(
+        &self,
+        file: &Arc<FileBytes>,
+        leaf: usize,
+        group: usize,
+    ) -> Result<ChunkDecoder, Error> {
         let chunk = self.metadata.row_group(group).column(leaf);
         let descriptor = self.metadata.file_metadata().schema_descr().column(leaf);
         let pages = open::page_locations(&self.metadata, group, leaf);
-        self.guarded(leaf, group, || ChunkDecoder::new(file.clone(), chunk, descriptor, self.group_rows(group), pages))
+        self.guarded(leaf, group, || {
+            ChunkDecoder::new(
+                file.clone(),
+                chunk,
+                descriptor,
+                self.group_rows(group),
+                pages,
+            )
+        })
     }
 
     /// Runs a decoder; what fails in it, or panics on bytes that it did not foresee, becomes an error that names the place.
-    fn guarded<R>(&self, leaf: usize, group: usize, work: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, Error> {
+    fn guarded<R>(
+        &self,
+        leaf: usize,
+        group: usize,
+        work: impl FnOnce() -> Result<R, ParquetError>,
+    ) -> Result<R, Error> {
         let problem = match catch_unwind(AssertUnwindSafe(work)) {
             Ok(Ok(result)) => return Ok(result),
             Ok(Err(error)) => error.to_string(),
             Err(_) => "its pages cannot be decoded".into(),
         };
-        let name = self.metadata.file_metadata().schema_descr().column(leaf).path().string();
+        let name = self
+            .metadata
+            .file_metadata()
+            .schema_descr()
+            .column(leaf)
+            .path()
+            .string();
         Err(Error::Damaged {
             path: self.path.clone(),
             place: format!("column `{name}`, row group {group}"),
@@ -137,12 +168,28 @@ impl ParquetTable {
             let end = start + self.file.group_rows(group);
             let to = rows.end.min(end);
             if at < to {
-                let key = Key { file: self.number, leaf: *leaf, group };
+                let key = Key {
+                    file: self.number,
+                    leaf: *leaf,
+                    group,
+                };
                 let mut cursor = match turn.take(order, key, start, at - start) {
                     Some(cursor) => cursor,
-                    None => Cursor { decoder: self.file.decoder(&handle.get()?, *leaf, group)?, row: 0, tail: Vec::new() },
+                    None => Cursor {
+                        decoder: self.file.decoder(&handle.get()?, *leaf, group)?,
+                        row: 0,
+                        tail: Vec::new(),
+                    },
                 };
-                self.file.guarded(*leaf, group, || advance(&mut cursor, at - start..to - start, rule, turn.keep, &mut out))?;
+                self.file.guarded(*leaf, group, || {
+                    advance(
+                        &mut cursor,
+                        at - start..to - start,
+                        rule,
+                        turn.keep,
+                        &mut out,
+                    )
+                })?;
                 turn.put(key, cursor);
                 at = to;
             }
@@ -153,18 +200,31 @@ impl ParquetTable {
     }
 
     fn handle(&self) -> Handle<'_> {
-        Handle { file: &self.file, open: OnceLock::new() }
+        Handle {
+            file: &self.file,
+            open: OnceLock::new(),
+        }
     }
 }
 
 /// Appends rows of a row group, from the cursor's tail and then from its decoder.
-fn advance<W: Word>(cursor: &mut Cursor, rows: Range<usize>, rule: &Rule, keep: usize, out: &mut Vec<W>) -> Result<(), ParquetError> {
+fn advance<W: Word>(
+    cursor: &mut Cursor,
+    rows: Range<usize>,
+    rule: &Rule,
+    keep: usize,
+    out: &mut Vec<W>,
+) -> Result<(), ParquetError> {
     let before = out.len();
     let mut at = rows.start;
     if at < cursor.row {
         let tail_start = cursor.row - cursor.tail.len();
         let to = rows.end.min(cursor.row);
-        out.extend(cursor.tail[at - tail_start..to - tail_start].iter().map(|&bits| W::from_bits(bits)));
+        out.extend(
+            cursor.tail[at - tail_start..to - tail_start]
+                .iter()
+                .map(|&bits| W::from_bits(bits)),
+        );
         at = to;
     }
     if at < rows.end {
@@ -175,7 +235,11 @@ fn advance<W: Word>(cursor: &mut Cursor, rows: Range<usize>, rule: &Rule, keep: 
         cursor.row = rows.end;
         let produced = &out[before..];
         cursor.tail.clear();
-        cursor.tail.extend(produced[produced.len().saturating_sub(keep)..].iter().map(|&word| word.to_bits()));
+        cursor.tail.extend(
+            produced[produced.len().saturating_sub(keep)..]
+                .iter()
+                .map(|&word| word.to_bits()),
+        );
     }
     Ok(())
 }
@@ -193,13 +257,19 @@ impl Table for ParquetTable {
         let mut pieces = Vec::new();
         for (group, &start) in self.starts.iter().enumerate() {
             let end = start + self.file.group_rows(group);
-            pieces.extend((start..end).step_by(PIECE).map(|from| from..(from + PIECE).min(end)));
+            pieces.extend(
+                (start..end)
+                    .step_by(PIECE)
+                    .map(|from| from..(from + PIECE).min(end)),
+            );
         }
         pieces
     }
 
     fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        let Some(time) = &self.time else { return Ok(Vec::new().into()) };
+        let Some(time) = &self.time else {
+            return Ok(Vec::new().into());
+        };
         let turn = self.cursors.begin(self.number, rows.clone(), 0);
         Ok(self.column(&turn, &self.handle(), 0, time, rows)?.into())
     }
@@ -213,13 +283,27 @@ impl Table for ParquetTable {
         };
         let mut columns = Vec::with_capacity(self.leaves.len());
         for (order, leaf) in self.leaves.iter().enumerate() {
-            columns.push(ScalarBuffer::from(self.column::<f64>(&turn, &handle, order + 1, leaf, rows.clone())?));
+            columns.push(ScalarBuffer::from(self.column::<f64>(
+                &turn,
+                &handle,
+                order + 1,
+                leaf,
+                rows.clone(),
+            )?));
         }
-        Ok(TableRows { time: time.into(), columns })
+        Ok(TableRows {
+            time: time.into(),
+            columns,
+        })
     }
 }
 
 /// A short text for messages about a file as a whole.
 fn damaged(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Error {
-    Error::Damaged { path: path.into(), place: place.into(), problem: problem.into(), mend: "copy or write the file again" }
+    Error::Damaged {
+        path: path.into(),
+        place: place.into(),
+        problem: problem.into(),
+        mend: "copy or write the file again",
+    }
 }

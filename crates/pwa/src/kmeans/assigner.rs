@@ -29,7 +29,7 @@ impl Assigner {
     /// Prepares `centroids` (k x d, row-major, standardised).
     ///
     /// # Errors
-    /// No centroids, no columns, a length that is not a multiple of `dimensions`, a coordinate that is not finite or beyond 1e100.
+    /// No centroids, no columns, a length that is not a multiple of `dimensions`, a coordinate that is not finite or beyond 1e30.
     pub fn new(centroids: &[f64], dimensions: usize) -> Result<Self, KMeansError> {
         super::check_centroids(centroids, dimensions)?;
         Ok(Self { dimensions, centroids: centroids.to_vec(), screen: Screen::new(centroids, dimensions) })
@@ -62,13 +62,13 @@ impl Assigner {
         }
         let arch = Arch::new();
         let mut rows = vec![0.0; BATCH.min(frame.rows) * self.dimensions];
+        let mut high = vec![0.0; rows.len()];
         let mut tile = Tile::new(self.dimensions);
         for from in (0..frame.rows).step_by(BATCH) {
             let range = from..(from + BATCH).min(frame.rows);
-            let rows = &mut rows[..range.len() * self.dimensions];
-            frame.fill(range.clone(), rows);
+            frame.each(range.clone(), |_, _, at, z| (rows[at], high[at]) = (z, z as f32));
             let distances = squared_distances.as_deref_mut().map(|distances| &mut distances[range.clone()]);
-            arch.dispatch(Batch { assigner: self, rows, tile: &mut tile, labels: &mut labels[range], distances });
+            arch.dispatch(Batch { assigner: self, rows: &rows, high: &high, tile: &mut tile, labels: &mut labels[range], distances });
         }
         Ok(())
     }
@@ -77,6 +77,7 @@ impl Assigner {
 struct Batch<'a> {
     assigner: &'a Assigner,
     rows: &'a [f64],
+    high: &'a [f32],
     tile: &'a mut Tile,
     labels: &'a mut [u32],
     distances: Option<&'a mut [f64]>,
@@ -94,7 +95,7 @@ impl WithSimd for Batch<'_> {
             for (i, chosen) in chosen.iter_mut().enumerate() {
                 *chosen = (from + i) as u32;
             }
-            self.assigner.screen.tile(simd, self.rows, &chosen[..count], self.tile);
+            self.assigner.screen.tile(simd, self.high, &chosen[..count], self.tile);
             for i in 0..count {
                 let x = &self.rows[(from + i) * d..(from + i + 1) * d];
                 let finite = x.iter().all(|x| x.is_finite());

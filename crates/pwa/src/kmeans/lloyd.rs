@@ -1,11 +1,11 @@
 //! Lloyd's iteration with Hamerly's bounds.
 //!
-//! Each row keeps an upper bound of the distance to its centroid and a lower bound of the distances to all others (Hamerly, "Making k-means even
-//! faster", SDM 2010). When centroids move, the bounds move with them; a row whose upper bound stays below its lower bound,
-//! or below half the distance from its centroid to the nearest other, keeps its label unseen. The others are packed
-//! into tiles for the [screen](super::screen).
+//! Each row keeps a gap: at most the distance to its second-nearest centroid less that to its own (the difference of the two bounds of Hamerly,
+//! "Making k-means even faster", SDM 2010). When centroids move, the gap shrinks by the shift of its own centroid and the largest shift of
+//! the others; a row whose gap stays positive keeps its label unseen. The others are packed into tiles for the
+//! [screen](super::screen). Hamerly's second test, half the distance to the next centroid, decided nothing more in our measurements.
 //!
-//! Bounds are `f32` and every operation on them is rounded outwards, so a skipped row is a proven one: labels are those
+//! Gaps are `f32` and every operation on them is rounded downwards, so a skipped row is a proven one: labels are those
 //! of the plain algorithm bit for bit. Sums are exact ([`super::sums`]), so that it does not matter either who adds what and when.
 
 use std::sync::{
@@ -19,21 +19,14 @@ use pulp::{Arch, Simd, WithSimd};
 use super::{
     KMeansError, Points,
     distance::{nearest, squared_distance},
-    points::CHUNK,
-    screen::{Screen, TILE, Tile},
+    points::{CHUNK, ChunkRows},
+    screen::{Screen, TILE, Tile, gap},
     sums::{Quanta, Sums},
     transpose::prefetch,
 };
 
-/// Factors that outweigh the rounding of the two operations before them.
-const UP: f32 = 1.0 + 2.4e-7;
+/// Outweighs the rounding of a subtraction and of its own multiplication.
 const DOWN: f32 = 1.0 - 2.4e-7;
-
-/// Distances must differ by more than this to be different in `f64` whatever the rounding there...
-const MARGIN: f32 = 1.0 + 1e-6;
-
-/// ... and the larger must be far from underflow when squared.
-const SMALLEST: f32 = 1e-12;
 
 /// The state between iterations.
 pub(super) struct Lloyd<'a> {
@@ -42,25 +35,14 @@ pub(super) struct Lloyd<'a> {
     sums: Sums,
     /// k x d.
     pub(super) centroids: Vec<f64>,
-    moves: Vec<Move>,
+    /// By how much the gaps of the rows of each cluster may have shrunk since the last assignment.
+    shrinkage: Vec<f32>,
 }
 
 /// What is known of the rows of one chunk.
 pub(super) struct Rows {
     pub(super) labels: Vec<u32>,
-    upper: Vec<f32>,
-    lower: Vec<f32>,
-}
-
-/// What a row of a cluster needs to know about the last update.
-#[derive(Debug, Clone, Copy)]
-struct Move {
-    /// How far the centroid moved, at most.
-    own: f32,
-    /// How far any other moved, at most.
-    others: f32,
-    /// Half the distance to the nearest other centroid, at least.
-    half_gap: f32,
+    gaps: Vec<f32>,
 }
 
 /// The label of a row that has none yet.
@@ -71,16 +53,15 @@ impl<'a> Lloyd<'a> {
         let d = points.dimensions();
         let clusters = centroids.len() / d;
         let chunks = (0..points.chunks()).map(|chunk| {
-            let rows = points.chunk(chunk).len() / d;
-            // An upper bound of infinity makes every row active.
-            Mutex::new(Rows { labels: vec![NONE; rows], upper: vec![f32::INFINITY; rows], lower: vec![0.0; rows] })
+            let rows = points.chunk(chunk).rows();
+            Mutex::new(Rows { labels: vec![NONE; rows], gaps: vec![0.0; rows] })
         });
         let quanta = Quanta::new(points.rows(), points.largest());
         Self {
             points,
             chunks: chunks.collect(),
             sums: Sums::new(clusters, d, quanta),
-            moves: vec![Move { own: 0.0, others: 0.0, half_gap: 0.0 }; clusters],
+            shrinkage: vec![0.0; clusters],
             centroids,
         }
     }
@@ -95,13 +76,13 @@ impl<'a> Lloyd<'a> {
         let d = self.points.dimensions();
         let screen = Screen::new(&self.centroids, d);
         let quanta = self.sums.quanta();
-        let clusters = self.moves.len();
+        let clusters = self.shrinkage.len();
         let next = AtomicUsize::new(0);
         let arch = Arch::new();
         // Workers take chunks as they come: the sums are exact, so their order does not matter.
         let parts = parallel_map(thread_count().min(self.chunks.len()), &Silent, |_| {
             let mut sums = Sums::new(clusters, d, quanta);
-            let mut scratch = Scratch { tile: Tile::new(d), active: Vec::with_capacity(CHUNK) };
+            let mut scratch = Scratch::new(d);
             let mut changed = 0;
             while let Some((chunk, state)) = claim(&next, &self.chunks) {
                 if progress.cancelled() {
@@ -113,7 +94,7 @@ impl<'a> Lloyd<'a> {
                     dimensions: d,
                     centroids: &self.centroids,
                     screen: &screen,
-                    moves: &self.moves,
+                    shrinkage: &self.shrinkage,
                     state: &mut state,
                     sums: &mut sums,
                     scratch: &mut scratch,
@@ -126,8 +107,8 @@ impl<'a> Lloyd<'a> {
             self.sums.merge(&sums);
             changed += part;
         }
-        // The bounds are up to date with these centroids.
-        self.moves.fill(Move { own: 0.0, others: 0.0, half_gap: 0.0 });
+        // The gaps are up to date with these centroids.
+        self.shrinkage.fill(0.0);
         Ok(changed)
     }
 
@@ -145,15 +126,15 @@ impl<'a> Lloyd<'a> {
         let pairs = self.centroids.chunks_exact(d).zip(centroids.chunks_exact(d));
         let squared: Vec<f64> = pairs.map(|(old, new)| squared_distance(old, new)).collect();
         self.centroids = centroids;
-        self.moves = moves(&squared, &self.centroids, d);
+        self.shrinkage = shrinkage(&squared);
         Ok(squared.iter().sum())
     }
 
     /// Moves the rows that are farthest from their centroids into the empty clusters of `sums`: one each, as single members.
     fn relocate(&self, sums: &mut Sums, progress: &dyn Progress) -> Result<(), KMeansError> {
-        let empty: Vec<usize> = (0..self.moves.len()).filter(|&cluster| sums.counts()[cluster] == 0).collect();
+        let empty: Vec<usize> = (0..self.shrinkage.len()).filter(|&cluster| sums.counts()[cluster] == 0).collect();
         // Farthest first, of equally far ones the first row; those that must stay may be one for each full cluster.
-        let wanted = self.moves.len();
+        let wanted = self.shrinkage.len();
         let farthest = self.map_chunks(progress, |rows, state| {
             let distances = self.distances(rows, &state.labels).into_iter().zip(&state.labels).enumerate();
             let mut far: Vec<(f64, usize, u32)> = distances.map(|(row, (distance, label))| (distance, row, *label)).collect();
@@ -173,8 +154,8 @@ impl<'a> Lloyd<'a> {
             // The last row of a cluster stays: taking it would only move the hole.
             if sums.counts()[label as usize] > 1 {
                 let row = self.points.row(row);
-                sums.subtract(label as usize, row);
-                sums.add(target, row);
+                sums.subtract(label as usize, &row);
+                sums.add(target, &row);
                 cluster = empty.next();
             }
         }
@@ -188,16 +169,21 @@ impl<'a> Lloyd<'a> {
     }
 
     /// Squared distances of rows to the centroids of their labels.
-    fn distances(&self, rows: &[f64], labels: &[u32]) -> Vec<f64> {
-        struct Distances<'a>(&'a [f64], &'a [u32], &'a [f64], usize);
+    fn distances(&self, rows: ChunkRows<'_>, labels: &[u32]) -> Vec<f64> {
+        struct Distances<'a>(ChunkRows<'a>, &'a [u32], &'a [f64], usize);
         impl WithSimd for Distances<'_> {
             type Output = Vec<f64>;
             #[inline(always)]
             fn with_simd<S: Simd>(self, _: S) -> Vec<f64> {
                 let Self(rows, labels, centroids, d) = self;
+                let mut x = vec![0.0; d];
+                let mut distance = |(row, &label): (usize, &u32)| {
+                    rows.copy(row, &mut x);
+                    squared_distance(&x, &centroids[label as usize * d..][..d])
+                };
                 let mut distances = vec![0.0; labels.len()];
-                for ((row, &label), distance) in rows.chunks_exact(d).zip(labels).zip(&mut distances) {
-                    *distance = squared_distance(row, &centroids[label as usize * d..][..d]);
+                for (row, out) in labels.iter().enumerate().zip(&mut distances) {
+                    *out = distance(row);
                 }
                 distances
             }
@@ -205,7 +191,7 @@ impl<'a> Lloyd<'a> {
         Arch::new().dispatch(Distances(rows, labels, &self.centroids, self.points.dimensions()))
     }
 
-    fn map_chunks<R: Send>(&self, progress: &dyn Progress, work: impl Fn(&[f64], &Rows) -> R + Sync) -> Result<Vec<R>, Cancelled> {
+    fn map_chunks<R: Send>(&self, progress: &dyn Progress, work: impl Fn(ChunkRows<'_>, &Rows) -> R + Sync) -> Result<Vec<R>, Cancelled> {
         parallel_map(self.chunks.len(), &Silent, |chunk| {
             if progress.cancelled() {
                 return Err(Cancelled);
@@ -222,41 +208,39 @@ pub(super) fn claim<'a, T>(next: &AtomicUsize, chunks: &'a [T]) -> Option<(usize
     chunks.get(chunk).map(|state| (chunk, state))
 }
 
-/// Shifts and gaps, rounded outwards, from the squared shifts and the new centroids.
-fn moves(squared: &[f64], centroids: &[f64], d: usize) -> Vec<Move> {
+/// The shift of each centroid and the largest of the others' together, rounded upwards, from the squared shifts.
+fn shrinkage(squared: &[f64]) -> Vec<f32> {
     // Zero stays zero; a part in a million covers all rounding here.
     let shifts: Vec<f32> = squared.iter().map(|squared| (squared.sqrt() * (1.0 + 1e-6)) as f32).collect();
     let largest = (0..shifts.len()).max_by(|&a, &b| shifts[a].total_cmp(&shifts[b])).unwrap_or(0);
-    let other = shifts.iter().enumerate().filter(|(k, _)| *k != largest).map(|(_, shift)| *shift).fold(0.0, f32::max);
-    let mut gaps = vec![f64::INFINITY; shifts.len()];
-    for a in 0..gaps.len() {
-        for b in 0..a {
-            let gap = squared_distance(&centroids[a * d..][..d], &centroids[b * d..][..d]);
-            gaps[a] = gaps[a].min(gap);
-            gaps[b] = gaps[b].min(gap);
-        }
-    }
-    let one = |k: usize| Move {
-        own: shifts[k],
-        others: if k == largest { other } else { shifts[largest] },
-        half_gap: (0.5 * gaps[k].sqrt() * (1.0 - 1e-6)) as f32,
-    };
-    (0..gaps.len()).map(one).collect()
+    let second = shifts.iter().enumerate().filter(|(k, _)| *k != largest).map(|(_, shift)| *shift).fold(0.0, f32::max);
+    let others = |k: usize| if k == largest { second } else { shifts[largest] };
+    shifts.iter().enumerate().map(|(k, shift)| (shift + others(k)) * (1.0 + 1e-6)).collect()
 }
 
 /// Working memory of a worker.
 struct Scratch {
     tile: Tile,
     active: Vec<u32>,
+    /// Rows whose label changed, and the labels they had.
+    changed: Vec<(u32, u32)>,
+    x: Vec<f64>,
+}
+
+impl Scratch {
+    fn new(dimensions: usize) -> Self {
+        let (active, changed) = (Vec::with_capacity(CHUNK + 1), Vec::with_capacity(CHUNK));
+        Self { tile: Tile::new(dimensions), active, changed, x: vec![0.0; dimensions] }
+    }
 }
 
 /// One assignment of one chunk.
 struct Step<'a> {
-    rows: &'a [f64],
+    rows: ChunkRows<'a>,
     dimensions: usize,
     centroids: &'a [f64],
     screen: &'a Screen,
-    moves: &'a [Move],
+    shrinkage: &'a [f32],
     state: &'a mut Rows,
     sums: &'a mut Sums,
     scratch: &'a mut Scratch,
@@ -269,29 +253,28 @@ impl WithSimd for Step<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) -> usize {
         self.activate();
-        let mut changed = 0;
+        self.scratch.changed.clear();
         let active = std::mem::take(&mut self.scratch.active);
         let mut tiles = active.chunks(TILE).peekable();
         while let Some(chosen) = tiles.next() {
             if let Some(next) = tiles.peek() {
-                prefetch(self.rows, self.dimensions, next);
+                prefetch(self.rows.high, self.dimensions, next);
             }
-            self.screen.tile(simd, self.rows, chosen, &mut self.scratch.tile);
-            for (i, &row) in chosen.iter().enumerate() {
-                changed += self.settle(i, row as usize);
-            }
+            self.screen.tile(simd, self.rows.high, chosen, &mut self.scratch.tile);
+            self.settle(chosen);
         }
         self.scratch.active = active;
-        changed
+        self.transfer();
+        self.scratch.changed.len()
     }
 }
 
 impl Step<'_> {
-    /// Moves the bounds and lists the rows that they do not decide.
+    /// Shrinks the gaps and lists the rows that they do not decide.
     #[inline(always)]
     fn activate(&mut self) {
-        let Rows { labels, upper, lower } = &mut *self.state;
-        let moves = self.moves;
+        let Rows { labels, gaps } = &mut *self.state;
+        let shrinkage = self.shrinkage;
         let active = &mut self.scratch.active;
         active.clear();
         active.resize(labels.len() + 1, 0);
@@ -302,40 +285,53 @@ impl Step<'_> {
             count = labels.len();
             slots.iter_mut().enumerate().for_each(|(row, slot)| *slot = row as u32);
         } else {
-            for (row, ((label, upper), lower)) in labels.iter().zip(upper).zip(lower).enumerate() {
-                let step = moves[*label as usize];
-                *upper = (*upper + step.own) * UP;
-                *lower = (*lower - step.others) * DOWN;
+            for (row, (label, gap)) in labels.iter().zip(gaps).enumerate() {
+                *gap = (*gap - shrinkage[*label as usize]) * DOWN;
                 slots[count] = row as u32;
-                count += usize::from(*upper * MARGIN + SMALLEST >= lower.max(step.half_gap));
+                count += usize::from(!(*gap > 0.0));
             }
         }
         active.truncate(count);
     }
 
-    /// Takes over what the screen found for row `i` of the tile; 1 if its label changed.
+    /// Takes over what the screen found for the rows of a tile, and lists those whose label changed.
     #[inline(always)]
-    fn settle(&mut self, i: usize, row: usize) -> usize {
-        let d = self.dimensions;
-        let tile = &self.scratch.tile;
-        let (mut label, mut upper, mut lower) = (tile.label.0[i], tile.upper.0[i], tile.lower.0[i]);
-        let x = &self.rows[row * d..(row + 1) * d];
-        if tile.doubt[i] {
-            let found = nearest(x, self.centroids);
-            label = found.label;
-            upper = (found.first.sqrt() * (1.0 + 1e-6)) as f32;
-            lower = (found.second.sqrt() * (1.0 - 1e-6)).min(f64::from(f32::MAX)) as f32;
+    fn settle(&mut self, chosen: &[u32]) {
+        let Scratch { tile, changed, x, .. } = &mut *self.scratch;
+        let Rows { labels, gaps } = &mut *self.state;
+        for (i, &row) in chosen.iter().enumerate() {
+            let (mut label, mut between) = (tile.label.0[i], tile.gap.0[i]);
+            if tile.doubt[i] {
+                self.rows.copy(row as usize, x);
+                let found = nearest(x, self.centroids);
+                label = found.label;
+                // A single centroid has no second.
+                between = gap(found.first.sqrt() as f32, found.second.sqrt().min(f64::from(f32::MAX)) as f32);
+            }
+            gaps[row as usize] = between;
+            let old = std::mem::replace(&mut labels[row as usize], label);
+            if old != label {
+                changed.push((row, old));
+            }
         }
-        let old = std::mem::replace(&mut self.state.labels[row], label);
-        self.state.upper[row] = upper;
-        self.state.lower[row] = lower;
-        if old == label {
-            return 0;
+    }
+
+    /// Moves the rows whose label changed from sum to sum.
+    #[inline(always)]
+    fn transfer(&mut self) {
+        /// Rows ahead that are asked for.
+        const AHEAD: usize = 12;
+        let Scratch { changed, x, .. } = &mut *self.scratch;
+        for (i, &(row, old)) in changed.iter().enumerate() {
+            if let Some(&(next, _)) = changed.get(i + AHEAD) {
+                prefetch(self.rows.low, self.dimensions, &[next]);
+                prefetch(self.rows.high, self.dimensions, &[next]);
+            }
+            self.rows.copy(row as usize, x);
+            if old != NONE {
+                self.sums.subtract(old as usize, x);
+            }
+            self.sums.add(self.state.labels[row as usize] as usize, x);
         }
-        if old != NONE {
-            self.sums.subtract(old as usize, x);
-        }
-        self.sums.add(label as usize, x);
-        1
     }
 }

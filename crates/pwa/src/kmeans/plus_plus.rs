@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Points, distance::squared_distance, points::CHUNK, random::uniform};
+use super::{Points, distance::squared_distance, points::{CHUNK, ChunkRows}, random::uniform};
 
 /// Squared distances of a chunk's rows to the nearest of the first `seen` centroids.
 struct Closest {
@@ -28,9 +28,9 @@ pub(super) fn plus_plus(
     let d = points.dimensions();
     let trials = 2 + (clusters as f64).ln() as usize;
     let first = (uniform(seed, restart, 0) * points.rows() as f64) as usize;
-    let mut centroids = points.row(first.min(points.rows() - 1)).to_vec();
+    let mut centroids = points.row(first.min(points.rows() - 1));
     let chunks: Vec<Mutex<Closest>> = (0..points.chunks())
-        .map(|chunk| Mutex::new(Closest { seen: 0, squared: vec![f64::INFINITY; points.chunk(chunk).len() / d] }))
+        .map(|chunk| Mutex::new(Closest { seen: 0, squared: vec![f64::INFINITY; points.chunk(chunk).rows()] }))
         .collect();
     let mut sums = potentials(points, &chunks, &centroids, &[], progress)?;
     for cluster in 1..clusters {
@@ -43,7 +43,7 @@ pub(super) fn plus_plus(
         for trial in 0..trials {
             let draw = ((cluster - 1) * trials + trial + 1) as u64;
             let row = draw_row(points, &chunks, &centroids, &sums, uniform(seed, restart, draw) * total);
-            candidates.extend_from_slice(points.row(row));
+            candidates.extend_from_slice(&points.row(row));
         }
         let tried = potentials(points, &chunks, &centroids, &candidates, progress)?;
         let totals: Vec<f64> = (0..trials).map(|trial| tried.iter().map(|sums| sums[trial]).sum()).collect();
@@ -97,7 +97,7 @@ fn potentials(
 }
 
 struct Pass<'a> {
-    rows: &'a [f64],
+    rows: ChunkRows<'a>,
     d: usize,
     centroids: &'a [f64],
     candidates: &'a [f64],
@@ -112,7 +112,9 @@ impl WithSimd for Pass<'_> {
         let fresh = &self.centroids[self.closest.seen * self.d..];
         self.closest.seen = self.centroids.len() / self.d;
         let mut sums = vec![0.0; (self.candidates.len() / self.d).max(1)];
-        for (row, closest) in self.rows.chunks_exact(self.d).zip(&mut self.closest.squared) {
+        let row = &mut vec![0.0; self.d];
+        for (i, closest) in self.closest.squared.iter_mut().enumerate() {
+            self.rows.copy(i, row);
             for centroid in fresh.chunks_exact(self.d) {
                 *closest = closest.min(squared_distance(row, centroid));
             }

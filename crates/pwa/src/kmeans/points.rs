@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::{Silent, parallel_map};
+use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map};
 
 use super::KMeansError;
 
@@ -10,13 +10,19 @@ use super::KMeansError;
 /// however the rows arrived.
 pub(super) const CHUNK: usize = 4096;
 
-/// Values beyond this are refused: their squares could overflow.
-const LARGEST: f64 = 1e100;
+/// Values beyond this are refused: they have no place in `f32`, where most of the work is done.
+const LARGEST: f64 = 1e30;
 
-/// `n` rows of `d` standardised columns, `z = (value - centre) / scale`, row-major.
+/// The bits of an `f64` mantissa that an `f32` does not have.
+const LOW: u64 = (1 << 29) - 1;
+
+/// `n` rows of `d` standardised columns, `z = (value - centre) / scale`.
 ///
 /// Rows are appended block by block from columns; the memory is `8 n d` bytes and at most one chunk of 4,096 rows more.
 /// The content depends on the rows and their order only, not on how they were split into blocks.
+///
+/// Each coordinate is kept exactly, in two parts: the `f32` towards zero from it, and the rest of its mantissa. Most of k-means needs the first part only,
+/// and memory traffic is what limits it. Coordinates below `f32::MIN_POSITIVE` (1.2e-38) are taken as zero.
 #[derive(Debug, Clone)]
 pub struct Points {
     dimensions: usize,
@@ -27,9 +33,20 @@ pub struct Points {
 
 #[derive(Debug, Clone)]
 struct Chunk {
-    values: Vec<f64>,
-    /// Sums over the chunk of the deviations from its first row (d values), then of their squares.
-    moments: Vec<f64>,
+    /// Row-major, from `first` on, where a cache line begins: a row that fits a line then takes one.
+    high: Vec<f32>,
+    first: usize,
+    low: Vec<u32>,
+}
+
+/// The rows of one chunk.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ChunkRows<'a> {
+    dimensions: usize,
+    /// Coordinates rounded towards zero, row-major.
+    pub(super) high: &'a [f32],
+    /// What the rounding took away.
+    pub(super) low: &'a [u32],
 }
 
 impl Points {
@@ -52,41 +69,41 @@ impl Points {
     ///
     /// # Errors
     /// A wrong number of columns, centres or scales, columns of different lengths, a scale that is not positive, a value that is not finite or
-    /// that is beyond 1e100 when standardised. Nothing is appended then.
+    /// that is beyond 1e30 when standardised. Nothing is appended then.
     pub fn append(&mut self, columns: &[&[f64]], centre: &[f64], scale: &[f64]) -> Result<(), KMeansError> {
-        let (d, rows) = (self.dimensions, self.rows);
-        let frame = Frame::new(d, columns, centre, scale)?;
-        let length = self.chunks.last().map_or(0, |last| last.values.len());
-        let room = if rows.is_multiple_of(CHUNK) { 0 } else { CHUNK - rows % CHUNK }.min(frame.rows);
-        let pieces = (frame.rows - room).div_ceil(CHUNK);
-        let outcome = (|| {
-            let mut largest = 0.0;
-            if room > 0
-                && let Some(last) = self.chunks.last_mut()
-            {
-                largest = frame.standardise(0..room, rows, &mut last.values)?;
-            }
-            let tail = parallel_map(pieces, &Silent, |piece| {
-                let from = room + piece * CHUNK;
-                let range = from..(from + CHUNK).min(frame.rows);
-                let mut chunk = Chunk { values: Vec::with_capacity(CHUNK * d), moments: vec![0.0; 2 * d] };
-                let largest = frame.standardise(range, rows, &mut chunk.values)?;
-                chunk.accumulate(0);
-                Ok::<_, KMeansError>((chunk, largest))
-            })?;
-            Ok::<_, KMeansError>((tail, largest))
-        })();
-        if let Some(last) = self.chunks.last_mut() {
-            match &outcome {
-                Ok(_) => last.accumulate(length / d),
-                Err(_) => last.values.truncate(length),
-            }
+        let frame = Frame::new(self.dimensions, columns, centre, scale)?;
+        let room = if self.rows.is_multiple_of(CHUNK) { 0 } else { CHUNK - self.rows % CHUNK }.min(frame.rows);
+        let length = self.chunks.last().map_or(0, |last| last.low.len());
+        let outcome = self.append_checked(&frame, room);
+        if outcome.is_err()
+            && let Some(last) = self.chunks.last_mut()
+        {
+            last.truncate(length);
         }
         let (tail, largest) = outcome?;
-        self.largest = tail.iter().fold(self.largest.max(largest), |largest, (_, other)| largest.max(*other));
-        self.chunks.extend(tail.into_iter().map(|(chunk, _)| chunk));
+        self.chunks.extend(tail);
+        self.largest = self.largest.max(largest);
         self.rows += frame.rows;
         Ok(())
+    }
+
+    /// Fills the last chunk with `room` rows and makes new ones of the rest; the largest magnitude.
+    fn append_checked(&mut self, frame: &Frame<'_>, room: usize) -> Result<(Vec<Chunk>, f64), KMeansError> {
+        let (d, before) = (self.dimensions, self.rows);
+        let mut largest: f64 = 0.0;
+        if room > 0
+            && let Some(last) = self.chunks.last_mut()
+        {
+            largest = last.append(frame, 0..room, before)?;
+        }
+        let pieces = parallel_map((frame.rows - room).div_ceil(CHUNK), &Silent, |piece| {
+            let from = room + piece * CHUNK;
+            let mut chunk = Chunk::new(d);
+            let largest = chunk.append(frame, from..(from + CHUNK).min(frame.rows), before)?;
+            Ok::<_, KMeansError>((chunk, largest))
+        })?;
+        let (chunks, maxima): (Vec<Chunk>, Vec<f64>) = pieces.into_iter().unzip();
+        Ok((chunks, maxima.into_iter().fold(largest, f64::max)))
     }
 
     /// Rows, n.
@@ -103,9 +120,10 @@ impl Points {
     ///
     /// # Panics
     /// If there is no such row.
-    pub fn row(&self, row: usize) -> &[f64] {
-        let at = row % CHUNK * self.dimensions;
-        &self.chunks[row / CHUNK].values[at..at + self.dimensions]
+    pub fn row(&self, row: usize) -> Vec<f64> {
+        let mut out = vec![0.0; self.dimensions];
+        self.chunk(row / CHUNK).copy(row % CHUNK, &mut out);
+        out
     }
 
     /// The largest magnitude of a coordinate.
@@ -117,46 +135,114 @@ impl Points {
         self.chunks.len()
     }
 
-    /// The rows of a chunk, row-major: `CHUNK` of them, fewer in the last.
-    pub(super) fn chunk(&self, chunk: usize) -> &[f64] {
-        &self.chunks[chunk].values
+    /// The rows of a chunk: `CHUNK` of them, fewer in the last.
+    pub(super) fn chunk(&self, chunk: usize) -> ChunkRows<'_> {
+        let Chunk { high, first, low } = &self.chunks[chunk];
+        ChunkRows { dimensions: self.dimensions, high: &high[*first..], low }
     }
 
     /// Mean over the columns of their population variances.
-    pub(super) fn mean_variance(&self) -> f64 {
+    pub(super) fn mean_variance(&self, progress: &dyn Progress) -> Result<f64, Cancelled> {
         let d = self.dimensions;
-        let mut total = 0.0;
-        for j in 0..d {
-            // Chan, Golub, LeVeque: chunks merge by the exact shift formula.
-            let (mut count, mut mean, mut squares) = (0.0, 0.0, 0.0);
-            for chunk in &self.chunks {
-                let rows = (chunk.values.len() / d) as f64;
-                let deviation = chunk.moments[j] / rows;
-                let within = (chunk.moments[d + j] - deviation * chunk.moments[j]).max(0.0);
-                let shift = chunk.values[j] + deviation - mean;
-                squares += within + shift * shift * (count * rows / (count + rows));
-                count += rows;
-                mean += shift * (rows / count);
+        let parts = parallel_map(self.chunks(), &Silent, |chunk| {
+            if progress.cancelled() { Err(Cancelled) } else { Ok(self.chunk(chunk).moments()) }
+        })?;
+        // Chan, Golub, LeVeque: chunks merge by the exact shift formula.
+        let (mut count, mut mean, mut squares) = (0.0, vec![0.0; d], 0.0);
+        for (chunk, (deviations, within)) in parts.into_iter().enumerate() {
+            let rows = self.chunk(chunk).rows() as f64;
+            squares += within;
+            for j in 0..d {
+                let shift = deviations[j] - mean[j];
+                squares += shift * shift * (count * rows / (count + rows));
+                mean[j] += shift * (rows / (count + rows));
             }
-            total += squares / count.max(1.0);
+            count += rows;
         }
-        total / d.max(1) as f64
+        Ok(squares / (count * d as f64).max(1.0))
     }
 }
 
 impl Chunk {
-    /// Adds the rows from `from` on to the moments, one by one: the order is that of the rows, however they were appended.
-    fn accumulate(&mut self, from: usize) {
-        let d = self.moments.len() / 2;
-        let (sums, squares) = self.moments.split_at_mut(d);
-        let reference = &self.values[..d.min(self.values.len())];
-        for row in self.values[from * d..].chunks_exact(d) {
+    fn new(d: usize) -> Self {
+        const LINE: usize = 16;
+        // Room for all rows of a chunk at once, so that the values never move off their cache lines.
+        let mut high: Vec<f32> = Vec::with_capacity(CHUNK * d + LINE);
+        let first = high.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+        high.resize(first, 0.0);
+        Self { high, first, low: Vec::with_capacity(CHUNK * d) }
+    }
+
+    fn truncate(&mut self, length: usize) {
+        self.high.truncate(self.first + length);
+        self.low.truncate(length);
+    }
+
+    /// Appends standardised rows; the largest magnitude among them. `before` counts the rows in front of the block, for messages.
+    fn append(&mut self, frame: &Frame<'_>, range: Range<usize>, before: usize) -> Result<f64, KMeansError> {
+        let (d, length) = (frame.columns.len(), self.low.len());
+        let end = length + range.len() * d;
+        self.high.resize(self.first + end, 0.0);
+        self.low.resize(end, 0);
+        let (high, low) = (&mut self.high[self.first + length..], &mut self.low[length..]);
+        let mut largest: f64 = 0.0;
+        let mut bad = None;
+        frame.each(range, |row, column, at, z| {
+            // The negation catches NaN.
+            if !(z.abs() <= LARGEST) {
+                bad = bad.or(Some((row, column)));
+            }
+            largest = largest.max(z.abs());
+            (high[at], low[at]) = split(z);
+        });
+        match bad {
+            None => Ok(largest),
+            Some((row, column)) => Err(KMeansError::Value { row: before + row, column, value: frame.columns[column][row] }),
+        }
+    }
+}
+
+/// The `f32` towards zero from a value, and the rest of its mantissa.
+#[inline(always)]
+fn split(z: f64) -> (f32, u32) {
+    if z.abs() < f64::from(f32::MIN_POSITIVE) {
+        return (0.0, 0);
+    }
+    let bits = z.to_bits();
+    (f64::from_bits(bits & !LOW) as f32, (bits & LOW) as u32)
+}
+
+impl<'a> ChunkRows<'a> {
+    pub(super) fn rows(&self) -> usize {
+        self.low.len() / self.dimensions
+    }
+
+    /// Writes the coordinates of a row to `out`.
+    #[inline(always)]
+    pub(super) fn copy(&self, row: usize, out: &mut [f64]) {
+        let range = row * self.dimensions..(row + 1) * self.dimensions;
+        for ((high, low), out) in self.high[range.clone()].iter().zip(&self.low[range]).zip(out) {
+            *out = f64::from_bits(f64::from(*high).to_bits() | u64::from(*low));
+        }
+    }
+
+    /// Means of the columns, and the sum of all squared deviations from them.
+    fn moments(&self) -> (Vec<f64>, f64) {
+        let d = self.dimensions;
+        let mut reference = vec![0.0; d];
+        self.copy(0, &mut reference);
+        let (mut row, mut sums, mut squares) = (vec![0.0; d], vec![0.0; d], vec![0.0; d]);
+        for i in 0..self.rows() {
+            self.copy(i, &mut row);
             for j in 0..d {
                 let deviation = row[j] - reference[j];
                 sums[j] += deviation;
                 squares[j] += deviation * deviation;
             }
         }
+        let rows = self.rows() as f64;
+        let within = (0..d).map(|j| (squares[j] - sums[j] * sums[j] / rows).max(0.0)).sum();
+        ((0..d).map(|j| reference[j] + sums[j] / rows).collect(), within)
     }
 }
 
@@ -194,30 +280,19 @@ impl<'a> Frame<'a> {
         Ok(Self { columns, centre, scale, rows })
     }
 
-    /// Appends the standardised rows of a range to `values`, row-major; the largest magnitude among them.
-    /// `before` counts the rows in front of the block, for messages.
-    fn standardise(&self, range: Range<usize>, before: usize, values: &mut Vec<f64>) -> Result<f64, KMeansError> {
-        let (d, length) = (self.columns.len(), values.len());
-        values.resize(length + range.len() * d, 0.0);
-        let out = &mut values[length..];
-        self.fill(range.clone(), out);
-        // NaN is the larger of any two here.
-        let largest = out.iter().fold(0.0, |largest: f64, x| if x.abs() <= largest { largest } else { x.abs() });
-        if out.iter().all(|x| x.abs() <= LARGEST) {
-            return Ok(largest);
-        }
-        let at = out.iter().position(|x| !(x.abs() <= LARGEST)).unwrap_or_default();
-        let (row, column) = (range.start + at / d, at % d);
-        Err(KMeansError::Value { row: before + row, column, value: self.columns[column][row] })
-    }
-
-    /// Writes the standardised rows of a range, row-major.
-    pub(super) fn fill(&self, range: Range<usize>, out: &mut [f64]) {
+    /// Calls `take(row, column, place, z)` for all standardised values of a range of rows; the place is that in a row-major matrix of the range.
+    #[inline(always)]
+    pub(super) fn each(&self, range: Range<usize>, mut take: impl FnMut(usize, usize, usize, f64)) {
+        /// Rows whose places fit the first cache.
+        const BLOCK: usize = 128;
         let d = self.columns.len();
-        for (j, column) in self.columns.iter().enumerate() {
-            let (centre, scale) = (self.centre[j], self.scale[j]);
-            for (x, out) in column[range.clone()].iter().zip(out[j..].iter_mut().step_by(d)) {
-                *out = (x - centre) / scale;
+        for from in range.clone().step_by(BLOCK) {
+            let block = from..(from + BLOCK).min(range.end);
+            for (j, column) in self.columns.iter().enumerate() {
+                let (centre, scale) = (self.centre[j], self.scale[j]);
+                for (row, value) in block.clone().zip(&column[block.clone()]) {
+                    take(row, j, (row - range.start) * d + j, (value - centre) / scale);
+                }
             }
         }
     }
@@ -244,17 +319,17 @@ mod tests {
             }
             prop_assert_eq!(parts.rows(), n);
             prop_assert_eq!(whole.largest(), parts.largest());
-            prop_assert_eq!(whole.mean_variance().to_bits(), parts.mean_variance().to_bits());
+            prop_assert_eq!(whole.mean_variance(&Silent).unwrap().to_bits(), parts.mean_variance(&Silent).unwrap().to_bits());
             for row in 0..n {
                 prop_assert_eq!(whole.row(row), parts.row(row));
-                prop_assert_eq!(whole.row(row), &[(x[row] - 99.0) / 3.0, y[row] / 0.5]);
+                prop_assert_eq!(whole.row(row), [(x[row] - 99.0) / 3.0, y[row] / 0.5]);
             }
             let variance = |values: &[f64]| {
                 let mean = values.iter().sum::<f64>() / n as f64;
                 values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n as f64
             };
             let expected = (variance(&x) / 9.0 + variance(&y) / 0.25) / 2.0;
-            prop_assert!((whole.mean_variance() - expected).abs() <= 1e-12 * (1.0 + expected));
+            prop_assert!((whole.mean_variance(&Silent).unwrap() - expected).abs() <= 1e-12 * (1.0 + expected));
         }
     }
 
@@ -268,7 +343,7 @@ mod tests {
         let mut infinite = long.clone();
         infinite[2 * CHUNK + 5] = f64::INFINITY;
         assert!(points.append(&[&long, &infinite], &[0.0; 2], &[1.0; 2]).is_err());
-        assert!(points.append(&[&[1.0], &[1e101]], &[0.0; 2], &[1.0; 2]).is_err());
+        assert!(points.append(&[&[1.0], &[1e31]], &[0.0; 2], &[1.0; 2]).is_err());
         assert!(points.append(&[&[1.0]], &[0.0; 2], &[1.0; 2]).is_err());
         assert!(points.append(&[&[1.0], &[1.0, 2.0]], &[0.0; 2], &[1.0; 2]).is_err());
         assert!(points.append(&[&[1.0], &[1.0]], &[0.0; 2], &[1.0, 0.0]).is_err());
@@ -278,5 +353,15 @@ mod tests {
         points.append(&[&[5.0], &[6.0]], &[0.0; 2], &[1.0; 2]).unwrap();
         assert_eq!(points.row(2), [5.0, 6.0]);
         assert_eq!(points.largest(), 6.0);
+    }
+
+    #[test]
+    fn both_parts_together_are_the_value() {
+        for z in [0.0, 1.0, -1.0 / 3.0, 1e30, -9.87654321e-37, f64::from(f32::MIN_POSITIVE), std::f64::consts::PI, 16777217.0] {
+            let points = Points::from_columns(&[&[z]], &[0.0], &[1.0]).unwrap();
+            assert_eq!(points.row(0)[0].to_bits(), z.to_bits());
+            assert!(f64::from(points.chunk(0).high[0]).abs() <= z.abs());
+        }
+        assert_eq!(Points::from_columns(&[&[1e-39]], &[0.0], &[1.0]).unwrap().row(0), [0.0]);
     }
 }

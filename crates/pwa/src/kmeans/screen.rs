@@ -1,14 +1,13 @@
 //! The screen: nearest centroids of a tile of rows in `f32`, with a proof or a doubt for every row.
 //!
-//! With an origin `o`, `x' = x - o`, `c' = c - o` and `h = ||c'||^2 / 2`, the nearest centroid has the least score `h - x'.c'`
-//! (half the squared distance less `||x'||^2 / 2`). The kernel computes all scores of a tile with fused multiply-adds and keeps, in
-//! registers, the two least of each row and the place of the least; no score reaches memory.
+//! With `h = ||c||^2 / 2`, the nearest centroid has the least score `h - x.c` (half the squared distance less `||x||^2 / 2`). The kernel
+//! computes all scores of a tile with fused multiply-adds and keeps, in registers, the two least of each row and the place of the least; no score
+//! reaches memory.
 //!
-//! What proves the answer is a bound on the rounding. With unit roundoff `u = 2^-24`, the rounding of `x'`, `c'`, `h` and of the
-//! `d` multiply-adds changes a score by at most `e (h + ||x'|| ||c'||)`, `e = (d + 16) u`, which is at most `e (2 h + ||x'||^2 / 2)`.
-//! The part `2 e h` of a centroid is taken off its `h` beforehand, so that, up to `e ||x'||^2 / 2`, a computed score is a lower bound and
-//! exceeds the true one by nothing; it falls short of it by at most `4 e h + e ||x'||^2 / 2`. One far centroid therefore
-//! spoils only its own scores. If the gap between the two least scores is larger than the sum of the two errors, the first is the nearest
+//! What proves the answer is a bound on the rounding. With unit roundoff `u = 2^-24`, the rounding of `x` (towards zero: 2 u), of `c` and `h` and of the
+//! `d` multiply-adds changes a score by at most `e (h + ||x|| ||c||)`, `e = (d + 16) u`, which is at most `e (2 h + ||x||^2 / 2)`.
+//! The part `2 e h` of a centroid is taken off its `h` beforehand. Then a computed score exceeds the true one by at most `e ||x||^2 / 2` and falls short of it
+//! by at most `4 e h + e ||x||^2 / 2`; one far centroid spoils only its own scores. If the gap between the two least scores is larger than the sum of the two errors, the first is the nearest
 //! centroid, strictly, also in the `f64` arithmetic of [`squared_distance`](super::distance::squared_distance), whose error is accounted for.
 //! Otherwise the row is in doubt, and the caller compares all centroids in `f64`.
 
@@ -32,8 +31,6 @@ const TINY: f32 = 1e-25;
 #[derive(Debug, Clone)]
 pub(super) struct Screen {
     dimensions: usize,
-    /// Subtracted from rows and centroids: the coordinate-wise median of the centroids, so that an offset common to all costs no digits.
-    origin: Vec<f64>,
     /// Negated coordinates, group by group: for every dimension the group's centroids.
     negated: Vec<f32>,
     /// `h`, less its share of the error.
@@ -51,16 +48,14 @@ pub(super) struct Screen {
 pub(super) struct Tile {
     /// `d x TILE` coordinates about the origin, rows contiguous.
     x: Vec<Lane>,
-    /// `||x'||^2` of the rows.
+    /// `||x||^2` of the rows.
     norms: Lane,
     first: Lane,
     second: Lane,
     /// The place of the least score.
     pub(super) label: LabelLane,
-    /// Distances at least as large as the one to the nearest centroid.
-    pub(super) upper: Lane,
-    /// Distances at most as large as those to all others.
-    pub(super) lower: Lane,
+    /// At most the distance to the second-nearest centroid less that to the nearest, by a margin that `f64` cannot miss.
+    pub(super) gap: Lane,
     /// Rows whose nearest centroid is not proven.
     pub(super) doubt: [bool; TILE],
 }
@@ -84,8 +79,7 @@ impl Tile {
             first: zero,
             second: zero,
             label: LabelLane([0; TILE]),
-            upper: zero,
-            lower: zero,
+            gap: zero,
             doubt: [false; TILE],
         }
     }
@@ -96,7 +90,6 @@ impl Screen {
     pub(super) fn new(centroids: &[f64], dimensions: usize) -> Self {
         let clusters = centroids.len() / dimensions;
         let error = (dimensions as f32 + 16.0) * 2f32.powi(-24);
-        let origin: Vec<f64> = (0..dimensions).map(|j| median(centroids.iter().skip(j).step_by(dimensions))).collect();
         let count = clusters.div_ceil(GROUP);
         let groups: Vec<usize> = (0..count).map(|g| clusters * (g + 1) / count - clusters * g / count).collect();
         let mut negated = Vec::with_capacity(centroids.len());
@@ -104,29 +97,29 @@ impl Screen {
         for &members in &groups {
             let rows = &centroids[from * dimensions..(from + members) * dimensions];
             for j in 0..dimensions {
-                negated.extend((0..members).map(|c| (origin[j] - rows[c * dimensions + j]) as f32));
+                negated.extend((0..members).map(|c| -rows[c * dimensions + j] as f32));
             }
             from += members;
         }
         let half_norms = centroids.chunks_exact(dimensions).map(|c| {
-            let half = 0.5 * c.iter().zip(&origin).map(|(c, o)| (c - o) * (c - o)).sum::<f64>();
+            let half = 0.5 * c.iter().map(|c| c * c).sum::<f64>();
             (half * (1.0 - 2.0 * f64::from(error))) as f32
         });
         let half_norms = half_norms.collect();
         let extent = centroids.iter().fold(0.0, |extent: f64, c| extent.max(c.abs()));
         // Beyond 100,000 dimensions the rounding bound itself would need care.
         let safe = extent < LARGEST && dimensions < 100_000;
-        Self { dimensions, origin, negated, half_norms, groups, error, safe }
+        Self { dimensions, negated, half_norms, groups, error, safe }
     }
 
     /// Screens the rows of `rows` (row-major) whose numbers stand in `chosen`, at most `TILE` of them. Results beyond `chosen.len()` mean nothing.
     #[inline(always)]
-    pub(super) fn tile<S: Simd>(&self, simd: S, rows: &[f64], chosen: &[u32], tile: &mut Tile) {
+    pub(super) fn tile<S: Simd>(&self, simd: S, rows: &[f32], chosen: &[u32], tile: &mut Tile) {
         if !self.safe {
             tile.doubt = [true; TILE];
             return;
         }
-        gather(rows, self.dimensions, chosen, &self.origin, &mut tile.x);
+        gather(rows, self.dimensions, chosen, &mut tile.x);
         if S::F32_LANES >= 16 {
             self.scores::<S, 4>(simd, chosen.len(), tile);
         } else {
@@ -179,7 +172,7 @@ impl Screen {
         }
     }
 
-    /// Turns scores into distance bounds and doubts.
+    /// Turns scores into gaps and doubts.
     #[inline(always)]
     fn judge(&self, tile: &mut Tile) {
         let e = self.error;
@@ -193,12 +186,17 @@ impl Screen {
             let excess = 1.01 * e * (4.0 * half.0[i] + norm) + TINY;
             let near = (norm + 2.0 * (first + excess)) + 2.0 * e * norm;
             let far = (norm + 2.0 * (second - e * norm)) - (4.0 * e * norm + TINY);
-            tile.upper.0[i] = near.max(0.0).sqrt() * (1.0 + 1e-6);
-            tile.lower.0[i] = far.max(0.0).sqrt() * (1.0 - 1e-6);
+            tile.gap.0[i] = gap(near.max(0.0).sqrt(), far.max(0.0).sqrt());
             // NaN is a doubt.
             tile.doubt[i] = !(second - first > excess);
         }
     }
+}
+
+/// `far - near`, less a margin of parts in a million for the rounding before and here, and of what may be lost to underflow.
+#[inline(always)]
+pub(super) fn gap(near: f32, far: f32) -> f32 {
+    far * (1.0 - 2e-6) - (near * (1.0 + 2e-6) + 1e-12)
 }
 
 /// The two least scores and the place of the least, for `P` vectors of rows.
@@ -249,11 +247,4 @@ fn vectors<S: Simd, const P: usize>(lane: &[f32; TILE], at: usize) -> [S::f32s; 
 fn store<S: Simd, const P: usize>(lane: &mut [f32; TILE], at: usize, values: [S::f32s; P]) {
     let (out, _) = S::as_mut_simd_f32s(&mut lane[at..at + P * S::F32_LANES]);
     out.copy_from_slice(&values);
-}
-
-/// The middle value; any of the two in the middle will do.
-fn median<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
-    let mut values: Vec<f64> = values.copied().collect();
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

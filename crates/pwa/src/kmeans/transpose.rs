@@ -1,31 +1,31 @@
-//! Chosen rows of `f64` become a tile of `f32` columns.
+//! Chosen rows become a tile of columns.
 
 use super::screen::{Lane, TILE};
 
-/// Writes `rows[chosen[i]][j] - origin[j]` to `out[j][i]`, for at most `TILE` chosen rows.
+/// Writes `rows[chosen[i]][j]` to `out[j][i]`, for at most `TILE` chosen rows.
 #[inline(always)]
-pub(super) fn gather(rows: &[f64], dimensions: usize, chosen: &[u32], origin: &[f64], out: &mut [Lane]) {
+pub(super) fn gather(rows: &[f32], dimensions: usize, chosen: &[u32], out: &mut [Lane]) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx512f") {
         // SAFETY: the processor has the features that the function is compiled for.
-        unsafe { avx512::gather(rows, dimensions, chosen, origin, out) };
+        unsafe { avx512::gather(rows, dimensions, chosen, out) };
         return;
     }
     for (i, &row) in chosen.iter().enumerate().take(TILE) {
         let row = &rows[row as usize * dimensions..][..dimensions];
         for j in 0..dimensions {
-            out[j].0[i] = (row[j] - origin[j]) as f32;
+            out[j].0[i] = row[j];
         }
     }
 }
 
-/// Asks for chosen rows to be in the cache soon: scattered rows defeat the hardware's guesses.
+/// Asks for chosen rows, of four-byte values, to be in the cache soon: scattered rows defeat the hardware's guesses.
 #[inline(always)]
-pub(super) fn prefetch(rows: &[f64], dimensions: usize, chosen: &[u32]) {
+pub(super) fn prefetch<T>(rows: &[T], dimensions: usize, chosen: &[u32]) {
     #[cfg(target_arch = "x86_64")]
     for &row in chosen {
         let row = &rows[row as usize * dimensions..][..dimensions];
-        for line in row.chunks(8) {
+        for line in row.chunks(16) {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
             // SAFETY: a prefetch has no effect but on speed, and the address is that of a value.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
@@ -41,18 +41,16 @@ mod avx512 {
 
     use super::{Lane, TILE};
 
-    /// Sixteen rows by sixteen columns at a time are converted, one row a register, and transposed in registers.
+    /// Sixteen rows by sixteen columns at a time, one row a register, transposed in registers.
     #[target_feature(enable = "avx512f")]
-    pub(super) fn gather(rows: &[f64], dimensions: usize, chosen: &[u32], origin: &[f64], out: &mut [Lane]) {
+    pub(super) fn gather(rows: &[f32], dimensions: usize, chosen: &[u32], out: &mut [Lane]) {
         for (quarter, chosen) in chosen.chunks(16).enumerate().take(TILE / 16) {
             for from in (0..dimensions).step_by(16) {
                 let width = (dimensions - from).min(16);
                 let mut lines = [_mm512_setzero_ps(); 16];
-                let origin = load(&origin[from..from + width]);
                 for (line, &row) in lines.iter_mut().zip(chosen) {
                     let at = row as usize * dimensions + from;
-                    let (low, high) = load(&rows[at..at + width]);
-                    *line = narrow(_mm512_sub_pd(low, origin.0), _mm512_sub_pd(high, origin.1));
+                    *line = load(&rows[at..at + width]);
                 }
                 transpose(&mut lines);
                 for (line, lane) in lines.iter().zip(&mut out[from..from + width]) {
@@ -67,22 +65,10 @@ mod avx512 {
     /// Up to sixteen values; what is missing is zero.
     #[target_feature(enable = "avx512f")]
     #[inline]
-    fn load(values: &[f64]) -> (__m512d, __m512d) {
+    fn load(values: &[f32]) -> __m512 {
         let mask = if values.len() >= 16 { u16::MAX } else { (1u16 << values.len()) - 1 };
-        let pointer = values.as_ptr();
         // SAFETY: lanes outside the mask are not read, and the mask covers values of the slice only.
-        unsafe {
-            let low = _mm512_maskz_loadu_pd(mask as u8, pointer);
-            let high = _mm512_maskz_loadu_pd((mask >> 8) as u8, pointer.wrapping_add(8));
-            (low, high)
-        }
-    }
-
-    #[target_feature(enable = "avx512f")]
-    #[inline]
-    fn narrow(low: __m512d, high: __m512d) -> __m512 {
-        let low = _mm512_castps_pd(_mm512_castps256_ps512(_mm512_cvtpd_ps(low)));
-        _mm512_castpd_ps(_mm512_insertf64x4::<1>(low, _mm256_castps_pd(_mm512_cvtpd_ps(high))))
+        unsafe { _mm512_maskz_loadu_ps(mask, values.as_ptr()) }
     }
 
     /// Transposes a 16 x 16 matrix: pairs of rows, of pairs, of quarters, of halves.
@@ -125,15 +111,14 @@ mod tests {
     #[test]
     fn every_value_finds_its_place() {
         for d in [1, 3, 8, 15, 16, 17, 40] {
-            let rows: Vec<f64> = (0..200 * d).map(|i| i as f64 + 0.25).collect();
-            let origin: Vec<f64> = (0..d).map(|j| j as f64 * 0.5).collect();
+            let rows: Vec<f32> = (0..200 * d).map(|i| i as f32 + 0.25).collect();
             for count in [1, 15, 16, 17, 63, 64] {
                 let chosen: Vec<u32> = (0..count).map(|i| (i * 37 % 200) as u32).collect();
                 let mut out = vec![Lane([f32::NAN; TILE]); d];
-                gather(&rows, d, &chosen, &origin, &mut out);
+                gather(&rows, d, &chosen, &mut out);
                 for (i, &row) in chosen.iter().enumerate() {
                     for j in 0..d {
-                        assert_eq!(out[j].0[i], (rows[row as usize * d + j] - origin[j]) as f32, "d {d} row {i} column {j}");
+                        assert_eq!(out[j].0[i], rows[row as usize * d + j], "d {d} row {i} column {j}");
                     }
                 }
             }

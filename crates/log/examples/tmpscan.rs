@@ -1,0 +1,179 @@
+//! Scanning a Parquet file through `Source::read` beside a bare decode of the same columns, with the same threads.
+//!
+//! The file holds 100 million rows (`FLEETFOOT_BENCH_ROWS`) of 20 columns like those of a robot: slow and fast oscillations that the columns share, and noise,
+//! in row groups of a million rows. It is written once into `FLEETFOOT_BENCH_DIR` (else a temporary folder), uncompressed unless `FLEETFOOT_BENCH_ZSTD` is set.
+//! Bias: the file is in the page cache where it fits; both sides read it the same way, in alternation, and the faster run of each counts.
+//! The limit of both is the memory's speed, and with compression the decompressor's.
+
+use std::{
+    error::Error,
+    fs::File,
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+fn peak_rss_mib()->f64{std::fs::read_to_string("/proc/self/status").unwrap().lines().find(|l|l.starts_with("VmHWM")).unwrap().split_whitespace().nth(1).unwrap().parse::<f64>().unwrap()/1024.}
+use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, thread_count};
+use fleetfoot_log::{Selection, open};
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
+};
+
+const COLUMNS: usize = 20;
+const CHUNK: usize = 65_536;
+const REPEATS: usize = 3;
+/// Oscillations that the columns share.
+const SOURCES: usize = 6;
+
+type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
+
+fn main() -> Result<()> {
+    let rows: usize = std::env::var("FLEETFOOT_BENCH_ROWS")
+        .ok()
+        .and_then(|rows| rows.replace('_', "").parse().ok())
+        .unwrap_or(100_000_000);
+    let compress = std::env::var_os("FLEETFOOT_BENCH_ZSTD").is_some();
+    let temporary = tempfile::tempdir()?;
+    let folder = std::env::var_os("FLEETFOOT_BENCH_DIR")
+        .map_or_else(|| temporary.path().to_path_buf(), PathBuf::from);
+    let path = folder.join(format!(
+        "scan-{rows}{}.parquet",
+        if compress { "-zstd" } else { "" }
+    ));
+    if !path.exists() {
+        let start = Instant::now();
+        
+        println!(
+            "written {} in {:.1} s",
+            path.display(),
+            start.elapsed().as_secs_f64()
+        );
+    }
+    let size = std::fs::metadata(&path)?.len();
+    println!(
+        "{rows} rows x {COLUMNS} columns, {:.2} GB, {} threads",
+        size as f64 * 1e-9,
+        thread_count()
+    );
+
+    let names: Vec<String> = (0..COLUMNS).map(|c| format!("x{c}")).collect();
+    let start = Instant::now();
+    let source = open(&[&path], &Selection::new(names))?;
+    let opened = start.elapsed().as_secs_f64();
+    println!(
+        "open (stamps, episodes, identity)  {opened:8.2} s   peak {:6.0} MiB",
+        peak_rss_mib()
+    );
+
+    let (mut scan, mut bare) = (f64::INFINITY, f64::INFINITY);
+    for repeat in 0..REPEATS {
+        let (seconds, sum) = timed(|| scan_source(&source))?;
+        scan = scan.min(seconds);
+        if repeat == 0 {
+            println!(
+                "first scan                         {seconds:8.2} s   peak {:6.0} MiB",
+                peak_rss_mib()
+            );
+        }
+        let (seconds, expected) = timed(|| decode_bare(&path))?;
+        bare = bare.min(seconds);
+        // The sums run over other pieces, so they agree but for rounding.
+        if (sum - expected).abs() > 1e-9 * rows as f64 {
+            return Err(format!("the scan sums to {sum}, the bare decode to {expected}").into());
+        }
+    }
+    let gigabytes = (8 * rows * (COLUMNS + 1)) as f64 * 1e-9;
+    println!(
+        "bare decode                        {bare:8.2} s   {:6.2} GB/s",
+        gigabytes / bare
+    );
+    println!(
+        "Source::read in chunks of {CHUNK}    {scan:8.2} s   {:6.2} GB/s   ratio {:.2}",
+        gigabytes / scan,
+        scan / bare
+    );
+    Ok(())
+}
+
+fn timed<R>(work: impl FnOnce() -> Result<R>) -> Result<(f64, R)> {
+    let start = Instant::now();
+    let result = work()?;
+    Ok((start.elapsed().as_secs_f64(), result))
+}
+
+/// Reads all chunks in order with all threads; the sum of the first column.
+fn scan_source(source: &dyn Source) -> Result<f64> {
+    let mut chunks = Vec::new();
+    for (episode, info) in source.episodes().iter().enumerate() {
+        chunks.extend(
+            (0..info.rows)
+                .step_by(CHUNK)
+                .map(|from| (episode, from..(from + CHUNK).min(info.rows))),
+        );
+    }
+    let mut total = 0.0;
+    parallel_fold(
+        chunks.len(),
+        &Silent,
+        |i| {
+            let (episode, rows) = chunks[i].clone();
+            let block = source.read(
+                episode,
+                rows,
+                Halo {
+                    before: 2,
+                    after: 2,
+                },
+            )?;
+            Ok::<f64, fleetfoot_data::Error>(block.core(0).iter().sum())
+        },
+        |sum| {
+            total += sum;
+            Ok(())
+        },
+    )?;
+    Ok(total)
+}
+
+/// Decodes all row groups with all threads; the sum of the first column after the stamps.
+fn decode_bare(path: &Path) -> Result<f64> {
+    struct Failed(String);
+    impl From<Cancelled> for Failed {
+        fn from(_: Cancelled) -> Self {
+            Self("stopped".into())
+        }
+    }
+    let metadata = ArrowReaderMetadata::load(&File::open(path)?, ArrowReaderOptions::new())?;
+    let group_sum = |group: usize| -> Result<f64> {
+        let reader =
+            ParquetRecordBatchReaderBuilder::new_with_metadata(File::open(path)?, metadata.clone())
+                .with_row_groups(vec![group])
+                .with_batch_size(CHUNK)
+                .build()?;
+        let mut sum = 0.0;
+        for batch in reader {
+            let batch = batch?;
+            let column = batch
+                .column(1)
+                .as_any()
+                .downcast_ref::<arrow_array::Float64Array>()
+                .ok_or("not a column of doubles")?;
+            sum += column.values().iter().sum::<f64>();
+        }
+        Ok(sum)
+    };
+    let mut total = 0.0;
+    let groups = metadata.metadata().num_row_groups();
+    parallel_fold(
+        groups,
+        &Silent,
+        |group| group_sum(group).map_err(|error| Failed(error.to_string())),
+        |sum| {
+            total += sum;
+            Ok(())
+        },
+    )
+    .map_err(|Failed(reason)| reason)?;
+    Ok(total)
+}
+

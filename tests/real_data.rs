@@ -1,0 +1,179 @@
+//! The main job on recordings of real machines (and one simulated hybrid), fitted on one part and scored on rows held out.
+//!
+//! The data are not part of the project. `FLEETFOOT_DATA` names their folder, else `../shared/data` beside the checkout is
+//! tried; where they are absent each test says so and ends.
+
+use std::{fs, path::PathBuf};
+
+include!("runner.rs");
+
+/// The folder of the data, or a word about why a test does nothing.
+fn data(file: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("FLEETFOOT_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        PathBuf::from,
+    );
+    let path = folder.join(file);
+    if path.exists() {
+        Some(path)
+    } else {
+        eprintln!("skipped: {file} is not in {} (set FLEETFOOT_DATA)", folder.display());
+        None
+    }
+}
+
+/// Splits a CSV at a share of its rows into `train.csv` and `test.csv`.
+fn split(path: &Path, share: f64) -> tempfile::TempDir {
+    let text = fs::read_to_string(path).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let at = 1 + ((lines.len() - 1) as f64 * share) as usize;
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("train.csv"), lines[..at].join("\n") + "\n").unwrap();
+    fs::write(folder.path().join("test.csv"), format!("{}\n{}\n", lines[0], lines[at..].join("\n"))).unwrap();
+    folder
+}
+
+fn value(json: &serde_json::Value, path: &str) -> f64 {
+    json.pointer(path).and_then(serde_json::Value::as_f64).unwrap_or_else(|| panic!("{path} is missing from {json:#}"))
+}
+
+/// The model's Mahalanobis score at the last step of a rollout, over the best baseline's.
+fn last_over_best_baseline(rollout: &serde_json::Value) -> f64 {
+    let last = |scores: &serde_json::Value| scores["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
+    let baselines = rollout["baselines"].as_object().unwrap();
+    last(&rollout["model"]) / baselines.values().map(last).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn hybrid_robot_with_given_regions_is_recovered_exactly() {
+    let Some(file) = data("hybrid-diff-drive.csv") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = "[states]\nx = { derivative = \"dx\", regressor = false }\nphi = { derivative = \"dphi\", regressor = false }\n\
+                  xd = { derivative = \"ddx\" }\nphid = { derivative = \"ddphi\" }\n[inputs]\nu1 = \"u1\"\nu2 = \"u2\"\n[time]\ncolumn = \"t\"\n";
+    fs::write(folder.path().join("recipe.toml"), recipe).unwrap();
+    let file = file.to_str().unwrap();
+    fleetfoot(folder.path(), &["fit", "pwa", "-c", "recipe.toml", file, "--partition", "labels:region", "--folds", "0"]).ok();
+    let model = fleetfoot(folder.path(), &["show", "model.json", "--json"]).ok().json();
+    let model = &model["model"];
+    // Regions in the order of the labels: 0 is xd <= 0 and its offsets (-1, 1) or (0, 0) as in the data's description.
+    for (region, info) in model["partitions"][0]["regions"].as_array().unwrap().iter().enumerate() {
+        let (f1, f2) = if info["name"] == "1" { (-1.0, 1.0) } else { (0.0, 0.0) };
+        // xd, phid, u1, u2 -> dx, dphi, ddx, ddphi
+        let expected = [
+            (f1, [1.0, 0.0, 0.0, 0.0]),
+            (f2, [0.0, 1.0, 0.0, 0.0]),
+            (0.0, [-0.175, 0.0, 0.5, 0.0]),
+            (0.0, [0.0, -0.266_666_666_666_666_7, 0.0, 0.6]),
+        ];
+        for (latent, (constant, coefficients)) in expected.iter().enumerate() {
+            let latent = &model["latents"][latent];
+            assert!((value(latent, &format!("/constants/{region}")) - constant).abs() < 1e-9);
+            for (j, coefficient) in coefficients.iter().enumerate() {
+                let found = value(latent, &format!("/coefficients/{region}/{j}"));
+                assert!((found - coefficient).abs() < 1e-9, "{found} {coefficient}");
+            }
+        }
+    }
+}
+
+#[test]
+fn quadrotor_in_wind() {
+    let Some(file) = data("neural-fly/35wind.csv") else { return };
+    let wind = file.parent().unwrap().to_str().unwrap().to_owned();
+    let folder = split(&file, 0.5);
+    let recipe = "[columns]\nTx = \"R_13*T_sp\"\nTy = \"R_23*T_sp\"\nTz = \"R_33*T_sp\"\n\
+                  [states]\nv_x = { derivative = \"forward\" }\nv_y = { derivative = \"forward\" }\nv_z = { derivative = \"forward\" }\n\
+                  [inputs]\nTx = \"Tx\"\nTy = \"Ty\"\nTz = \"Tz\"\n";
+    fs::write(folder.path().join("quad.toml"), recipe).unwrap();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
+    let others: Vec<String> = ["nowind", "70wind", "100wind"].iter().map(|name| format!("{wind}/{name}.csv")).collect();
+    let mut fit = vec!["fit", "pwa", "-c", "quad.toml", "train.csv", "--partition", "null,average,kmeans:2,5,10", "--json"];
+    fit.extend(others.iter().map(String::as_str));
+    let fit = run(&fit);
+    let loss = |candidate: usize| value(&fit, &format!("/candidates/{candidate}/loss"));
+    assert!(loss(4) < loss(1) && loss(1) < 0.7 * loss(0), "{fit:#}");
+    let score = run(&["score", "model.json", "test.csv", "--json"]);
+    assert!(value(&score, "/targets/2/mae_over_null/value") < 0.6, "{score:#}");
+    let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "50", "--starts", "500", "--json"]);
+    assert_eq!(rollout["diverged"], 0);
+    assert!(last_over_best_baseline(&rollout) < 0.8);
+}
+
+#[test]
+fn electro_mechanical_positioning_system() {
+    let Some(file) = data("emps.csv") else { return };
+    let folder = split(&file, 0.8);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
+    let recipe = "[columns]\nqd = \"central(qm)\"\n[states]\nqm = { known = \"qd\", regressor = false }\nqd = {}\n[inputs]\nvir = \"vir\"\n";
+    fs::write(folder.path().join("emps.toml"), recipe).unwrap();
+    run(&["fit", "pwa", "-c", "emps.toml", "train.csv", "--partition", "average,kmeans:2", "--purge", "0.1", "--json"]);
+    let score = run(&["score", "model.json", "test.csv", "--json"]);
+    // Dry friction changes its sign with the speed: two regions explain what one cannot.
+    assert!(value(&score, "/targets/0/r2") > 0.98, "{score:#}");
+    let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "500", "--starts", "100", "--json"]);
+    assert!(last_over_best_baseline(&rollout) < 0.2);
+}
+
+#[test]
+fn component_placement_head() {
+    let Some(file) = data("pick-and-place.csv") else { return };
+    let folder = split(&file, 50_000.0 / 60_001.0);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
+    run(&[
+        "fit", "pwa", "train.csv", "--states", "y", "--inputs", "u", "--predict", "next", "--lags", "3", "--partition",
+        "average,kmeans:2,5,10", "--partition-on", "y,lag(y,1),u", "--purge", "0.05", "--json",
+    ]);
+    let score = run(&["score", "model.json", "test.csv", "--json"]);
+    let persistence = score["targets"][0]["baselines"].as_array().unwrap().iter().find(|b| b["name"] == "persistence").unwrap();
+    assert!(value(persistence, "/model_mae") < 0.2 * value(persistence, "/mae"), "{score:#}");
+    let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "200", "--starts", "100", "--json"]);
+    assert!(last_over_best_baseline(&rollout) < 1.0);
+}
+
+#[test]
+fn airliner_with_date_stamps() {
+    let Some(file) = data("a320-flight.csv") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let info = fleetfoot(folder.path(), &["info", file.to_str().unwrap(), "--values", "--json"]).ok().json();
+    assert_eq!(info[0]["time"]["column"], "timestamp");
+    assert!((value(&info, "/0/clock/period") - 1.0).abs() < 1e-9);
+    assert_eq!(value(&info, "/0/clock/start"), 1_311_427_389e9, "2011-07-23 13:23:09");
+    let fit = fleetfoot(
+        folder.path(),
+        &[
+            "fit", "pwa", file.to_str().unwrap(), "--states", "altitude,CAS,weight", "--inputs", "pitch,fuelflow", "--partition",
+            "average,kmeans:3", "--partition-on", "altitude,CAS", "--purge", "60", "--json",
+        ],
+    )
+    .ok()
+    .json();
+    // Weight falls as fuel flows, kg/h in the file.
+    let weight = fleetfoot(folder.path(), &["show", "model.json", "--json"]).ok().json();
+    assert_eq!(fit["targets"][2], "d(weight)/dt");
+    assert!(weight["model"]["latents"].as_array().unwrap().len() == 3);
+    let rollout =
+        fleetfoot(folder.path(), &["rollout", "model.json", file.to_str().unwrap(), "--horizon", "60", "--json"]).ok();
+    assert!(rollout.err.contains("in-sample"), "{}", rollout.err);
+}
+
+#[test]
+fn quadrotor_on_the_bench() {
+    let Some(file) = data("crazyflie-thrust.csv") else { return };
+    let folder = split(&file, 0.7);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
+    run(&[
+        "fit", "pwa", "train.csv", "--inputs", "m1,m2,m3,m4", "--predict", "acc_z_mps2", "--lags", "20", "--partition", "average,kmeans:3",
+        "--purge", "0.5", "--json",
+    ]);
+    let score = run(&["score", "model.json", "test.csv", "--json"]);
+    assert!(value(&score, "/targets/0/mae_over_null/value") < 0.6, "{score:#}");
+    let Some(file) = data("crazyflie-roll-pitch.csv") else { return };
+    let folder = split(&file, 0.7);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
+    run(&[
+        "fit", "pwa", "train.csv", "--states", "gyro_x_rads,gyro_y_rads", "--inputs", "m1,m2,m3,m4", "--predict", "next", "--lags", "5",
+        "--partition", "average,kmeans:4", "--purge", "0.5", "--json",
+    ]);
+    let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "20", "--starts", "300", "--json"]);
+    assert!(last_over_best_baseline(&rollout) < 1.0);
+}
