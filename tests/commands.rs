@@ -90,6 +90,35 @@ fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
 }
 
 #[test]
+fn a_file_with_a_gap_is_the_same_as_two_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = robot_csv(4000, 0.4);
+    let lines: Vec<&str> = text.lines().collect();
+    let part = |rows: std::ops::Range<usize>| lines[1 + rows.start..1 + rows.end].join("\n");
+    let (first, second) = (part(0..1800), part(1900..4000));
+    let write = |name: &str, body: String| fs::write(folder.path().join(name), format!("{}\n{body}\n", lines[0])).unwrap();
+    write("whole.csv", format!("{first}\n{second}"));
+    write("second.csv", second);
+    write("first.csv", first);
+    let fit = |files: &[&str], output: &str| {
+        let mut arguments = vec!["fit", "pwa", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u"];
+        arguments.extend(["--partition", "kmeans:4", "--lags", "2", "--folds", "2", "-o", output]);
+        arguments.extend(files);
+        fleetfoot(folder.path(), &arguments).ok();
+        let mut model: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join(output)).unwrap()).unwrap();
+        model["checksum"] = serde_json::Value::Null;
+        let mut ids: Vec<String> = Vec::new();
+        for episode in model["model"]["training"]["episodes"].as_array().unwrap() {
+            ids.push(episode[0].to_string());
+        }
+        ids.sort();
+        model["model"]["training"]["episodes"] = serde_json::Value::Null;
+        (ids, model)
+    };
+    assert_eq!(fit(&["whole.csv"], "a.json"), fit(&["second.csv", "first.csv"], "b.json"));
+}
+
+#[test]
 fn discrete_models_lags_and_plain_regression() {
     let folder = logs();
     let fit = |arguments: &[&str]| {

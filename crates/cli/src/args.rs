@@ -222,6 +222,9 @@ pub(crate) struct FitPwa {
     /// Memory for the rows that k-means keeps; beyond it a sample is clustered.
     #[arg(long, value_name = "MiB", default_value_t = 512)]
     pub(crate) memory: usize,
+    /// Fit the chosen model by TSQR in one more pass instead of by the preconditioned Gram matrix.
+    #[arg(long)]
+    pub(crate) tsqr: bool,
     /// Tell what the job would read and keep, and stop.
     #[arg(long)]
     pub(crate) dry_run: bool,

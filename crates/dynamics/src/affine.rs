@@ -11,6 +11,7 @@ use pulp::Simd;
 
 use crate::{
     End, Method, Simulator, Trajectory,
+    aligned::Aligned,
     angle::wrap,
     cell::{Cell, Cells},
     integrate::{advance, runge_kutta_mean},
@@ -39,17 +40,17 @@ pub(crate) struct AffineKernel {
     /// Rows of an affine map.
     pub(crate) rows: usize,
     /// Per region: rows x width.
-    pub(crate) matrices: Vec<f64>,
+    pub(crate) matrices: Aligned,
     /// Per region: width.
-    pub(crate) constants: Vec<f64>,
+    pub(crate) constants: Aligned,
     /// Per state: the factor of the state itself.
-    pub(crate) keep: Vec<f64>,
+    pub(crate) keep: Aligned,
     /// Per state: 1 where the step length multiplies the right side, else 0.
-    pub(crate) continuous: Vec<f64>,
+    pub(crate) continuous: Aligned,
     pub(crate) angles: Vec<usize>,
     /// Per region: ranges by slot.
-    pub(crate) low: Vec<f64>,
-    pub(crate) high: Vec<f64>,
+    pub(crate) low: Aligned,
+    pub(crate) high: Aligned,
 }
 
 impl AffineKernel {
@@ -61,7 +62,7 @@ impl AffineKernel {
         limits: &[f64],
         method: Method,
     ) -> Vec<Trajectory> {
-        let mut limit = vec![f64::MAX; self.width];
+        let mut limit = Aligned::new(self.width, f64::MAX);
         limit[..limits.len()].copy_from_slice(limits);
         let mut done = Vec::with_capacity(runs.len());
         for runs in runs.chunks(TOGETHER) {
@@ -106,10 +107,6 @@ impl AffineKernel {
         method: Method,
         scratch: &mut Scratch,
     ) {
-        for (&(slot, _), values) in self.recorded.iter().zip(&track.recorded) {
-            track.slots[slot] = values[k];
-        }
-        self.turn(&mut track.slots);
         let Some(region) =
             self.cells
                 .locate(simd, &mut track.cell, &track.slots, &mut scratch.cells)
@@ -150,8 +147,21 @@ impl AffineKernel {
         for &angle in &self.angles {
             track.slots[angle] = wrap(track.slots[angle]);
         }
+        // Long before the next step reads them: a wide load that needs a narrow store just made would wait for it.
+        self.prepare(track, k + 1);
         track.regions.push(region as u32);
         track.states.extend_from_slice(&track.slots[..self.states]);
+    }
+
+    /// Fills the slots that are not states for step `k`.
+    #[inline(always)]
+    fn prepare(&self, track: &mut Track<'_>, k: usize) {
+        for (&(slot, _), values) in self.recorded.iter().zip(&track.recorded) {
+            if let Some(&value) = values.get(k) {
+                track.slots[slot] = value;
+            }
+        }
+        self.turn(&mut track.slots);
     }
 
     /// Cosines and sines of the angles among the slots.
@@ -204,13 +214,14 @@ impl AffineKernel {
         for stage in 1..4 {
             let offset = if stage == 3 { seconds } else { seconds * 0.5 };
             slots.copy_from_slice(&track.slots);
-            for s in 0..self.states {
-                let slope = if self.continuous[s] > 0.0 {
-                    stages[stage - 1][s]
-                } else {
-                    0.0
-                };
-                slots[s] = offset.mul_add(slope, track.slots[s]);
+            for from in (0..self.width).step_by(LANES) {
+                let mut x = load::<LANES>(&track.slots[from..]);
+                let slope = load::<LANES>(&stages[stage - 1][from..]);
+                let continuous = load::<LANES>(&self.continuous[from..]);
+                for i in 0..LANES {
+                    x[i] = offset.mul_add(if continuous[i] > 0.0 { slope[i] } else { 0.0 }, x[i]);
+                }
+                slots[from..from + LANES].copy_from_slice(&x);
             }
             self.turn(slots);
             match self.cells.locate(simd, &mut track.cell, slots, cells) {
@@ -218,11 +229,13 @@ impl AffineKernel {
                 None => stages[stage].fill(f64::NAN),
             }
         }
-        for s in 0..self.states {
-            if self.continuous[s] > 0.0 {
-                slope[s] =
-                    runge_kutta_mean([stages[0][s], stages[1][s], stages[2][s], stages[3][s]]);
-            }
+        for s in 0..self.width {
+            let mean = runge_kutta_mean([stages[0][s], stages[1][s], stages[2][s], stages[3][s]]);
+            slope[s] = if self.continuous[s] > 0.0 {
+                mean
+            } else {
+                slope[s]
+            };
         }
     }
 }
@@ -247,19 +260,19 @@ impl pulp::WithSimd for Advancing<'_, '_> {
 
 /// Memory of the step loop.
 struct Scratch {
-    slope: Vec<f64>,
-    stages: [Vec<f64>; 4],
-    slots: Vec<f64>,
-    cells: Vec<f64>,
+    slope: Aligned,
+    stages: [Aligned; 4],
+    slots: Aligned,
+    cells: Aligned,
 }
 
 impl Scratch {
     fn new(kernel: &AffineKernel) -> Self {
         Self {
-            slope: vec![0.0; kernel.width],
-            stages: std::array::from_fn(|_| vec![0.0; kernel.width]),
-            slots: vec![0.0; kernel.slots],
-            cells: vec![0.0; kernel.cells.scratch()],
+            slope: Aligned::new(kernel.width, 0.0),
+            stages: std::array::from_fn(|_| Aligned::new(kernel.width, 0.0)),
+            slots: Aligned::new(kernel.slots, 0.0),
+            cells: Aligned::new(kernel.cells.scratch(), 0.0),
         }
     }
 }
@@ -267,8 +280,8 @@ impl Scratch {
 /// One trajectory on its way.
 struct Track<'a> {
     run: &'a Run<'a>,
-    slots: Vec<f64>,
-    first: Vec<f64>,
+    slots: Aligned,
+    first: Aligned,
     cell: Cell,
     recorded: Vec<&'a [f64]>,
     states: Vec<f64>,
@@ -279,15 +292,15 @@ struct Track<'a> {
 
 impl<'a> Track<'a> {
     fn new(kernel: &AffineKernel, simulator: &Simulator, run: &'a Run<'a>) -> Self {
-        let mut slots = vec![0.0; kernel.slots];
+        let mut slots = Aligned::new(kernel.slots, 0.0);
         for (slot, state) in slots.iter_mut().zip(&simulator.states) {
             *slot = run.window.values(state.column, 0, 1)[0];
         }
         let mut states = Vec::with_capacity((run.horizon + 1) * kernel.states);
         states.extend_from_slice(&slots[..kernel.states]);
-        Self {
+        let mut track = Self {
             run,
-            first: slots[..kernel.width].to_vec(),
+            first: Aligned::from_slice(&slots[..kernel.width]),
             cell: kernel.cells.nowhere(),
             recorded: kernel
                 .recorded
@@ -299,7 +312,9 @@ impl<'a> Track<'a> {
             end: End::Horizon,
             left: None,
             slots,
-        }
+        };
+        kernel.prepare(&mut track, 0);
+        track
     }
 
     fn finish(self, states: usize) -> Trajectory {

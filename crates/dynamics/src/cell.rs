@@ -4,6 +4,7 @@ use fleetfoot_model::Rule;
 use pulp::Simd;
 
 use crate::{
+    aligned::Aligned,
     compiled::Regions,
     kernel::{affine, argmax, padded, scaled_square, smallest_lead, standardise},
 };
@@ -13,11 +14,13 @@ pub(crate) struct Cells {
     rule: CellRule,
     /// Slots of the standardised columns.
     columns: Vec<usize>,
-    /// Centres and scales of the columns, padded.
-    centre: Vec<f64>,
-    scale: Vec<f64>,
+    /// The first of these slots, when they follow each other and the padding behind them is there.
+    consecutive: Option<usize>,
+    /// Centres and scales of the columns; the padding's scale makes it 0.
+    centre: Aligned,
+    scale: Aligned,
     /// Per slot: length of the standardised step that a unit step of the slot makes.
-    slot_scale: Vec<f64>,
+    slot_scale: Aligned,
     slots: usize,
 }
 
@@ -32,11 +35,13 @@ struct Linear {
     count: usize,
     width: usize,
     /// Columns x width.
-    weights: Vec<f64>,
+    weights: Aligned,
     /// Width; minus infinity in the padding.
-    offsets: Vec<f64>,
+    offsets: Aligned,
     /// Per region, width: `1 / |w_i - w_j|`.
-    nearness: Vec<f64>,
+    nearness: Aligned,
+    /// 0, 1, 2, ...
+    indices: Aligned,
     largest_weight: f64,
     largest_offset: f64,
 }
@@ -46,7 +51,7 @@ pub(crate) struct Cell {
     region: usize,
     /// Square of the free radius around the reference; negative: not known.
     free_square: f64,
-    reference: Vec<f64>,
+    reference: Aligned,
 }
 
 impl Cells {
@@ -56,9 +61,10 @@ impl Cells {
         let mut cells = Self {
             rule: CellRule::Whole,
             columns: Vec::new(),
-            centre: vec![0.0; width],
-            scale: vec![1.0; width],
-            slot_scale: vec![0.0; slots],
+            consecutive: None,
+            centre: Aligned::new(width, 0.0),
+            scale: Aligned::new(width, f64::INFINITY),
+            slot_scale: Aligned::new(slots, 0.0),
             slots,
         };
         let Some(regions) = regions else {
@@ -73,6 +79,11 @@ impl Cells {
             Rule::Labels { .. } => return None,
         };
         cells.columns = columns.to_vec();
+        cells.consecutive = columns
+            .first()
+            .copied()
+            .filter(|first| columns.iter().copied().eq(*first..*first + columns.len()));
+        cells.consecutive = cells.consecutive.filter(|first| first + width <= slots);
         cells.centre[..columns.len()].copy_from_slice(&regions.centre);
         cells.scale[..columns.len()].copy_from_slice(&regions.scale);
         for (&slot, &scale) in columns.iter().zip(&regions.scale) {
@@ -97,7 +108,7 @@ impl Cells {
         } else {
             0
         };
-        self.centre.len() + width
+        2 * self.centre.len() + width
     }
 
     /// A cell that has not been searched yet.
@@ -105,7 +116,7 @@ impl Cells {
         Cell {
             region: 0,
             free_square: -1.0,
-            reference: vec![0.0; self.slots],
+            reference: Aligned::new(self.slots, 0.0),
         }
     }
 
@@ -142,11 +153,24 @@ impl Cells {
         slots: &[f64],
         scratch: &mut [f64],
     ) -> Option<usize> {
-        let (z, scores) = scratch.split_at_mut(self.centre.len());
-        for (z, &slot) in z.iter_mut().zip(&self.columns) {
-            *z = slots[slot];
-        }
-        let size = standardise(simd, z, &self.centre, &self.scale).sqrt();
+        let (z, rest) = scratch.split_at_mut(self.centre.len());
+        let square = match self.consecutive {
+            Some(first) => standardise(
+                simd,
+                &slots[first..first + z.len()],
+                &self.centre,
+                &self.scale,
+                z,
+            ),
+            None => {
+                let (gathered, _) = rest.split_at_mut(z.len());
+                for (value, &slot) in gathered.iter_mut().zip(&self.columns) {
+                    *value = slots[slot];
+                }
+                standardise(simd, gathered, &self.centre, &self.scale, z)
+            }
+        };
+        let (size, scores) = (square.sqrt(), &mut rest[z.len()..]);
         if size.is_nan() {
             cell.free_square = -1.0;
             return None;
@@ -199,9 +223,10 @@ impl Linear {
         let mut linear = Self {
             count,
             width,
-            weights: vec![0.0; columns * width],
-            offsets: vec![f64::NEG_INFINITY; width],
-            nearness: vec![1.0; count * width],
+            weights: Aligned::new(columns * width, 0.0),
+            offsets: Aligned::new(width, f64::NEG_INFINITY),
+            nearness: Aligned::new(count * width, 1.0),
+            indices: Aligned::from_slice(&(0..width).map(|i| i as f64).collect::<Vec<_>>()),
             largest_weight: 0.0,
             largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
         };
@@ -220,11 +245,12 @@ impl Linear {
                     .map(|(a, b)| (a - b) * (a - b))
                     .sum::<f64>()
                     .sqrt();
-                // Equal weights: the order of the two never changes.
-                linear.nearness[i * width + j] = if distance > 1e-300 {
-                    1.0 / distance
-                } else {
-                    1e300
+                // Equal weights: the order of the two never changes. The region itself, whose lead is nothing but the
+                // rounding subtracted from 0, is no rival.
+                linear.nearness[i * width + j] = match distance {
+                    _ if i == j => f64::NEG_INFINITY,
+                    d if d > 1e-300 => 1.0 / d,
+                    _ => 1e300,
                 };
             }
         }
@@ -237,14 +263,14 @@ impl Linear {
     #[inline(always)]
     fn search<S: Simd>(&self, simd: S, z: &[f64], size: f64, scores: &mut [f64]) -> (usize, f64) {
         affine(&self.weights, &self.offsets, z, scores);
-        let (top, region) = argmax(scores);
+        let (top, region) = argmax(simd, scores, &self.indices);
         // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
         let terms = (z.len() + 4) as f64;
-        let rounding = 4.0
-            * terms
-            * f64::EPSILON
-            * (self.largest_offset + self.largest_weight * (2.0 * size + 1.0));
-        scores[region] = f64::NEG_INFINITY;
+        let rounding = f64::MIN_POSITIVE
+            + 4.0
+                * terms
+                * f64::EPSILON
+                * (self.largest_offset + self.largest_weight * (2.0 * size + 1.0));
         let nearness = &self.nearness[region * self.width..][..self.width];
         (region, smallest_lead(simd, top, rounding, scores, nearness))
     }

@@ -61,29 +61,21 @@ pub(crate) fn load<const N: usize>(values: &[f64]) -> [f64; N] {
     loaded
 }
 
-/// The largest value and the lowest index that holds it; `values.len()` is a multiple of [`LANES`], no value is NaN.
+/// The largest value and the lowest index that holds it; no value is NaN. `indices` are 0, 1, 2, ..., of the values' padded length.
 #[inline(always)]
-pub(crate) fn argmax(values: &[f64]) -> (f64, usize) {
-    let mut best = [f64::NEG_INFINITY; LANES];
-    let mut index = [0.0; LANES];
-    let mut at = 0.0;
-    for chunk in values.chunks_exact(LANES) {
-        let chunk = load::<LANES>(chunk);
-        for i in 0..LANES {
-            let better = chunk[i] > best[i];
-            best[i] = if better { chunk[i] } else { best[i] };
-            index[i] = if better { at } else { index[i] };
-        }
-        at += LANES as f64;
+pub(crate) fn argmax<S: Simd>(simd: S, values: &[f64], indices: &[f64]) -> (f64, usize) {
+    let values = S::as_simd_f64s(values).0;
+    let mut best = simd.splat_f64s(f64::NEG_INFINITY);
+    for &v in values {
+        best = simd.max_f64s(v, best);
     }
-    let (mut top, mut winner) = (best[0], index[0]);
-    for i in 1..LANES {
-        let found = index[i] + i as f64;
-        let better = best[i] > top || (best[i] == top && found < winner);
-        top = if better { best[i] } else { top };
-        winner = if better { found } else { winner };
+    let top = simd.reduce_max_f64s(best);
+    let (all, mut winner) = (simd.splat_f64s(top), simd.splat_f64s(f64::INFINITY));
+    for (&v, &index) in values.iter().zip(S::as_simd_f64s(indices).0) {
+        let found = simd.select_f64s(simd.greater_than_or_equal_f64s(v, all), index, winner);
+        winner = simd.min_f64s(found, winner);
     }
-    (top, winner as usize)
+    (top, simd.reduce_min_f64s(winner) as usize)
 }
 
 /// `sum_i ((values[i] - reference[i]) * scale[i])^2`, all of one padded length; the rounding depends on the machine.
@@ -107,49 +99,52 @@ pub(crate) fn scaled_square<S: Simd>(
 #[inline(always)]
 pub(crate) fn within<S: Simd>(simd: S, values: &[f64], low: &[f64], high: &[f64]) -> bool {
     let (low, high) = (S::as_simd_f64s(low).0, S::as_simd_f64s(high).0);
-    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
-    let mut outside = zero;
+    let yes = simd.less_than_or_equal_f64s(simd.splat_f64s(0.0), simd.splat_f64s(0.0));
+    let mut inside = yes;
     for ((&v, &l), &h) in S::as_simd_f64s(values).0.iter().zip(low).zip(high) {
-        let inside = simd.and_m64s(
-            simd.less_than_or_equal_f64s(l, v),
-            simd.less_than_or_equal_f64s(v, h),
-        );
-        outside = simd.select_f64s(inside, outside, one);
+        inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(l, v));
+        inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(v, h));
     }
-    simd.reduce_max_f64s(outside) == 0.0
+    simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
 }
 
 /// Whether `|values[i] - reference[i]| <= limit[i]` everywhere; a NaN is nowhere near. All slices of one padded length.
 #[inline(always)]
 pub(crate) fn near<S: Simd>(simd: S, values: &[f64], reference: &[f64], limit: &[f64]) -> bool {
     let (reference, limit) = (S::as_simd_f64s(reference).0, S::as_simd_f64s(limit).0);
-    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
-    let mut far = zero;
+    let yes = simd.less_than_or_equal_f64s(simd.splat_f64s(0.0), simd.splat_f64s(0.0));
+    let mut inside = yes;
     for ((&v, &r), &l) in S::as_simd_f64s(values).0.iter().zip(reference).zip(limit) {
         let distance = simd.abs_f64s(simd.sub_f64s(v, r));
-        far = simd.select_f64s(simd.less_than_or_equal_f64s(distance, l), far, one);
+        inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(distance, l));
     }
-    simd.reduce_max_f64s(far) == 0.0
+    simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
 }
 
-/// `values = (values - centre) / scale`, all of one padded length. Gives the sum of the squares, rounded as the machine likes.
+/// `out = (values - centre) / scale`, all of one padded length. Gives the sum of the squares, rounded as the machine likes.
 #[inline(always)]
 pub(crate) fn standardise<S: Simd>(
     simd: S,
-    values: &mut [f64],
+    values: &[f64],
     centre: &[f64],
     scale: &[f64],
+    out: &mut [f64],
 ) -> f64 {
     let mut sum = simd.splat_f64s(0.0);
-    let (centre, scale) = (S::as_simd_f64s(centre).0, S::as_simd_f64s(scale).0);
-    for ((v, &c), &s) in S::as_mut_simd_f64s(values)
+    let (values, centre, scale) = (
+        S::as_simd_f64s(values).0,
+        S::as_simd_f64s(centre).0,
+        S::as_simd_f64s(scale).0,
+    );
+    for (((o, &v), &c), &s) in S::as_mut_simd_f64s(out)
         .0
         .iter_mut()
+        .zip(values)
         .zip(centre)
         .zip(scale)
     {
-        *v = simd.div_f64s(simd.sub_f64s(*v, c), s);
-        sum = simd.mul_add_f64s(*v, *v, sum);
+        *o = simd.div_f64s(simd.sub_f64s(v, c), s);
+        sum = simd.mul_add_f64s(*o, *o, sum);
     }
     simd.reduce_sum_f64s(sum)
 }
@@ -199,29 +194,20 @@ mod tests {
     }
 
     #[test]
-    fn the_lowest_index_wins() {
-        let mut values = vec![f64::NEG_INFINITY; 24];
-        values[3] = -1.0;
-        values[17] = 2.0;
-        values[20] = 2.0;
-        assert_eq!(argmax(&values), (2.0, 17));
-    }
-
-    #[test]
-    fn equal_maxima_in_one_lane_and_in_several() {
-        let values: Vec<f64> = (0..56)
-            .map(|i| if i % 11 == 9 { 5.0 } else { f64::from(-i) })
-            .collect();
-        assert_eq!(argmax(&values), (5.0, 9));
-        assert_eq!(argmax(&[3.0; 24]), (3.0, 0));
-    }
-
-    #[test]
     fn bounds_distances_and_leads() {
         struct Checks;
         impl pulp::WithSimd for Checks {
             type Output = ();
             fn with_simd<S: Simd>(self, simd: S) {
+                let indices: Vec<f64> = (0..56).map(f64::from).collect();
+                let values: Vec<f64> = (0..56)
+                    .map(|i| if i % 11 == 9 { 5.0 } else { f64::from(-i) })
+                    .collect();
+                assert_eq!(argmax(simd, &values, &indices), (5.0, 9));
+                assert_eq!(argmax(simd, &[3.0; 24], &indices[..24]), (3.0, 0));
+                let mut one = [f64::NEG_INFINITY; 24];
+                one[17] = 2.0;
+                assert_eq!(argmax(simd, &one, &indices[..24]), (2.0, 17));
                 let (low, high) = ([-1.0; 16], [1.0; 16]);
                 let mut values = [0.5; 16];
                 assert!(within(simd, &values, &low, &high));
@@ -233,9 +219,13 @@ mod tests {
                 assert!(!near(simd, &values, &[0.5; 16], &[0.9; 16]));
                 assert!(!near(simd, &[f64::NAN; 8], &[0.5; 8], &[f64::MAX; 8]));
                 assert_eq!(scaled_square(simd, &values, &[0.5; 16], &[2.0; 16]), 4.0);
-                assert_eq!(standardise(simd, &mut values, &[0.5; 16], &[0.5; 16]), 4.0);
-                assert_eq!((values[8], values[9]), (0.0, 2.0));
-                assert_eq!(smallest_lead(simd, 3.0, 0.5, &values, &[2.0; 16]), 1.0);
+                let mut out = [0.0; 16];
+                assert_eq!(
+                    standardise(simd, &values, &[0.5; 16], &[0.5; 16], &mut out),
+                    4.0
+                );
+                assert_eq!((out[8], out[9]), (0.0, 2.0));
+                assert_eq!(smallest_lead(simd, 3.0, 0.5, &out, &[2.0; 16]), 1.0);
             }
         }
         Checks.with_simd(pulp::Scalar);

@@ -6,6 +6,7 @@ use fleetfoot_model::{Equation, Model};
 use crate::{
     Simulator,
     affine::AffineKernel,
+    aligned::Aligned,
     cell::Cells,
     kernel::{LANES, padded},
 };
@@ -102,15 +103,15 @@ impl AffineKernel {
             circular: Vec::new(),
             rows: terms.rows,
             terms: (!terms.dense).then(|| terms.slots.iter().map(|&slot| slot as u32).collect()),
-            matrices: vec![0.0; cells.count() * terms.rows * width],
-            constants: vec![0.0; cells.count() * width],
-            keep: vec![0.0; width],
-            continuous: vec![0.0; width],
+            matrices: Aligned::new(cells.count() * terms.rows * width, 0.0),
+            constants: Aligned::new(cells.count() * width, 0.0),
+            keep: Aligned::new(width, 0.0),
+            continuous: Aligned::new(width, 0.0),
             angles: (0..states)
                 .filter(|&s| simulator.states[s].advance.angle)
                 .collect(),
-            low: vec![f64::NEG_INFINITY; cells.count() * slot_count],
-            high: vec![f64::INFINITY; cells.count() * slot_count],
+            low: Aligned::new(cells.count() * slot_count, f64::NEG_INFINITY),
+            high: Aligned::new(cells.count() * slot_count, f64::INFINITY),
             cells,
         };
         for (i, slot) in slots.others.clone().into_iter().enumerate() {

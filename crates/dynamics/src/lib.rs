@@ -7,6 +7,7 @@
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 
 mod affine;
+mod aligned;
 mod angle;
 mod baseline;
 mod cell;

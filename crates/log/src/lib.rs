@@ -16,6 +16,8 @@ mod file_io;
 mod format;
 mod index;
 mod inspect;
+mod naming;
+mod notes;
 mod parquet;
 mod paths;
 mod recording;

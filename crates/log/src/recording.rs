@@ -18,6 +18,8 @@ use crate::{
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
+    naming::{episode_names, labels},
+    notes::Notes,
     parquet,
     paths::distinct,
     row_mask::RowMask,
@@ -298,7 +300,9 @@ impl Recording {
         rules: &[LabelRule],
         progress: &dyn Progress,
     ) -> Result<(), Error> {
-        let names = episode_names(&self.files, &spans);
+        let paths: Vec<&Path> = self.files.iter().map(|file| file.path.as_path()).collect();
+        let owners: Vec<usize> = spans.iter().map(|(file, _)| *file).collect();
+        let names = episode_names(&paths, &owners);
         let mut fingerprints = Vec::with_capacity(spans.len());
         for ((file, span), name) in spans.into_iter().zip(names) {
             let path = &self.files[file].path;
@@ -468,60 +472,6 @@ fn category_digests(kind: &ColumnKind) -> Option<Vec<f64>> {
     Some(names.iter().map(digest).collect())
 }
 
-/// The file's name, the whole path where two files share the name, and `#k` where a file holds several episodes.
-fn episode_names(files: &[RecordedFile], spans: &[(usize, Span)]) -> Vec<String> {
-    let short = |path: &Path| {
-        path.file_name().map_or_else(
-            || path.to_string_lossy().into_owned(),
-            |name| name.to_string_lossy().into_owned(),
-        )
-    };
-    let mut shared: HashMap<String, usize> = HashMap::new();
-    for file in files {
-        *shared.entry(short(&file.path)).or_default() += 1;
-    }
-    let mut count = vec![0usize; files.len()];
-    spans.iter().for_each(|(file, _)| count[*file] += 1);
-    let mut next = vec![0usize; files.len()];
-    let mut names = Vec::with_capacity(spans.len());
-    for &(file, _) in spans {
-        let path = &files[file].path;
-        let mut name = short(path);
-        if shared.get(&name).is_some_and(|&times| times > 1) {
-            name = path.to_string_lossy().into_owned();
-        }
-        next[file] += 1;
-        names.push(if count[file] > 1 {
-            format!("{name}#{}", next[file])
-        } else {
-            name
-        });
-    }
-    names
-}
-
-fn labels(rules: &[LabelRule], path: &Path, episode: &str) -> BTreeMap<String, String> {
-    let whole = path.to_string_lossy();
-    let file = path
-        .file_name()
-        .map(|name| name.to_string_lossy())
-        .unwrap_or_default();
-    let stem = file.split('.').next().unwrap_or_default();
-    let mut labels = BTreeMap::new();
-    for rule in rules {
-        let Ok(pattern) = glob::Pattern::new(&rule.pattern) else {
-            continue;
-        };
-        if [whole.as_ref(), file.as_ref(), stem, episode]
-            .iter()
-            .any(|name| pattern.matches(name))
-        {
-            labels.extend(rule.labels.clone());
-        }
-    }
-    labels
-}
-
 fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
     let mut seen: HashMap<EpisodeId, &str> = HashMap::new();
     for episode in episodes {
@@ -533,64 +483,4 @@ fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-/// Collects what happened in many files into a few sentences.
-#[derive(Default)]
-struct Notes {
-    /// Sentences about single files and the files they are about.
-    sentences: BTreeMap<String, Vec<String>>,
-    /// For each kind of event: how many, in how many files, and one of these.
-    counts: BTreeMap<&'static str, (usize, usize, String)>,
-}
-
-impl Notes {
-    fn add_file(&mut self, path: &Path, notes: &[String], clock: &ClockSummary, spans: &[Span]) {
-        for note in notes {
-            self.sentences
-                .entry(note.clone())
-                .or_default()
-                .push(path.display().to_string());
-        }
-        let single = spans.iter().filter(|span| span.rows == 1).count();
-        let events = [
-            ("rows without a readable stamp left out", clock.missing),
-            (
-                "rows with the stamp of the row before left out",
-                clock.repeated,
-            ),
-            ("backward stamps, each starting an episode", clock.backward),
-            (
-                "gaps longer than accepted, each starting an episode",
-                clock.gaps,
-            ),
-            ("episodes of a single row", single),
-        ];
-        for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
-            let entry = self
-                .counts
-                .entry(what)
-                .or_insert_with(|| (0, 0, path.display().to_string()));
-            entry.0 += count;
-            entry.1 += 1;
-        }
-    }
-
-    fn finish(self) -> Vec<String> {
-        let place = |files: usize, first: &str| match files {
-            1 => first.to_owned(),
-            more => format!("{more} files, first {first}"),
-        };
-        let sentences = self
-            .sentences
-            .into_iter()
-            .map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
-        let counts = self
-            .counts
-            .into_iter()
-            .map(|(what, (count, files, first))| {
-                format!("{}: {count} {what}", place(files, &first))
-            });
-        sentences.chain(counts).collect()
-    }
 }

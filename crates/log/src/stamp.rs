@@ -55,7 +55,7 @@ pub(crate) fn parse_decimal(text: &[u8], unit: TimeUnit) -> Option<i64> {
 pub(crate) fn from_f64(value: f64, unit: TimeUnit) -> i64 {
     // The whole part is scaled as an integer: one product of the whole number would round at epoch size.
     let whole = value.trunc();
-    if !(whole.abs() < 9.3e18) {
+    if whole.is_nan() || whole.abs() >= 9.3e18 {
         return MISSING;
     }
     let scale = unit.nanoseconds();

@@ -47,6 +47,15 @@ pub(crate) struct Base {
     pub(crate) null: RegionModel,
 }
 
+impl Base {
+    pub(crate) fn new(root: SquareRoot) -> Self {
+        let scale = column_scale(&root);
+        let average = RegionModel::new(least_squares(&root, &scale));
+        let null = RegionModel::null(&root);
+        Self { root, scale, average, null }
+    }
+}
+
 /// Solves on a statistic, with and without a fold held out.
 pub(crate) struct Solver<'a> {
     pub(crate) stats: &'a Stats,
@@ -57,11 +66,7 @@ impl Solver<'_> {
     /// The one-region model of the rows that train for `held`. `None` when there are no rows.
     pub(crate) fn base(&self, held: Option<u16>) -> Option<Base> {
         let gram = self.stats.total(|key| key.partition == 0 && trains(key, held))?;
-        let root = self.preconditioner.square_root(&gram);
-        let scale = column_scale(&root);
-        let average = RegionModel::new(least_squares(&root, &scale));
-        let null = RegionModel::null(&root);
-        Some(Base { root, scale, average, null })
+        Some(Base::new(self.preconditioner.square_root(&gram)))
     }
 
     /// Training statistics of the regions of a partition.

@@ -1,5 +1,7 @@
 //! From rows to a scored piecewise-affine model (paper, II-E): segment, regress, choose, measure.
 
+use std::collections::BTreeMap;
+
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Latent, Model, Partition, Region, Rule, Training};
 use fleetfoot_stats::{Chunk, Gram, Grid, Preconditioner, SquareRoot};
@@ -7,12 +9,13 @@ use fleetfoot_stats::{Chunk, Gram, Grid, Preconditioner, SquareRoot};
 use crate::{
     Error, Options, Problem, Specification,
     errors::{Errors, Measure},
-    fit::{Base, RegionModel, Solver},
+    fit::{Base, RegionModel, Solver, region_models},
     regions::{Segmentation, segment},
     rows::Rows,
     scan::{Scan, pilot, scan},
     select::{Order, choose, effective_rows, evaluate},
     survey::{Survey, kept_bytes},
+    tsqr::factor_regions,
 };
 
 /// Bytes that all stored statistics may take.
@@ -42,8 +45,10 @@ pub struct Identification {
     pub effective_rows: f64,
     /// Whether the scores are of rows that did not train (cross-validation).
     pub held_out: bool,
-    /// Condition number of the one-region regression.
+    /// Condition number of the standardised regressors of the one-region regression.
     pub condition: f64,
+    /// Condition number of its preconditioned Gram matrix: near 1 while the pilot sample is representative.
+    pub preconditioned: f64,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -192,9 +197,14 @@ impl Fit<'_> {
         };
         let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
         let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
-        let orders = evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
+        let mut orders = evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
         let specifications: Vec<&Specification> = self.segmentation.candidates.iter().map(|c| &c.specification).collect();
         let chosen = choose(self.options.selection, &specifications, &orders);
+        let mut roots = solver.training(self.segmentation.candidates[chosen].full, None);
+        if self.options.tsqr {
+            progress.stage("TSQR");
+            roots = self.refit(&mut orders[chosen], chosen, source, chunks, progress)?.unwrap_or(roots);
+        }
         progress.stage("errors");
         let errors = self.measure(&orders, chosen, &base, &solver).run(source, chunks, progress)?;
         let q = self.rows.targets;
@@ -203,7 +213,7 @@ impl Fit<'_> {
         let mut notes = self.segmentation.notes.clone();
         self.notes(&base, &mut notes);
         Ok(Identification {
-            model: self.model(&orders[chosen], chosen, &errors, source, &solver),
+            model: self.model(&orders[chosen], chosen, &errors, source, &roots),
             candidates,
             chosen,
             targets: self.problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
@@ -214,8 +224,26 @@ impl Fit<'_> {
             effective_rows: independent,
             held_out: self.options.folds > 1,
             condition: base.average.condition,
+            preconditioned: base.root.condition,
             notes,
         })
+    }
+
+    /// Fits the chosen candidate again by TSQR.
+    fn refit(
+        &self,
+        order: &mut Order,
+        chosen: usize,
+        source: &dyn Source,
+        chunks: &[Chunk],
+        progress: &dyn Progress,
+    ) -> Result<Option<BTreeMap<u32, SquareRoot>>, Error> {
+        let candidate = &self.segmentation.candidates[chosen];
+        let factor = |partition| factor_regions(self.rows, self.segmentation, partition, source, chunks, progress);
+        let Some(base) = factor(0)?.remove(&0).map(Base::new) else { return Ok(None) };
+        let roots = factor(candidate.full)?;
+        order.full = region_models(candidate, order.full.len(), &base, &roots, order.shrinkage);
+        Ok(Some(roots))
     }
 
     fn measure<'m>(&'m self, orders: &'m [Order], chosen: usize, base: &'m Base, solver: &Solver<'_>) -> MeasureInput<'m> {
@@ -265,13 +293,19 @@ impl Fit<'_> {
     }
 
     /// Assembles the chosen model.
-    fn model(&self, order: &Order, chosen: usize, errors: &Errors, source: &dyn Source, solver: &Solver<'_>) -> Model {
+    fn model(
+        &self,
+        order: &Order,
+        chosen: usize,
+        errors: &Errors,
+        source: &dyn Source,
+        roots: &BTreeMap<u32, SquareRoot>,
+    ) -> Model {
         let candidate = &self.segmentation.candidates[chosen];
         let null = candidate.specification == Specification::Null;
         let library = if null { Vec::new() } else { self.problem.library.clone() };
         let mut partition = self.segmentation.partitions[candidate.full].clone();
         partition.specification = candidate.specification.to_string();
-        let roots = solver.training(candidate.full, None);
         partition.regions = order
             .full
             .iter()

@@ -17,6 +17,7 @@ mod scan;
 mod select;
 mod specification;
 mod survey;
+mod tsqr;
 
 pub use error::Error;
 pub use identify::{Cost, Identification, Score, cost, identify};

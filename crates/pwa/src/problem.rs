@@ -46,6 +46,8 @@ pub struct Options {
     pub iterations: usize,
     /// Starting centroids (k x columns, standardised) in place of k-means++, for each partition that clusters.
     pub start: Option<Vec<f64>>,
+    /// Fit the chosen model by TSQR, the R factor of the rows themselves, in one more pass: the accuracy of Householder QR whatever the pilot.
+    pub tsqr: bool,
     /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
     pub memory: usize,
 }
@@ -63,6 +65,7 @@ impl Default for Options {
             restarts: 1,
             iterations: 100,
             start: None,
+            tsqr: false,
             memory: 512 << 20,
         }
     }

@@ -199,6 +199,37 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
 }
 
 #[test]
+fn tsqr_and_the_gram_agree() {
+    let source = hybrid(6_000, 2, 0.2, 12);
+    let fit = |tsqr| {
+        let mut options = options("labels:mode+kmeans:3");
+        options.tsqr = tsqr;
+        run(&problem(&["x", "u"]), &options, &source).model
+    };
+    let (gram, tsqr) = (fit(false), fit(true));
+    for (a, b) in gram.latents[0].coefficients.iter().flatten().zip(tsqr.latents[0].coefficients.iter().flatten()) {
+        assert!((a - b).abs() < 1e-12, "{a} {b}");
+    }
+    for (a, b) in gram.partitions[0].regions.iter().zip(&tsqr.partitions[0].regions) {
+        assert_eq!(a.rows, b.rows);
+        assert!(a.covariance.iter().zip(&b.covariance).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+}
+
+#[test]
+fn beyond_the_memory_a_sample_is_clustered_and_all_rows_are_fitted() {
+    let source = hybrid(40_000, 3, 0.05, 11);
+    let all = run(&problem(&["x", "u"]), &options("kmeans:4"), &source);
+    let mut small = options("kmeans:4");
+    small.memory = 16 * 4_000;
+    let sampled = run(&problem(&["x", "u"]), &small, &source);
+    assert!(sampled.notes.iter().any(|note| note.contains("sample")), "{:?}", sampled.notes);
+    assert_eq!(sampled.model.partitions[0].regions.iter().map(|region| region.rows).sum::<u64>(), all.rows);
+    let (a, b) = (all.candidates[0].over_null[0], sampled.candidates[0].over_null[0]);
+    assert!((a - b).abs() < 0.1 * a, "{a} {b}");
+}
+
+#[test]
 fn a_constant_column_and_a_copy_are_named() {
     let mut source = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
     let x: Vec<f64> = (0..500).map(|i| (f64::from(i) * 0.37).sin()).collect();

@@ -74,6 +74,7 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
     options.seed = arguments.seed;
     options.restarts = arguments.restarts.max(1);
     options.iterations = arguments.iterations.max(1);
+    options.tsqr = arguments.tsqr;
     options.memory = arguments.memory << 20;
     Ok(options)
 }
@@ -142,13 +143,15 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     rows.push(sigma);
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     format!(
-        "{} rows of {} episodes ({} independent), {} left out at borders, {} incomplete\n\
+        "{} rows of {} episodes ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
          mean absolute error over the null model's, {which}; loss: squared error over variance\n{}",
         found.rows,
         fitted.episodes,
         number(found.effective_rows),
         found.at_border,
         found.incomplete,
+        number(found.condition),
+        number(found.preconditioned),
         table(&header, rows)
     )
 }
@@ -163,7 +166,7 @@ pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::
         "effective_rows": real(found.effective_rows),
         "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
         "targets": found.targets, "sigma": reals(&found.sigma),
-        "held_out": found.held_out, "condition": real(found.condition),
+        "held_out": found.held_out, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
         "chosen": found.chosen,
         "candidates": found.candidates.iter().map(|score| json!({
             "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),

@@ -23,6 +23,7 @@ use parquet::{
     schema::types::ColumnDescPtr,
 };
 
+use super::buffers::Buffers;
 use super::leaf::{Meaning, Rule, Word, decimal_bytes, half, int96_nanoseconds};
 use crate::file_io::read_exact_at;
 
@@ -31,6 +32,7 @@ use crate::file_io::read_exact_at;
 pub(super) struct FileBytes {
     pub file: Arc<File>,
     pub length: u64,
+    pub buffers: Arc<Buffers>,
 }
 
 impl Length for FileBytes {
@@ -64,9 +66,9 @@ impl ChunkReader for FileBytes {
                 self.length
             )));
         }
-        let mut buffer = vec![0; length];
-        read_exact_at(&self.file, &mut buffer, start)?;
-        Ok(buffer.into())
+        Ok(self
+            .buffers
+            .filled(length, |buffer| read_exact_at(&self.file, buffer, start))?)
     }
 }
 

@@ -7,10 +7,10 @@
 
 use std::{
     ops::Range,
-    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
 };
 
-use super::chunk::ChunkDecoder;
+use super::{buffers::Buffers, chunk::ChunkDecoder};
 
 /// Values kept behind a decoder's place at least.
 const TAIL: usize = 64;
@@ -37,6 +37,7 @@ pub(crate) struct Cursors {
     state: Mutex<State>,
     changed: Condvar,
     capacity: usize,
+    pub(super) buffers: Arc<Buffers>,
 }
 
 #[derive(Default)]
@@ -71,6 +72,7 @@ impl Cursors {
             state: Mutex::default(),
             changed: Condvar::new(),
             capacity: (columns + columns / 2).max(64),
+            buffers: Arc::default(),
         }
     }
 

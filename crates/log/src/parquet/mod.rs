@@ -1,6 +1,8 @@
 //! Parquet files, read in place.
 
+mod buffers;
 mod chunk;
+mod clock;
 mod cursors;
 mod footer;
 mod leaf;
@@ -25,6 +27,7 @@ use crate::{
     Error,
     table::{Table, TableColumn, TableRows},
 };
+use buffers::Buffers;
 use chunk::{ChunkDecoder, FileBytes};
 use cursors::{Cursor, Key, Turn};
 use leaf::{Rule, Word};
@@ -55,6 +58,7 @@ pub(crate) struct ParquetFile {
     metadata: Arc<ParquetMetaData>,
     length: u64,
     modified: Option<SystemTime>,
+    buffers: Arc<Buffers>,
 }
 
 impl ParquetFile {
@@ -78,6 +82,7 @@ impl ParquetFile {
         Ok(Arc::new(FileBytes {
             file: Arc::new(file),
             length: self.length,
+            buffers: self.buffers.clone(),
         }))
     }
 

@@ -20,23 +20,19 @@ use parquet::{
 
 use super::{
     Cursors, ParquetFile, ParquetTable,
+    buffers::Buffers,
     chunk::FileBytes,
+    clock::find_clock,
     damaged, footer,
     leaf::{Leaf, Meaning, Rule, leaves},
 };
 use crate::{
-    Error, Selection, TimeSpec, TimeUnit,
-    error::nearest,
-    recording::Opened,
-    stamp,
-    table::{MISSING, TableColumn},
-    time_column::{self, Candidate, CandidateKind, Clock},
+    Error, Selection, TimeSpec, TimeUnit, error::nearest, recording::Opened, table::TableColumn,
+    time_column::Clock,
 };
 
 /// Different texts that a category may have.
 pub(crate) const MAX_CATEGORIES: usize = 65_536;
-/// Rows looked at to recognise the clock.
-const SAMPLE: usize = 1000;
 /// Rows decoded at a time when texts are collected.
 const BATCH: usize = 8192;
 /// More rows than any log has; a count beyond it is a lie.
@@ -52,10 +48,9 @@ pub(crate) struct Description {
 
 /// Describes a file: columns, rows, clock.
 pub(crate) fn describe(path: &Path) -> Result<Description, Error> {
-    let (file, leaves) = load(path)?;
+    let (file, leaves) = load(path, &Arc::default())?;
     let rows = check_rows(&file)?.0;
-    let (candidates, clock) = find_clock(&file, &leaves, &TimeSpec::Auto)?;
-    debug_assert_eq!(candidates.len(), leaves.len());
+    let clock = find_clock(&file, &leaves, &TimeSpec::Auto);
     let columns = leaves
         .iter()
         .map(|leaf| {
@@ -86,7 +81,7 @@ pub(crate) fn open(
     selection: &Selection,
     cursors: &Arc<Cursors>,
 ) -> Result<Opened, Error> {
-    let (file, all) = load(path)?;
+    let (file, all) = load(path, &cursors.buffers)?;
     let (rows, starts) = check_rows(&file)?;
     let mut columns = Vec::with_capacity(selection.columns.len());
     let mut wanted = Vec::with_capacity(selection.columns.len());
@@ -157,8 +152,7 @@ fn open_clock(
         let leaf = find(&file.path, all, name)?;
         check_chunks(file, leaf)?;
     }
-    let (_, clock) = find_clock(file, all, spec)?;
-    let Some(clock) = clock else {
+    let Some(clock) = find_clock(file, all, spec) else {
         let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
         return Err(Error::NoTimeColumn {
             path: file.path.clone(),
@@ -218,7 +212,7 @@ fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error>
     }
 }
 
-fn load(path: &Path) -> Result<(ParquetFile, Vec<Leaf>), Error> {
+fn load(path: &Path, buffers: &Arc<Buffers>) -> Result<(ParquetFile, Vec<Leaf>), Error> {
     let io = |source| Error::Io {
         path: path.into(),
         action: "read",
@@ -235,6 +229,7 @@ fn load(path: &Path) -> Result<(ParquetFile, Vec<Leaf>), Error> {
         &FileBytes {
             file: Arc::new(file),
             length,
+            buffers: buffers.clone(),
         },
     ));
     let schema = metadata.file_metadata();
@@ -250,6 +245,7 @@ fn load(path: &Path) -> Result<(ParquetFile, Vec<Leaf>), Error> {
         metadata: metadata.clone(),
         length,
         modified: info.modified().ok(),
+        buffers: buffers.clone(),
     };
     Ok((file, leaves))
 }
@@ -329,7 +325,7 @@ fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
 }
 
 /// The chunks of a leaf lie inside the file and have as many values as the row group has rows.
-fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error> {
+pub(super) fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error> {
     for (number, group) in file.metadata.row_groups().iter().enumerate() {
         let place = || format!("column `{}`, row group {number}", leaf.name);
         let Some(chunk) = group.columns().get(leaf.index) else {
@@ -400,105 +396,4 @@ fn collect_texts(file: &ParquetFile, leaf: &Leaf) -> Result<Vec<String>, Error> 
             "its texts are not UTF-8",
         )
     })
-}
-
-/// The clock among all leaves. Values are sampled only where the choice needs them.
-fn find_clock(
-    file: &ParquetFile,
-    all: &[Leaf],
-    spec: &TimeSpec,
-) -> Result<(Vec<Candidate>, Option<Clock>), Error> {
-    let mut candidates: Vec<Candidate> = all.iter().map(bare_candidate).collect();
-    for (candidate, leaf) in candidates.iter_mut().zip(all) {
-        // Dates may be texts; a look at the first few tells.
-        if leaf.meaning == Meaning::Text && sample_dates(file, leaf) {
-            candidate.kind = CandidateKind::Time;
-        }
-    }
-    if let Some(clock) = time_column::choose(&candidates, spec) {
-        candidates[clock.column].sample = sample(file, &all[clock.column]);
-    } else {
-        for (candidate, leaf) in candidates.iter_mut().zip(all) {
-            if candidate.kind != CandidateKind::Other {
-                candidate.sample = sample(file, leaf);
-            }
-        }
-    }
-    let clock = time_column::choose(&candidates, spec);
-    Ok((candidates, clock))
-}
-
-fn bare_candidate(leaf: &Leaf) -> Candidate {
-    let kind = match leaf.meaning {
-        Meaning::Float | Meaning::Decimal { .. } => CandidateKind::Float,
-        Meaning::Integer { .. } => CandidateKind::Integer,
-        Meaning::Time { .. } => CandidateKind::Time,
-        _ => CandidateKind::Other,
-    };
-    Candidate {
-        name: leaf.name.clone(),
-        unit: leaf.unit.clone(),
-        kind,
-        sample: Vec::new(),
-    }
-}
-
-/// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.
-fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
-    let rule = Rule {
-        meaning: leaf.meaning.clone(),
-        unit: TimeUnit::Seconds,
-        names: Vec::new(),
-    };
-    if leaf.meaning == Meaning::Text {
-        let mut stamps: Vec<i64> = Vec::new();
-        first_rows(file, leaf, |decoder, rows| {
-            decoder.read(rows, &rule, &mut stamps)
-        });
-        return stamps
-            .iter()
-            .map(|&stamp| {
-                if stamp == MISSING {
-                    f64::NAN
-                } else {
-                    stamp as f64 * 1e-9
-                }
-            })
-            .collect();
-    }
-    let mut values: Vec<f64> = Vec::new();
-    first_rows(file, leaf, |decoder, rows| {
-        decoder.read(rows, &rule, &mut values)
-    });
-    values
-}
-
-fn sample_dates(file: &ParquetFile, leaf: &Leaf) -> bool {
-    let (mut dates, mut others) = (0, 0);
-    first_rows(file, leaf, |decoder, rows| {
-        decoder.texts(rows.min(8), |text| {
-            *if stamp::parse_date(text.trim_ascii()).is_some() {
-                &mut dates
-            } else {
-                &mut others
-            } += 1
-        })
-    });
-    dates > others
-}
-
-fn first_rows(
-    file: &ParquetFile,
-    leaf: &Leaf,
-    work: impl FnOnce(&mut super::ChunkDecoder, usize) -> Result<(), ParquetError>,
-) {
-    if file.metadata.num_row_groups() == 0 || check_chunks(file, leaf).is_err() {
-        return;
-    }
-    let rows = SAMPLE.min(file.group_rows(0));
-    let Ok(bytes) = file.reopen() else { return };
-    if let Ok(mut decoder) = file.decoder(&bytes, leaf.index, 0) {
-        // A failure here leaves the sample empty.
-        let _ = file.guarded(leaf.index, 0, || work(&mut decoder, rows));
-    }
 }

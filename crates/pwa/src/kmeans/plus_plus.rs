@@ -3,18 +3,40 @@
 //! Arthur and Vassilvitskii, "k-means++: the advantages of careful seeding" (SODA 2007): each next centroid is a row drawn with a probability proportional
 //! to its squared distance to the nearest centroid so far. The greedy variant, as in scikit-learn, draws `2 + ln k` candidates
 //! and keeps the one that leaves the least sum of squared distances.
+//!
+//! A candidate matters only to the rows that are nearer to it than to any centroid, and those become few. So a row is left alone if
+//! its centroid is more than twice as far from every candidate as from the row (triangle inequality), the others are screened in `f32`, and
+//! what remains is computed in `f64`: what is skipped would have changed nothing, not a bit.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Points, distance::squared_distance, points::{CHUNK, ChunkRows}, random::uniform};
+use super::{
+    Points,
+    distance::squared_distance,
+    points::{CHUNK, ChunkRows},
+    random::uniform,
+    screen::{Lane, Screen, TILE, Tile},
+    transpose::prefetch,
+};
 
-/// Squared distances of a chunk's rows to the nearest of the first `seen` centroids.
+/// Columns of one round; each is a bit of a mask.
+const MOST: usize = 64;
+
+/// The nearest centroid of each row of a chunk and the squared distance to it.
 struct Closest {
-    seen: usize,
+    label: Vec<u32>,
     squared: Vec<f64>,
+}
+
+/// What a round found in a chunk.
+struct Found {
+    /// Sum of the squared distances to the nearest centroids.
+    total: f64,
+    /// By how much each candidate would lessen it.
+    gains: Vec<f64>,
 }
 
 /// At most `clusters` different rows as centroids (row-major); fewer if there are fewer different rows.
@@ -26,105 +48,215 @@ pub(super) fn plus_plus(
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Cancelled> {
     let d = points.dimensions();
-    let trials = 2 + (clusters as f64).ln() as usize;
+    let trials = (2 + (clusters as f64).ln() as usize).min(MOST - 1);
     let first = (uniform(seed, restart, 0) * points.rows() as f64) as usize;
     let mut centroids = points.row(first.min(points.rows() - 1));
     let chunks: Vec<Mutex<Closest>> = (0..points.chunks())
-        .map(|chunk| Mutex::new(Closest { seen: 0, squared: vec![f64::INFINITY; points.chunk(chunk).rows()] }))
+        .map(|chunk| {
+            let rows = points.chunk(chunk).rows();
+            Mutex::new(Closest { label: vec![0; rows], squared: vec![f64::INFINITY; rows] })
+        })
         .collect();
-    let mut sums = potentials(points, &chunks, &centroids, &[], progress)?;
+    let found = Round::new(&centroids, d, &[]).run(points, &chunks, progress)?;
+    let mut totals: Vec<f64> = found.iter().map(|found| found.total).collect();
     for cluster in 1..clusters {
-        let total: f64 = sums.iter().map(|sums| sums[0]).sum();
+        let total: f64 = totals.iter().sum();
         // Every row is a centroid already.
         if total <= 0.0 {
             break;
         }
+        let renew = Round::new(&centroids, d, &[]);
         let mut candidates = Vec::with_capacity(trials * d);
         for trial in 0..trials {
             let draw = ((cluster - 1) * trials + trial + 1) as u64;
-            let row = draw_row(points, &chunks, &centroids, &sums, uniform(seed, restart, draw) * total);
-            candidates.extend_from_slice(&points.row(row));
+            let (chunk, rest) = pass(&totals, uniform(seed, restart, draw) * total);
+            let mut closest = lock(&chunks[chunk]);
+            renew.chunk(points.chunk(chunk), &mut closest);
+            candidates.extend(points.row(chunk * CHUNK + pass(&closest.squared, rest).0));
         }
-        let tried = potentials(points, &chunks, &centroids, &candidates, progress)?;
-        let totals: Vec<f64> = (0..trials).map(|trial| tried.iter().map(|sums| sums[trial]).sum()).collect();
-        let best = (0..trials).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
+        let found = Round::new(&centroids, d, &candidates).run(points, &chunks, progress)?;
+        let gains: Vec<f64> = (0..trials).map(|trial| found.iter().map(|found| found.gains[trial]).sum()).collect();
+        // The most gained is the least left; of equal ones the first.
+        let best = (1..trials).fold(0, |best, trial| if gains[trial] > gains[best] { trial } else { best });
         centroids.extend_from_slice(&candidates[best * d..(best + 1) * d]);
-        sums = tried.into_iter().map(|sums| vec![sums[best]]).collect();
+        totals = left(points, &chunks, &found, best, &Round::new(&centroids, d, &[]));
     }
     Ok(centroids)
 }
 
-/// The row at which the running sum of squared distances passes `target`.
-fn draw_row(points: &Points, chunks: &[Mutex<Closest>], centroids: &[f64], sums: &[Vec<f64>], mut target: f64) -> usize {
-    // Rounding may carry the target past the end: then the last row that can be drawn.
-    let mut chosen = sums.iter().rposition(|sums| sums[0] > 0.0).unwrap_or(0);
-    for (chunk, sums) in sums.iter().enumerate() {
-        if target < sums[0] {
-            chosen = chunk;
-            break;
+/// Where the running sum passes `target`, and what is left of the target there. If rounding carries it past the end: the last value that counts.
+fn pass(values: &[f64], mut target: f64) -> (usize, f64) {
+    for (i, value) in values.iter().enumerate() {
+        if target < *value {
+            return (i, target);
         }
-        target -= sums[0];
+        target -= value;
     }
-    let mut closest = chunks[chosen].lock().unwrap_or_else(PoisonError::into_inner);
-    Arch::new().dispatch(Pass { rows: points.chunk(chosen), d: points.dimensions(), centroids, candidates: &[], closest: &mut closest });
-    let mut row = closest.squared.iter().rposition(|squared| *squared > 0.0).unwrap_or(0);
-    for (i, squared) in closest.squared.iter().enumerate() {
-        if target < *squared {
-            row = i;
-            break;
-        }
-        target -= squared;
-    }
-    chosen * CHUNK + row
+    (values.iter().rposition(|value| *value > 0.0).unwrap_or(0), f64::INFINITY)
 }
 
-/// For each chunk and each candidate the sum of squared distances if it became a centroid; without candidates, the sum as it is.
-fn potentials(
-    points: &Points,
-    chunks: &[Mutex<Closest>],
-    centroids: &[f64],
-    candidates: &[f64],
-    progress: &dyn Progress,
-) -> Result<Vec<Vec<f64>>, Cancelled> {
-    let arch = Arch::new();
-    parallel_map(chunks.len(), &Silent, |chunk| {
-        if progress.cancelled() {
-            return Err(Cancelled);
-        }
-        let mut closest = chunks[chunk].lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(arch.dispatch(Pass { rows: points.chunk(chunk), d: points.dimensions(), centroids, candidates, closest: &mut closest }))
-    })
+/// The sums of the chunks when candidate `best` is a centroid.
+fn left(points: &Points, chunks: &[Mutex<Closest>], found: &[Found], best: usize, renew: &Round<'_>) -> Vec<f64> {
+    let one = |(chunk, found): (usize, &Found)| {
+        let rest = found.total - found.gains[best];
+        // A difference that lost its digits could be positive where nothing is left.
+        if rest > 1e-6 * found.total { rest } else { renew.chunk(points.chunk(chunk), &mut lock(&chunks[chunk])).total }
+    };
+    found.iter().enumerate().map(one).collect()
 }
 
-struct Pass<'a> {
-    rows: ChunkRows<'a>,
-    d: usize,
-    centroids: &'a [f64],
+fn lock(closest: &Mutex<Closest>) -> MutexGuard<'_, Closest> {
+    closest.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The newest centroid, which rows may join, and candidates, which they may only consider. Joining again changes nothing.
+struct Round<'a> {
+    dimensions: usize,
+    /// The newest centroid's number.
+    newest: u32,
     candidates: &'a [f64],
+    /// The newest centroid, then the candidates.
+    columns: Vec<f64>,
+    screen: Screen,
+    /// Rows of each centroid that are nearer to it than this (squared) have nothing to gain.
+    reach: Vec<f64>,
+}
+
+impl<'a> Round<'a> {
+    fn new(centroids: &[f64], dimensions: usize, candidates: &'a [f64]) -> Self {
+        let newest = centroids.len() / dimensions - 1;
+        let columns = [&centroids[newest * dimensions..], candidates].concat();
+        let reach = centroids.chunks_exact(dimensions).enumerate().map(|(label, centroid)| {
+            let others = if label == newest { candidates } else { &columns };
+            let near = others.chunks_exact(dimensions).map(|c| squared_distance(centroid, c)).fold(f64::INFINITY, f64::min);
+            // Half the distance, and less by what rounding may hide.
+            0.25 * near * (1.0 - 1e-9)
+        });
+        let reach = reach.collect();
+        Self { dimensions, newest: newest as u32, candidates, screen: Screen::new(&columns, dimensions), columns, reach }
+    }
+
+    fn run(&self, points: &Points, chunks: &[Mutex<Closest>], progress: &dyn Progress) -> Result<Vec<Found>, Cancelled> {
+        parallel_map(chunks.len(), &Silent, |chunk| {
+            if progress.cancelled() {
+                return Err(Cancelled);
+            }
+            Ok(self.chunk(points.chunk(chunk), &mut lock(&chunks[chunk])))
+        })
+    }
+
+    fn chunk(&self, rows: ChunkRows<'_>, closest: &mut Closest) -> Found {
+        Arch::new().dispatch(Visit { round: self, rows, closest })
+    }
+}
+
+/// One round over one chunk.
+struct Visit<'a> {
+    round: &'a Round<'a>,
+    rows: ChunkRows<'a>,
     closest: &'a mut Closest,
 }
 
-impl WithSimd for Pass<'_> {
-    type Output = Vec<f64>;
+impl WithSimd for Visit<'_> {
+    type Output = Found;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Vec<f64> {
-        let fresh = &self.centroids[self.closest.seen * self.d..];
-        self.closest.seen = self.centroids.len() / self.d;
-        let mut sums = vec![0.0; (self.candidates.len() / self.d).max(1)];
-        let row = &mut vec![0.0; self.d];
-        for (i, closest) in self.closest.squared.iter_mut().enumerate() {
-            self.rows.copy(i, row);
-            for centroid in fresh.chunks_exact(self.d) {
-                *closest = closest.min(squared_distance(row, centroid));
+    fn with_simd<S: Simd>(mut self, simd: S) -> Found {
+        let d = self.round.dimensions;
+        let columns = self.round.columns.len() / d;
+        let mut gains = vec![0.0; columns - 1];
+        let mut tile = Tile::new(d);
+        let mut bounds = vec![Lane([0.0; TILE]); columns];
+        let mut x = vec![0.0; d];
+        let active = self.activate();
+        let mut tiles = active.chunks(TILE).peekable();
+        while let Some(chosen) = tiles.next() {
+            if let Some(next) = tiles.peek() {
+                prefetch(self.rows.high, d, next);
             }
-            if self.candidates.is_empty() {
-                sums[0] += *closest;
+            self.round.screen.lower_bounds(simd, self.rows.high, chosen, &mut tile, &mut bounds);
+            let hits = self.hits(chosen, &bounds);
+            for (&row, &mask) in chosen.iter().zip(&hits) {
+                if mask != 0 {
+                    prefetch(self.rows.low, d, &[row]);
+                }
             }
-            for (sum, candidate) in sums.iter_mut().zip(self.candidates.chunks_exact(self.d)) {
-                *sum += closest.min(squared_distance(row, candidate));
+            for (&row, &mask) in chosen.iter().zip(&hits) {
+                if mask != 0 {
+                    self.rows.copy(row as usize, &mut x);
+                    self.consider(row as usize, &x, mask, &mut gains);
+                }
             }
         }
-        sums
+        Found { total: sum(&self.closest.squared), gains }
     }
+}
+
+impl Visit<'_> {
+    /// Rows that are not out of reach.
+    #[inline(always)]
+    fn activate(&self) -> Vec<u32> {
+        let reach = self.round.reach.as_slice();
+        let mut active = vec![0; self.closest.label.len() + 1];
+        let mut count = 0;
+        for (row, (label, squared)) in self.closest.label.iter().zip(&self.closest.squared).enumerate() {
+            active[count] = row as u32;
+            count += usize::from(!(*squared < reach[*label as usize]));
+        }
+        active.truncate(count);
+        active
+    }
+
+    /// For each row of a tile a mask of the columns that may be nearer than what there is.
+    #[inline(always)]
+    fn hits(&self, chosen: &[u32], bounds: &[Lane]) -> [u64; TILE] {
+        let mut limits = [0.0; TILE];
+        for (limit, &row) in limits.iter_mut().zip(chosen) {
+            *limit = self.closest.squared[row as usize] as f32 * (1.0 + 1e-6);
+        }
+        let mut hits = [0; TILE];
+        for (column, bound) in bounds.iter().enumerate() {
+            for i in 0..TILE {
+                // NaN may be nearer.
+                hits[i] |= u64::from(!(bound.0[i] > limits[i])) << column;
+            }
+        }
+        hits
+    }
+
+    /// Lets a row join the newest centroid, and adds what it would gain from the candidates.
+    #[inline(always)]
+    fn consider(&mut self, row: usize, x: &[f64], mask: u64, gains: &mut [f64]) {
+        let Self { round, closest, .. } = self;
+        if mask & 1 == 1 {
+            let squared = squared_distance(x, &round.columns[..round.dimensions]);
+            if squared < closest.squared[row] {
+                closest.squared[row] = squared;
+                closest.label[row] = round.newest;
+            }
+        }
+        let current = closest.squared[row];
+        let mut mask = mask >> 1;
+        while mask != 0 {
+            let candidate = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let squared = squared_distance(x, &round.candidates[candidate * round.dimensions..][..round.dimensions]);
+            if squared < current {
+                gains[candidate] += current - squared;
+            }
+        }
+    }
+}
+
+/// The sum in a fixed order, eight partial sums wide.
+#[inline(always)]
+fn sum(values: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (chunks, rest) = values.as_chunks::<8>();
+    for chunk in chunks {
+        for lane in 0..8 {
+            sums[lane] += chunk[lane];
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().sum::<f64>()
 }

@@ -121,54 +121,84 @@ impl Screen {
         }
         gather(rows, self.dimensions, chosen, &mut tile.x);
         if S::F32_LANES >= 16 {
-            self.scores::<S, 4>(simd, chosen.len(), tile);
+            self.least::<S, 4>(simd, chosen.len(), tile);
         } else {
-            self.scores::<S, 2>(simd, chosen.len(), tile);
+            self.least::<S, 2>(simd, chosen.len(), tile);
         }
         self.judge(tile);
     }
 
+    /// Lower bounds of the squared distances of the chosen rows to every centroid, one `Lane` each.
+    #[inline(always)]
+    pub(super) fn lower_bounds<S: Simd>(&self, simd: S, rows: &[f32], chosen: &[u32], tile: &mut Tile, out: &mut [Lane]) {
+        if !self.safe {
+            out.fill(Lane([f32::NEG_INFINITY; TILE]));
+            return;
+        }
+        gather(rows, self.dimensions, chosen, &mut tile.x);
+        if S::F32_LANES >= 16 {
+            self.all::<S, 4>(simd, chosen.len(), tile, out);
+        } else {
+            self.all::<S, 2>(simd, chosen.len(), tile, out);
+        }
+        for lane in out {
+            for (bound, norm) in lane.0.iter_mut().zip(&tile.norms.0) {
+                *bound = self.below(*norm, *bound);
+            }
+        }
+    }
+
+    /// At most the squared distance that belongs to a score.
+    #[inline(always)]
+    fn below(&self, norm: f32, score: f32) -> f32 {
+        (norm + 2.0 * (score - self.error * norm)) - (4.0 * self.error * norm + TINY)
+    }
+
     /// Least scores of a tile; `P` vectors of rows at a time.
     #[inline(always)]
-    fn scores<S: Simd, const P: usize>(&self, simd: S, rows: usize, tile: &mut Tile) {
-        let lanes = S::F32_LANES;
-        let zero = simd.splat_f32s(0.0);
-        for at in (0..rows).step_by(P * lanes) {
-            // Vectors of a last, short step that hold no rows are computed on what an earlier tile left there.
-            let at = at.min(TILE - P * lanes);
+    fn least<S: Simd, const P: usize>(&self, simd: S, rows: usize, tile: &mut Tile) {
+        for at in steps::<S, P>(rows) {
             let mut best = Best::<S, P> {
                 first: [simd.splat_f32s(f32::INFINITY); P],
                 second: [simd.splat_f32s(f32::INFINITY); P],
                 label: [simd.splat_u32s(0); P],
             };
-            let mut norms = [zero; P];
-            for x in &tile.x {
-                let x = vectors::<S, P>(&x.0, at);
-                for p in 0..P {
-                    norms[p] = simd.mul_add_f32s(x[p], x[p], norms[p]);
-                }
-            }
-            let (mut label, mut from) = (0, 0);
-            for &members in &self.groups {
-                let size = members * self.dimensions;
-                let group = &self.negated[from..from + size];
-                let half = &self.half_norms[label..label + members];
-                match members {
-                    6 => best.group::<6>(simd, &tile.x, at, group, half, label),
-                    5 => best.group::<5>(simd, &tile.x, at, group, half, label),
-                    4 => best.group::<4>(simd, &tile.x, at, group, half, label),
-                    3 => best.group::<3>(simd, &tile.x, at, group, half, label),
-                    2 => best.group::<2>(simd, &tile.x, at, group, half, label),
-                    _ => best.group::<1>(simd, &tile.x, at, group, half, label),
-                }
-                label += members;
-                from += size;
-            }
-            store::<S, P>(&mut tile.norms.0, at, norms);
+            self.walk(simd, &tile.x, at, &mut best);
+            store::<S, P>(&mut tile.norms.0, at, norms(simd, &tile.x, at));
             store::<S, P>(&mut tile.first.0, at, best.first);
             store::<S, P>(&mut tile.second.0, at, best.second);
-            let (out, _) = S::as_mut_simd_u32s(&mut tile.label.0[at..at + P * lanes]);
+            let (out, _) = S::as_mut_simd_u32s(&mut tile.label.0[at..at + P * S::F32_LANES]);
             out.copy_from_slice(&best.label);
+        }
+    }
+
+    /// All scores of a tile.
+    #[inline(always)]
+    fn all<S: Simd, const P: usize>(&self, simd: S, rows: usize, tile: &mut Tile, out: &mut [Lane]) {
+        for at in steps::<S, P>(rows) {
+            self.walk::<S, P>(simd, &tile.x, at, &mut Keep { out, at });
+            store::<S, P>(&mut tile.norms.0, at, norms(simd, &tile.x, at));
+        }
+    }
+
+    /// Scores of `P` vectors of rows, group by group.
+    #[inline(always)]
+    fn walk<S: Simd, const P: usize>(&self, simd: S, x: &[Lane], at: usize, taker: &mut impl Take<S, P>) {
+        let (mut label, mut from) = (0, 0);
+        for &members in &self.groups {
+            let size = members * self.dimensions;
+            let group = &self.negated[from..from + size];
+            let half = &self.half_norms[label..label + members];
+            match members {
+                6 => taker.take(simd, label, scores::<S, P, 6>(simd, x, at, group, half)),
+                5 => taker.take(simd, label, scores::<S, P, 5>(simd, x, at, group, half)),
+                4 => taker.take(simd, label, scores::<S, P, 4>(simd, x, at, group, half)),
+                3 => taker.take(simd, label, scores::<S, P, 3>(simd, x, at, group, half)),
+                2 => taker.take(simd, label, scores::<S, P, 2>(simd, x, at, group, half)),
+                _ => taker.take(simd, label, scores::<S, P, 1>(simd, x, at, group, half)),
+            }
+            label += members;
+            from += size;
         }
     }
 
@@ -185,7 +215,7 @@ impl Screen {
             // One per cent covers the rounding of `norm`, of `half` and of these lines.
             let excess = 1.01 * e * (4.0 * half.0[i] + norm) + TINY;
             let near = (norm + 2.0 * (first + excess)) + 2.0 * e * norm;
-            let far = (norm + 2.0 * (second - e * norm)) - (4.0 * e * norm + TINY);
+            let far = self.below(norm, second);
             tile.gap.0[i] = gap(near.max(0.0).sqrt(), far.max(0.0).sqrt());
             // NaN is a doubt.
             tile.doubt[i] = !(second - first > excess);
@@ -199,6 +229,11 @@ pub(super) fn gap(near: f32, far: f32) -> f32 {
     far * (1.0 - 2e-6) - (near * (1.0 + 2e-6) + 1e-12)
 }
 
+/// What becomes of the scores of `C` centroids, the first of which is `label`, for `P` vectors of rows.
+trait Take<S: Simd, const P: usize> {
+    fn take<const C: usize>(&mut self, simd: S, label: usize, scores: [[S::f32s; P]; C]);
+}
+
 /// The two least scores and the place of the least, for `P` vectors of rows.
 struct Best<S: Simd, const P: usize> {
     first: [S::f32s; P],
@@ -206,24 +241,9 @@ struct Best<S: Simd, const P: usize> {
     label: [S::u32s; P],
 }
 
-impl<S: Simd, const P: usize> Best<S, P> {
-    /// Scores `C` more centroids, the first of which is `label`.
+impl<S: Simd, const P: usize> Take<S, P> for Best<S, P> {
     #[inline(always)]
-    fn group<const C: usize>(&mut self, simd: S, x: &[Lane], at: usize, group: &[f32], half: &[f32], label: usize) {
-        let mut scores = [[simd.splat_f32s(0.0); P]; C];
-        for c in 0..C {
-            scores[c] = [simd.splat_f32s(half[c]); P];
-        }
-        let (negated, _) = group.as_chunks::<C>();
-        for (x, negated) in x.iter().zip(negated) {
-            let x = vectors::<S, P>(&x.0, at);
-            for c in 0..C {
-                let coordinate = simd.splat_f32s(negated[c]);
-                for p in 0..P {
-                    scores[c][p] = simd.mul_add_f32s(x[p], coordinate, scores[c][p]);
-                }
-            }
-        }
+    fn take<const C: usize>(&mut self, simd: S, label: usize, scores: [[S::f32s; P]; C]) {
         for c in 0..C {
             let name = simd.splat_u32s((label + c) as u32);
             for p in 0..P {
@@ -235,6 +255,63 @@ impl<S: Simd, const P: usize> Best<S, P> {
             }
         }
     }
+}
+
+/// Keeps all scores, one lane a centroid.
+struct Keep<'a> {
+    out: &'a mut [Lane],
+    at: usize,
+}
+
+impl<S: Simd, const P: usize> Take<S, P> for Keep<'_> {
+    #[inline(always)]
+    fn take<const C: usize>(&mut self, _: S, label: usize, scores: [[S::f32s; P]; C]) {
+        for c in 0..C {
+            store::<S, P>(&mut self.out[label + c].0, self.at, scores[c]);
+        }
+    }
+}
+
+/// Where the vectors of rows begin. The last step overlaps nothing: a tile is a whole number of steps.
+fn steps<S: Simd, const P: usize>(rows: usize) -> impl Iterator<Item = usize> {
+    const { assert!(TILE.is_multiple_of(P * S::F32_LANES)) };
+    (0..rows.min(TILE)).step_by(P * S::F32_LANES)
+}
+
+/// Scores of `P` vectors of rows and the `C` centroids of a group.
+#[inline(always)]
+fn scores<S: Simd, const P: usize, const C: usize>(
+    simd: S,
+    x: &[Lane],
+    at: usize,
+    group: &[f32],
+    half: &[f32],
+) -> [[S::f32s; P]; C] {
+    let mut scores: [[S::f32s; P]; C] = std::array::from_fn(|c| [simd.splat_f32s(half[c]); P]);
+    let (negated, _) = group.as_chunks::<C>();
+    for (x, negated) in x.iter().zip(negated) {
+        let x = vectors::<S, P>(&x.0, at);
+        for c in 0..C {
+            let coordinate = simd.splat_f32s(negated[c]);
+            for p in 0..P {
+                scores[c][p] = simd.mul_add_f32s(x[p], coordinate, scores[c][p]);
+            }
+        }
+    }
+    scores
+}
+
+/// Squared norms of `P` vectors of rows.
+#[inline(always)]
+fn norms<S: Simd, const P: usize>(simd: S, x: &[Lane], at: usize) -> [S::f32s; P] {
+    let mut norms = [simd.splat_f32s(0.0); P];
+    for x in x {
+        let x = vectors::<S, P>(&x.0, at);
+        for p in 0..P {
+            norms[p] = simd.mul_add_f32s(x[p], x[p], norms[p]);
+        }
+    }
+    norms
 }
 
 #[inline(always)]

@@ -1,0 +1,73 @@
+//! What a person should know of many files, in a few sentences.
+
+use std::{collections::BTreeMap, path::Path};
+
+use crate::{ClockSummary, index::Span};
+
+/// Collects what happened in many files into a few sentences.
+#[derive(Default)]
+pub(crate) struct Notes {
+    /// Sentences about single files and the files they are about.
+    sentences: BTreeMap<String, Vec<String>>,
+    /// For each kind of event: how many, in how many files, and one of these.
+    counts: BTreeMap<&'static str, (usize, usize, String)>,
+}
+
+impl Notes {
+    /// Adds what a file's opening and its stamps tell.
+    pub(crate) fn add_file(
+        &mut self,
+        path: &Path,
+        notes: &[String],
+        clock: &ClockSummary,
+        spans: &[Span],
+    ) {
+        for note in notes {
+            self.sentences
+                .entry(note.clone())
+                .or_default()
+                .push(path.display().to_string());
+        }
+        let single = spans.iter().filter(|span| span.rows == 1).count();
+        let events = [
+            ("rows without a readable stamp left out", clock.missing),
+            (
+                "rows with the stamp of the row before left out",
+                clock.repeated,
+            ),
+            ("backward stamps, each starting an episode", clock.backward),
+            (
+                "gaps longer than accepted, each starting an episode",
+                clock.gaps,
+            ),
+            ("episodes of a single row", single),
+        ];
+        for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
+            let entry = self
+                .counts
+                .entry(what)
+                .or_insert_with(|| (0, 0, path.display().to_string()));
+            entry.0 += count;
+            entry.1 += 1;
+        }
+    }
+
+    /// The sentences, sorted.
+    pub(crate) fn finish(self) -> Vec<String> {
+        let place = |files: usize, first: &str| match files {
+            1 => first.to_owned(),
+            more => format!("{more} files, first {first}"),
+        };
+        let sentences = self
+            .sentences
+            .into_iter()
+            .map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
+        let counts = self
+            .counts
+            .into_iter()
+            .map(|(what, (count, files, first))| {
+                format!("{}: {count} {what}", place(files, &first))
+            });
+        sentences.chain(counts).collect()
+    }
+}

@@ -1,0 +1,114 @@
+//! The clock of a Parquet file: by name, else by what the first rows of its columns look like.
+
+use parquet::errors::ParquetError;
+
+use super::{
+    ParquetFile,
+    chunk::ChunkDecoder,
+    leaf::{Leaf, Meaning, Rule},
+    open::check_chunks,
+};
+use crate::{
+    TimeSpec, TimeUnit, stamp,
+    table::MISSING,
+    time_column::{self, Candidate, CandidateKind, Clock},
+};
+
+/// Rows looked at.
+const SAMPLE: usize = 1000;
+
+/// The clock among all leaves. Values are sampled only where the choice needs them.
+pub(super) fn find_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Option<Clock> {
+    let mut candidates: Vec<Candidate> = all.iter().map(bare_candidate).collect();
+    for (candidate, leaf) in candidates.iter_mut().zip(all) {
+        // Dates may be texts; a look at the first few tells.
+        if leaf.meaning == Meaning::Text && sample_dates(file, leaf) {
+            candidate.kind = CandidateKind::Time;
+        }
+    }
+    if let Some(clock) = time_column::choose(&candidates, spec) {
+        candidates[clock.column].sample = sample(file, &all[clock.column]);
+    } else {
+        for (candidate, leaf) in candidates.iter_mut().zip(all) {
+            if candidate.kind != CandidateKind::Other {
+                candidate.sample = sample(file, leaf);
+            }
+        }
+    }
+    time_column::choose(&candidates, spec)
+}
+
+fn bare_candidate(leaf: &Leaf) -> Candidate {
+    let kind = match leaf.meaning {
+        Meaning::Float | Meaning::Decimal { .. } => CandidateKind::Float,
+        Meaning::Integer { .. } => CandidateKind::Integer,
+        Meaning::Time { .. } => CandidateKind::Time,
+        _ => CandidateKind::Other,
+    };
+    Candidate {
+        name: leaf.name.clone(),
+        unit: leaf.unit.clone(),
+        kind,
+        sample: Vec::new(),
+    }
+}
+
+/// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.
+fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
+    let rule = Rule {
+        meaning: leaf.meaning.clone(),
+        unit: TimeUnit::Seconds,
+        names: Vec::new(),
+    };
+    if leaf.meaning == Meaning::Text {
+        let mut stamps: Vec<i64> = Vec::new();
+        first_rows(file, leaf, |decoder, rows| {
+            decoder.read(rows, &rule, &mut stamps)
+        });
+        return stamps
+            .iter()
+            .map(|&stamp| {
+                if stamp == MISSING {
+                    f64::NAN
+                } else {
+                    stamp as f64 * 1e-9
+                }
+            })
+            .collect();
+    }
+    let mut values: Vec<f64> = Vec::new();
+    first_rows(file, leaf, |decoder, rows| {
+        decoder.read(rows, &rule, &mut values)
+    });
+    values
+}
+
+fn sample_dates(file: &ParquetFile, leaf: &Leaf) -> bool {
+    let (mut dates, mut others) = (0, 0);
+    first_rows(file, leaf, |decoder, rows| {
+        decoder.texts(rows.min(8), |text| {
+            *if stamp::parse_date(text.trim_ascii()).is_some() {
+                &mut dates
+            } else {
+                &mut others
+            } += 1
+        })
+    });
+    dates > others
+}
+
+fn first_rows(
+    file: &ParquetFile,
+    leaf: &Leaf,
+    work: impl FnOnce(&mut ChunkDecoder, usize) -> Result<(), ParquetError>,
+) {
+    if file.metadata.num_row_groups() == 0 || check_chunks(file, leaf).is_err() {
+        return;
+    }
+    let rows = SAMPLE.min(file.group_rows(0));
+    let Ok(bytes) = file.reopen() else { return };
+    if let Ok(mut decoder) = file.decoder(&bytes, leaf.index, 0) {
+        // A failure here leaves the sample empty.
+        let _ = file.guarded(leaf.index, 0, || work(&mut decoder, rows));
+    }
+}
