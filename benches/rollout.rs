@@ -178,7 +178,7 @@ fn recording(hertz: f64) -> MemorySource {
         let columns = (0..COLUMNS)
             .map(|_| {
                 let frequency = std::f64::consts::TAU * hertz * random.random_range(0.8..1.2);
-                let phase: f64 = random.random_range(0.0..6.28);
+                let phase: f64 = random.random_range(0.0..std::f64::consts::TAU);
                 (0..2_000)
                     .map(|k| 1.3 * (frequency * DT * f64::from(k) + phase).sin())
                     .collect()

@@ -1,12 +1,12 @@
 """Lloyd's k-means of a peer on the rows and the start that the bench wrote: kmeans.py FOLDER NAME N D K ITERATIONS.
 
-NAME is sklearn64, sklearn32 or faiss32. Prints one JSON line: version, seconds (best of three), iterations, inertia, peak MiB.
+NAME is sklearn64, sklearn32 or faiss32. Prints one JSON line: version, seconds (best of three), iterations, inertia, peak MiB;
+for scikit-learn also the seconds of its k-means++ alone.
 The final centroids go to FOLDER/NAME.f64, row-major.
 """
 
 import json
 import pathlib
-import resource
 import sys
 import time
 
@@ -39,6 +39,22 @@ def faiss_fit(x, start, iterations):
     return time.perf_counter() - begin, model.centroids, iterations, faiss.__version__
 
 
+def seeding_seconds(x, k):
+    from sklearn.cluster import kmeans_plusplus
+
+    begin = time.perf_counter()
+    kmeans_plusplus(x, k, random_state=1)
+    return time.perf_counter() - begin
+
+
+def peak_mib():
+    """The largest resident set of this process; getrusage would count that of the parent at the fork."""
+    for line in pathlib.Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    return float("nan")
+
+
 def inertia_of(x, centroids):
     """Sum of squared distances to the nearest centroids, by differences, in float64."""
     total = 0.0
@@ -56,7 +72,7 @@ def main():
     start = np.fromfile(folder / "start.f64").astype(kind, copy=False).reshape(k, d)
     fit = faiss_fit if name == "faiss32" else sklearn_fit
     runs = [fit(x, start, iterations) for _ in range(REPEATS)]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    peak = peak_mib()
     _, centroids, made, version = runs[-1]
     centroids = np.ascontiguousarray(centroids, dtype=np.float64)
     centroids.tofile(folder / f"{name}.f64")
@@ -69,6 +85,7 @@ def main():
                 "iterations": int(made),
                 "inertia": float(inertia_of(rows, centroids)),
                 "peak_mib": peak,
+                "seeding": seeding_seconds(x, k) if name != "faiss32" else None,
             }
         )
     )

@@ -66,16 +66,8 @@ impl AffineKernel {
         limit[..limits.len()].copy_from_slice(limits);
         let mut done = Vec::with_capacity(runs.len());
         for runs in runs.chunks(TOGETHER) {
-            let mut tracks: Vec<Track<'_>> = runs
-                .iter()
-                .map(|run| Track::new(self, simulator, run))
-                .collect();
-            pulp::Arch::new().dispatch(Advancing {
-                kernel: self,
-                tracks: &mut tracks,
-                limit: &limit,
-                method,
-            });
+            let mut tracks: Vec<Track<'_>> = runs.iter().map(|run| Track::new(self, simulator, run)).collect();
+            pulp::Arch::new().dispatch(Advancing { kernel: self, tracks: &mut tracks, limit: &limit, method });
             done.extend(tracks.into_iter().map(|track| track.finish(self.states)));
         }
         done
@@ -83,20 +75,36 @@ impl AffineKernel {
 
     #[inline(always)]
     fn advance<S: Simd>(&self, simd: S, tracks: &mut [Track<'_>], limit: &[f64], method: Method) {
-        let horizon = tracks
-            .iter()
-            .map(|track| track.run.horizon)
-            .max()
-            .unwrap_or(0);
+        let horizon = tracks.iter().map(|track| track.run.horizon).max().unwrap_or(0);
         let mut scratch = Scratch::new(self);
+        let mut lost = Vec::with_capacity(tracks.len());
         for k in 0..horizon {
+            lost.clear();
+            for (b, track) in tracks.iter().enumerate() {
+                if track.end == End::Horizon && self.cells.has_left(simd, &track.cell, &track.slots) {
+                    lost.push(b);
+                }
+            }
+            for &b in &lost {
+                let track = &mut tracks[b];
+                self.cells.standardise(simd, &mut track.cell, &track.slots);
+            }
+            for &b in &lost {
+                self.cells.score(&mut tracks[b].cell);
+            }
+            for &b in &lost {
+                self.cells.choose(simd, &mut tracks[b].cell);
+            }
+            for &b in &lost {
+                self.cells.release(simd, &mut tracks[b].cell);
+            }
             for track in tracks.iter_mut().filter(|track| track.end == End::Horizon) {
                 self.step(simd, track, k, limit, method, &mut scratch);
             }
         }
     }
 
-    /// One step of one trajectory.
+    /// One step of one trajectory, whose cell is known.
     #[inline(always)]
     fn step<S: Simd>(
         &self,
@@ -107,19 +115,13 @@ impl AffineKernel {
         method: Method,
         scratch: &mut Scratch,
     ) {
-        let Some(region) =
-            self.cells
-                .locate(simd, &mut track.cell, &track.slots, &mut scratch.cells)
-        else {
+        let Some(region) = self.cells.region(&track.cell) else {
             track.end = End::NoRegion;
             return;
         };
         if track.left.is_none() {
             let at = region * self.slots;
-            let (low, high) = (
-                &self.low[at..at + self.slots],
-                &self.high[at..at + self.slots],
-            );
+            let (low, high) = (&self.low[at..at + self.slots], &self.high[at..at + self.slots]);
             if !within(simd, &track.slots, low, high) {
                 track.left = Some(k);
             }
@@ -168,11 +170,7 @@ impl AffineKernel {
     #[inline(always)]
     fn turn(&self, slots: &mut [f64]) {
         for &(slot, cosine, angle) in &self.circular {
-            slots[slot] = if cosine {
-                slots[angle].cos()
-            } else {
-                slots[angle].sin()
-            };
+            slots[slot] = if cosine { slots[angle].cos() } else { slots[angle].sin() };
         }
     }
 
@@ -203,13 +201,7 @@ impl AffineKernel {
     /// Replaces the slopes of the continuous states by the mean of the four Runge-Kutta stages.
     #[inline(always)]
     fn refine<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, scratch: &mut Scratch) {
-        let Scratch {
-            slope,
-            stages,
-            slots,
-            cells,
-            ..
-        } = scratch;
+        let Scratch { slope, stages, slots, .. } = scratch;
         stages[0].copy_from_slice(slope);
         for stage in 1..4 {
             let offset = if stage == 3 { seconds } else { seconds * 0.5 };
@@ -224,18 +216,17 @@ impl AffineKernel {
                 slots[from..from + LANES].copy_from_slice(&x);
             }
             self.turn(slots);
-            match self.cells.locate(simd, &mut track.cell, slots, cells) {
+            if self.cells.has_left(simd, &track.cell, slots) {
+                self.cells.search(simd, &mut track.cell, slots);
+            }
+            match self.cells.region(&track.cell) {
                 Some(region) => self.slope(region, slots, &mut stages[stage]),
                 None => stages[stage].fill(f64::NAN),
             }
         }
         for s in 0..self.width {
             let mean = runge_kutta_mean([stages[0][s], stages[1][s], stages[2][s], stages[3][s]]);
-            slope[s] = if self.continuous[s] > 0.0 {
-                mean
-            } else {
-                slope[s]
-            };
+            slope[s] = if self.continuous[s] > 0.0 { mean } else { slope[s] };
         }
     }
 }
@@ -253,8 +244,7 @@ impl pulp::WithSimd for Advancing<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.kernel
-            .advance(simd, self.tracks, self.limit, self.method);
+        self.kernel.advance(simd, self.tracks, self.limit, self.method);
     }
 }
 
@@ -263,7 +253,6 @@ struct Scratch {
     slope: Aligned,
     stages: [Aligned; 4],
     slots: Aligned,
-    cells: Aligned,
 }
 
 impl Scratch {
@@ -272,7 +261,6 @@ impl Scratch {
             slope: Aligned::new(kernel.width, 0.0),
             stages: std::array::from_fn(|_| Aligned::new(kernel.width, 0.0)),
             slots: Aligned::new(kernel.slots, 0.0),
-            cells: Aligned::new(kernel.cells.scratch(), 0.0),
         }
     }
 }

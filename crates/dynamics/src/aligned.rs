@@ -18,15 +18,8 @@ impl Aligned {
     pub(crate) fn new(length: usize, value: f64) -> Self {
         let values = vec![value; length + LINE / size_of::<f64>()];
         // The vector is never resized: its values stay where they are.
-        let offset = values
-            .as_ptr()
-            .align_offset(LINE)
-            .min(LINE / size_of::<f64>());
-        Self {
-            values,
-            offset,
-            length,
-        }
+        let offset = values.as_ptr().align_offset(LINE).min(LINE / size_of::<f64>());
+        Self { values, offset, length }
     }
 
     /// A copy of these values.

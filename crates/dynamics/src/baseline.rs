@@ -69,10 +69,7 @@ impl OneStepBaselines {
     /// Compiles the baselines of the fitted equations.
     pub(crate) fn new(model: &Model, columns: &[&str]) -> Result<Self, Error> {
         let equations: Vec<&Equation> = model.fitted().collect();
-        let targets: Vec<Expr> = equations
-            .iter()
-            .filter_map(|equation| equation.target.clone())
-            .collect();
+        let targets: Vec<Expr> = equations.iter().filter_map(|equation| equation.target.clone()).collect();
         let forms: Vec<[Form; 2]> = equations
             .iter()
             .map(|equation| match equation.prediction {
@@ -82,28 +79,19 @@ impl OneStepBaselines {
             })
             .collect();
         let previous: Vec<Expr> = targets.iter().map(|target| target.shifted(1)).collect();
-        let extrapolated = targets
-            .iter()
-            .zip(&forms)
-            .filter(|(_, form)| form[1] == Form::Extrapolated);
+        let extrapolated = targets.iter().zip(&forms).filter(|(_, form)| form[1] == Form::Extrapolated);
         let before: Vec<Expr> = extrapolated.map(|(target, _)| target.shifted(2)).collect();
         Ok(Self {
             previous: Program::compile(&previous, columns)?,
             before: Program::compile(&before, columns)?,
-            wrapped: equations
-                .iter()
-                .map(|equation| wraps(model, equation))
-                .collect(),
+            wrapped: equations.iter().map(|equation| wraps(model, equation)).collect(),
             forms,
         })
     }
 
     pub(crate) fn halo(&self) -> Halo {
         let (a, b) = (self.previous.halo(), self.before.halo());
-        Halo {
-            before: a.before.max(b.before),
-            after: a.after.max(b.after),
-        }
+        Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
     }
 
     /// Predicts the core rows `rows`: per equation persistence, then constant velocity, `rows.len()` values each; NaN where unknown.
@@ -114,11 +102,7 @@ impl OneStepBaselines {
         workspace: &mut BaselineWorkspace,
         out: &mut Vec<f64>,
     ) {
-        let BaselineWorkspace {
-            previous,
-            before,
-            scratch,
-        } = workspace;
+        let BaselineWorkspace { previous, before, scratch } = workspace;
         evaluate(&self.previous, block, &rows, previous, scratch);
         evaluate(&self.before, block, &rows, before, scratch);
         let count = rows.len();
@@ -127,10 +111,7 @@ impl OneStepBaselines {
         let mut second = 0;
         for (equation, forms) in self.forms.iter().enumerate() {
             let t1 = &previous[equation * count..][..count];
-            for (form, out) in forms
-                .iter()
-                .zip(out[2 * equation * count..].chunks_exact_mut(count.max(1)))
-            {
+            for (form, out) in forms.iter().zip(out[2 * equation * count..].chunks_exact_mut(count.max(1))) {
                 match form {
                     Form::Zero => {}
                     Form::Previous => out.copy_from_slice(t1),
@@ -138,12 +119,7 @@ impl OneStepBaselines {
                         let t2 = &before[second * count..][..count];
                         second += 1;
                         for (value, (&t1, &t2)) in out.iter_mut().zip(t1.iter().zip(t2)) {
-                            *value = t1
-                                + if self.wrapped[equation] {
-                                    wrap(t1 - t2)
-                                } else {
-                                    t1 - t2
-                                };
+                            *value = t1 + if self.wrapped[equation] { wrap(t1 - t2) } else { t1 - t2 };
                         }
                     }
                 }
@@ -153,13 +129,7 @@ impl OneStepBaselines {
 }
 
 /// Evaluates a program on the core rows `rows`, outputs x rows; NaN where a lag or lead leaves the block.
-fn evaluate(
-    program: &Program,
-    block: &Block,
-    rows: &Range<usize>,
-    out: &mut Vec<f64>,
-    scratch: &mut Scratch,
-) {
+fn evaluate(program: &Program, block: &Block, rows: &Range<usize>, out: &mut Vec<f64>, scratch: &mut Scratch) {
     out.clear();
     out.resize(program.outputs() * rows.len(), f64::NAN);
     let valid = overlap(rows, &program.valid_rows(block));

@@ -52,6 +52,11 @@ pub(crate) struct Cell {
     /// Square of the free radius around the reference; negative: not known.
     free_square: f64,
     reference: Aligned,
+    /// Standardised columns, their length, and the regions' scores of the last search.
+    z: Aligned,
+    size: f64,
+    scores: Aligned,
+    top: f64,
 }
 
 impl Cells {
@@ -73,16 +78,12 @@ impl Cells {
         cells.rule = match &regions.rule {
             Rule::Whole => return Some(cells),
             Rule::Ball { radius } => CellRule::Ball { radius: *radius },
-            Rule::Linear { weights, offsets } => {
-                CellRule::Linear(Linear::new(weights, offsets, columns.len()))
-            }
+            Rule::Linear { weights, offsets } => CellRule::Linear(Linear::new(weights, offsets, columns.len())),
             Rule::Labels { .. } => return None,
         };
         cells.columns = columns.to_vec();
-        cells.consecutive = columns
-            .first()
-            .copied()
-            .filter(|first| columns.iter().copied().eq(*first..*first + columns.len()));
+        cells.consecutive =
+            columns.first().copied().filter(|first| columns.iter().copied().eq(*first..*first + columns.len()));
         cells.consecutive = cells.consecutive.filter(|first| first + width <= slots);
         cells.centre[..columns.len()].copy_from_slice(&regions.centre);
         cells.scale[..columns.len()].copy_from_slice(&regions.scale);
@@ -101,118 +102,113 @@ impl Cells {
         }
     }
 
-    /// Length of the scratch memory of [`Self::locate`].
-    pub(crate) fn scratch(&self) -> usize {
-        let width = if let CellRule::Linear(linear) = &self.rule {
-            linear.width
-        } else {
-            0
-        };
-        2 * self.centre.len() + width
-    }
-
     /// A cell that has not been searched yet.
     pub(crate) fn nowhere(&self) -> Cell {
+        let width = if let CellRule::Linear(linear) = &self.rule { linear.width } else { 0 };
         Cell {
             region: 0,
             free_square: -1.0,
             reference: Aligned::new(self.slots, 0.0),
+            z: Aligned::new(self.centre.len(), 0.0),
+            size: 0.0,
+            scores: Aligned::new(width, 0.0),
+            top: 0.0,
         }
     }
 
-    /// The region of these slots; `None` where a standardised column is not a number.
+    /// Whether these slots may lie in another region than the cell's.
     #[inline(always)]
-    pub(crate) fn locate<S: Simd>(
-        &self,
-        simd: S,
-        cell: &mut Cell,
-        slots: &[f64],
-        scratch: &mut [f64],
-    ) -> Option<usize> {
-        if scaled_square(simd, slots, &cell.reference, &self.slot_scale) < cell.free_square {
-            return Some(cell.region);
-        }
-        self.search(cell, slots, scratch)
+    pub(crate) fn has_left<S: Simd>(&self, simd: S, cell: &Cell, slots: &[f64]) -> bool {
+        let stays = scaled_square(simd, slots, &cell.reference, &self.slot_scale) < cell.free_square;
+        // So has one whose distance is not a number.
+        !stays
     }
 
-    /// Not inlined: one search for all callers.
-    fn search(&self, cell: &mut Cell, slots: &[f64], scratch: &mut [f64]) -> Option<usize> {
-        pulp::Arch::new().dispatch(Search {
-            cells: self,
-            cell,
-            slots,
-            scratch,
-        })
-    }
+    // A search has four stages of long dependency chains. For many trajectories each stage is done for all of them before the next, so that the
+    // processor overlaps their chains.
 
+    /// First stage of a search: standardised columns.
     #[inline(always)]
-    fn search_here<S: Simd>(
-        &self,
-        simd: S,
-        cell: &mut Cell,
-        slots: &[f64],
-        scratch: &mut [f64],
-    ) -> Option<usize> {
-        let (z, rest) = scratch.split_at_mut(self.centre.len());
+    pub(crate) fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        cell.reference.copy_from_slice(slots);
         let square = match self.consecutive {
-            Some(first) => standardise(
-                simd,
-                &slots[first..first + z.len()],
-                &self.centre,
-                &self.scale,
-                z,
-            ),
+            Some(first) => {
+                let values = &slots[first..first + self.centre.len()];
+                standardise(simd, values, &self.centre, &self.scale, &mut cell.z)
+            }
             None => {
-                let (gathered, _) = rest.split_at_mut(z.len());
-                for (value, &slot) in gathered.iter_mut().zip(&self.columns) {
-                    *value = slots[slot];
+                let mut square = 0.0;
+                let columns = self.centre.iter().zip(self.scale.iter()).zip(&self.columns);
+                for (z, ((&centre, &scale), &slot)) in cell.z.iter_mut().zip(columns) {
+                    *z = (slots[slot] - centre) / scale;
+                    square += *z * *z;
                 }
-                standardise(simd, gathered, &self.centre, &self.scale, z)
+                square
             }
         };
-        let (size, scores) = (square.sqrt(), &mut rest[z.len()..]);
-        if size.is_nan() {
-            cell.free_square = -1.0;
-            return None;
+        cell.size = square.sqrt();
+    }
+
+    /// Second stage: the regions' scores.
+    #[inline(always)]
+    pub(crate) fn score(&self, cell: &mut Cell) {
+        if let CellRule::Linear(linear) = &self.rule {
+            affine(&linear.weights, &linear.offsets, &cell.z[..self.columns.len()], &mut cell.scores);
         }
-        let z = &z[..self.columns.len()];
-        let (region, free) = match &self.rule {
-            CellRule::Whole => (0, f64::INFINITY),
+    }
+
+    /// Third stage: the region.
+    #[inline(always)]
+    pub(crate) fn choose<S: Simd>(&self, simd: S, cell: &mut Cell) {
+        match &self.rule {
+            CellRule::Whole => cell.region = 0,
             CellRule::Ball { radius } => {
                 // Summed as the rule itself does it.
-                let square: f64 = z.iter().map(|z| z * z).sum();
-                let rounding = (z.len() + 4) as f64 * 4.0 * f64::EPSILON * (1.0 + size + radius);
-                (
-                    usize::from(square > radius * radius),
-                    (size - radius).abs() - rounding,
-                )
+                let square: f64 = cell.z[..self.columns.len()].iter().map(|z| z * z).sum();
+                cell.region = usize::from(square > radius * radius);
             }
-            CellRule::Linear(linear) => linear.search(simd, z, size, scores),
+            CellRule::Linear(linear) => {
+                (cell.top, cell.region) = argmax(simd, &cell.scores, &linear.indices);
+            }
+        }
+    }
+
+    /// Last stage: the distance in z within which no other region can win.
+    ///
+    /// While z moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
+    #[inline(always)]
+    pub(crate) fn release<S: Simd>(&self, simd: S, cell: &mut Cell) {
+        let size = cell.size;
+        let terms = (self.columns.len() + 4) as f64;
+        let free = match &self.rule {
+            CellRule::Whole => f64::INFINITY,
+            CellRule::Ball { radius } => (size - radius).abs() - 4.0 * terms * f64::EPSILON * (1.0 + size + radius),
+            CellRule::Linear(linear) => {
+                // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
+                let reach = linear.largest_offset + linear.largest_weight * (2.0 * size + 1.0);
+                let rounding = f64::MIN_POSITIVE + 4.0 * terms * f64::EPSILON * reach;
+                let nearness = &linear.nearness[cell.region.min(linear.count - 1) * linear.width..][..linear.width];
+                smallest_lead(simd, cell.top, rounding, &cell.scores, nearness)
+            }
         };
-        cell.region = region;
         // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
         let free = free.min(1.0 + size) * (1.0 - 1e-9);
         cell.free_square = if free > 0.0 { free * free } else { -1.0 };
-        cell.reference.copy_from_slice(slots);
-        Some(region)
     }
-}
 
-/// [`Cells::search_here`] with the widest vectors of the machine.
-struct Search<'a> {
-    cells: &'a Cells,
-    cell: &'a mut Cell,
-    slots: &'a [f64],
-    scratch: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Search<'_> {
-    type Output = Option<usize>;
-
+    /// All stages of a search.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Option<usize> {
-        self.cells
-            .search_here(simd, self.cell, self.slots, self.scratch)
+    pub(crate) fn search<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        self.standardise(simd, cell, slots);
+        self.score(cell);
+        self.choose(simd, cell);
+        self.release(simd, cell);
+    }
+
+    /// The region of a cell that was searched for where it is; `None` where a standardised column is not a number.
+    #[inline(always)]
+    pub(crate) fn region(&self, cell: &Cell) -> Option<usize> {
+        (!cell.size.is_nan() && cell.region < self.count()).then_some(cell.region)
     }
 }
 
@@ -235,16 +231,9 @@ impl Linear {
             for (column, &weight) in row.iter().enumerate() {
                 linear.weights[column * width + i] = weight;
             }
-            linear.largest_weight = linear
-                .largest_weight
-                .max(row.iter().map(|w| w * w).sum::<f64>().sqrt());
+            linear.largest_weight = linear.largest_weight.max(row.iter().map(|w| w * w).sum::<f64>().sqrt());
             for (j, other) in weights.iter().enumerate() {
-                let distance = row
-                    .iter()
-                    .zip(other)
-                    .map(|(a, b)| (a - b) * (a - b))
-                    .sum::<f64>()
-                    .sqrt();
+                let distance = row.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
                 // Equal weights: the order of the two never changes. The region itself, whose lead is nothing but the
                 // rounding subtracted from 0, is no rival.
                 linear.nearness[i * width + j] = match distance {
@@ -255,23 +244,5 @@ impl Linear {
             }
         }
         linear
-    }
-
-    /// The region and the distance in z within which no other can win.
-    ///
-    /// While `z` moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
-    #[inline(always)]
-    fn search<S: Simd>(&self, simd: S, z: &[f64], size: f64, scores: &mut [f64]) -> (usize, f64) {
-        affine(&self.weights, &self.offsets, z, scores);
-        let (top, region) = argmax(simd, scores, &self.indices);
-        // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
-        let terms = (z.len() + 4) as f64;
-        let rounding = f64::MIN_POSITIVE
-            + 4.0
-                * terms
-                * f64::EPSILON
-                * (self.largest_offset + self.largest_weight * (2.0 * size + 1.0));
-        let nearness = &self.nearness[region * self.width..][..self.width];
-        (region, smallest_lead(simd, top, rounding, scores, nearness))
     }
 }

@@ -77,15 +77,8 @@ impl Compiled {
         equations: &[&Equation],
         whole: Option<usize>,
     ) -> Result<Self, Error> {
-        let names: Vec<&str> = columns
-            .iter()
-            .copied()
-            .chain(model.latents.iter().map(|l| l.name.as_str()))
-            .collect();
-        let right_sides: Vec<Expr> = equations
-            .iter()
-            .map(|equation| equation.right.clone())
-            .collect();
+        let names: Vec<&str> = columns.iter().copied().chain(model.latents.iter().map(|l| l.name.as_str())).collect();
+        let right_sides: Vec<Expr> = equations.iter().map(|equation| equation.right.clone()).collect();
         let needed = needed_latents(model, columns.len(), &names, equations)?;
         let mut expressions = Vec::new();
         let (groups, used) = latent_groups(model, &needed, whole, &mut expressions);
@@ -117,37 +110,18 @@ impl Compiled {
     /// Evaluates `rows` rows; `leaf` gives a column (with its lag) or time as a slice of at least that many values.
     ///
     /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region.
-    pub(crate) fn evaluate<'a>(
-        &self,
-        rows: usize,
-        leaf: &dyn Fn(Leaf) -> &'a [f64],
-        workspace: &mut Workspace,
-    ) {
+    pub(crate) fn evaluate<'a>(&self, rows: usize, leaf: &dyn Fn(Leaf) -> &'a [f64], workspace: &mut Workspace) {
         // Columns that are a power of two apart would fall on the same cache lines.
         let stride = padded(rows) + LANES;
         workspace.stride = stride;
-        workspace
-            .values
-            .resize(self.functions.outputs() * stride, 0.0);
-        workspace
-            .outputs
-            .resize(self.rights.outputs() * stride, 0.0);
+        workspace.values.resize(self.functions.outputs() * stride, 0.0);
+        workspace.outputs.resize(self.rights.outputs() * stride, 0.0);
         workspace.latents.resize(self.latents * stride, 0.0);
         let leaves: Vec<&[f64]> = self.functions.leaves().iter().map(|&l| leaf(l)).collect();
-        self.functions.evaluate(
-            &leaves,
-            rows,
-            &mut workspace.values,
-            stride,
-            &mut workspace.scratch,
-        );
+        self.functions.evaluate(&leaves, rows, &mut workspace.values, stride, &mut workspace.scratch);
         self.assign(rows, workspace);
         for group in &self.groups {
-            pulp::Arch::new().dispatch(EvaluateLatents {
-                group,
-                rows,
-                workspace,
-            });
+            pulp::Arch::new().dispatch(EvaluateLatents { group, rows, workspace });
         }
         let leaves: Vec<&[f64]> = self
             .rights
@@ -160,38 +134,23 @@ impl Compiled {
                 other => leaf(other),
             })
             .collect();
-        self.rights.evaluate(
-            &leaves,
-            rows,
-            &mut workspace.outputs,
-            stride,
-            &mut workspace.scratch,
-        );
+        self.rights.evaluate(&leaves, rows, &mut workspace.outputs, stride, &mut workspace.scratch);
     }
 
     fn assign(&self, rows: usize, workspace: &mut Workspace) {
-        workspace
-            .regions
-            .resize_with(self.partitions.len(), Vec::new);
+        workspace.regions.resize_with(self.partitions.len(), Vec::new);
         for (regions, out) in self.partitions.iter().zip(&mut workspace.regions) {
             out.clear();
             out.resize(rows, 0);
             let stride = workspace.stride;
-            let values =
-                &mut workspace.values[regions.first * stride..][..regions.centre.len() * stride];
-            for ((column, &centre), &scale) in values
-                .chunks_exact_mut(stride)
-                .zip(&regions.centre)
-                .zip(&regions.scale)
+            let values = &mut workspace.values[regions.first * stride..][..regions.centre.len() * stride];
+            for ((column, &centre), &scale) in values.chunks_exact_mut(stride).zip(&regions.centre).zip(&regions.scale)
             {
                 for value in &mut column[..rows] {
                     *value = (*value - centre) / scale;
                 }
             }
-            let z: Vec<&[f64]> = values
-                .chunks_exact(stride)
-                .map(|column| &column[..rows])
-                .collect();
+            let z: Vec<&[f64]> = values.chunks_exact(stride).map(|column| &column[..rows]).collect();
             regions.rule.assign(&z, out);
         }
     }
@@ -216,15 +175,7 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 impl Latents {
     #[inline(always)]
     fn evaluate(&self, rows: usize, workspace: &mut Workspace) {
-        let Workspace {
-            stride,
-            values,
-            regions,
-            latents,
-            features,
-            row: out,
-            ..
-        } = workspace;
+        let Workspace { stride, values, regions, latents, features, row: out, .. } = workspace;
         let (stride, count) = (*stride, self.kept.len());
         features.resize(count, 0.0);
         out.resize(self.width, 0.0);
@@ -240,12 +191,7 @@ impl Latents {
                 *feature = values[(self.first + j) * stride + row];
             }
             let matrix = &self.matrices[region * count * self.width..][..count * self.width];
-            affine(
-                matrix,
-                &self.constants[region * self.width..][..self.width],
-                features,
-                out,
-            );
+            affine(matrix, &self.constants[region * self.width..][..self.width], features, out);
             for (&slot, &value) in self.slots.iter().zip(&*out) {
                 latents[slot * stride + row] = value;
             }
@@ -254,12 +200,7 @@ impl Latents {
 }
 
 /// Which latents the right sides speak of.
-fn needed_latents(
-    model: &Model,
-    columns: usize,
-    names: &[&str],
-    equations: &[&Equation],
-) -> Result<Vec<bool>, Error> {
+fn needed_latents(model: &Model, columns: usize, names: &[&str], equations: &[&Equation]) -> Result<Vec<bool>, Error> {
     let mut needed = vec![false; model.latents.len()];
     for equation in equations {
         let program = Program::compile(std::slice::from_ref(&equation.right), names)?;
@@ -269,11 +210,7 @@ fn needed_latents(
             {
                 if lag != 0 {
                     let latent = names[column].to_owned();
-                    return Err(Error::LaggedLatent {
-                        equation: equation.label(),
-                        latent,
-                        lag,
-                    });
+                    return Err(Error::LaggedLatent { equation: equation.label(), latent, lag });
                 }
                 needed[column - columns] = true;
             }
@@ -291,10 +228,7 @@ fn latent_groups(
 ) -> (Vec<Latents>, Vec<usize>) {
     let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for slot in (0..needed.len()).filter(|&slot| needed[slot]) {
-        members
-            .entry((model.latents[slot].library, model.latents[slot].partition))
-            .or_default()
-            .push(slot);
+        members.entry((model.latents[slot].library, model.latents[slot].partition)).or_default().push(slot);
     }
     let mut used: Vec<usize> = members.keys().map(|key| key.1).collect();
     used.sort_unstable();
@@ -304,22 +238,12 @@ fn latent_groups(
         .map(|((library, partition), slots)| {
             let functions = &model.libraries[library];
             let in_use = |j: usize| {
-                slots.iter().any(|&slot| {
-                    model.latents[slot]
-                        .coefficients
-                        .iter()
-                        .any(|region| region[j] != 0.0)
-                })
+                slots.iter().any(|&slot| model.latents[slot].coefficients.iter().any(|region| region[j] != 0.0))
             };
-            let kept: Vec<usize> = (0..functions.len())
-                .filter(|&j| whole == Some(library) || in_use(j))
-                .collect();
+            let kept: Vec<usize> = (0..functions.len()).filter(|&j| whole == Some(library) || in_use(j)).collect();
             let first = expressions.len();
             expressions.extend(kept.iter().map(|&j| functions[j].clone()));
-            let regions = used
-                .iter()
-                .position(|&index| index == partition)
-                .unwrap_or(0);
+            let regions = used.iter().position(|&index| index == partition).unwrap_or(0);
             let count = model.partitions[partition].rule.count();
             let width = padded(slots.len());
             let mut matrices = vec![0.0; count * kept.len() * width];
@@ -329,21 +253,11 @@ fn latent_groups(
                 for region in 0..count {
                     constants[region * width + o] = latent.constants[region];
                     for (j, &function) in kept.iter().enumerate() {
-                        matrices[(region * kept.len() + j) * width + o] =
-                            latent.coefficients[region][function];
+                        matrices[(region * kept.len() + j) * width + o] = latent.coefficients[region][function];
                     }
                 }
             }
-            Latents {
-                regions,
-                library,
-                first,
-                kept,
-                slots,
-                width,
-                matrices,
-                constants,
-            }
+            Latents { regions, library, first, kept, slots, width, matrices, constants }
         })
         .collect();
     (groups, used)

@@ -60,27 +60,14 @@ impl TrainingDomain {
             .map(|j| {
                 let deviation = covariance[packed(j, j)].sqrt();
                 // What never varied is measured in units of its size.
-                let size = regions
-                    .iter()
-                    .map(|region| region.mean[j].abs())
-                    .fold(0.0, f64::max);
+                let size = regions.iter().map(|region| region.mean[j].abs()).fold(0.0, f64::max);
                 if deviation > 0.0 { deviation } else { size }
             })
             .collect();
         let width = padded(functions);
         let bounds = |region: &Region, end: usize| -> Vec<f64> {
-            let pad = if end == 0 {
-                f64::NEG_INFINITY
-            } else {
-                f64::INFINITY
-            };
-            region
-                .range
-                .iter()
-                .map(|range| range[end])
-                .chain(std::iter::repeat(pad))
-                .take(width)
-                .collect()
+            let pad = if end == 0 { f64::NEG_INFINITY } else { f64::INFINITY };
+            region.range.iter().map(|range| range[end]).chain(std::iter::repeat(pad)).take(width).collect()
         };
         let mut low = vec![f64::INFINITY; width];
         let mut high = vec![f64::NEG_INFINITY; width];
@@ -100,14 +87,7 @@ impl TrainingDomain {
                 domain
             })
             .collect();
-        Some(Self {
-            functions,
-            width,
-            regions,
-            low,
-            high,
-            overall: Mahalanobis::new(&covariance, &scale),
-        })
+        Some(Self { functions, width, regions, low, high, overall: Mahalanobis::new(&covariance, &scale) })
     }
 
     /// Length of the scratch memory of [`Self::place`].
@@ -117,13 +97,7 @@ impl TrainingDomain {
 
     /// Measures one row; `features` are padded with zeros. The scratch has [`Self::scratch`] values.
     #[inline(always)]
-    pub(crate) fn place<S: pulp::Simd>(
-        &self,
-        simd: S,
-        region: usize,
-        features: &[f64],
-        scratch: &mut [f64],
-    ) -> Place {
+    pub(crate) fn place<S: pulp::Simd>(&self, simd: S, region: usize, features: &[f64], scratch: &mut [f64]) -> Place {
         let info = &self.regions[region];
         let (error, scratch) = scratch.split_at_mut(self.width);
         for j in 0..self.functions {
@@ -138,11 +112,7 @@ impl TrainingDomain {
         } else {
             Domain::OutsideTraining
         };
-        Place {
-            distance,
-            centre_distance,
-            domain,
-        }
+        Place { distance, centre_distance, domain }
     }
 
     /// Padded number of functions.

@@ -3,8 +3,8 @@
 use fleetfoot_library::Leaf;
 
 use crate::{
-    End, Method, RolloutOptions, Simulator, Trajectory, compiled::Workspace,
-    integrate::runge_kutta_mean, kernel::within, simulator::Run,
+    End, Method, RolloutOptions, Simulator, Trajectory, compiled::Workspace, integrate::runge_kutta_mean,
+    kernel::within, simulator::Run,
 };
 
 /// The columns of a batch over time: row `history + k` holds the values at step k, one a trajectory.
@@ -78,20 +78,14 @@ impl<'a> Batch<'a> {
     fn new(simulator: &'a Simulator, runs: &'a [Run<'a>], horizon: usize) -> Self {
         let (count, history) = (runs.len(), simulator.history());
         let length = history + horizon + 1 + simulator.ahead();
-        let mut columns = Columns {
-            count,
-            history,
-            values: vec![Vec::new(); simulator.columns.len()],
-            seconds: Vec::new(),
-        };
+        let mut columns =
+            Columns { count, history, values: vec![Vec::new(); simulator.columns.len()], seconds: Vec::new() };
         let back = history as i64;
-        let states = simulator
-            .states
+        let states = simulator.states.iter().map(|state| (state.column, -back, 1));
+        let recorded = simulator
+            .recorded
             .iter()
-            .map(|state| (state.column, -back, 1));
-        let recorded = simulator.recorded.iter().map(|&(column, most, least)| {
-            (column, -i64::from(most), horizon as i64 - i64::from(least))
-        });
+            .map(|&(column, most, least)| (column, -i64::from(most), horizon as i64 - i64::from(least)));
         for (column, from, to) in states.chain(recorded) {
             let values = &mut columns.values[column];
             values.resize(length * count, 0.0);
@@ -102,21 +96,9 @@ impl<'a> Batch<'a> {
                 }
             }
         }
-        let leaves = simulator
-            .compiled
-            .functions
-            .leaves()
-            .iter()
-            .chain(simulator.compiled.rights.leaves());
-        let mut time_lags: Vec<i32> = leaves
-            .filter_map(|leaf| {
-                if let Leaf::Time { lag } = *leaf {
-                    Some(lag)
-                } else {
-                    None
-                }
-            })
-            .collect();
+        let leaves = simulator.compiled.functions.leaves().iter().chain(simulator.compiled.rights.leaves());
+        let mut time_lags: Vec<i32> =
+            leaves.filter_map(|leaf| if let Leaf::Time { lag } = *leaf { Some(lag) } else { None }).collect();
         time_lags.sort_unstable();
         time_lags.dedup();
         if !time_lags.is_empty() {
@@ -144,37 +126,20 @@ impl<'a> Batch<'a> {
 
     /// Right sides at a stage: states x trajectories.
     fn slopes(&mut self, stage: &Stage<'_>) -> Vec<f64> {
-        let Self {
-            simulator,
-            columns,
-            workspace,
-            time_lags,
-            ..
-        } = self;
+        let Self { simulator, columns, workspace, time_lags, .. } = self;
         let (count, step) = (columns.count, stage.step as i64);
         let times: Vec<Vec<f64>> = time_lags
             .iter()
             .map(|&lag| {
-                let seconds = row(
-                    &columns.seconds,
-                    count,
-                    columns.history as i64 + step - i64::from(lag),
-                );
-                seconds
-                    .iter()
-                    .zip(stage.offset)
-                    .map(|(t, offset)| t + offset)
-                    .collect()
+                let seconds = row(&columns.seconds, count, columns.history as i64 + step - i64::from(lag));
+                seconds.iter().zip(stage.offset).map(|(t, offset)| t + offset).collect()
             })
             .collect();
         let leaf = |leaf: Leaf| -> &[f64] {
             match leaf {
                 Leaf::Time { lag } => &times[time_lags.binary_search(&lag).unwrap_or(0)],
                 Leaf::Column { column, lag } => {
-                    let state = simulator
-                        .states
-                        .iter()
-                        .position(|state| state.column == column);
+                    let state = simulator.states.iter().position(|state| state.column == column);
                     match (stage.states, state, lag) {
                         (Some(states), Some(state), 0) => &states[state * count..][..count],
                         _ => columns.at(column, step - i64::from(lag)),
@@ -184,10 +149,7 @@ impl<'a> Batch<'a> {
         };
         simulator.compiled.evaluate(count, &leaf, workspace);
         let mut slopes = vec![0.0; simulator.states.len() * count];
-        for (slope, output) in slopes
-            .chunks_exact_mut(count)
-            .zip(workspace.outputs.chunks_exact(workspace.stride))
-        {
+        for (slope, output) in slopes.chunks_exact_mut(count).zip(workspace.outputs.chunks_exact(workspace.stride)) {
             slope.copy_from_slice(&output[..count]);
         }
         slopes
@@ -196,18 +158,10 @@ impl<'a> Batch<'a> {
     fn step(&mut self, step: usize, limits: &[f64], options: &RolloutOptions) {
         let count = self.columns.count;
         let zero = vec![0.0; count];
-        let mut slopes = self.slopes(&Stage {
-            step,
-            states: None,
-            offset: &zero,
-        });
+        let mut slopes = self.slopes(&Stage { step, states: None, offset: &zero });
         self.look_around(step);
         let seconds: Vec<f64> = self.runs.iter().map(|run| run.step(step)).collect();
-        let continuous = self
-            .simulator
-            .states
-            .iter()
-            .any(|state| state.advance.continuous);
+        let continuous = self.simulator.states.iter().any(|state| state.advance.continuous);
         if options.method == Method::Rk4 && continuous {
             self.refine(step, &seconds, &mut slopes);
         }
@@ -218,8 +172,8 @@ impl<'a> Batch<'a> {
             for b in 0..count {
                 let value = state.advance.next(x[b], slopes[s * count + b], seconds[b]);
                 next[s * count + b] = value;
-                let far = !((value - x0[b]).abs() <= limits[s]);
-                if far && self.end[b] == End::Horizon {
+                let near = (value - x0[b]).abs() <= limits[s];
+                if !near && self.end[b] == End::Horizon {
                     self.end[b] = End::Diverged;
                     self.steps[b] = step;
                 }
@@ -232,9 +186,7 @@ impl<'a> Batch<'a> {
                     next[s * count + b] = self.columns.at(state.column, 0)[b];
                 }
             }
-            self.columns
-                .at_mut(state.column, step + 1)
-                .copy_from_slice(&next[s * count..(s + 1) * count]);
+            self.columns.at_mut(state.column, step + 1).copy_from_slice(&next[s * count..(s + 1) * count]);
         }
     }
 
@@ -242,14 +194,8 @@ impl<'a> Batch<'a> {
     fn look_around(&mut self, step: usize) {
         let count = self.columns.count;
         let regions = self.workspace.regions.get(self.simulator.reported);
-        let none: Vec<bool> = (0..count)
-            .map(|b| {
-                self.workspace
-                    .regions
-                    .iter()
-                    .any(|regions| regions[b] == u32::MAX)
-            })
-            .collect();
+        let none: Vec<bool> =
+            (0..count).map(|b| self.workspace.regions.iter().any(|regions| regions[b] == u32::MAX)).collect();
         for b in 0..count {
             let region = regions.map_or(0, |regions| regions[b]);
             self.regions.push(region);
@@ -266,10 +212,7 @@ impl<'a> Batch<'a> {
                     *feature = self.workspace.values[(group.first + j) * self.workspace.stride + b];
                 }
                 let at = region as usize * ranges.width;
-                let (low, high) = (
-                    &ranges.low[at..at + ranges.width],
-                    &ranges.high[at..at + ranges.width],
-                );
+                let (low, high) = (&ranges.low[at..at + ranges.width], &ranges.high[at..at + ranges.width]);
                 if !within(pulp::Scalar, &features, low, high) {
                     self.left[b] = Some(step);
                 }
@@ -288,25 +231,16 @@ impl<'a> Batch<'a> {
             for (s, state) in self.simulator.states.iter().enumerate() {
                 let x = self.columns.at(state.column, step as i64);
                 for b in 0..count {
-                    let slope = if state.advance.continuous {
-                        stages[stage - 1][s * count + b]
-                    } else {
-                        0.0
-                    };
+                    let slope = if state.advance.continuous { stages[stage - 1][s * count + b] } else { 0.0 };
                     states[s * count + b] = offset[b].mul_add(slope, x[b]);
                 }
             }
-            stages[stage] = self.slopes(&Stage {
-                step,
-                states: Some(&states),
-                offset: &offset,
-            });
+            stages[stage] = self.slopes(&Stage { step, states: Some(&states), offset: &offset });
         }
         for (s, state) in self.simulator.states.iter().enumerate() {
             if state.advance.continuous {
                 for i in s * count..(s + 1) * count {
-                    slopes[i] =
-                        runge_kutta_mean([stages[0][i], stages[1][i], stages[2][i], stages[3][i]]);
+                    slopes[i] = runge_kutta_mean([stages[0][i], stages[1][i], stages[2][i], stages[3][i]]);
                 }
             }
         }
@@ -319,12 +253,7 @@ impl<'a> Batch<'a> {
                 let steps = self.steps[b].min(horizon);
                 let mut states = Vec::with_capacity((steps + 1) * self.simulator.states.len());
                 for k in 0..=steps {
-                    states.extend(
-                        self.simulator
-                            .states
-                            .iter()
-                            .map(|state| self.columns.at(state.column, k as i64)[b]),
-                    );
+                    states.extend(self.simulator.states.iter().map(|state| self.columns.at(state.column, k as i64)[b]));
                 }
                 Trajectory {
                     start: self.runs[b].start,

@@ -2,9 +2,7 @@
 
 use fleetfoot_model::{Model, packed};
 
-use crate::{
-    Baseline, Basis, End, Estimate, Mahalanobis, Simulator, Trajectory, angle::wrap, window::Window,
-};
+use crate::{Baseline, Basis, End, Estimate, Mahalanobis, Simulator, Trajectory, angle::wrap, window::Window};
 
 /// How far a model's rollouts are from the recording, by step.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,11 +48,7 @@ pub struct UsefulHorizon {
 }
 
 /// The baselines of rollouts.
-pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [
-    Baseline::Null,
-    Baseline::Persistence,
-    Baseline::ConstantVelocity,
-];
+pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [Baseline::Null, Baseline::Persistence, Baseline::ConstantVelocity];
 
 /// What is needed to score windows.
 pub(crate) struct HorizonScorer {
@@ -90,13 +84,8 @@ pub(crate) struct HorizonSums {
 
 impl HorizonScorer {
     pub(crate) fn new(model: &Model, simulator: &Simulator, horizon: usize) -> Self {
-        let scored: Vec<usize> = (0..simulator.states.len())
-            .filter(|&s| simulator.states[s].order.is_some())
-            .collect();
-        let order: Vec<usize> = scored
-            .iter()
-            .filter_map(|&s| simulator.states[s].order)
-            .collect();
+        let scored: Vec<usize> = (0..simulator.states.len()).filter(|&s| simulator.states[s].order.is_some()).collect();
+        let order: Vec<usize> = scored.iter().filter_map(|&s| simulator.states[s].order).collect();
         let covariance: Vec<f64> = (0..order.len())
             .flat_map(|i| (0..=i).map(move |j| (i, j)))
             .map(|(i, j)| model.training.state_covariance[packed(order[i], order[j])])
@@ -106,11 +95,7 @@ impl HorizonScorer {
             states: simulator.states.len(),
             metric: Mahalanobis::of_covariance(&covariance, order.len()),
             scored,
-            angles: simulator
-                .states
-                .iter()
-                .map(|state| state.advance.angle)
-                .collect(),
+            angles: simulator.states.iter().map(|state| state.advance.angle).collect(),
             columns: simulator.states.iter().map(|state| state.column).collect(),
         }
     }
@@ -118,11 +103,7 @@ impl HorizonScorer {
     pub(crate) fn empty(&self) -> HorizonSums {
         let predictors = 1 + ROLLOUT_BASELINES.len();
         let cells = self.horizon * self.states;
-        let table = ErrorTable {
-            square: vec![0.0; cells],
-            absolute: vec![0.0; cells],
-            rows: vec![0.0; cells],
-        };
+        let table = ErrorTable { square: vec![0.0; cells], absolute: vec![0.0; cells], rows: vec![0.0; cells] };
         HorizonSums {
             starts: 0,
             time: vec![0.0; self.horizon],
@@ -142,16 +123,12 @@ impl HorizonScorer {
         null: Option<&Trajectory>,
         sums: &mut HorizonSums,
     ) {
-        let measured: Vec<&[f64]> = self
-            .columns
-            .iter()
-            .map(|&column| window.values(column, -1, self.horizon as i64 + 1))
-            .collect();
+        let measured: Vec<&[f64]> =
+            self.columns.iter().map(|&column| window.values(column, -1, self.horizon as i64 + 1)).collect();
         let stamps = &window.block.time[window.at - 1..=window.at];
         let interval = (stamps[1] - stamps[0]) as f64 * 1e-9;
-        let velocity: Vec<f64> = (0..self.states)
-            .map(|s| self.difference(s, measured[s][1], measured[s][0]) / interval)
-            .collect();
+        let velocity: Vec<f64> =
+            (0..self.states).map(|s| self.difference(s, measured[s][1], measured[s][0]) / interval).collect();
         sums.starts += 1;
         let episode = sums.episode(window.start.episode, self.horizon);
         let mut error = vec![0.0; self.states];
@@ -194,11 +171,7 @@ impl HorizonScorer {
 
     #[inline(always)]
     fn difference(&self, state: usize, a: f64, b: f64) -> f64 {
-        if self.angles[state] {
-            wrap(a - b)
-        } else {
-            a - b
-        }
+        if self.angles[state] { wrap(a - b) } else { a - b }
     }
 
     /// The scores behind the sums.
@@ -210,16 +183,9 @@ impl HorizonScorer {
             Basis::Starts(sums.starts as usize)
         };
         let score = |predictor: usize| HorizonScore {
-            rmse: sums.tables[predictor]
-                .means(|table| &table.square)
-                .map(f64::sqrt)
-                .collect(),
-            mae: sums.tables[predictor]
-                .means(|table| &table.absolute)
-                .collect(),
-            mahalanobis: (0..self.horizon)
-                .map(|k| sums.estimate(predictor, k))
-                .collect(),
+            rmse: sums.tables[predictor].means(|table| &table.square).map(f64::sqrt).collect(),
+            mae: sums.tables[predictor].means(|table| &table.absolute).collect(),
+            mahalanobis: (0..self.horizon).map(|k| sums.estimate(predictor, k)).collect(),
         };
         let time: Vec<f64> = sums.time.iter().map(|time| time / starts).collect();
         let model = score(0);
@@ -232,11 +198,7 @@ impl HorizonScorer {
             .collect();
         Horizon {
             useful: useful_horizon(&time, &model, &baselines),
-            ended: sums
-                .ended
-                .iter()
-                .map(|&count| count as f64 / starts)
-                .collect(),
+            ended: sums.ended.iter().map(|&count| count as f64 / starts).collect(),
             time,
             states,
             model,
@@ -246,11 +208,7 @@ impl HorizonScorer {
     }
 }
 
-fn useful_horizon(
-    time: &[f64],
-    model: &HorizonScore,
-    baselines: &[(Baseline, HorizonScore)],
-) -> UsefulHorizon {
+fn useful_horizon(time: &[f64], model: &HorizonScore, baselines: &[(Baseline, HorizonScore)]) -> UsefulHorizon {
     for k in 0..time.len() {
         let own = model.mahalanobis[k].value;
         let best = baselines
@@ -258,38 +216,26 @@ fn useful_horizon(
             .map(|(baseline, score)| (*baseline, score.mahalanobis[k].value))
             .filter(|(_, value)| value.is_finite())
             .min_by(|a, b| a.1.total_cmp(&b.1));
+        // A score that is not a number beats nothing.
         if let Some((baseline, value)) = best
-            && !(own < value)
+            && own.partial_cmp(&value) != Some(std::cmp::Ordering::Less)
         {
             let seconds = if k == 0 { 0.0 } else { time[k - 1] };
-            return UsefulHorizon {
-                steps: k,
-                seconds,
-                beaten_by: Some(baseline),
-            };
+            return UsefulHorizon { steps: k, seconds, beaten_by: Some(baseline) };
         }
     }
-    UsefulHorizon {
-        steps: time.len(),
-        seconds: time.last().copied().unwrap_or(0.0),
-        beaten_by: None,
-    }
+    UsefulHorizon { steps: time.len(), seconds: time.last().copied().unwrap_or(0.0), beaten_by: None }
 }
 
 impl ErrorTable {
     fn means<'a>(&'a self, sum: impl Fn(&'a Self) -> &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        sum(self)
-            .iter()
-            .zip(&self.rows)
-            .map(|(sum, rows)| sum / rows)
+        sum(self).iter().zip(&self.rows).map(|(sum, rows)| sum / rows)
     }
 
     fn merge(&mut self, other: &Self) {
-        for (own, other) in [
-            (&mut self.square, &other.square),
-            (&mut self.absolute, &other.absolute),
-            (&mut self.rows, &other.rows),
-        ] {
+        for (own, other) in
+            [(&mut self.square, &other.square), (&mut self.absolute, &other.absolute), (&mut self.rows, &other.rows)]
+        {
             own.iter_mut().zip(other).for_each(|(a, b)| *a += b);
         }
     }
@@ -298,15 +244,10 @@ impl ErrorTable {
 impl HorizonSums {
     /// The place of an episode's sums.
     fn episode(&mut self, episode: usize, horizon: usize) -> usize {
-        match self
-            .episodes
-            .iter()
-            .rposition(|(known, _)| *known == episode)
-        {
+        match self.episodes.iter().rposition(|(known, _)| *known == episode) {
             Some(place) => place,
             None => {
-                self.episodes
-                    .push((episode, vec![vec![[0.0; 2]; horizon]; self.scores.len()]));
+                self.episodes.push((episode, vec![vec![[0.0; 2]; horizon]; self.scores.len()]));
                 self.episodes.len() - 1
             }
         }
@@ -315,34 +256,15 @@ impl HorizonSums {
     /// Adds the starts behind `other`.
     pub(crate) fn merge(&mut self, other: &Self) {
         self.starts += other.starts;
-        self.time
-            .iter_mut()
-            .zip(&other.time)
-            .for_each(|(a, b)| *a += b);
-        self.ended
-            .iter_mut()
-            .zip(&other.ended)
-            .for_each(|(a, b)| *a += b);
-        self.tables
-            .iter_mut()
-            .zip(&other.tables)
-            .for_each(|(a, b)| a.merge(b));
-        for (a, b) in self
-            .scores
-            .iter_mut()
-            .flatten()
-            .zip(other.scores.iter().flatten())
-        {
+        self.time.iter_mut().zip(&other.time).for_each(|(a, b)| *a += b);
+        self.ended.iter_mut().zip(&other.ended).for_each(|(a, b)| *a += b);
+        self.tables.iter_mut().zip(&other.tables).for_each(|(a, b)| a.merge(b));
+        for (a, b) in self.scores.iter_mut().flatten().zip(other.scores.iter().flatten()) {
             (0..3).for_each(|i| a[i] += b[i]);
         }
         for (episode, parts) in &other.episodes {
             let place = self.episode(*episode, self.time.len());
-            for (a, b) in self.episodes[place]
-                .1
-                .iter_mut()
-                .flatten()
-                .zip(parts.iter().flatten())
-            {
+            for (a, b) in self.episodes[place].1.iter_mut().flatten().zip(parts.iter().flatten()) {
                 (0..2).for_each(|i| a[i] += b[i]);
             }
         }
@@ -358,18 +280,10 @@ impl HorizonSums {
         let [sum, square, count] = self.scores[predictor][k];
         let value = sum / count;
         if count < 2.0 {
-            return Estimate {
-                value,
-                low: f64::NAN,
-                high: f64::NAN,
-            };
+            return Estimate { value, low: f64::NAN, high: f64::NAN };
         }
         let variance = ((square - sum * value) / (count - 1.0)).max(0.0);
         let half = crate::student_t_95(count as usize - 1) * (variance / count).sqrt();
-        Estimate {
-            value,
-            low: value - half,
-            high: value + half,
-        }
+        Estimate { value, low: value - half, high: value + half }
     }
 }

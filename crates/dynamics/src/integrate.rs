@@ -48,11 +48,7 @@ impl Advance {
             Prediction::Next => (0.0, false),
             Prediction::Value => return None,
         };
-        Some(Self {
-            keep,
-            continuous,
-            angle,
-        })
+        Some(Self { keep, continuous, angle })
     }
 
     /// The factor of the right side for a step of `seconds`.

@@ -22,25 +22,15 @@ impl Estimate {
     /// (Cochran, Sampling Techniques, chapter 6: ratio estimates). Parts of no weight are left out.
     pub fn of_ratio(parts: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let parts: Vec<(f64, f64)> = parts.into_iter().filter(|part| part.1 > 0.0).collect();
-        let (numerator, weight) = parts
-            .iter()
-            .fold((0.0, 0.0), |(a, b), part| (a + part.0, b + part.1));
+        let (numerator, weight) = parts.iter().fold((0.0, 0.0), |(a, b), part| (a + part.0, b + part.1));
         let value = numerator / weight;
         if parts.len() < 2 {
-            return Self {
-                value,
-                low: f64::NAN,
-                high: f64::NAN,
-            };
+            return Self { value, low: f64::NAN, high: f64::NAN };
         }
         let count = parts.len() as f64;
         let square: f64 = parts.iter().map(|(a, b)| (a - value * b).powi(2)).sum();
         let half = student_t_95(parts.len() - 1) * (count / (count - 1.0) * square).sqrt() / weight;
-        Self {
-            value,
-            low: value - half,
-            high: value + half,
-        }
+        Self { value, low: value - half, high: value + half }
     }
 }
 
@@ -73,11 +63,7 @@ pub fn student_t_95(freedom: usize) -> f64 {
     let (mut low, mut high) = (0.0f64, std::f64::consts::FRAC_PI_2);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if central_probability(middle, freedom) < 0.95 {
-            low = middle
-        } else {
-            high = middle
-        }
+        if central_probability(middle, freedom) < 0.95 { low = middle } else { high = middle }
     }
     nu.sqrt() * (0.5 * (low + high)).tan()
 }
@@ -85,18 +71,15 @@ pub fn student_t_95(freedom: usize) -> f64 {
 /// P(|T| <= t) for theta = atan(t / sqrt(nu)).
 fn central_probability(theta: f64, freedom: usize) -> f64 {
     let (sin, cos) = theta.sin_cos();
-    let (mut term, mut sum) = (if freedom % 2 == 0 { 1.0 } else { cos }, 0.0);
-    let mut k = if freedom % 2 == 0 { 0 } else { 1 };
+    let even = freedom.is_multiple_of(2);
+    let (mut term, mut sum) = (if even { 1.0 } else { cos }, 0.0);
+    let mut k = if even { 0 } else { 1 };
     while k + 2 <= freedom {
         sum += term;
         term *= cos * cos * (k + 1) as f64 / (k + 2) as f64;
         k += 2;
     }
-    if freedom % 2 == 0 {
-        sin * sum
-    } else {
-        std::f64::consts::FRAC_2_PI * (theta + sin * sum)
-    }
+    if even { sin * sum } else { std::f64::consts::FRAC_2_PI * (theta + sin * sum) }
 }
 
 #[cfg(test)]
@@ -131,8 +114,7 @@ mod tests {
         let half = 3.182446 * deviation / 2.0;
         assert!((estimate.value - 2.5).abs() < 1e-15);
         assert!(
-            (estimate.high - estimate.value - half).abs() < 1e-5
-                && (estimate.value - estimate.low - half).abs() < 1e-5
+            (estimate.high - estimate.value - half).abs() < 1e-5 && (estimate.value - estimate.low - half).abs() < 1e-5
         );
     }
 

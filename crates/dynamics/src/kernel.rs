@@ -19,38 +19,41 @@ pub(crate) fn padded(length: usize) -> usize {
 /// `matrix` holds one row of `out.len()` values per feature; `out.len()` is a multiple of [`LANES`].
 #[inline(always)]
 pub(crate) fn affine(matrix: &[f64], constants: &[f64], features: &[f64], out: &mut [f64]) {
-    let width = out.len();
+    assert!(
+        out.len().is_multiple_of(LANES) && constants.len() == out.len() && matrix.len() >= features.len() * out.len(),
+        "a row of coefficients for every feature"
+    );
     let mut from = 0;
-    while from + 4 * LANES <= width {
-        panel::<{ 4 * LANES }>(matrix, constants, features, from, out);
-        from += 4 * LANES;
-    }
-    if from + 2 * LANES <= width {
-        panel::<{ 2 * LANES }>(matrix, constants, features, from, out);
-        from += 2 * LANES;
-    }
-    if from + LANES <= width {
-        panel::<LANES>(matrix, constants, features, from, out);
+    while from < out.len() {
+        // As many sums side by side as there are: every feature is fetched once, and the additions overlap.
+        from += match (out.len() - from) / LANES {
+            1 => panel::<{ LANES }>(matrix, constants, features, from, out),
+            2 => panel::<{ 2 * LANES }>(matrix, constants, features, from, out),
+            3 => panel::<{ 3 * LANES }>(matrix, constants, features, from, out),
+            4 => panel::<{ 4 * LANES }>(matrix, constants, features, from, out),
+            5 => panel::<{ 5 * LANES }>(matrix, constants, features, from, out),
+            6 => panel::<{ 6 * LANES }>(matrix, constants, features, from, out),
+            _ => panel::<{ 7 * LANES }>(matrix, constants, features, from, out),
+        };
     }
 }
 
+/// The outputs `from..from + N` of [`affine`], which has checked the lengths; gives N.
 #[inline(always)]
-fn panel<const N: usize>(
-    matrix: &[f64],
-    constants: &[f64],
-    features: &[f64],
-    from: usize,
-    out: &mut [f64],
-) {
+fn panel<const N: usize>(matrix: &[f64], constants: &[f64], features: &[f64], from: usize, out: &mut [f64]) -> usize {
     let width = out.len();
     let mut sum = load::<N>(&constants[from..from + N]);
-    for (row, &feature) in matrix.chunks_exact(width).zip(features) {
-        let row = load::<N>(&row[from..from + N]);
+    for (j, &feature) in features.iter().enumerate() {
+        debug_assert!(j * width + from + N <= matrix.len());
+        // SAFETY: the matrix has at least `features.len() * width` values (asserted by the only caller), j is below `features.len()`, and
+        // `from + N <= width` (the constants, of that length, were sliced to it above). An array of N values needs no more alignment than one.
+        let row = unsafe { &*matrix.as_ptr().add(j * width + from).cast::<[f64; N]>() };
         for i in 0..N {
             sum[i] = row[i].mul_add(feature, sum[i]);
         }
     }
     out[from..from + N].copy_from_slice(&sum);
+    N
 }
 
 /// The first `N` values of a slice of at least that length.
@@ -80,12 +83,7 @@ pub(crate) fn argmax<S: Simd>(simd: S, values: &[f64], indices: &[f64]) -> (f64,
 
 /// `sum_i ((values[i] - reference[i]) * scale[i])^2`, all of one padded length; the rounding depends on the machine.
 #[inline(always)]
-pub(crate) fn scaled_square<S: Simd>(
-    simd: S,
-    values: &[f64],
-    reference: &[f64],
-    scale: &[f64],
-) -> f64 {
+pub(crate) fn scaled_square<S: Simd>(simd: S, values: &[f64], reference: &[f64], scale: &[f64]) -> f64 {
     let (values, reference) = (S::as_simd_f64s(values).0, S::as_simd_f64s(reference).0);
     let mut sum = simd.splat_f64s(0.0);
     for ((&v, &r), &s) in values.iter().zip(reference).zip(S::as_simd_f64s(scale).0) {
@@ -123,26 +121,10 @@ pub(crate) fn near<S: Simd>(simd: S, values: &[f64], reference: &[f64], limit: &
 
 /// `out = (values - centre) / scale`, all of one padded length. Gives the sum of the squares, rounded as the machine likes.
 #[inline(always)]
-pub(crate) fn standardise<S: Simd>(
-    simd: S,
-    values: &[f64],
-    centre: &[f64],
-    scale: &[f64],
-    out: &mut [f64],
-) -> f64 {
+pub(crate) fn standardise<S: Simd>(simd: S, values: &[f64], centre: &[f64], scale: &[f64], out: &mut [f64]) -> f64 {
     let mut sum = simd.splat_f64s(0.0);
-    let (values, centre, scale) = (
-        S::as_simd_f64s(values).0,
-        S::as_simd_f64s(centre).0,
-        S::as_simd_f64s(scale).0,
-    );
-    for (((o, &v), &c), &s) in S::as_mut_simd_f64s(out)
-        .0
-        .iter_mut()
-        .zip(values)
-        .zip(centre)
-        .zip(scale)
-    {
+    let (values, centre, scale) = (S::as_simd_f64s(values).0, S::as_simd_f64s(centre).0, S::as_simd_f64s(scale).0);
+    for (((o, &v), &c), &s) in S::as_mut_simd_f64s(out).0.iter_mut().zip(values).zip(centre).zip(scale) {
         *o = simd.div_f64s(simd.sub_f64s(v, c), s);
         sum = simd.mul_add_f64s(*o, *o, sum);
     }
@@ -151,20 +133,10 @@ pub(crate) fn standardise<S: Simd>(
 
 /// `min_i (top - values[i] - rounding) * factors[i]`.
 #[inline(always)]
-pub(crate) fn smallest_lead<S: Simd>(
-    simd: S,
-    top: f64,
-    rounding: f64,
-    values: &[f64],
-    factors: &[f64],
-) -> f64 {
+pub(crate) fn smallest_lead<S: Simd>(simd: S, top: f64, rounding: f64, values: &[f64], factors: &[f64]) -> f64 {
     let (top, rounding) = (simd.splat_f64s(top), simd.splat_f64s(rounding));
     let mut least = simd.splat_f64s(f64::INFINITY);
-    for (&v, &f) in S::as_simd_f64s(values)
-        .0
-        .iter()
-        .zip(S::as_simd_f64s(factors).0)
-    {
+    for (&v, &f) in S::as_simd_f64s(values).0.iter().zip(S::as_simd_f64s(factors).0) {
         let lead = simd.mul_f64s(simd.sub_f64s(simd.sub_f64s(top, v), rounding), f);
         least = simd.min_f64s(lead, least);
     }
@@ -178,16 +150,14 @@ mod tests {
 
     #[test]
     fn affine_is_the_plain_sum_at_every_width() {
-        for width in [8, 16, 24, 32, 40, 56, 104] {
+        for width in [8, 16, 24, 32, 40, 48, 56, 64, 104, 120] {
             let features: Vec<f64> = (0..5).map(|j| f64::from(j) * 0.7 - 1.1).collect();
             let matrix: Vec<f64> = (0..5 * width).map(|i| (i as f64 * 0.37).sin()).collect();
             let constants: Vec<f64> = (0..width).map(|i| i as f64).collect();
             let mut out = vec![0.0; width];
             affine(&matrix, &constants, &features, &mut out);
             for o in 0..width {
-                let expected = (0..5).fold(constants[o], |sum, j| {
-                    matrix[j * width + o].mul_add(features[j], sum)
-                });
+                let expected = (0..5).fold(constants[o], |sum, j| matrix[j * width + o].mul_add(features[j], sum));
                 assert_eq!(out[o].to_bits(), expected.to_bits());
             }
         }
@@ -200,9 +170,7 @@ mod tests {
             type Output = ();
             fn with_simd<S: Simd>(self, simd: S) {
                 let indices: Vec<f64> = (0..56).map(f64::from).collect();
-                let values: Vec<f64> = (0..56)
-                    .map(|i| if i % 11 == 9 { 5.0 } else { f64::from(-i) })
-                    .collect();
+                let values: Vec<f64> = (0..56).map(|i| if i % 11 == 9 { 5.0 } else { f64::from(-i) }).collect();
                 assert_eq!(argmax(simd, &values, &indices), (5.0, 9));
                 assert_eq!(argmax(simd, &[3.0; 24], &indices[..24]), (3.0, 0));
                 let mut one = [f64::NEG_INFINITY; 24];
@@ -220,10 +188,7 @@ mod tests {
                 assert!(!near(simd, &[f64::NAN; 8], &[0.5; 8], &[f64::MAX; 8]));
                 assert_eq!(scaled_square(simd, &values, &[0.5; 16], &[2.0; 16]), 4.0);
                 let mut out = [0.0; 16];
-                assert_eq!(
-                    standardise(simd, &values, &[0.5; 16], &[0.5; 16], &mut out),
-                    4.0
-                );
+                assert_eq!(standardise(simd, &values, &[0.5; 16], &[0.5; 16], &mut out), 4.0);
                 assert_eq!((out[8], out[9]), (0.0, 2.0));
                 assert_eq!(smallest_lead(simd, 3.0, 0.5, &out, &[2.0; 16]), 1.0);
             }

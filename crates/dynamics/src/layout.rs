@@ -28,12 +28,8 @@ struct Slots<'a> {
 impl Slots<'_> {
     /// The slot of a plain column, cosine or sine at the present row; `None` for any other expression.
     fn of(&mut self, expression: &Expr) -> Option<usize> {
-        let column = |expr: &Expr| {
-            self.simulator
-                .columns
-                .iter()
-                .position(|name| Some(name.as_str()) == expr.as_column())
-        };
+        let column =
+            |expr: &Expr| self.simulator.columns.iter().position(|name| Some(name.as_str()) == expr.as_column());
         let slot = match expression.node() {
             Node::Unary(Unary::Cos, angle) => Slot::Cosine(column(angle)?),
             Node::Unary(Unary::Sin, angle) => Slot::Sine(column(angle)?),
@@ -48,44 +44,28 @@ impl Slots<'_> {
 
     fn find(&mut self, slot: Slot) -> usize {
         if let Slot::Column(column) = slot
-            && let Some(state) = self
-                .simulator
-                .states
-                .iter()
-                .position(|state| state.column == column)
+            && let Some(state) = self.simulator.states.iter().position(|state| state.column == column)
         {
             return state;
         }
-        let other = self
-            .others
-            .iter()
-            .position(|&known| known == slot)
-            .unwrap_or_else(|| {
-                self.others.push(slot);
-                self.others.len() - 1
-            });
+        let other = self.others.iter().position(|&known| known == slot).unwrap_or_else(|| {
+            self.others.push(slot);
+            self.others.len() - 1
+        });
         self.width + other
     }
 }
 
 impl AffineKernel {
     /// The kernel of a simulator's model; `None` where the model needs the general path.
-    pub(crate) fn new(
-        model: &Model,
-        simulator: &Simulator,
-        equations: &[&Equation],
-    ) -> Option<Self> {
+    pub(crate) fn new(model: &Model, simulator: &Simulator, equations: &[&Equation]) -> Option<Self> {
         let compiled = &simulator.compiled;
         if compiled.partitions.len() > 1 {
             return None;
         }
         let states = simulator.states.len();
         let width = padded(states);
-        let mut slots = Slots {
-            simulator,
-            width,
-            others: Vec::new(),
-        };
+        let mut slots = Slots { simulator, width, others: Vec::new() };
         let mut columns = Vec::new();
         if let Some(regions) = compiled.partitions.first() {
             for expression in &model.partitions[regions.partition].columns {
@@ -107,9 +87,7 @@ impl AffineKernel {
             constants: Aligned::new(cells.count() * width, 0.0),
             keep: Aligned::new(width, 0.0),
             continuous: Aligned::new(width, 0.0),
-            angles: (0..states)
-                .filter(|&s| simulator.states[s].advance.angle)
-                .collect(),
+            angles: (0..states).filter(|&s| simulator.states[s].advance.angle).collect(),
             low: Aligned::new(cells.count() * slot_count, f64::NEG_INFINITY),
             high: Aligned::new(cells.count() * slot_count, f64::INFINITY),
             cells,
@@ -117,16 +95,8 @@ impl AffineKernel {
         for (i, slot) in slots.others.clone().into_iter().enumerate() {
             match slot {
                 Slot::Column(column) => kernel.recorded.push((width + i, column)),
-                Slot::Cosine(column) => {
-                    kernel
-                        .circular
-                        .push((width + i, true, slots.find(Slot::Column(column))))
-                }
-                Slot::Sine(column) => {
-                    kernel
-                        .circular
-                        .push((width + i, false, slots.find(Slot::Column(column))))
-                }
+                Slot::Cosine(column) => kernel.circular.push((width + i, true, slots.find(Slot::Column(column)))),
+                Slot::Sine(column) => kernel.circular.push((width + i, false, slots.find(Slot::Column(column)))),
             }
         }
         for (s, state) in simulator.states.iter().enumerate() {
@@ -149,11 +119,7 @@ impl AffineKernel {
             match *side {
                 Side::Number(value) => constants[s] = value,
                 Side::Slot(slot) => {
-                    let term = terms
-                        .slots
-                        .iter()
-                        .position(|&known| known == slot)
-                        .unwrap_or(0);
+                    let term = terms.slots.iter().position(|&known| known == slot).unwrap_or(0);
                     matrix[terms.row(term) * width + s] = 1.0;
                 }
                 Side::Latent { group, column } => {
@@ -161,8 +127,7 @@ impl AffineKernel {
                     let kept = latents.kept.len();
                     constants[s] = latents.constants[region * latents.width + column];
                     for j in 0..kept {
-                        let coefficient =
-                            latents.matrices[(region * kept + j) * latents.width + column];
+                        let coefficient = latents.matrices[(region * kept + j) * latents.width + column];
                         matrix[terms.row(terms.first[group] + j) * width + s] = coefficient;
                     }
                 }
@@ -197,12 +162,7 @@ struct Terms {
 }
 
 impl Terms {
-    fn new(
-        model: &Model,
-        simulator: &Simulator,
-        equations: &[&Equation],
-        slots: &mut Slots<'_>,
-    ) -> Option<Self> {
+    fn new(model: &Model, simulator: &Simulator, equations: &[&Equation], slots: &mut Slots<'_>) -> Option<Self> {
         let (mut terms, mut first) = (Vec::new(), Vec::new());
         for group in &simulator.compiled.groups {
             first.push(terms.len());
@@ -222,13 +182,7 @@ impl Terms {
         let all = terms.last().map_or(0, |last| last + 1);
         let dense = ascending && all <= terms.len() + terms.len() / 4 + LANES;
         let rows = if dense { all } else { terms.len() };
-        Some(Self {
-            slots: terms,
-            first,
-            sides,
-            dense,
-            rows,
-        })
+        Some(Self { slots: terms, first, sides, dense, rows })
     }
 
     /// The matrix row of a term.
@@ -257,29 +211,14 @@ fn right_sides(
                 return Some(Side::Number(value));
             }
             let name = equation.right.as_column();
-            let is_column = simulator
-                .columns
-                .iter()
-                .any(|column| Some(column.as_str()) == name);
+            let is_column = simulator.columns.iter().any(|column| Some(column.as_str()) == name);
             if name.is_none() || is_column {
                 return slots.of(&equation.right).map(Side::Slot);
             }
-            let latent = model
-                .latents
-                .iter()
-                .position(|latent| Some(latent.name.as_str()) == name)?;
-            simulator
-                .compiled
-                .groups
-                .iter()
-                .enumerate()
-                .find_map(|(group, latents)| {
-                    latents
-                        .slots
-                        .iter()
-                        .position(|&slot| slot == latent)
-                        .map(|column| Side::Latent { group, column })
-                })
+            let latent = model.latents.iter().position(|latent| Some(latent.name.as_str()) == name)?;
+            simulator.compiled.groups.iter().enumerate().find_map(|(group, latents)| {
+                latents.slots.iter().position(|&slot| slot == latent).map(|column| Side::Latent { group, column })
+            })
         })
         .collect()
 }

@@ -30,10 +30,7 @@ impl Mahalanobis {
     pub fn new(covariance: &[f64], scale: &[f64]) -> Self {
         let n = scale.len();
         let width = padded(n);
-        let unit: Vec<f64> = scale
-            .iter()
-            .map(|&s| if s.is_finite() && s > 0.0 { s } else { 1.0 })
-            .collect();
+        let unit: Vec<f64> = scale.iter().map(|&s| if s.is_finite() && s > 0.0 { s } else { 1.0 }).collect();
         let standardised = Mat::from_fn(n, n, |i, j| {
             let value = covariance.get(packed(i, j)).copied().unwrap_or(0.0) / (unit[i] * unit[j]);
             if value.is_finite() { value } else { 0.0 }
@@ -51,24 +48,16 @@ impl Mahalanobis {
             // Without a decomposition (it needs absurd values) the axes are taken one by one.
             Err(_) => {
                 for j in 0..n {
-                    whitening[j * width + j] =
-                        1.0 / (standardised[(j, j)].max(EIGENVALUE_FLOOR).sqrt() * unit[j]);
+                    whitening[j * width + j] = 1.0 / (standardised[(j, j)].max(EIGENVALUE_FLOOR).sqrt() * unit[j]);
                 }
             }
         }
-        Self {
-            dimension: n,
-            width,
-            whitening,
-            zeros: vec![0.0; width],
-        }
+        Self { dimension: n, width, whitening, zeros: vec![0.0; width] }
     }
 
     /// The metric of a covariance in units of its own standard deviations.
     pub fn of_covariance(covariance: &[f64], dimension: usize) -> Self {
-        let scale: Vec<f64> = (0..dimension)
-            .map(|i| covariance.get(packed(i, i)).map_or(1.0, |v| v.sqrt()))
-            .collect();
+        let scale: Vec<f64> = (0..dimension).map(|i| covariance.get(packed(i, i)).map_or(1.0, |v| v.sqrt())).collect();
         Self::new(covariance, &scale)
     }
 
@@ -91,12 +80,7 @@ impl Mahalanobis {
     #[inline(always)]
     pub(crate) fn score_with(&self, error: &[f64], scratch: &mut [f64]) -> f64 {
         let scratch = &mut scratch[..self.width];
-        affine(
-            &self.whitening,
-            &self.zeros,
-            &error[..self.dimension],
-            scratch,
-        );
+        affine(&self.whitening, &self.zeros, &error[..self.dimension], scratch);
         scratch.iter().fold(0.0, |sum, &w| w.mul_add(w, sum)).sqrt()
     }
 }

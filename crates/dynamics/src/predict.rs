@@ -111,33 +111,19 @@ impl Predictor {
         }
         let first = model.latents.first().map(|latent| latent.library);
         let compiled = Compiled::new(model, source_columns, &equations, first)?;
-        let targets: Vec<Expr> = equations
-            .iter()
-            .filter_map(|equation| equation.target.clone())
-            .collect();
+        let targets: Vec<Expr> = equations.iter().filter_map(|equation| equation.target.clone()).collect();
         let targets = Program::compile(&targets, source_columns)?;
-        let halo = [
-            compiled.functions.halo(),
-            compiled.rights.halo(),
-            targets.halo(),
-        ]
-        .iter()
-        .fold(Halo::default(), |a, b| Halo {
-            before: a.before.max(b.before),
-            after: a.after.max(b.after),
-        });
+        let halo = [compiled.functions.halo(), compiled.rights.halo(), targets.halo()]
+            .iter()
+            .fold(Halo::default(), |a, b| Halo { before: a.before.max(b.before), after: a.after.max(b.after) });
         let group = model.latents.first().and_then(|latent| {
             compiled.groups.iter().position(|group| {
-                group.library == latent.library
-                    && compiled.partitions[group.regions].partition == latent.partition
+                group.library == latent.library && compiled.partitions[group.regions].partition == latent.partition
             })
         });
         Ok(Self {
             targets,
-            wrapped: equations
-                .iter()
-                .map(|equation| wraps(model, equation))
-                .collect(),
+            wrapped: equations.iter().map(|equation| wraps(model, equation)).collect(),
             names: model.outputs(),
             domain: group.zip(TrainingDomain::new(model)),
             halo,
@@ -161,13 +147,7 @@ impl Predictor {
     }
 
     /// Predicts the core rows `rows` of a block. `out` is overwritten; the same rows give the same bits in any block and tile.
-    pub fn predict(
-        &self,
-        block: &Block,
-        rows: Range<usize>,
-        workspace: &mut PredictorWorkspace,
-        out: &mut Predicted,
-    ) {
+    pub fn predict(&self, block: &Block, rows: Range<usize>, workspace: &mut PredictorWorkspace, out: &mut Predicted) {
         let equations = self.names.len();
         out.reset(rows.len(), equations);
         let measurable = overlap(&rows, &self.targets.valid_rows(block));
@@ -210,12 +190,7 @@ impl Predictor {
     }
 
     fn evaluate(&self, block: &Block, rows: &Range<usize>, workspace: &mut Workspace) {
-        let has_time = |program: &Program| {
-            program
-                .leaves()
-                .iter()
-                .any(|leaf| matches!(leaf, Leaf::Time { .. }))
-        };
+        let has_time = |program: &Program| program.leaves().iter().any(|leaf| matches!(leaf, Leaf::Time { .. }));
         let seconds = if has_time(&self.compiled.functions) || has_time(&self.compiled.rights) {
             block.seconds()
         } else {
@@ -250,29 +225,14 @@ impl Predictor {
         out: &mut Predicted,
     ) -> RowStatus {
         let model = &workspace.model;
-        let border = if measurable {
-            RowStatus::Complete
-        } else {
-            RowStatus::Border
-        };
+        let border = if measurable { RowStatus::Complete } else { RowStatus::Border };
         if !workspace.complete[row] {
-            return if measurable {
-                RowStatus::Missing
-            } else {
-                border
-            };
+            return if measurable { RowStatus::Missing } else { border };
         }
         if model.regions.iter().any(|regions| regions[row] == u32::MAX) {
-            return if measurable {
-                RowStatus::NoRegion
-            } else {
-                border
-            };
+            return if measurable { RowStatus::NoRegion } else { border };
         }
-        let regions = self
-            .domain
-            .as_ref()
-            .map_or(0, |(group, _)| self.compiled.groups[*group].regions);
+        let regions = self.domain.as_ref().map_or(0, |(group, _)| self.compiled.groups[*group].regions);
         out.region[at] = model.regions.get(regions).map_or(0, |regions| regions[row]);
         let (mut finite, mut measured) = (true, true);
         for equation in 0..self.names.len() {
@@ -280,11 +240,7 @@ impl Predictor {
             let prediction = model.outputs[equation * model.stride + row];
             let error = out.measured[index] - prediction;
             out.predicted[index] = prediction;
-            out.residual[index] = if self.wrapped[equation] {
-                wrap(error)
-            } else {
-                error
-            };
+            out.residual[index] = if self.wrapped[equation] { wrap(error) } else { error };
             finite &= prediction.is_finite();
             measured &= out.measured[index].is_finite();
         }
@@ -313,12 +269,7 @@ impl pulp::WithSimd for Places<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let PredictorWorkspace {
-            model,
-            features,
-            place,
-            ..
-        } = self.workspace;
+        let PredictorWorkspace { model, features, place, .. } = self.workspace;
         features.clear();
         features.resize(self.domain.width(), 0.0);
         place.clear();
@@ -342,10 +293,7 @@ impl pulp::WithSimd for Places<'_> {
 
 /// Core rows whose lags and leads are all within the block.
 fn valid_rows(compiled: &Compiled, block: &Block) -> Range<usize> {
-    overlap(
-        &compiled.functions.valid_rows(block),
-        &compiled.rights.valid_rows(block),
-    )
+    overlap(&compiled.functions.valid_rows(block), &compiled.rights.valid_rows(block))
 }
 
 /// What two ranges share; an empty range where they share nothing.
@@ -357,7 +305,5 @@ pub(crate) fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
 /// Whether the errors of an equation are differences of angles.
 pub(crate) fn wraps(model: &Model, equation: &Equation) -> bool {
     equation.prediction != Prediction::Derivative
-        && model
-            .column(&equation.subject)
-            .is_some_and(|column| model.columns[column].angle)
+        && model.column(&equation.subject).is_some_and(|column| model.columns[column].angle)
 }

@@ -45,26 +45,17 @@ pub struct Outcome {
 impl Rollouts {
     /// Rollouts that diverged.
     pub fn diverged(&self) -> usize {
-        self.outcomes
-            .iter()
-            .filter(|outcome| outcome.end == End::Diverged)
-            .count()
+        self.outcomes.iter().filter(|outcome| outcome.end == End::Diverged).count()
     }
 
     /// Rollouts that met a label not seen in training.
     pub fn without_region(&self) -> usize {
-        self.outcomes
-            .iter()
-            .filter(|outcome| outcome.end == End::NoRegion)
-            .count()
+        self.outcomes.iter().filter(|outcome| outcome.end == End::NoRegion).count()
     }
 
     /// Rollouts that left the training domain.
     pub fn left_domain(&self) -> usize {
-        self.outcomes
-            .iter()
-            .filter(|outcome| outcome.left_domain.is_some())
-            .count()
+        self.outcomes.iter().filter(|outcome| outcome.left_domain.is_some()).count()
     }
 }
 
@@ -103,37 +94,17 @@ pub fn rollout(
     let map = simulator.column_map(source)?;
     let scorer = HorizonScorer::new(model, &simulator, options.horizon);
     let mut sums = scorer.empty();
-    let (mut outcomes, mut trajectories, mut missing) =
-        (Vec::with_capacity(starts.len()), Vec::new(), 0);
+    let (mut outcomes, mut trajectories, mut missing) = (Vec::with_capacity(starts.len()), Vec::new(), 0);
     parallel_fold(
         starts.len().div_ceil(GROUP),
         progress,
-        |group| -> Result<_, Error> {
+        |group| {
             let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
             let blocks = read_windows(source, starts, needed)?;
             let windows = blocks.windows(starts, &map);
-            let usable: Vec<&Window<'_>> = windows
-                .iter()
-                .filter(|window| simulator.is_complete(window, options.horizon))
-                .collect();
-            let done = simulator.simulate(source, &usable, options);
-            let nulls = null
-                .as_ref()
-                .map(|null| null.simulate(source, &usable, options));
-            let mut sums = scorer.empty();
-            for (i, (window, trajectory)) in usable.iter().zip(&done).enumerate() {
-                let time = simulator.times(source, window, options);
-                scorer.add(
-                    window,
-                    &time,
-                    trajectory,
-                    nulls.as_ref().map(|nulls| &nulls[i]),
-                    &mut sums,
-                );
-            }
-            Ok((starts.len() - usable.len(), done, sums))
+            Ok(simulate_and_score(source, &simulator, null.as_ref(), &scorer, &windows, options))
         },
-        |(lost, done, part): (usize, Vec<Trajectory>, HorizonSums)| {
+        |(lost, done, part)| -> Result<(), Error> {
             missing += lost;
             outcomes.extend(done.iter().map(Outcome::new));
             sums.merge(&part);
@@ -144,10 +115,7 @@ pub fn rollout(
         },
     )?;
     if outcomes.is_empty() {
-        return Err(Error::MissingValues {
-            starts: missing,
-            needed: needed.before + needed.after + 1,
-        });
+        return Err(Error::MissingValues { starts: missing, needed: needed.before + needed.after + 1 });
     }
     Ok(Rollouts {
         states: simulator.states().to_vec(),
@@ -159,6 +127,27 @@ pub fn rollout(
     })
 }
 
+/// Simulates the usable ones of these windows. Gives the number of the others, the trajectories and their sums.
+fn simulate_and_score(
+    source: &dyn Source,
+    simulator: &Simulator,
+    null: Option<&Simulator>,
+    scorer: &HorizonScorer,
+    windows: &[Window<'_>],
+    options: &RolloutOptions,
+) -> (usize, Vec<Trajectory>, HorizonSums) {
+    let usable: Vec<&Window<'_>> =
+        windows.iter().filter(|window| simulator.is_complete(window, options.horizon)).collect();
+    let done = simulator.simulate(source, &usable, options);
+    let nulls = null.map(|null| null.simulate(source, &usable, options));
+    let mut sums = scorer.empty();
+    for (i, (window, trajectory)) in usable.iter().zip(&done).enumerate() {
+        let time = simulator.times(source, window, options);
+        scorer.add(window, &time, trajectory, nulls.as_ref().map(|nulls| &nulls[i]), &mut sums);
+    }
+    (windows.len() - usable.len(), done, sums)
+}
+
 /// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent.
 fn null_model(model: &Model) -> Option<Model> {
     let mut null = model.clone();
@@ -166,12 +155,7 @@ fn null_model(model: &Model) -> Option<Model> {
     for equation in &mut null.equations {
         if equation.target.is_some() {
             equation.right = Expr::number(*means.next()?);
-        } else if equation
-            .right
-            .columns()
-            .iter()
-            .any(|name| model.latents.iter().any(|latent| latent.name == **name))
-        {
+        } else if equation.right.columns().iter().any(|name| model.latents.iter().any(|latent| latent.name == **name)) {
             return None;
         }
     }

@@ -7,8 +7,8 @@ use fleetfoot_model::{Model, packed};
 use fleetfoot_stats::{Chunk, ErrorSum, Gram, Grid, TILE_ROWS, reduce};
 
 use crate::{
-    Baseline, BaselineScore, Basis, CalibrationBin, Domain, EpisodeScore, Error, Estimate,
-    Mahalanobis, Predicted, Predictor, PredictorWorkspace, RowStatus, Scores, Skipped, TargetScore,
+    Baseline, BaselineScore, Basis, CalibrationBin, Domain, EpisodeScore, Error, Estimate, Mahalanobis, Predicted,
+    Predictor, PredictorWorkspace, RowStatus, Scores, Skipped, TargetScore,
     angle::wrap,
     baseline::{BaselineWorkspace, ONE_STEP, OneStepBaselines},
 };
@@ -42,27 +42,15 @@ pub fn score(
     options: &ScoreOptions,
     progress: &dyn Progress,
 ) -> Result<Scores, Error> {
-    let columns: Vec<&str> = source
-        .columns()
-        .iter()
-        .map(|column| column.name.as_str())
-        .collect();
+    let columns: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
     let scorer = Scorer {
         predictor: Predictor::new(model, &columns)?,
         baselines: OneStepBaselines::new(model, &columns)?,
-        metric: Mahalanobis::of_covariance(
-            &model.training.target_covariance,
-            model.training.target_mean.len(),
-        ),
+        metric: Mahalanobis::of_covariance(&model.training.target_covariance, model.training.target_mean.len()),
         mean: model.training.target_mean.clone(),
         stride: source.rows().div_ceil(SAMPLE_ROWS).max(1),
     };
-    let chunks = Grid {
-        chunk_rows: chunk_rows(source),
-        folds: 1,
-        purge: 0,
-    }
-    .chunks(source.episodes());
+    let chunks = Grid { chunk_rows: chunk_rows(source), folds: 1, purge: 0 }.chunks(source.episodes());
     let mut parts: Vec<(Chunk, Sums)> = Vec::with_capacity(chunks.len());
     reduce(
         source,
@@ -86,12 +74,7 @@ pub fn score(
 
 /// Rows of a chunk: enough chunks for the threads and for the spans of an interval, none so large that its result waits.
 fn chunk_rows(source: &dyn Source) -> usize {
-    let longest = source
-        .episodes()
-        .iter()
-        .map(|episode| episode.rows)
-        .max()
-        .unwrap_or(0);
+    let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
     longest.div_ceil(SPANS).clamp(1, 65_536)
 }
 
@@ -150,16 +133,8 @@ impl Sums {
         self.skipped.non_finite += other.skipped.non_finite;
         self.outside_region += other.outside_region;
         self.outside_training += other.outside_training;
-        self.targets
-            .iter_mut()
-            .zip(&other.targets)
-            .for_each(|(a, b)| a.merge(b));
-        for (a, b) in self
-            .baselines
-            .iter_mut()
-            .flatten()
-            .zip(other.baselines.iter().flatten())
-        {
+        self.targets.iter_mut().zip(&other.targets).for_each(|(a, b)| a.merge(b));
+        for (a, b) in self.baselines.iter_mut().flatten().zip(other.baselines.iter().flatten()) {
             a.0.merge(&b.0);
             a.1.merge(&b.1);
         }
@@ -170,29 +145,16 @@ impl Sums {
 impl Scorer {
     fn halo(&self) -> Halo {
         let (a, b) = (self.predictor.halo(), self.baselines.halo());
-        Halo {
-            before: a.before.max(b.before),
-            after: a.after.max(b.after),
-        }
+        Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
     }
 
     fn add(&self, block: &Block, rows: Range<usize>, tile: &mut Tile, sums: &mut Sums) {
         let first = block.first + rows.start;
-        let Tile {
-            workspace,
-            predicted,
-            baseline_workspace,
-            baselines,
-        } = tile;
-        self.predictor
-            .predict(block, rows.clone(), workspace, predicted);
-        self.baselines
-            .predict(block, rows, baseline_workspace, baselines);
+        let Tile { workspace, predicted, baseline_workspace, baselines } = tile;
+        self.predictor.predict(block, rows.clone(), workspace, predicted);
+        self.baselines.predict(block, rows, baseline_workspace, baselines);
         let mut error = vec![0.0; self.mean.len()];
-        let mut part = Sums {
-            sample: std::mem::take(&mut sums.sample),
-            ..Sums::new(self.mean.len())
-        };
+        let mut part = Sums { sample: std::mem::take(&mut sums.sample), ..Sums::new(self.mean.len()) };
         let mut scratch = vec![0.0; self.metric.width()];
         for row in 0..predicted.rows {
             if !count(predicted, row, &mut part) {
@@ -203,13 +165,10 @@ impl Scorer {
             }
             let output = self.metric.score_with(&error, &mut scratch);
             part.mahalanobis += output;
-            if (first + row) % self.stride == 0 {
+            if (first + row).is_multiple_of(self.stride) {
                 part.sample.extend([predicted.centre_distance[row], output]);
                 part.sample.extend_from_slice(&error);
-                part.sample.extend(
-                    (0..error.len())
-                        .map(|target| predicted.measured[target * predicted.rows + row]),
-                );
+                part.sample.extend((0..error.len()).map(|target| predicted.measured[target * predicted.rows + row]));
             }
         }
         sums.sample = std::mem::take(&mut part.sample);
@@ -217,24 +176,13 @@ impl Scorer {
     }
 
     /// Adds the errors of one target at one row; gives the model's error.
-    fn add_target(
-        &self,
-        predicted: &Predicted,
-        baselines: &[f64],
-        target: usize,
-        row: usize,
-        sums: &mut Sums,
-    ) -> f64 {
+    fn add_target(&self, predicted: &Predicted, baselines: &[f64], target: usize, row: usize, sums: &mut Sums) -> f64 {
         let rows = predicted.rows;
         let angle = self.predictor.wrapped(target);
         let y = predicted.measured[target * rows + row];
         let error = predicted.residual[target * rows + row];
         // The sums take differences themselves: a difference that is already taken (and wrapped) is handed on exactly.
-        let deviation = if angle {
-            wrap(y - self.mean[target])
-        } else {
-            y - self.mean[target]
-        };
+        let deviation = if angle { wrap(y - self.mean[target]) } else { y - self.mean[target] };
         let push = |sum: &mut ErrorSum, error: f64| sum.push(error, 0.0, error - deviation, 1.0);
         push(&mut sums.targets[target], error);
         for (which, (baseline, model)) in sums.baselines[target].iter_mut().enumerate() {
@@ -279,52 +227,32 @@ fn summarise(
         total.merge(sums);
         by_episode[chunk.episode].merge(sums);
     }
-    let scored: Vec<usize> = (0..by_episode.len())
-        .filter(|&episode| by_episode[episode].rows > 0)
-        .collect();
+    let scored: Vec<usize> = (0..by_episode.len()).filter(|&episode| by_episode[episode].rows > 0).collect();
     let (basis, groups) = if scored.len() >= 2 {
-        (
-            Basis::Episodes(scored.len()),
-            scored
-                .iter()
-                .map(|&episode| by_episode[episode].clone())
-                .collect(),
-        )
+        (Basis::Episodes(scored.len()), scored.iter().map(|&episode| by_episode[episode].clone()).collect())
     } else {
         let spans = spans(parts, targets);
         (Basis::Spans(spans.len()), spans)
     };
-    let (mahalanobis_measured, sampled_rows, calibration) =
-        from_sample(parts, targets, options.bins);
+    let (mahalanobis_measured, sampled_rows, calibration) = from_sample(parts, targets, options.bins);
     Scores {
         rows: total.rows,
         skipped: total.skipped,
         outside_region: total.outside_region,
         outside_training: total.outside_training,
         targets: target_scores(model, &total, &groups),
-        mahalanobis: Estimate::of_ratio(
-            groups
-                .iter()
-                .map(|sums| (sums.mahalanobis, sums.rows as f64)),
-        ),
+        mahalanobis: Estimate::of_ratio(groups.iter().map(|sums| (sums.mahalanobis, sums.rows as f64))),
         mahalanobis_measured,
         sampled_rows,
         calibration,
-        episodes: scored
-            .iter()
-            .map(|&episode| episode_score(model, source, episode, &by_episode[episode]))
-            .collect(),
+        episodes: scored.iter().map(|&episode| episode_score(model, source, episode, &by_episode[episode])).collect(),
         basis,
     }
 }
 
 /// About ten contiguous spans of the scored chunks.
 fn spans(parts: &[(Chunk, Sums)], targets: usize) -> Vec<Sums> {
-    let scored: Vec<&Sums> = parts
-        .iter()
-        .map(|(_, sums)| sums)
-        .filter(|sums| sums.rows > 0)
-        .collect();
+    let scored: Vec<&Sums> = parts.iter().map(|(_, sums)| sums).filter(|sums| sums.rows > 0).collect();
     let mut spans: Vec<Sums> = Vec::new();
     let mut last = usize::MAX;
     for (i, sums) in scored.iter().enumerate() {
@@ -348,9 +276,7 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
             let sum = &total.targets[t];
             let sigma = model.training.target_covariance[packed(t, t)].sqrt();
             let parts = |weight: fn(&ErrorSum) -> f64| {
-                groups
-                    .iter()
-                    .map(move |g| (g.targets[t].absolute, weight(&g.targets[t])))
+                groups.iter().map(move |g| (g.targets[t].absolute, weight(&g.targets[t])))
             };
             let mut baselines = vec![BaselineScore {
                 baseline: Baseline::Null,
@@ -394,73 +320,38 @@ fn episode_score(model: &Model, source: &dyn Source, episode: usize, sums: &Sums
         episode,
         id: info.id,
         name: info.name.clone(),
-        in_training: model
-            .training
-            .episodes
-            .iter()
-            .any(|(known, _)| *known == id),
+        in_training: model.training.episodes.iter().any(|(known, _)| *known == id),
         rows: sums.rows,
         mae: sums.targets.iter().map(ErrorSum::mean_absolute).collect(),
-        mae_over_null: sums
-            .targets
-            .iter()
-            .map(ErrorSum::relative_absolute)
-            .collect(),
-        rmse: sums
-            .targets
-            .iter()
-            .map(ErrorSum::root_mean_square)
-            .collect(),
+        mae_over_null: sums.targets.iter().map(ErrorSum::relative_absolute).collect(),
+        rmse: sums.targets.iter().map(ErrorSum::root_mean_square).collect(),
         mahalanobis: sums.mahalanobis / sums.rows as f64,
     }
 }
 
 /// Mean score under the covariance of the measured targets, sampled rows, and the bins of input against output score.
-fn from_sample(
-    parts: &[(Chunk, Sums)],
-    targets: usize,
-    bins: usize,
-) -> (f64, u64, Vec<CalibrationBin>) {
+fn from_sample(parts: &[(Chunk, Sums)], targets: usize, bins: usize) -> (f64, u64, Vec<CalibrationBin>) {
     let width = 2 + 2 * targets;
-    let rows: Vec<&[f64]> = parts
-        .iter()
-        .flat_map(|(_, sums)| sums.sample.chunks_exact(width))
-        .collect();
+    let rows: Vec<&[f64]> = parts.iter().flat_map(|(_, sums)| sums.sample.chunks_exact(width)).collect();
     if rows.is_empty() {
         return (f64::NAN, 0, Vec::new());
     }
     let measured = faer::Mat::from_fn(rows.len(), targets, |i, j| rows[i][2 + targets + j]);
     let gram = Gram::of_rows(measured.as_ref(), None);
-    let covariance: Vec<f64> = gram
-        .scatter
-        .iter()
-        .map(|value| value / rows.len() as f64)
-        .collect();
+    let covariance: Vec<f64> = gram.scatter.iter().map(|value| value / rows.len() as f64).collect();
     let metric = Mahalanobis::of_covariance(&covariance, targets);
     let mut scratch = vec![0.0; metric.width()];
-    let sum: f64 = rows
-        .iter()
-        .map(|row| metric.score_with(&row[2..2 + targets], &mut scratch))
-        .sum();
-    let mut pairs: Vec<(f64, f64)> = rows
-        .iter()
-        .map(|row| (row[0], row[1]))
-        .filter(|pair| pair.0.is_finite())
-        .collect();
+    let sum: f64 = rows.iter().map(|row| metric.score_with(&row[2..2 + targets], &mut scratch)).sum();
+    let mut pairs: Vec<(f64, f64)> =
+        rows.iter().map(|row| (row[0], row[1])).filter(|pair| pair.0.is_finite()).collect();
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let bins = bins.min(pairs.len());
     let calibration = (0..bins)
         .map(|bin| {
             let part = &pairs[bin * pairs.len() / bins..(bin + 1) * pairs.len() / bins];
-            let (input, output) = part
-                .iter()
-                .fold((0.0, 0.0), |(a, b), pair| (a + pair.0, b + pair.1));
+            let (input, output) = part.iter().fold((0.0, 0.0), |(a, b), pair| (a + pair.0, b + pair.1));
             let count = part.len() as f64;
-            CalibrationBin {
-                rows: part.len() as u64,
-                input: input / count,
-                output: output / count,
-            }
+            CalibrationBin { rows: part.len() as u64, input: input / count, output: output / count }
         })
         .collect();
     (sum / rows.len() as f64, rows.len() as u64, calibration)

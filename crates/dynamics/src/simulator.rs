@@ -35,21 +35,13 @@ pub struct RolloutOptions {
 impl RolloutOptions {
     /// Euler steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
     pub fn new(horizon: usize) -> Self {
-        Self {
-            horizon,
-            method: Method::Euler,
-            step: Step::Median,
-            divergence: 1e3,
-            keep: false,
-        }
+        Self { horizon, method: Method::Euler, step: Step::Median, divergence: 1e3, keep: false }
     }
 
     pub(crate) fn validate(&self) -> Result<(), Error> {
         match self.step {
             _ if self.horizon == 0 => Err(Error::NoHorizon),
-            Step::Seconds(seconds) if !(seconds.is_finite() && seconds > 0.0) => {
-                Err(Error::BadStep(seconds))
-            }
+            Step::Seconds(seconds) if !(seconds.is_finite() && seconds > 0.0) => Err(Error::BadStep(seconds)),
             _ => Ok(()),
         }
     }
@@ -100,33 +92,18 @@ impl Simulator {
     pub fn new(model: &Model) -> Result<Self, Error> {
         model.validate().map_err(Error::Inconsistent)?;
         let (states, equations) = advanced_states(model)?;
-        let columns: Vec<&str> = model
-            .columns
-            .iter()
-            .map(|column| column.name.as_str())
-            .collect();
+        let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &columns, &equations, None)?;
         let ranges = ranges(model, &compiled);
-        let reported = ranges
-            .as_ref()
-            .map_or(0, |ranges| compiled.groups[ranges.group].regions);
+        let reported = ranges.as_ref().map_or(0, |ranges| compiled.groups[ranges.group].regions);
         let mut simulator = Self {
-            columns: model
-                .columns
-                .iter()
-                .map(|column| column.name.clone())
-                .collect(),
-            names: states
-                .iter()
-                .map(|state| model.columns[state.column].name.clone())
-                .collect(),
+            columns: model.columns.iter().map(|column| column.name.clone()).collect(),
+            names: states.iter().map(|state| model.columns[state.column].name.clone()).collect(),
             from_recording: model
                 .columns
                 .iter()
                 .enumerate()
-                .filter(|(i, column)| {
-                    column.role == Role::State && states.iter().all(|state| state.column != *i)
-                })
+                .filter(|(i, column)| column.role == Role::State && states.iter().all(|state| state.column != *i))
                 .map(|(_, column)| column.name.clone())
                 .collect(),
             recorded: Vec::new(),
@@ -147,28 +124,17 @@ impl Simulator {
     fn find_reach(&mut self) -> Result<(), Error> {
         let count = self.columns.len();
         let mut reach: Vec<Option<(i32, i32)>> = vec![None; count];
-        for leaf in self
-            .compiled
-            .functions
-            .leaves()
-            .iter()
-            .chain(self.compiled.rights.leaves())
-        {
+        for leaf in self.compiled.functions.leaves().iter().chain(self.compiled.rights.leaves()) {
             let (column, lag) = match *leaf {
                 Leaf::Column { column, lag } if column < count => (Some(column), lag),
                 Leaf::Column { .. } => continue,
                 Leaf::Time { lag } => (None, lag),
             };
             self.history = self.history.max(usize::try_from(lag).unwrap_or(0));
-            self.ahead = self
-                .ahead
-                .max(usize::try_from(-i64::from(lag)).unwrap_or(0));
+            self.ahead = self.ahead.max(usize::try_from(-i64::from(lag)).unwrap_or(0));
             let Some(column) = column else { continue };
             if lag < 0 && self.states.iter().any(|state| state.column == column) {
-                return Err(Error::FutureState {
-                    state: self.columns[column].clone(),
-                    ahead: lag.saturating_neg(),
-                });
+                return Err(Error::FutureState { state: self.columns[column].clone(), ahead: lag.saturating_neg() });
             }
             let (most, least) = reach[column].unwrap_or((lag, lag));
             reach[column] = Some((most.max(lag), least.min(lag)));
@@ -206,10 +172,7 @@ impl Simulator {
     ///
     /// At least one row before: the constant-velocity baseline looks at it.
     pub fn needed_rows(&self, horizon: usize) -> Halo {
-        Halo {
-            before: self.history.max(1),
-            after: horizon.max((horizon + self.ahead).saturating_sub(1)),
-        }
+        Halo { before: self.history.max(1), after: horizon.max((horizon + self.ahead).saturating_sub(1)) }
     }
 
     pub(crate) fn history(&self) -> usize {
@@ -235,37 +198,17 @@ impl Simulator {
     ) -> Result<Vec<Option<Trajectory>>, Error> {
         options.validate()?;
         let needed = self.needed_rows(options.horizon);
-        let starts = crate::Starts::At(starts.to_vec()).choose(
-            source,
-            options.horizon,
-            needed.before,
-            needed.after,
-        )?;
+        let starts = crate::Starts::At(starts.to_vec()).choose(source, options.horizon, needed.before, needed.after)?;
         let map = self.column_map(source)?;
-        let groups = parallel_map(
-            starts.len().div_ceil(GROUP),
-            progress,
-            |group| -> Result<_, Error> {
-                let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
-                let blocks = read_windows(source, starts, needed)?;
-                let windows: Vec<Window<'_>> = blocks.windows(starts, &map);
-                let usable: Vec<bool> = windows
-                    .iter()
-                    .map(|window| self.is_complete(window, options.horizon))
-                    .collect();
-                let chosen: Vec<&Window<'_>> = windows
-                    .iter()
-                    .zip(&usable)
-                    .filter(|(_, ok)| **ok)
-                    .map(|(w, _)| w)
-                    .collect();
-                let mut done = self.simulate(source, &chosen, options).into_iter();
-                Ok(usable
-                    .iter()
-                    .map(|&ok| if ok { done.next() } else { None })
-                    .collect::<Vec<_>>())
-            },
-        )?;
+        let groups = parallel_map(starts.len().div_ceil(GROUP), progress, |group| -> Result<_, Error> {
+            let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
+            let blocks = read_windows(source, starts, needed)?;
+            let windows: Vec<Window<'_>> = blocks.windows(starts, &map);
+            let usable: Vec<bool> = windows.iter().map(|window| self.is_complete(window, options.horizon)).collect();
+            let chosen: Vec<&Window<'_>> = windows.iter().zip(&usable).filter(|(_, ok)| **ok).map(|(w, _)| w).collect();
+            let mut done = self.simulate(source, &chosen, options).into_iter();
+            Ok(usable.iter().map(|&ok| if ok { done.next() } else { None }).collect::<Vec<_>>())
+        })?;
         Ok(groups.into_iter().flatten().collect())
     }
 
@@ -276,15 +219,8 @@ impl Simulator {
         windows: &[&Window<'_>],
         options: &RolloutOptions,
     ) -> Vec<Trajectory> {
-        let runs: Vec<Run<'_>> = windows
-            .iter()
-            .map(|window| Run::new(source, window, options))
-            .collect();
-        let limits: Vec<f64> = self
-            .states
-            .iter()
-            .map(|state| state.limit(options.divergence))
-            .collect();
+        let runs: Vec<Run<'_>> = windows.iter().map(|window| Run::new(source, window, options)).collect();
+        let limits: Vec<f64> = self.states.iter().map(|state| state.limit(options.divergence)).collect();
         match &self.kernel {
             Some(kernel) => kernel.simulate(self, &runs, &limits, options.method),
             None => crate::general::simulate(self, &runs, &limits, options),
@@ -292,25 +228,15 @@ impl Simulator {
     }
 
     /// Seconds from a start after each step, horizon + 1 values.
-    pub(crate) fn times(
-        &self,
-        source: &dyn Source,
-        window: &Window<'_>,
-        options: &RolloutOptions,
-    ) -> Vec<f64> {
+    pub(crate) fn times(&self, source: &dyn Source, window: &Window<'_>, options: &RolloutOptions) -> Vec<f64> {
         Run::new(source, window, options).time
     }
 
     /// The source's index of each column of the model; of a column that neither a state nor an equation needs, `usize::MAX` if absent.
     pub(crate) fn column_map(&self, source: &dyn Source) -> Result<Vec<usize>, Error> {
-        let names: Vec<&str> = source
-            .columns()
-            .iter()
-            .map(|column| column.name.as_str())
-            .collect();
+        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
         let needed = |column: usize| {
-            self.states.iter().any(|state| state.column == column)
-                || self.recorded.iter().any(|r| r.0 == column)
+            self.states.iter().any(|state| state.column == column) || self.recorded.iter().any(|r| r.0 == column)
         };
         let mut map = Vec::with_capacity(self.columns.len());
         for (column, name) in self.columns.iter().enumerate() {
@@ -319,11 +245,7 @@ impl Simulator {
                 None if !needed(column) => map.push(usize::MAX),
                 None => {
                     let nearest = nearest(name, names.iter().copied());
-                    return Err(UnknownColumn {
-                        name: name.clone(),
-                        nearest,
-                    }
-                    .into());
+                    return Err(UnknownColumn { name: name.clone(), nearest }.into());
                 }
             }
         }
@@ -333,18 +255,12 @@ impl Simulator {
     /// Whether everything that a rollout reads is finite.
     pub(crate) fn is_complete(&self, window: &Window<'_>, horizon: usize) -> bool {
         let back = self.history.max(1) as i64;
-        let finite = |column: usize, from: i64, to: i64| {
-            window
-                .values(column, from, to)
+        let finite = |column: usize, from: i64, to: i64| window.values(column, from, to).iter().all(|v| v.is_finite());
+        self.states.iter().all(|state| finite(state.column, -back, 1))
+            && self
+                .recorded
                 .iter()
-                .all(|v| v.is_finite())
-        };
-        self.states
-            .iter()
-            .all(|state| finite(state.column, -back, 1))
-            && self.recorded.iter().all(|&(column, most, least)| {
-                finite(column, -i64::from(most), horizon as i64 - i64::from(least))
-            })
+                .all(|&(column, most, least)| finite(column, -i64::from(most), horizon as i64 - i64::from(least)))
     }
 }
 
@@ -352,11 +268,7 @@ impl State {
     /// How far from its start the state may go.
     fn limit(&self, divergence: f64) -> f64 {
         let limit = divergence * self.deviation;
-        if limit > 0.0 && limit.is_finite() && !self.advance.angle {
-            limit
-        } else {
-            f64::MAX
-        }
+        if limit > 0.0 && limit.is_finite() && !self.advance.angle { limit } else { f64::MAX }
     }
 }
 
@@ -380,30 +292,17 @@ impl<'a> Run<'a> {
             Step::Median => uniform(source.episodes()[start.episode].period),
             Step::Stamps => {
                 let stamps: &[i64] = &window.block.time[window.at..];
-                stamps[..=options.horizon]
-                    .iter()
-                    .map(|&stamp| (stamp - stamps[0]) as f64 * 1e-9)
-                    .collect()
+                stamps[..=options.horizon].iter().map(|&stamp| (stamp - stamps[0]) as f64 * 1e-9).collect()
             }
         };
-        Self {
-            window,
-            time,
-            start,
-            horizon: options.horizon,
-            uniform: options.step != Step::Stamps,
-        }
+        Self { window, time, start, horizon: options.horizon, uniform: options.step != Step::Stamps }
     }
 
     /// Length of a step, seconds.
     #[inline(always)]
     pub(crate) fn step(&self, k: usize) -> f64 {
         // A uniform step is not a difference of rounded products.
-        if self.uniform {
-            self.time[1]
-        } else {
-            self.time[k + 1] - self.time[k]
-        }
+        if self.uniform { self.time[1] } else { self.time[k + 1] - self.time[k] }
     }
 
     pub(crate) fn block(&self) -> &Block {
@@ -413,9 +312,7 @@ impl<'a> Run<'a> {
 
 /// The states that equations advance, in the order of the columns, and their equations.
 fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
-    let roles: Vec<usize> = (0..model.columns.len())
-        .filter(|&c| model.columns[c].role == Role::State)
-        .collect();
+    let roles: Vec<usize> = (0..model.columns.len()).filter(|&c| model.columns[c].role == Role::State).collect();
     let (mut states, mut equations) = (Vec::new(), Vec::new());
     for (index, column) in model.columns.iter().enumerate() {
         let mut own = model.equations.iter().filter_map(|equation| {
@@ -426,27 +323,15 @@ fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error>
             continue;
         };
         if own.next().is_some() {
-            return Err(Error::Contradiction {
-                state: column.name.clone(),
-            });
+            return Err(Error::Contradiction { state: column.name.clone() });
         }
         let order = roles.iter().position(|&role| role == index);
         let variance = order.and_then(|i| model.training.state_covariance.get(packed(i, i)));
-        states.push(State {
-            column: index,
-            advance,
-            deviation: variance.map_or(f64::NAN, |v| v.sqrt()),
-            order,
-        });
+        states.push(State { column: index, advance, deviation: variance.map_or(f64::NAN, |v| v.sqrt()), order });
         equations.push(equation);
     }
     if states.is_empty() {
-        let equations = model
-            .equations
-            .iter()
-            .map(Equation::label)
-            .collect::<Vec<_>>()
-            .join(", ");
+        let equations = model.equations.iter().map(Equation::label).collect::<Vec<_>>().join(", ");
         return Err(Error::NothingToAdvance { equations });
     }
     Ok((states, equations))
@@ -456,8 +341,7 @@ fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error>
 fn ranges(model: &Model, compiled: &Compiled) -> Option<Ranges> {
     let latent = model.latents.first()?;
     let group = compiled.groups.iter().position(|group| {
-        group.library == latent.library
-            && compiled.partitions[group.regions].partition == latent.partition
+        group.library == latent.library && compiled.partitions[group.regions].partition == latent.partition
     })?;
     let kept = &compiled.groups[group].kept;
     let width = padded(kept.len());
@@ -466,18 +350,9 @@ fn ranges(model: &Model, compiled: &Compiled) -> Option<Ranges> {
         regions
             .iter()
             .flat_map(|region| {
-                kept.iter()
-                    .map(|&j| region.range[j][end])
-                    .chain(std::iter::repeat(pad))
-                    .take(width)
-                    .collect::<Vec<_>>()
+                kept.iter().map(|&j| region.range[j][end]).chain(std::iter::repeat(pad)).take(width).collect::<Vec<_>>()
             })
             .collect()
     };
-    Some(Ranges {
-        group,
-        width,
-        low: bounds(0, f64::NEG_INFINITY),
-        high: bounds(1, f64::INFINITY),
-    })
+    Some(Ranges { group, width, low: bounds(0, f64::NEG_INFINITY), high: bounds(1, f64::INFINITY) })
 }

@@ -53,18 +53,13 @@ impl Starts {
         let total: usize = episodes.iter().map(possible).sum();
         let positions: Vec<usize> = match self {
             Starts::At(starts) => {
-                return starts
-                    .iter()
-                    .map(|&start| check(episodes, start, before, after))
-                    .collect();
+                return starts.iter().map(|&start| check(episodes, start, before, after)).collect();
             }
             _ if total == 0 => return Err(too_short(episodes, horizon, before + after + 1)),
-            Starts::Even(count) | Starts::Random { count, .. } if *count >= total => {
-                (0..total).collect()
+            Starts::Even(count) | Starts::Random { count, .. } if *count >= total => (0..total).collect(),
+            Starts::Even(count) => {
+                (0..*count).map(|i| ((2 * i as u128 + 1) * total as u128 / (2 * *count as u128)) as usize).collect()
             }
-            Starts::Even(count) => (0..*count)
-                .map(|i| ((2 * i as u128 + 1) * total as u128 / (2 * *count as u128)) as usize)
-                .collect(),
             Starts::Random { count, seed } => sample(*count, total, *seed),
         };
         let mut starts = Vec::with_capacity(positions.len());
@@ -74,10 +69,7 @@ impl Starts {
                 passed += possible(&episodes[order[at]]);
                 at += 1;
             }
-            starts.push(Start {
-                episode: order[at],
-                row: before + position - passed,
-            });
+            starts.push(Start { episode: order[at], row: before + position - passed });
         }
         starts.sort_unstable();
         Ok(starts)
@@ -85,18 +77,10 @@ impl Starts {
 }
 
 fn check(episodes: &[Episode], start: Start, before: usize, after: usize) -> Result<Start, Error> {
-    let (name, rows) = episodes.get(start.episode).map_or_else(
-        || (start.episode.to_string(), 0),
-        |e| (e.name.clone(), e.rows),
-    );
+    let (name, rows) =
+        episodes.get(start.episode).map_or_else(|| (start.episode.to_string(), 0), |e| (e.name.clone(), e.rows));
     if start.row < before || start.row + after >= rows {
-        return Err(Error::BadStart {
-            episode: name,
-            row: start.row,
-            before,
-            after,
-            rows,
-        });
+        return Err(Error::BadStart { episode: name, row: start.row, before, after, rows });
     }
     Ok(start)
 }
@@ -145,11 +129,7 @@ mod tests {
     fn source(lengths: &[usize]) -> MemorySource {
         let mut source = MemorySource::new(vec![Column::float("x")]);
         for &length in lengths {
-            source.push_uniform(
-                format!("e{length}"),
-                0.01,
-                vec![(0..length).map(|i| (i + length) as f64).collect()],
-            );
+            source.push_uniform(format!("e{length}"), 0.01, vec![(0..length).map(|i| (i + length) as f64).collect()]);
         }
         source
     }
@@ -157,21 +137,10 @@ mod tests {
     #[test]
     fn starts_keep_their_rows_inside_the_episode() {
         let source = source(&[50, 8, 200, 11]);
-        for starts in [
-            Starts::Even(40),
-            Starts::Random { count: 40, seed: 3 },
-            Starts::Even(100_000),
-        ] {
+        for starts in [Starts::Even(40), Starts::Random { count: 40, seed: 3 }, Starts::Even(100_000)] {
             let chosen = starts.choose(&source, 8, 2, 8).unwrap();
             let possible = 40 + 190 + 1;
-            assert_eq!(
-                chosen.len(),
-                if starts == Starts::Even(100_000) {
-                    possible
-                } else {
-                    40
-                }
-            );
+            assert_eq!(chosen.len(), if starts == Starts::Even(100_000) { possible } else { 40 });
             assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]));
             for start in chosen {
                 assert!(start.row >= 2 && start.row + 8 < source.episodes()[start.episode].rows);
@@ -182,41 +151,24 @@ mod tests {
     #[test]
     fn random_starts_follow_the_seed_and_fill_the_range() {
         let source = source(&[1000]);
-        let choose = |seed| {
-            Starts::Random { count: 300, seed }
-                .choose(&source, 10, 1, 10)
-                .unwrap()
-        };
+        let choose = |seed| Starts::Random { count: 300, seed }.choose(&source, 10, 1, 10).unwrap();
         assert_eq!(choose(1), choose(1));
         assert_ne!(choose(1), choose(2));
         let mean = choose(5).iter().map(|start| start.row as f64).sum::<f64>() / 300.0;
         // 989 possible rows: the mean of 300 draws lies within 4 standard errors of 495.
-        assert!(
-            (mean - 495.0).abs() < 4.0 * 989.0 / 12f64.sqrt() / 300f64.sqrt(),
-            "{mean}"
-        );
+        assert!((mean - 495.0).abs() < 4.0 * 989.0 / 12f64.sqrt() / 300f64.sqrt(), "{mean}");
     }
 
     #[test]
     fn too_long_a_horizon_is_an_error_with_numbers() {
         let source = source(&[20, 30]);
-        let error = Starts::Even(5)
-            .choose(&source, 40, 1, 40)
-            .unwrap_err()
-            .to_string();
+        let error = Starts::Even(5).choose(&source, 40, 1, 40).unwrap_err().to_string();
         assert!(
-            error.contains("40 steps")
-                && error.contains("42")
-                && error.contains("30")
-                && error.contains("e30"),
+            error.contains("40 steps") && error.contains("42") && error.contains("30") && error.contains("e30"),
             "{error}"
         );
         let start = |row| Starts::At(vec![Start { episode: 1, row }]).choose(&source, 10, 2, 10);
         assert!(start(1).is_err() && start(2).is_ok() && start(19).is_ok() && start(20).is_err());
-        assert!(
-            Starts::At(vec![Start { episode: 7, row: 3 }])
-                .choose(&source, 10, 2, 10)
-                .is_err()
-        );
+        assert!(Starts::At(vec![Start { episode: 7, row: 3 }]).choose(&source, 10, 2, 10).is_err());
     }
 }

@@ -41,23 +41,14 @@ impl Windows {
             .zip(&self.of_start)
             .map(|(&start, &block)| {
                 let block = &self.blocks[block];
-                Window {
-                    block,
-                    at: start.row - block.first,
-                    start,
-                    map,
-                }
+                Window { block, at: start.row - block.first, start, map }
             })
             .collect()
     }
 }
 
 /// Reads the rows that `starts` need; neighbouring starts share a read.
-pub(crate) fn read_windows(
-    source: &dyn Source,
-    starts: &[Start],
-    needed: Halo,
-) -> Result<Windows, Error> {
+pub(crate) fn read_windows(source: &dyn Source, starts: &[Start], needed: Halo) -> Result<Windows, Error> {
     let mut ranges: Vec<(usize, Range<usize>)> = Vec::new();
     let mut of_start = Vec::with_capacity(starts.len());
     for start in starts {

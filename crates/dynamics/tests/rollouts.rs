@@ -191,7 +191,7 @@ fn an_autoregression_runs_free_from_its_recorded_history() {
         &[],
     );
     let rows = 60;
-    let y: Vec<f64> = (0..rows).map(|k| noise(k)).collect();
+    let y: Vec<f64> = (0..rows).map(noise).collect();
     let u: Vec<f64> = (0..rows).map(|k| noise(1000 + k)).collect();
     // The source has its columns in another order.
     let source = source(&["u", "y"], 0.1, vec![vec![u.clone(), y.clone()]]);
@@ -718,4 +718,117 @@ fn what_cannot_be_rolled_out_is_said() {
         &Silent,
     );
     assert!(matches!(error, Err(Error::NoHorizon)));
+}
+
+#[test]
+fn horizon_scores_equal_a_naive_computation() {
+    let (mut model, _) = random_hybrid(3, 1, 4, 10);
+    // A known state, so that the null model has a given equation to integrate.
+    model.equations[0].target = None;
+    model.equations[0].right = parse("x1");
+    model.training.target_mean = vec![0.4, -0.3];
+    model.training.target_covariance = identity(2, 1.0);
+    model.training.target_deviation = vec![1.0; 2];
+    model.training.state_covariance = vec![2.0, 0.5, 1.0, -0.2, 0.1, 0.7];
+    for region in &mut model.partitions[0].regions {
+        region.residual_covariance = identity(2, 1.0);
+    }
+    let episode = |e: usize, rows: usize| -> Vec<Vec<f64>> {
+        (0..4)
+            .map(|j| {
+                (0..rows)
+                    .map(|k| (k as f64 * (0.05 + 0.01 * j as f64) + (3 * e + j) as f64).sin())
+                    .collect()
+            })
+            .collect()
+    };
+    let source = source(
+        &["x0", "x1", "x2", "u0"],
+        0.01,
+        vec![episode(0, 90), episode(1, 200), episode(2, 130)],
+    );
+    let mut options = options(40, Method::Euler);
+    options.keep = true;
+    let rollouts = rollout(&model, &source, &Starts::Even(60), &options, &Silent).unwrap();
+    assert_eq!(
+        (rollouts.horizon.basis, rollouts.trajectories.len()),
+        (Basis::Episodes(3), 60)
+    );
+    assert_eq!(rollouts.diverged(), 0);
+
+    // S^-1 by cofactors.
+    let s = [[2.0, 0.5, -0.2], [0.5, 1.0, 0.1], [-0.2, 0.1, 0.7f64]];
+    let minor = |i: usize, j: usize| {
+        let (r, c) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
+        s[r[0]][c[0]] * s[r[1]][c[1]] - s[r[0]][c[1]] * s[r[1]][c[0]]
+    };
+    let determinant: f64 = (0..3).map(|j| s[0][j] * minor(0, j)).sum();
+    let score = |e: [f64; 3]| -> f64 {
+        let mut sum = 0.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                sum += e[i] * e[j] * minor(j, i) / determinant;
+            }
+        }
+        sum.sqrt()
+    };
+    let k = 25;
+    let mut predictors = vec![Vec::new(); 4];
+    for trajectory in &rollouts.trajectories {
+        let Start { episode, row } = trajectory.start;
+        let block = source
+            .read(
+                episode,
+                0..source.episodes()[episode].rows,
+                Default::default(),
+            )
+            .unwrap();
+        let at = |row: usize| -> [f64; 3] { std::array::from_fn(|i| block.column(i)[row]) };
+        let (first, before, measured) = (at(row), at(row - 1), at(row + k));
+        // The null model: x1' and x2' constant, x0' = x1, in Euler steps.
+        let mut null = first;
+        for _ in 0..k {
+            null = [
+                null[0] + 0.01 * null[1],
+                null[1] + 0.01 * 0.4,
+                null[2] - 0.01 * 0.3,
+            ];
+        }
+        let t = k as f64 * 0.01;
+        let velocity: [f64; 3] =
+            std::array::from_fn(|i| first[i] + t * (first[i] - before[i]) / 0.01);
+        let model: [f64; 3] = std::array::from_fn(|i| trajectory.state(k)[i]);
+        for (predictor, value) in predictors.iter_mut().zip([model, null, first, velocity]) {
+            let error: [f64; 3] = std::array::from_fn(|i| measured[i] - value[i]);
+            predictor.push((episode, error));
+        }
+    }
+    let horizon = &rollouts.horizon;
+    assert!((horizon.time[k - 1] - 0.25).abs() < 1e-12);
+    let scores = std::iter::once(&horizon.model).chain(horizon.baselines.iter().map(|b| &b.1));
+    for (errors, found) in predictors.iter().zip(scores) {
+        for i in 0..3 {
+            let mae = errors.iter().map(|(_, e)| e[i].abs()).sum::<f64>() / 60.0;
+            let rmse = (errors.iter().map(|(_, e)| e[i] * e[i]).sum::<f64>() / 60.0).sqrt();
+            assert!((found.mae[(k - 1) * 3 + i] - mae).abs() < 1e-12);
+            assert!((found.rmse[(k - 1) * 3 + i] - rmse).abs() < 1e-12);
+        }
+        let mean = errors.iter().map(|(_, e)| score(*e)).sum::<f64>() / 60.0;
+        let square: f64 = (0..3)
+            .map(|episode| {
+                let own = errors.iter().filter(|(e, _)| *e == episode);
+                own.map(|(_, e)| score(*e) - mean).sum::<f64>().powi(2)
+            })
+            .sum();
+        let half = fleetfoot_dynamics::student_t_95(2) * (1.5 * square).sqrt() / 60.0;
+        let estimate = found.mahalanobis[k - 1];
+        assert!(
+            (estimate.value - mean).abs() < 1e-10 * mean,
+            "{} {mean}",
+            estimate.value
+        );
+        assert!(
+            (estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9
+        );
+    }
 }

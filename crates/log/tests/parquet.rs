@@ -27,7 +27,7 @@ fn write(path: &Path, stamps: &[i64], group: usize) {
     for part in rows.chunks(700) {
         let x: Vec<f64> = part.iter().map(|&row| value(row)).collect();
         let n: Vec<i64> = part.iter().map(|&row| row as i64 - 5).collect();
-        let on: Vec<bool> = part.iter().map(|&row| row % 3 == 0).collect();
+        let on: Vec<bool> = part.iter().map(|&row| row.is_multiple_of(3)).collect();
         let ground: Vec<&str> = part
             .iter()
             .map(|&row| ["sand", "grass", "ice"][row / 100 % 3])
@@ -85,7 +85,10 @@ fn check(
         assert_eq!(block.time[i], stamps[row]);
         assert!(same(block.column(0)[i], value(row)), "row {row}");
         assert_eq!(block.column(1)[i], row as f64 - 5.0);
-        assert_eq!(block.column(2)[i], f64::from(u8::from(row % 3 == 0)));
+        assert_eq!(
+            block.column(2)[i],
+            f64::from(u8::from(row.is_multiple_of(3)))
+        );
         assert_eq!(block.column(3)[i], [2.0, 0.0, 1.0][row / 100 % 3]);
     }
 }

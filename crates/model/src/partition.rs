@@ -89,7 +89,7 @@ impl Rule {
             Rule::Whole => regions.fill(0),
             Rule::Ball { radius } => ball(z, *radius, regions),
             Rule::Linear { weights, offsets } => {
-                pulp::Arch::new().dispatch(|| linear(weights, offsets, z, regions));
+                pulp::Arch::new().dispatch(Linear { weights, offsets, z, regions });
             }
             Rule::Labels { values, rules, unseen, .. } => labels(values, rules, *unseen, z, regions),
         }
@@ -140,6 +140,24 @@ fn ball(z: &[&[f64]], radius: f64, regions: &mut [u32]) {
     for (row, region) in regions.iter_mut().enumerate() {
         let square: f64 = z.iter().map(|column| column[row] * column[row]).sum();
         *region = u32::from(square > radius * radius);
+    }
+}
+
+/// `argmax_i (w_i . z + b_i)` for all rows, compiled once for every vector width that a machine may have.
+struct Linear<'a> {
+    weights: &'a [Vec<f64>],
+    offsets: &'a [f64],
+    z: &'a [&'a [f64]],
+    regions: &'a mut [u32],
+}
+
+impl pulp::NullaryFnOnce for Linear<'_> {
+    type Output = ();
+
+    // Must be inlined into the function that carries the target features: as a call, `mul_add` would be one to the C library.
+    #[inline(always)]
+    fn call(self) {
+        linear(self.weights, self.offsets, self.z, self.regions);
     }
 }
 

@@ -4,7 +4,7 @@
 //! (the first of equally near ones) and moves every centroid to the mean of its rows (Lloyd, "Least squares quantization in PCM", IEEE Trans.
 //! Inf. Theory 1982). Three things make it fast and change nothing in the result:
 //!
-//! - bounds on the distances skip rows whose label cannot change ([`lloyd`]);
+//! - bounds on the distances skip rows whose label cannot change ([`step`]);
 //! - the rest are screened in `f32`, and what the rounding error leaves open is decided in `f64` ([`screen`]);
 //! - sums of rows are exact, so only rows that change their cluster need be added and subtracted ([`sums`]).
 //!
@@ -13,11 +13,13 @@
 
 mod assigner;
 mod distance;
+mod frame;
 mod lloyd;
 mod plus_plus;
 mod points;
 mod random;
 mod screen;
+mod step;
 mod sums;
 #[cfg(test)]
 mod tests;
@@ -100,7 +102,9 @@ pub enum KMeansError {
         found: usize,
     },
     /// A column cannot be standardised.
-    #[error("column {column} cannot be standardised with centre {centre} and scale {scale}: both must be finite, the scale positive")]
+    #[error(
+        "column {column} cannot be standardised with centre {centre} and scale {scale}: both must be finite, the scale positive"
+    )]
     Scale {
         /// Which column, from 0.
         column: usize,
@@ -110,7 +114,9 @@ pub enum KMeansError {
         scale: f64,
     },
     /// A value that has no place in a sum of squares.
-    #[error("row {row}, column {column}: {value} cannot be clustered (missing, infinite or beyond 1e30 when standardised); drop the row")]
+    #[error(
+        "row {row}, column {column}: {value} cannot be clustered (missing, infinite or beyond 1e30 when standardised); drop the row"
+    )]
     Value {
         /// Which row, from 0.
         row: usize,
@@ -145,7 +151,12 @@ pub enum KMeansError {
 ///
 /// # Errors
 /// No rows, no clusters, starting centroids of a wrong number or not finite, a tolerance that is negative or NaN; cancelled.
-pub fn kmeans(points: &Points, start: Start<'_>, options: &KMeansOptions, progress: &dyn Progress) -> Result<KMeans, KMeansError> {
+pub fn kmeans(
+    points: &Points,
+    start: Start<'_>,
+    options: &KMeansOptions,
+    progress: &dyn Progress,
+) -> Result<KMeans, KMeansError> {
     if points.rows() == 0 {
         return Err(KMeansError::NoRows);
     }
@@ -159,7 +170,11 @@ pub fn kmeans(points: &Points, start: Start<'_>, options: &KMeansOptions, progre
         Start::Centroids(centroids) => {
             let expected = options.k * points.dimensions();
             if centroids.len() != expected {
-                return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, found: centroids.len() });
+                return Err(KMeansError::Shape {
+                    what: "coordinates of starting centroids",
+                    expected,
+                    found: centroids.len(),
+                });
             }
             check_centroids(centroids, points.dimensions())?;
             iterate(points, centroids.to_vec(), options, progress)
@@ -182,7 +197,12 @@ pub fn kmeans(points: &Points, start: Start<'_>, options: &KMeansOptions, progre
 }
 
 /// Lloyd's iterations from a start to the end.
-fn iterate(points: &Points, start: Vec<f64>, options: &KMeansOptions, progress: &dyn Progress) -> Result<KMeans, KMeansError> {
+fn iterate(
+    points: &Points,
+    start: Vec<f64>,
+    options: &KMeansOptions,
+    progress: &dyn Progress,
+) -> Result<KMeans, KMeansError> {
     let d = points.dimensions();
     let mut lloyd = Lloyd::new(points, start);
     let threshold = if options.tolerance > 0.0 { options.tolerance * points.mean_variance(progress)? } else { 0.0 };
@@ -215,8 +235,11 @@ fn check_centroids(centroids: &[f64], dimensions: usize) -> Result<(), KMeansErr
         let expected = centroids.len().next_multiple_of(dimensions);
         return Err(KMeansError::Shape { what: "coordinates of centroids", expected, found: centroids.len() });
     }
-    match centroids.iter().position(|value| !(value.abs() <= 1e30)) {
-        Some(at) => Err(KMeansError::Centroid { cluster: at / dimensions, column: at % dimensions, value: centroids[at] }),
+    let fits = |value: &f64| value.abs() <= points::LARGEST;
+    match centroids.iter().position(|value| !fits(value)) {
+        Some(at) => {
+            Err(KMeansError::Centroid { cluster: at / dimensions, column: at % dimensions, value: centroids[at] })
+        }
         None => Ok(()),
     }
 }

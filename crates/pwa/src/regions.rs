@@ -4,7 +4,7 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Partition, Rule, UnseenLabel};
+use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
 
 use crate::{Error, KMeansOptions, Options, Points, Problem, Specification, Start, kmeans, rows::Rows, survey::Survey};
@@ -158,14 +158,14 @@ impl Maker<'_> {
         };
         let found = kmeans(&points, start, &options, progress)?;
         let clusters = found.centroids.len() / self.rows.partition.max(1);
+        let kept = self.survey.kept_rows();
         let note = if clusters < k {
             Some(format!("kmeans:{k}: only {clusters} different positions to cluster"))
         } else if !found.converged {
             Some(format!("kmeans:{k}: not converged after {} iterations; raise --iterations", found.iterations))
-        } else if points.rows() as u64 != self.survey.complete && self.held.is_none() && matches!(self.options.unseen, UnseenLabel::Refuse)
-            && self.rows.labels.is_empty()
-        {
-            Some(format!("kmeans:{k}: clustered a sample of {} of {} rows (--memory)", points.rows(), self.survey.complete))
+        } else if kept < self.survey.complete {
+            let all = self.survey.complete;
+            Some(format!("kmeans:{k}: clustered a sample of {kept} of {all} rows; raise --memory for more"))
         } else {
             None
         };

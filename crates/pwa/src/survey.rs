@@ -132,6 +132,11 @@ impl Survey {
         Some(total)
     }
 
+    /// Rows that were kept.
+    pub(crate) fn kept_rows(&self) -> u64 {
+        self.kept_folds.iter().map(|&(_, rows)| rows as u64).sum()
+    }
+
     /// Kept rows that train the model tested on `held`, as runs.
     pub(crate) fn training_runs(&self, held: Option<u16>) -> Vec<std::ops::Range<usize>> {
         let mut runs: Vec<std::ops::Range<usize>> = Vec::new();

@@ -57,12 +57,15 @@ pub(crate) fn identity(n: usize, value: f64) -> Vec<f64> {
     packed_values
 }
 
-/// A model of one library and one partition; `fitted` lists subject, prediction, target and, per region, constant and coefficients.
+/// A fitted equation: subject, prediction, target and, per region, constant and coefficients.
+pub(crate) type Fitted<'a> = (&'a str, Prediction, &'a str, Vec<(f64, Vec<f64>)>);
+
+/// A model of one library and one partition; `given` lists subject, prediction and right side.
 pub(crate) fn model(
     columns: Vec<Column>,
     library: &[&str],
     mut partition: Partition,
-    fitted: Vec<(&str, Prediction, &str, Vec<(f64, Vec<f64>)>)>,
+    fitted: Vec<Fitted<'_>>,
     given: &[(&str, Prediction, &str)],
 ) -> Model {
     let states = columns

@@ -25,7 +25,8 @@ pub(super) struct Key {
 
 /// A decoder and where it stands.
 pub(super) struct Cursor {
-    pub decoder: ChunkDecoder,
+    /// Dropped with its pages and buffers once the row group is through: the tail may still be wanted.
+    pub decoder: Option<ChunkDecoder>,
     /// The next row of the row group that it will decode.
     pub row: usize,
     /// The bits of the values before that row.

@@ -181,7 +181,7 @@ impl ParquetTable {
                 let mut cursor = match turn.take(order, key, start, at - start) {
                     Some(cursor) => cursor,
                     None => Cursor {
-                        decoder: self.file.decoder(&handle.get()?, *leaf, group)?,
+                        decoder: Some(self.file.decoder(&handle.get()?, *leaf, group)?),
                         row: 0,
                         tail: Vec::new(),
                     },
@@ -195,6 +195,9 @@ impl ParquetTable {
                         &mut out,
                     )
                 })?;
+                if cursor.row == end - start {
+                    cursor.decoder = None;
+                }
                 turn.put(key, cursor);
                 at = to;
             }
@@ -233,10 +236,12 @@ fn advance<W: Word>(
         at = to;
     }
     if at < rows.end {
+        let decoder = (cursor.decoder.as_mut())
+            .ok_or_else(|| ParquetError::EOF("the row group is through".into()))?;
         if at > cursor.row {
-            cursor.decoder.skip(at - cursor.row)?;
+            decoder.skip(at - cursor.row)?;
         }
-        cursor.decoder.read(rows.end - at, rule, out)?;
+        decoder.read(rows.end - at, rule, out)?;
         cursor.row = rows.end;
         let produced = &out[before..];
         cursor.tail.clear();

@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::{
     KMeansError,
     distance::{nearest, squared_distance},
-    points::Frame,
+    frame::Frame,
     screen::{Screen, TILE, Tile},
 };
 
@@ -68,7 +68,14 @@ impl Assigner {
             let range = from..(from + BATCH).min(frame.rows);
             frame.each(range.clone(), |_, _, at, z| (rows[at], high[at]) = (z, z as f32));
             let distances = squared_distances.as_deref_mut().map(|distances| &mut distances[range.clone()]);
-            arch.dispatch(Batch { assigner: self, rows: &rows, high: &high, tile: &mut tile, labels: &mut labels[range], distances });
+            arch.dispatch(Batch {
+                assigner: self,
+                rows: &rows,
+                high: &high,
+                tile: &mut tile,
+                labels: &mut labels[range],
+                distances,
+            });
         }
         Ok(())
     }

@@ -1,12 +1,7 @@
-//! Lloyd's iteration with Hamerly's bounds.
+//! Lloyd's iteration: assign rows to centroids, move centroids to the means of their rows.
 //!
-//! Each row keeps a gap: at most the distance to its second-nearest centroid less that to its own (the difference of the two bounds of Hamerly,
-//! "Making k-means even faster", SDM 2010). When centroids move, the gap shrinks by the shift of its own centroid and the largest shift of
-//! the others; a row whose gap stays positive keeps its label unseen. The others are packed into tiles for the
-//! [screen](super::screen). Hamerly's second test, half the distance to the next centroid, decided nothing more in our measurements.
-//!
-//! Gaps are `f32` and every operation on them is rounded downwards, so a skipped row is a proven one: labels are those
-//! of the plain algorithm bit for bit. Sums are exact ([`super::sums`]), so that it does not matter either who adds what and when.
+//! An assignment visits the chunks in parallel ([`super::step`]) and changes the sums by the rows whose label changed. The sums are exact
+//! ([`super::sums`]), so that it does not matter who adds what and when.
 
 use std::sync::{
     Mutex, PoisonError,
@@ -18,15 +13,12 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::{
     KMeansError, Points,
-    distance::{nearest, squared_distance},
+    distance::squared_distance,
     points::{CHUNK, ChunkRows},
-    screen::{Screen, TILE, Tile, gap},
+    screen::Screen,
+    step::{Rows, Scratch, Step},
     sums::{Quanta, Sums},
-    transpose::prefetch,
 };
-
-/// Outweighs the rounding of a subtraction and of its own multiplication.
-const DOWN: f32 = 1.0 - 2.4e-7;
 
 /// The state between iterations.
 pub(super) struct Lloyd<'a> {
@@ -39,23 +31,11 @@ pub(super) struct Lloyd<'a> {
     shrinkage: Vec<f32>,
 }
 
-/// What is known of the rows of one chunk.
-pub(super) struct Rows {
-    pub(super) labels: Vec<u32>,
-    gaps: Vec<f32>,
-}
-
-/// The label of a row that has none yet.
-const NONE: u32 = u32::MAX;
-
 impl<'a> Lloyd<'a> {
     pub(super) fn new(points: &'a Points, centroids: Vec<f64>) -> Self {
         let d = points.dimensions();
         let clusters = centroids.len() / d;
-        let chunks = (0..points.chunks()).map(|chunk| {
-            let rows = points.chunk(chunk).rows();
-            Mutex::new(Rows { labels: vec![NONE; rows], gaps: vec![0.0; rows] })
-        });
+        let chunks = (0..points.chunks()).map(|chunk| Mutex::new(Rows::new(points.chunk(chunk).rows())));
         let quanta = Quanta::new(points.rows(), points.largest());
         Self {
             points,
@@ -137,15 +117,19 @@ impl<'a> Lloyd<'a> {
         let wanted = self.shrinkage.len();
         let farthest = self.map_chunks(progress, |rows, state| {
             let distances = self.distances(rows, &state.labels).into_iter().zip(&state.labels).enumerate();
-            let mut far: Vec<(f64, usize, u32)> = distances.map(|(row, (distance, label))| (distance, row, *label)).collect();
+            let mut far: Vec<(f64, usize, u32)> =
+                distances.map(|(row, (distance, label))| (distance, row, *label)).collect();
             far.retain(|(distance, ..)| *distance > 0.0);
             far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             far.truncate(wanted);
             far
         })?;
         let numbered = farthest.into_iter().enumerate();
-        let mut far: Vec<(f64, usize, u32)> =
-            numbered.flat_map(|(chunk, far)| far.into_iter().map(move |(distance, row, label)| (distance, chunk * CHUNK + row, label))).collect();
+        let mut far: Vec<(f64, usize, u32)> = numbered
+            .flat_map(|(chunk, far)| {
+                far.into_iter().map(move |(distance, row, label)| (distance, chunk * CHUNK + row, label))
+            })
+            .collect();
         far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut empty = empty.into_iter();
         let mut cluster = empty.next();
@@ -191,7 +175,11 @@ impl<'a> Lloyd<'a> {
         Arch::new().dispatch(Distances(rows, labels, &self.centroids, self.points.dimensions()))
     }
 
-    fn map_chunks<R: Send>(&self, progress: &dyn Progress, work: impl Fn(ChunkRows<'_>, &Rows) -> R + Sync) -> Result<Vec<R>, Cancelled> {
+    fn map_chunks<R: Send>(
+        &self,
+        progress: &dyn Progress,
+        work: impl Fn(ChunkRows<'_>, &Rows) -> R + Sync,
+    ) -> Result<Vec<R>, Cancelled> {
         parallel_map(self.chunks.len(), &Silent, |chunk| {
             if progress.cancelled() {
                 return Err(Cancelled);
@@ -203,7 +191,7 @@ impl<'a> Lloyd<'a> {
 }
 
 /// The next chunk that nobody has taken.
-pub(super) fn claim<'a, T>(next: &AtomicUsize, chunks: &'a [T]) -> Option<(usize, &'a T)> {
+fn claim<'a, T>(next: &AtomicUsize, chunks: &'a [T]) -> Option<(usize, &'a T)> {
     let chunk = next.fetch_add(1, Ordering::Relaxed);
     chunks.get(chunk).map(|state| (chunk, state))
 }
@@ -214,124 +202,8 @@ fn shrinkage(squared: &[f64]) -> Vec<f32> {
     let shifts: Vec<f32> = squared.iter().map(|squared| (squared.sqrt() * (1.0 + 1e-6)) as f32).collect();
     let largest = (0..shifts.len()).max_by(|&a, &b| shifts[a].total_cmp(&shifts[b])).unwrap_or(0);
     let second = shifts.iter().enumerate().filter(|(k, _)| *k != largest).map(|(_, shift)| *shift).fold(0.0, f32::max);
-    let others = |k: usize| if k == largest { second } else { shifts[largest] };
+    let others = |k: usize| {
+        if k == largest { second } else { shifts[largest] }
+    };
     shifts.iter().enumerate().map(|(k, shift)| (shift + others(k)) * (1.0 + 1e-6)).collect()
-}
-
-/// Working memory of a worker.
-struct Scratch {
-    tile: Tile,
-    active: Vec<u32>,
-    /// Rows whose label changed, and the labels they had.
-    changed: Vec<(u32, u32)>,
-    x: Vec<f64>,
-}
-
-impl Scratch {
-    fn new(dimensions: usize) -> Self {
-        let (active, changed) = (Vec::with_capacity(CHUNK + 1), Vec::with_capacity(CHUNK));
-        Self { tile: Tile::new(dimensions), active, changed, x: vec![0.0; dimensions] }
-    }
-}
-
-/// One assignment of one chunk.
-struct Step<'a> {
-    rows: ChunkRows<'a>,
-    dimensions: usize,
-    centroids: &'a [f64],
-    screen: &'a Screen,
-    shrinkage: &'a [f32],
-    state: &'a mut Rows,
-    sums: &'a mut Sums,
-    scratch: &'a mut Scratch,
-}
-
-impl WithSimd for Step<'_> {
-    /// Labels that changed.
-    type Output = usize;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) -> usize {
-        self.activate();
-        self.scratch.changed.clear();
-        let active = std::mem::take(&mut self.scratch.active);
-        let mut tiles = active.chunks(TILE).peekable();
-        while let Some(chosen) = tiles.next() {
-            if let Some(next) = tiles.peek() {
-                prefetch(self.rows.high, self.dimensions, next);
-            }
-            self.screen.tile(simd, self.rows.high, chosen, &mut self.scratch.tile);
-            self.settle(chosen);
-        }
-        self.scratch.active = active;
-        self.transfer();
-        self.scratch.changed.len()
-    }
-}
-
-impl Step<'_> {
-    /// Shrinks the gaps and lists the rows that they do not decide.
-    #[inline(always)]
-    fn activate(&mut self) {
-        let Rows { labels, gaps } = &mut *self.state;
-        let shrinkage = self.shrinkage;
-        let active = &mut self.scratch.active;
-        active.clear();
-        active.resize(labels.len() + 1, 0);
-        let slots = active.as_mut_slice();
-        let mut count = 0;
-        if labels.first() == Some(&NONE) {
-            // The first assignment of these rows.
-            count = labels.len();
-            slots.iter_mut().enumerate().for_each(|(row, slot)| *slot = row as u32);
-        } else {
-            for (row, (label, gap)) in labels.iter().zip(gaps).enumerate() {
-                *gap = (*gap - shrinkage[*label as usize]) * DOWN;
-                slots[count] = row as u32;
-                count += usize::from(!(*gap > 0.0));
-            }
-        }
-        active.truncate(count);
-    }
-
-    /// Takes over what the screen found for the rows of a tile, and lists those whose label changed.
-    #[inline(always)]
-    fn settle(&mut self, chosen: &[u32]) {
-        let Scratch { tile, changed, x, .. } = &mut *self.scratch;
-        let Rows { labels, gaps } = &mut *self.state;
-        for (i, &row) in chosen.iter().enumerate() {
-            let (mut label, mut between) = (tile.label.0[i], tile.gap.0[i]);
-            if tile.doubt[i] {
-                self.rows.copy(row as usize, x);
-                let found = nearest(x, self.centroids);
-                label = found.label;
-                // A single centroid has no second.
-                between = gap(found.first.sqrt() as f32, found.second.sqrt().min(f64::from(f32::MAX)) as f32);
-            }
-            gaps[row as usize] = between;
-            let old = std::mem::replace(&mut labels[row as usize], label);
-            if old != label {
-                changed.push((row, old));
-            }
-        }
-    }
-
-    /// Moves the rows whose label changed from sum to sum.
-    #[inline(always)]
-    fn transfer(&mut self) {
-        /// Rows ahead that are asked for.
-        const AHEAD: usize = 12;
-        let Scratch { changed, x, .. } = &mut *self.scratch;
-        for (i, &(row, old)) in changed.iter().enumerate() {
-            if let Some(&(next, _)) = changed.get(i + AHEAD) {
-                prefetch(self.rows.low, self.dimensions, &[next]);
-                prefetch(self.rows.high, self.dimensions, &[next]);
-            }
-            self.rows.copy(row as usize, x);
-            if old != NONE {
-                self.sums.subtract(old as usize, x);
-            }
-            self.sums.add(self.state.labels[row as usize] as usize, x);
-        }
-    }
 }

@@ -128,15 +128,28 @@ impl<'a> Round<'a> {
         let columns = [&centroids[newest * dimensions..], candidates].concat();
         let reach = centroids.chunks_exact(dimensions).enumerate().map(|(label, centroid)| {
             let others = if label == newest { candidates } else { &columns };
-            let near = others.chunks_exact(dimensions).map(|c| squared_distance(centroid, c)).fold(f64::INFINITY, f64::min);
+            let near =
+                others.chunks_exact(dimensions).map(|c| squared_distance(centroid, c)).fold(f64::INFINITY, f64::min);
             // Half the distance, and less by what rounding may hide.
             0.25 * near * (1.0 - 1e-9)
         });
         let reach = reach.collect();
-        Self { dimensions, newest: newest as u32, candidates, screen: Screen::new(&columns, dimensions), columns, reach }
+        Self {
+            dimensions,
+            newest: newest as u32,
+            candidates,
+            screen: Screen::new(&columns, dimensions),
+            columns,
+            reach,
+        }
     }
 
-    fn run(&self, points: &Points, chunks: &[Mutex<Closest>], progress: &dyn Progress) -> Result<Vec<Found>, Cancelled> {
+    fn run(
+        &self,
+        points: &Points,
+        chunks: &[Mutex<Closest>],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>, Cancelled> {
         parallel_map(chunks.len(), &Silent, |chunk| {
             if progress.cancelled() {
                 return Err(Cancelled);
@@ -169,25 +182,24 @@ impl WithSimd for Visit<'_> {
         let mut bounds = vec![Lane([0.0; TILE]); columns];
         let mut x = vec![0.0; d];
         let active = self.activate();
+        // Hits wait for one tile, while the low parts of their rows come from memory.
+        let (mut ready, mut fresh) = (Vec::with_capacity(TILE), Vec::with_capacity(TILE));
         let mut tiles = active.chunks(TILE).peekable();
         while let Some(chosen) = tiles.next() {
             if let Some(next) = tiles.peek() {
                 prefetch(self.rows.high, d, next);
             }
             self.round.screen.lower_bounds(simd, self.rows.high, chosen, &mut tile, &mut bounds);
-            let hits = self.hits(chosen, &bounds);
-            for (&row, &mask) in chosen.iter().zip(&hits) {
+            for (&row, mask) in chosen.iter().zip(self.hits(chosen, &bounds)) {
                 if mask != 0 {
                     prefetch(self.rows.low, d, &[row]);
+                    fresh.push((row, mask));
                 }
             }
-            for (&row, &mask) in chosen.iter().zip(&hits) {
-                if mask != 0 {
-                    self.rows.copy(row as usize, &mut x);
-                    self.consider(row as usize, &x, mask, &mut gains);
-                }
-            }
+            self.consider(&mut ready, &mut x, &mut gains);
+            std::mem::swap(&mut ready, &mut fresh);
         }
+        self.consider(&mut ready, &mut x, &mut gains);
         Found { total: sum(&self.closest.squared), gains }
     }
 }
@@ -201,7 +213,8 @@ impl Visit<'_> {
         let mut count = 0;
         for (row, (label, squared)) in self.closest.label.iter().zip(&self.closest.squared).enumerate() {
             active[count] = row as u32;
-            count += usize::from(!(*squared < reach[*label as usize]));
+            let beyond = *squared < reach[*label as usize];
+            count += usize::from(!beyond);
         }
         active.truncate(count);
         active
@@ -218,31 +231,37 @@ impl Visit<'_> {
         for (column, bound) in bounds.iter().enumerate() {
             for i in 0..TILE {
                 // NaN may be nearer.
-                hits[i] |= u64::from(!(bound.0[i] > limits[i])) << column;
+                let farther = bound.0[i] > limits[i];
+                hits[i] |= u64::from(!farther) << column;
             }
         }
         hits
     }
 
-    /// Lets a row join the newest centroid, and adds what it would gain from the candidates.
+    /// Lets rows join the newest centroid, and adds what they would gain from the candidates.
     #[inline(always)]
-    fn consider(&mut self, row: usize, x: &[f64], mask: u64, gains: &mut [f64]) {
-        let Self { round, closest, .. } = self;
-        if mask & 1 == 1 {
-            let squared = squared_distance(x, &round.columns[..round.dimensions]);
-            if squared < closest.squared[row] {
-                closest.squared[row] = squared;
-                closest.label[row] = round.newest;
+    fn consider(&mut self, hits: &mut Vec<(u32, u64)>, x: &mut [f64], gains: &mut [f64]) {
+        let (round, d) = (self.round, self.round.dimensions);
+        for (row, mask) in hits.drain(..) {
+            let row = row as usize;
+            self.rows.copy(row, x);
+            let mut current = self.closest.squared[row];
+            if mask & 1 == 1 {
+                let squared = squared_distance(x, &round.columns[..d]);
+                if squared < current {
+                    current = squared;
+                    self.closest.squared[row] = squared;
+                    self.closest.label[row] = round.newest;
+                }
             }
-        }
-        let current = closest.squared[row];
-        let mut mask = mask >> 1;
-        while mask != 0 {
-            let candidate = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let squared = squared_distance(x, &round.candidates[candidate * round.dimensions..][..round.dimensions]);
-            if squared < current {
-                gains[candidate] += current - squared;
+            let mut mask = mask >> 1;
+            while mask != 0 {
+                let candidate = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                let squared = squared_distance(x, &round.candidates[candidate * d..][..d]);
+                if squared < current {
+                    gains[candidate] += current - squared;
+                }
             }
         }
     }
@@ -259,4 +278,54 @@ fn sum(values: &[f64]) -> f64 {
         }
     }
     sums.iter().sum::<f64>() + rest.iter().sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn rounds_find_what_all_distances_say(
+            n in 1usize..5000, d in 1usize..18, clusters in 1usize..12, spread in prop::sample::select(vec![0.01, 1.0, 30.0]), seed in any::<u64>(),
+        ) {
+            // Groups of rows, some of them the same row many times.
+            let value = |i: usize, j: usize| {
+                let group = uniform(seed, (i % 9) as u64, j as u64) * spread;
+                if i.is_multiple_of(4) { group } else { group + uniform(seed, 1000 + i as u64, j as u64) }
+            };
+            let columns: Vec<Vec<f64>> = (0..d).map(|j| (0..n).map(|i| value(i, j)).collect()).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            let points = Points::from_columns(&columns, &vec![0.0; d], &vec![1.0; d]).unwrap();
+            let chunks: Vec<Mutex<Closest>> = (0..points.chunks())
+                .map(|chunk| {
+                    let rows = points.chunk(chunk).rows();
+                    Mutex::new(Closest { label: vec![0; rows], squared: vec![f64::INFINITY; rows] })
+                })
+                .collect();
+            let at = |draw: usize| points.row((uniform(seed, 7, draw as u64) * n as f64) as usize);
+            let mut centroids = Vec::new();
+            for cluster in 0..clusters {
+                centroids.extend(at(cluster));
+                let candidates: Vec<f64> = (0..3).flat_map(|trial| at(100 + 3 * cluster + trial)).collect();
+                let found = Round::new(&centroids, d, &candidates).run(&points, &chunks, &Silent).unwrap();
+                let plain: Vec<f64> = (0..n)
+                    .map(|i| centroids.chunks(d).map(|c| squared_distance(&points.row(i), c)).fold(f64::INFINITY, f64::min))
+                    .collect();
+                for i in 0..n {
+                    prop_assert_eq!(lock(&chunks[i / CHUNK]).squared[i % CHUNK], plain[i]);
+                }
+                let total: f64 = plain.iter().sum();
+                let ours: f64 = found.iter().map(|found| found.total).sum();
+                prop_assert!((ours - total).abs() <= 1e-12 * total);
+                for (trial, candidate) in candidates.chunks(d).enumerate() {
+                    let gain: f64 = (0..n).map(|i| (plain[i] - squared_distance(&points.row(i), candidate)).max(0.0)).sum();
+                    let ours: f64 = found.iter().map(|found| found.gains[trial]).sum();
+                    prop_assert!((ours - gain).abs() <= 1e-12 * (gain + total));
+                }
+            }
+        }
+    }
 }

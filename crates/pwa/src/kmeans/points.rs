@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map};
 
-use super::KMeansError;
+use super::{KMeansError, frame::Frame};
 
 /// Rows of one chunk. The grid is fixed by row numbers alone, so that whatever is summed chunk by chunk has the same bits
 /// however the rows arrived.
 pub(super) const CHUNK: usize = 4096;
 
 /// Values beyond this are refused: they have no place in `f32`, where most of the work is done.
-const LARGEST: f64 = 1e30;
+pub(super) const LARGEST: f64 = 1e30;
 
 /// The bits of an `f64` mantissa that an `f32` does not have.
 const LOW: u64 = (1 << 29) - 1;
@@ -188,8 +188,9 @@ impl Chunk {
         let mut largest: f64 = 0.0;
         let mut bad = None;
         frame.each(range, |row, column, at, z| {
-            // The negation catches NaN.
-            if !(z.abs() <= LARGEST) {
+            // NaN does not fit.
+            let fits = z.abs() <= LARGEST;
+            if !fits {
                 bad = bad.or(Some((row, column)));
             }
             largest = largest.max(z.abs());
@@ -197,7 +198,9 @@ impl Chunk {
         });
         match bad {
             None => Ok(largest),
-            Some((row, column)) => Err(KMeansError::Value { row: before + row, column, value: frame.columns[column][row] }),
+            Some((row, column)) => {
+                Err(KMeansError::Value { row: before + row, column, value: frame.columns[column][row] })
+            }
         }
     }
 }
@@ -243,58 +246,6 @@ impl<'a> ChunkRows<'a> {
         let rows = self.rows() as f64;
         let within = (0..d).map(|j| (squares[j] - sums[j] * sums[j] / rows).max(0.0)).sum();
         ((0..d).map(|j| reference[j] + sums[j] / rows).collect(), within)
-    }
-}
-
-/// Columns with their centres and scales, checked.
-pub(super) struct Frame<'a> {
-    columns: &'a [&'a [f64]],
-    centre: &'a [f64],
-    scale: &'a [f64],
-    pub(super) rows: usize,
-}
-
-impl<'a> Frame<'a> {
-    pub(super) fn new(
-        dimensions: usize,
-        columns: &'a [&'a [f64]],
-        centre: &'a [f64],
-        scale: &'a [f64],
-    ) -> Result<Self, KMeansError> {
-        if dimensions == 0 {
-            return Err(KMeansError::NoColumns);
-        }
-        for (what, found) in [("columns", columns.len()), ("centres", centre.len()), ("scales", scale.len())] {
-            if found != dimensions {
-                return Err(KMeansError::Shape { what, expected: dimensions, found });
-            }
-        }
-        let rows = columns[0].len();
-        if let Some(other) = columns.iter().find(|column| column.len() != rows) {
-            return Err(KMeansError::Shape { what: "rows in every column", expected: rows, found: other.len() });
-        }
-        let bad = |j: &usize| !(centre[*j].is_finite() && scale[*j].is_finite() && scale[*j] > 0.0);
-        if let Some(column) = (0..dimensions).find(bad) {
-            return Err(KMeansError::Scale { column, centre: centre[column], scale: scale[column] });
-        }
-        Ok(Self { columns, centre, scale, rows })
-    }
-
-    /// Calls `take(row, column, place, z)` for all standardised values of a range of rows; the place is that in a row-major matrix of the range.
-    #[inline(always)]
-    pub(super) fn each(&self, range: Range<usize>, mut take: impl FnMut(usize, usize, usize, f64)) {
-        /// Rows whose places fit the first cache.
-        const BLOCK: usize = 128;
-        let d = self.columns.len();
-        for from in range.clone().step_by(BLOCK) {
-            let block = from..(from + BLOCK).min(range.end);
-            for (j, column) in self.columns.iter().enumerate() {
-                let (centre, scale) = (self.centre[j], self.scale[j]);
-                for (row, value) in block.clone().zip(&column[block.clone()]) {
-                    take(row, j, (row - range.start) * d + j, (value - centre) / scale);
-                }
-            }
-        }
     }
 }
 
@@ -357,7 +308,16 @@ mod tests {
 
     #[test]
     fn both_parts_together_are_the_value() {
-        for z in [0.0, 1.0, -1.0 / 3.0, 1e30, -9.87654321e-37, f64::from(f32::MIN_POSITIVE), std::f64::consts::PI, 16777217.0] {
+        for z in [
+            0.0,
+            1.0,
+            -1.0 / 3.0,
+            1e30,
+            -9.87654321e-37,
+            f64::from(f32::MIN_POSITIVE),
+            std::f64::consts::PI,
+            16777217.0,
+        ] {
             let points = Points::from_columns(&[&[z]], &[0.0], &[1.0]).unwrap();
             assert_eq!(points.row(0)[0].to_bits(), z.to_bits());
             assert!(f64::from(points.chunk(0).high[0]).abs() <= z.abs());

@@ -130,7 +130,14 @@ impl Screen {
 
     /// Lower bounds of the squared distances of the chosen rows to every centroid, one `Lane` each.
     #[inline(always)]
-    pub(super) fn lower_bounds<S: Simd>(&self, simd: S, rows: &[f32], chosen: &[u32], tile: &mut Tile, out: &mut [Lane]) {
+    pub(super) fn lower_bounds<S: Simd>(
+        &self,
+        simd: S,
+        rows: &[f32],
+        chosen: &[u32],
+        tile: &mut Tile,
+        out: &mut [Lane],
+    ) {
         if !self.safe {
             out.fill(Lane([f32::NEG_INFINITY; TILE]));
             return;
@@ -217,8 +224,9 @@ impl Screen {
             let near = (norm + 2.0 * (first + excess)) + 2.0 * e * norm;
             let far = self.below(norm, second);
             tile.gap.0[i] = gap(near.max(0.0).sqrt(), far.max(0.0).sqrt());
-            // NaN is a doubt.
-            tile.doubt[i] = !(second - first > excess);
+            // NaN proves nothing.
+            let proven = second - first > excess;
+            tile.doubt[i] = !proven;
         }
     }
 }
@@ -324,4 +332,87 @@ fn vectors<S: Simd, const P: usize>(lane: &[f32; TILE], at: usize) -> [S::f32s; 
 fn store<S: Simd, const P: usize>(lane: &mut [f32; TILE], at: usize, values: [S::f32s; P]) {
     let (out, _) = S::as_mut_simd_f32s(&mut lane[at..at + P * S::F32_LANES]);
     out.copy_from_slice(&values);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{
+        distance::{nearest, squared_distance},
+        random::uniform,
+    };
+    use super::*;
+    use pulp::{Arch, Scalar, WithSimd};
+
+    struct Run<'a>(&'a Screen, &'a [f32], &'a [u32], &'a mut Tile, &'a mut [Lane]);
+
+    impl WithSimd for Run<'_> {
+        type Output = ();
+        fn with_simd<S: Simd>(self, simd: S) {
+            let Self(screen, rows, chosen, tile, bounds) = self;
+            screen.lower_bounds(simd, rows, chosen, tile, bounds);
+            screen.tile(simd, rows, chosen, tile);
+        }
+    }
+
+    /// What the screen says of `count` rows is true, in the arithmetic of any vector length; how many doubts it has.
+    fn check(rows: &[f64], d: usize, centroids: &[f64], run: impl Fn(Run<'_>)) -> usize {
+        let k = centroids.len() / d;
+        // As the rows of `Points`: rounded towards zero.
+        let towards_zero = |x: &f64| {
+            let near = *x as f32;
+            if f64::from(near).abs() > x.abs() { f32::from_bits(near.to_bits() - 1) } else { near }
+        };
+        let high: Vec<f32> = rows.iter().map(towards_zero).collect();
+        let screen = Screen::new(centroids, d);
+        let chosen: Vec<u32> = (0..(rows.len() / d) as u32).collect();
+        let mut doubts = 0;
+        for chosen in chosen.chunks(TILE) {
+            let (mut tile, mut bounds) = (Tile::new(d), vec![Lane([0.0; TILE]); k]);
+            run(Run(&screen, &high, chosen, &mut tile, &mut bounds));
+            for (i, &row) in chosen.iter().enumerate() {
+                let x = &rows[row as usize * d..][..d];
+                for (c, bound) in centroids.chunks(d).zip(&bounds) {
+                    assert!(f64::from(bound.0[i]) <= squared_distance(x, c));
+                }
+                if tile.doubt[i] {
+                    doubts += 1;
+                    continue;
+                }
+                let found = nearest(x, centroids);
+                assert_eq!(tile.label.0[i], found.label);
+                let gap = f64::from(tile.gap.0[i]);
+                assert!(k == 1 || gap < found.second.sqrt() - found.first.sqrt(), "{gap} {found:?}");
+            }
+        }
+        doubts
+    }
+
+    #[test]
+    fn what_is_said_is_true_and_little_is_left_open() {
+        for (d, k, offset) in [(1, 1, 0.0), (3, 7, 0.0), (16, 50, 0.0), (19, 13, 3.0), (40, 6, 1.0), (5, 9, 1e4)] {
+            let value = |i: usize| offset + 4.0 * uniform(3, d as u64, i as u64) - 2.0;
+            let rows: Vec<f64> = (0..1000 * d).map(value).collect();
+            let mut centroids: Vec<f64> = (0..k * d).map(|i| value(1_000_000 + i)).collect();
+            // One far centroid must not spoil the others; one in two places is a tie.
+            if k > 8 {
+                centroids[2 * d..3 * d].fill(1e7);
+                centroids.copy_within(4 * d..5 * d, 6 * d);
+            }
+            let ties = (0..1000)
+                .map(|i| nearest(&rows[i * d..][..d], &centroids))
+                .filter(|found| found.first == found.second)
+                .count();
+            let open = [
+                check(&rows, d, &centroids, |run| run.with_simd(Scalar::new())),
+                check(&rows, d, &centroids, |run| Arch::new().dispatch(run)),
+            ];
+            #[cfg(target_arch = "x86_64")]
+            if let Some(simd) = pulp::x86::V3::try_new() {
+                check(&rows, d, &centroids, |run| Simd::vectorize(simd, run));
+            }
+            if offset < 10.0 {
+                assert!(open.iter().all(|open| *open <= ties + 5), "d {d} k {k}: {open:?} open, {ties} ties");
+            }
+        }
+    }
 }

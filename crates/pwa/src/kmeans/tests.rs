@@ -59,7 +59,11 @@ fn check(rows: &[Vec<f64>], start: &[f64], k: usize, iterations: usize) -> Resul
     let kept: Vec<f64> = members.iter().flat_map(|&k| centroids[k * d..(k + 1) * d].to_vec()).collect();
     prop_assert_eq!(&found.centroids, &kept);
     prop_assert_eq!(&found.counts, &members.iter().map(|&k| counts[k]).collect::<Vec<_>>());
-    let inertia: f64 = rows.iter().zip(&labels).map(|(row, label)| squared_distance(row, &centroids[*label as usize * d..][..d])).sum();
+    let inertia: f64 = rows
+        .iter()
+        .zip(&labels)
+        .map(|(row, label)| squared_distance(row, &centroids[*label as usize * d..][..d]))
+        .sum();
     prop_assert!((found.inertia - inertia).abs() <= 1e-12 * inertia);
     // The same rows through the assigner, labels included.
     let assigner = Assigner::new(&centroids, d).unwrap();
@@ -85,7 +89,13 @@ fn rows(kind: usize, n: usize, d: usize, seed: u64) -> Vec<Vec<f64>> {
                     1 => (u(i, j) * 3.0).floor(),
                     2 => u(i % 5, j),
                     3 => 1e6 + 1e-3 * u(i, j),
-                    4 => if i % 97 == 3 { 1e7 * u(i, j) } else { u(i, j) },
+                    4 => {
+                        if i % 97 == 3 {
+                            1e7 * u(i, j)
+                        } else {
+                            u(i, j)
+                        }
+                    }
                     5 => 10.0 * u(i % 7, j) + u(i, j),
                     _ => 1e-20 * u(i, j),
                 })
@@ -111,7 +121,9 @@ proptest! {
 
 #[test]
 fn many_rows_and_clusters_are_those_of_plain_lloyd() {
-    for (kind, n, d, k) in [(0, 20_000, 16, 50), (5, 20_000, 16, 50), (0, 9_000, 3, 200), (1, 9_000, 2, 40), (4, 9_000, 5, 13)] {
+    for (kind, n, d, k) in
+        [(0, 20_000, 16, 50), (5, 20_000, 16, 50), (0, 9_000, 3, 200), (1, 9_000, 2, 40), (4, 9_000, 5, 13)]
+    {
         let rows = rows(kind, n, d, 3);
         let start: Vec<f64> = (0..k).flat_map(|c| rows[c * 41].clone()).collect();
         check(&rows, &start, k, 25).unwrap();
@@ -170,7 +182,8 @@ fn centroids_are_the_means_of_their_rows() {
     assert!(found.converged);
     let labels: Vec<u32> = rows.iter().map(|row| nearest(row, &found.centroids).label).collect();
     for (k, centroid) in found.centroids.chunks(4).enumerate() {
-        let members: Vec<&Vec<f64>> = rows.iter().zip(&labels).filter(|(_, label)| **label == k as u32).map(|(row, _)| row).collect();
+        let members: Vec<&Vec<f64>> =
+            rows.iter().zip(&labels).filter(|(_, label)| **label == k as u32).map(|(row, _)| row).collect();
         assert_eq!(members.len() as u64, found.counts[k]);
         for j in 0..4 {
             let mean = members.iter().map(|row| row[j]).sum::<f64>() / members.len() as f64;
@@ -182,7 +195,8 @@ fn centroids_are_the_means_of_their_rows() {
 #[test]
 fn seeding_prefers_what_is_far_and_restarts_do_not_hurt() {
     // Seven tight blobs, far apart: greedy k-means++ finds one row of each.
-    let rows: Vec<Vec<f64>> = (0..7000).map(|i| vec![100.0 * f64::from(i % 7) + uniform(1, i as u64, 0), uniform(1, i as u64, 1)]).collect();
+    let rows: Vec<Vec<f64>> =
+        (0..7000).map(|i| vec![100.0 * f64::from(i % 7) + uniform(1, i as u64, 0), uniform(1, i as u64, 1)]).collect();
     let points = points(&rows);
     let start = plus_plus::plus_plus(&points, 7, 42, 0, &Silent).unwrap();
     let mut blobs: Vec<i64> = start.chunks(2).map(|c| (c[0] / 100.0).floor() as i64).collect();
@@ -199,9 +213,15 @@ fn bad_requests_are_refused() {
     let run = |start, k, tolerance| kmeans(&points, start, &KMeansOptions { k, tolerance, max_iterations: 5 }, &Silent);
     assert!(matches!(run(Start::Centroids(&[0.0; 4]), 0, 0.0), Err(KMeansError::NoClusters)));
     assert!(matches!(run(Start::Centroids(&[0.0; 5]), 2, 0.0), Err(KMeansError::Shape { expected: 4, found: 5, .. })));
-    assert!(matches!(run(Start::Centroids(&[0.0, 1.0, f64::NAN, 0.0]), 2, 0.0), Err(KMeansError::Centroid { cluster: 1, column: 0, .. })));
+    assert!(matches!(
+        run(Start::Centroids(&[0.0, 1.0, f64::NAN, 0.0]), 2, 0.0),
+        Err(KMeansError::Centroid { cluster: 1, column: 0, .. })
+    ));
     assert!(matches!(run(Start::Centroids(&[0.0; 4]), 2, f64::NAN), Err(KMeansError::Tolerance(_))));
-    assert!(matches!(kmeans(&Points::new(2), Start::Centroids(&[0.0; 4]), &KMeansOptions::default(), &Silent), Err(KMeansError::NoRows)));
+    assert!(matches!(
+        kmeans(&Points::new(2), Start::Centroids(&[0.0; 4]), &KMeansOptions::default(), &Silent),
+        Err(KMeansError::NoRows)
+    ));
     struct Stop;
     impl Progress for Stop {
         fn advance(&self, _: usize, _: usize) {}
@@ -218,4 +238,31 @@ fn bad_requests_are_refused() {
     assert_eq!(labels[..2], [0, Assigner::NOWHERE]);
     assert!(distances[1].is_nan() && (distances[0] - 0.01).abs() < 1e-15);
     assert!(assigner.assign(&[&x, &y], &[0.0; 2], &[1.0; 2], &mut labels[..2], None).is_err());
+}
+
+#[test]
+fn small_problems_end_where_scikit_learn_ends() {
+    let text = include_str!("../../tests/data/kmeans_sklearn.txt");
+    let mut lines = text.lines().skip(1);
+    let mut cases = 0;
+    while let Some(head) = lines.next() {
+        let head: Vec<&str> = head.split(' ').collect();
+        let [n, d, k, iterations] = [2, 3, 4, 5].map(|i: usize| head[i].parse::<usize>().unwrap());
+        let mut matrix = |count: usize| -> Vec<Vec<f64>> {
+            lines.by_ref().take(count).map(|line| line.split(' ').map(|x| x.parse().unwrap()).collect()).collect()
+        };
+        let (rows, start, centroids) = (matrix(n), matrix(k).concat(), matrix(k).concat());
+        let tail: Vec<&str> = lines.next().unwrap().split(' ').collect();
+        let (inertia, made) = (tail[1].parse::<f64>().unwrap(), tail[3].parse::<usize>().unwrap());
+        let options = KMeansOptions { k, max_iterations: iterations, tolerance: 0.0 };
+        let found = kmeans(&points(&rows), Start::Centroids(&start), &options, &Silent).unwrap();
+        assert_eq!((rows[0].len(), found.centroids.len()), (d, k * d));
+        for (ours, theirs) in found.centroids.iter().zip(&centroids) {
+            assert!((ours - theirs).abs() <= 1e-9, "{}: {ours} {theirs}", head[1]);
+        }
+        assert!(found.inertia <= inertia * (1.0 + 1e-12), "{}: {} {inertia}", head[1], found.inertia);
+        assert_eq!(found.iterations, made, "{}", head[1]);
+        cases += 1;
+    }
+    assert_eq!(cases, 4);
 }

@@ -11,6 +11,10 @@ pub(super) fn gather(rows: &[f32], dimensions: usize, chosen: &[u32], out: &mut 
         unsafe { avx512::gather(rows, dimensions, chosen, out) };
         return;
     }
+    gather_plainly(rows, dimensions, chosen, out);
+}
+
+fn gather_plainly(rows: &[f32], dimensions: usize, chosen: &[u32], out: &mut [Lane]) {
     for (i, &row) in chosen.iter().enumerate().take(TILE) {
         let row = &rows[row as usize * dimensions..][..dimensions];
         for j in 0..dimensions {
@@ -116,9 +120,12 @@ mod tests {
                 let chosen: Vec<u32> = (0..count).map(|i| (i * 37 % 200) as u32).collect();
                 let mut out = vec![Lane([f32::NAN; TILE]); d];
                 gather(&rows, d, &chosen, &mut out);
+                let mut plain = vec![Lane([f32::NAN; TILE]); d];
+                gather_plainly(&rows, d, &chosen, &mut plain);
                 for (i, &row) in chosen.iter().enumerate() {
                     for j in 0..d {
-                        assert_eq!(out[j].0[i], rows[row as usize * d + j], "d {d} row {i} column {j}");
+                        let expected = rows[row as usize * d + j];
+                        assert_eq!([out[j].0[i], plain[j].0[i]], [expected; 2], "d {d} row {i} column {j}");
                     }
                 }
             }
