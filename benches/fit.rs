@@ -27,7 +27,7 @@ const ITERATIONS: usize = 25;
 /// A gait-like signal: sixteen channels that follow two wandering phases, and targets that switch with them.
 fn gait(rows: usize) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(7);
-    let mut columns = vec![Vec::with_capacity(rows); STATES + TARGETS];
+    let mut columns = vec![Vec::new(); STATES + TARGETS];
     let (mut left, mut right, mut drift) = (0.0f64, 1.0f64, 0.0f64);
     for _ in 0..rows {
         let mut noise = || random.random_range(-1.0..1.0);
@@ -42,7 +42,8 @@ fn gait(rows: usize) -> Vec<Vec<f64>> {
         let state: Vec<f64> = columns[..STATES].iter().map(|column| column[column.len() - 1]).collect();
         for t in 0..TARGETS {
             let contact = if state[t] + state[t + 8] > 0.3 { 4.0 } else { -1.0 };
-            columns[STATES + t].push(contact * state[(t + 3) % STATES] - 0.5 * state[t] + (state[t] * state[t + 1]) + 0.2 * noise());
+            columns[STATES + t]
+                .push(contact * state[(t + 3) % STATES] - 0.5 * state[t] + (state[t] * state[t + 1]) + 0.2 * noise());
         }
     }
     columns
@@ -51,10 +52,15 @@ fn gait(rows: usize) -> Vec<Vec<f64>> {
 fn problem() -> Problem {
     let names: Vec<String> = (0..STATES).map(|j| format!("s{j}")).collect();
     let targets: Vec<String> = (0..TARGETS).map(|t| format!("y{t}")).collect();
-    let column = |name: &String, role| ModelColumn { name: name.clone(), source: name.clone(), unit: None, role, angle: false };
+    let column =
+        |name: &String, role| ModelColumn { name: name.clone(), source: name.clone(), unit: None, role, angle: false };
     let expressions = |names: &[String]| names.iter().map(|name| Expr::column(name.as_str())).collect::<Vec<_>>();
     Problem {
-        columns: names.iter().map(|n| column(n, Role::Input)).chain(targets.iter().map(|n| column(n, Role::Auxiliary))).collect(),
+        columns: names
+            .iter()
+            .map(|n| column(n, Role::Input))
+            .chain(targets.iter().map(|n| column(n, Role::Auxiliary)))
+            .collect(),
         library: expressions(&names),
         equations: targets
             .iter()
@@ -84,7 +90,8 @@ impl Progress for Stages {
 }
 
 fn main() {
-    let rows: usize = std::env::var("FLEETFOOT_BENCH_ROWS").ok().and_then(|text| text.parse().ok()).unwrap_or(1_000_000);
+    let rows: usize =
+        std::env::var("FLEETFOOT_BENCH_ROWS").ok().and_then(|text| text.parse().ok()).unwrap_or(1_000_000);
     let columns = gait(rows);
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("rows.f64");
@@ -110,12 +117,16 @@ fn main() {
     options.iterations = ITERATIONS;
     options.start = Some(start);
     let problem = problem();
-    println!("K-{CLUSTERS}, 10-fold cross-validation, {rows} rows x {STATES} states, {TARGETS} targets, at most {ITERATIONS} iterations");
+    println!(
+        "K-{CLUSTERS}, 10-fold cross-validation, {rows} rows x {STATES} states, {TARGETS} targets, at most {ITERATIONS} iterations"
+    );
     println!("{:<34}{:>10}{:>12}", "", "seconds", "peak MiB");
-    let (seconds, _) = best_of(2, || with_threads(2, || identify(&problem, &options, &source, &Silent).expect("a model")));
+    let (seconds, _) =
+        best_of(2, || with_threads(2, || identify(&problem, &options, &source, &Silent).expect("a model")));
     println!("{:<34}{seconds:>10.2}{:>12.0}", "fleetfoot, 2 threads", peak_rss_mib());
     let stages = Stages(Mutex::new(Vec::new()));
-    let (_, found) = best_of(1, || with_threads(2, || identify(&problem, &options, &source, &stages).expect("a model")));
+    let (_, found) =
+        best_of(1, || with_threads(2, || identify(&problem, &options, &source, &stages).expect("a model")));
     stages.stage("end");
     for pair in stages.0.lock().expect("no panic elsewhere").windows(2) {
         println!("    {:<30}{:>10.2}", pair[0].0, (pair[1].1 - pair[0].1).as_secs_f64());
@@ -126,7 +137,10 @@ fn main() {
         Ok(answer) => {
             let theirs = answer["seconds"].as_f64().unwrap_or(f64::NAN);
             let peak = answer["peak_mib"].as_f64().unwrap_or(f64::NAN);
-            println!("{:<34}{theirs:>10.2}{peak:>12.0}", format!("scikit-learn {}", answer["version"].as_str().unwrap_or("")));
+            println!(
+                "{:<34}{theirs:>10.2}{peak:>12.0}",
+                format!("scikit-learn {}", answer["version"].as_str().unwrap_or(""))
+            );
             println!("ratio {:.1}", theirs / seconds);
             let expected = read_f64(&losses).expect("the peer's losses");
             let score = &found.candidates[0];

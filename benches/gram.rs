@@ -28,49 +28,35 @@ fn rows(n: usize, d: usize) -> Mat<f64> {
 /// Largest difference from the plain sums of centred products, relative to the diagonal.
 fn deviation(gram: &Gram, z: &Mat<f64>) -> f64 {
     let (n, d) = z.shape();
-    let mean: Vec<f64> = (0..d)
-        .map(|j| z.col_as_slice(j).iter().sum::<f64>() / n as f64)
-        .collect();
+    let mean: Vec<f64> = (0..d).map(|j| z.col_as_slice(j).iter().sum::<f64>() / n as f64).collect();
     let mut worst = 0.0_f64;
     for i in 0..d {
         for j in 0..=i {
             let pairs = z.col_as_slice(i).iter().zip(z.col_as_slice(j));
             let direct: f64 = pairs.map(|(a, b)| (a - mean[i]) * (b - mean[j])).sum();
-            worst = worst
-                .max((direct - gram.get(i, j)).abs() / (gram.get(i, i) * gram.get(j, j)).sqrt());
+            worst = worst.max((direct - gram.get(i, j)).abs() / (gram.get(i, i) * gram.get(j, j)).sqrt());
         }
     }
     worst
 }
 
 fn main() {
-    println!(
-        "Gram matrices, one thread; best of {REPEATS}; giga multiply-adds a second, useful work only"
-    );
+    println!("Gram matrices, one thread; best of {REPEATS}; giga multiply-adds a second, useful work only");
     println!(
         "{:>7} {:>4} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8}",
         "rows", "d", "of_rows", "apply", "both", "regions", "TSQR", "product"
     );
-    for (n, d, regions) in [
-        (8192, 10, 50),
-        (8192, 25, 50),
-        (8192, 25, 5),
-        (8192, 57, 50),
-        (8192, 101, 50),
-        (8192, 301, 5),
-    ] {
+    for (n, d, regions) in
+        [(8192, 10, 50), (8192, 25, 50), (8192, 25, 5), (8192, 57, 50), (8192, 101, 50), (8192, 301, 5)]
+    {
         let z = rows(n, d);
         let p = d - 1;
-        let label: Vec<u32> = (0..n)
-            .map(|i| (i * 2_654_435_761 % 1_000_003 % regions) as u32)
-            .collect();
+        let label: Vec<u32> = (0..n).map(|i| (i * 2_654_435_761 % 1_000_003 % regions) as u32).collect();
         let pairs = (n * d * (d + 1) / 2) as f64;
 
         let (plain, gram) = best_of(REPEATS, || Gram::of_rows(black_box(z.as_ref()), None));
         assert!(deviation(&gram, &z) < 1e-13, "of_rows is wrong");
-        let (by_region, parts) = best_of(REPEATS, || {
-            Gram::by_region(black_box(z.as_ref()), None, &label, regions)
-        });
+        let (by_region, parts) = best_of(REPEATS, || Gram::by_region(black_box(z.as_ref()), None, &label, regions));
         let mut sum = Gram::new(d);
         parts.iter().for_each(|(_, part)| sum.merge(part));
         assert!(deviation(&sum, &z) < 1e-13, "by_region is wrong");
@@ -90,25 +76,14 @@ fn main() {
             factor
         });
         let units = vec![1.0; p];
-        let (ours, reference) = (
-            least_squares(&root, &units),
-            least_squares(&factor.square_root(), &units),
-        );
-        let worst = (0..p)
-            .map(|j| (ours.coefficients[(j, 0)] - reference.coefficients[(j, 0)]).abs())
-            .fold(0.0, f64::max);
+        let (ours, reference) = (least_squares(&root, &units), least_squares(&factor.square_root(), &units));
+        let worst =
+            (0..p).map(|j| (ours.coefficients[(j, 0)] - reference.coefficients[(j, 0)]).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-11, "the coefficients differ by {worst:e}");
 
         let mut product = Mat::<f64>::zeros(d, d);
         let (full, ()) = best_of(REPEATS, || {
-            faer::linalg::matmul::matmul(
-                &mut product,
-                Accum::Replace,
-                z.transpose(),
-                black_box(&z),
-                1.0,
-                Par::Seq,
-            );
+            faer::linalg::matmul::matmul(&mut product, Accum::Replace, z.transpose(), black_box(&z), 1.0, Par::Seq);
         });
         let rate = |work: f64, seconds: f64| work / seconds * 1e-9;
         let solve = (n * d * (d + 1) / 2) as f64;

@@ -35,7 +35,8 @@ pub fn peak_rss_mib() -> f64 {
 pub fn peer(script: &str, arguments: &[&Path]) -> Result<serde_json::Value, String> {
     let python = std::env::var("FLEETFOOT_PYTHON").unwrap_or_else(|_| "python3".into());
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
-    let output = Command::new(&python).arg(&path).args(arguments).output().map_err(|error| format!("{python}: {error}"))?;
+    let output =
+        Command::new(&python).arg(&path).args(arguments).output().map_err(|error| format!("{python}: {error}"))?;
     if !output.status.success() {
         let talk = String::from_utf8_lossy(&output.stderr);
         return Err(talk.lines().last().unwrap_or("the peer failed without a word").to_owned());

@@ -16,9 +16,7 @@ use fleetfoot::{Input, InputTable, Recipe, State, fit_pwa, pwa::Options};
 use fleetfoot_benches::peak_rss_mib;
 use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, thread_count};
 use fleetfoot_log::{ParquetWriter, Selection, Values, WriteColumn, WriteKind, WriteOptions, open};
-use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
-};
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -37,36 +35,21 @@ fn main() -> Result<()> {
         .unwrap_or(100_000_000);
     let compress = std::env::var_os("FLEETFOOT_BENCH_ZSTD").is_some();
     let temporary = tempfile::tempdir()?;
-    let folder = std::env::var_os("FLEETFOOT_BENCH_DIR")
-        .map_or_else(|| temporary.path().to_path_buf(), PathBuf::from);
-    let path = folder.join(format!(
-        "scan-{rows}{}.parquet",
-        if compress { "-zstd" } else { "" }
-    ));
+    let folder = std::env::var_os("FLEETFOOT_BENCH_DIR").map_or_else(|| temporary.path().to_path_buf(), PathBuf::from);
+    let path = folder.join(format!("scan-{rows}{}.parquet", if compress { "-zstd" } else { "" }));
     if !path.exists() {
         let start = Instant::now();
         write(&path, rows, compress)?;
-        println!(
-            "written {} in {:.1} s",
-            path.display(),
-            start.elapsed().as_secs_f64()
-        );
+        println!("written {} in {:.1} s", path.display(), start.elapsed().as_secs_f64());
     }
     let size = std::fs::metadata(&path)?.len();
-    println!(
-        "{rows} rows x {COLUMNS} columns, {:.2} GB, {} threads",
-        size as f64 * 1e-9,
-        thread_count()
-    );
+    println!("{rows} rows x {COLUMNS} columns, {:.2} GB, {} threads", size as f64 * 1e-9, thread_count());
 
     let names: Vec<String> = (0..COLUMNS).map(|c| format!("x{c}")).collect();
     let start = Instant::now();
     let source = open(&[&path], &Selection::new(names))?;
     let opened = start.elapsed().as_secs_f64();
-    println!(
-        "open (stamps, episodes, identity)  {opened:8.2} s   peak {:6.0} MiB",
-        peak_rss_mib()
-    );
+    println!("open (stamps, episodes, identity)  {opened:8.2} s   peak {:6.0} MiB", peak_rss_mib());
 
     let (fit, ()) = timed(|| full_fit(&path))?;
     let peak = peak_rss_mib();
@@ -80,10 +63,7 @@ fn main() -> Result<()> {
         let (seconds, sum) = timed(|| scan_source(&source))?;
         scan = scan.min(seconds);
         if repeat == 0 {
-            println!(
-                "first scan                         {seconds:8.2} s   peak {:6.0} MiB",
-                peak_rss_mib()
-            );
+            println!("first scan                         {seconds:8.2} s   peak {:6.0} MiB", peak_rss_mib());
         }
         let (seconds, expected) = timed(|| decode_bare(&path))?;
         bare = bare.min(seconds);
@@ -93,10 +73,7 @@ fn main() -> Result<()> {
         }
     }
     let gigabytes = (8 * rows * (COLUMNS + 1)) as f64 * 1e-9;
-    println!(
-        "bare decode                        {bare:8.2} s   {:6.2} GB/s",
-        gigabytes / bare
-    );
+    println!("bare decode                        {bare:8.2} s   {:6.2} GB/s", gigabytes / bare);
     println!(
         "Source::read in chunks of {CHUNK}    {scan:8.2} s   {:6.2} GB/s   ratio {:.2}",
         gigabytes / scan,
@@ -140,11 +117,7 @@ fn timed<R>(work: impl FnOnce() -> Result<R>) -> Result<(f64, R)> {
 fn scan_source(source: &dyn Source) -> Result<f64> {
     let mut chunks = Vec::new();
     for (episode, info) in source.episodes().iter().enumerate() {
-        chunks.extend(
-            (0..info.rows)
-                .step_by(CHUNK)
-                .map(|from| (episode, from..(from + CHUNK).min(info.rows))),
-        );
+        chunks.extend((0..info.rows).step_by(CHUNK).map(|from| (episode, from..(from + CHUNK).min(info.rows))));
     }
     let mut total = 0.0;
     parallel_fold(
@@ -152,14 +125,7 @@ fn scan_source(source: &dyn Source) -> Result<f64> {
         &Silent,
         |i| {
             let (episode, rows) = chunks[i].clone();
-            let block = source.read(
-                episode,
-                rows,
-                Halo {
-                    before: 2,
-                    after: 2,
-                },
-            )?;
+            let block = source.read(episode, rows, Halo { before: 2, after: 2 })?;
             Ok::<f64, fleetfoot_data::Error>(block.core(0).iter().sum())
         },
         |sum| {
@@ -180,11 +146,10 @@ fn decode_bare(path: &Path) -> Result<f64> {
     }
     let metadata = ArrowReaderMetadata::load(&File::open(path)?, ArrowReaderOptions::new())?;
     let group_sum = |group: usize| -> Result<f64> {
-        let reader =
-            ParquetRecordBatchReaderBuilder::new_with_metadata(File::open(path)?, metadata.clone())
-                .with_row_groups(vec![group])
-                .with_batch_size(CHUNK)
-                .build()?;
+        let reader = ParquetRecordBatchReaderBuilder::new_with_metadata(File::open(path)?, metadata.clone())
+            .with_row_groups(vec![group])
+            .with_batch_size(CHUNK)
+            .build()?;
         let mut sum = 0.0;
         for batch in reader {
             let batch = batch?;
@@ -215,24 +180,16 @@ fn decode_bare(path: &Path) -> Result<f64> {
 /// Writes the file, a few thousand rows at a time.
 fn write(path: &Path, rows: usize, compress: bool) -> Result<()> {
     let mut columns = vec![WriteColumn::new("t", WriteKind::Stamp)];
-    columns.extend(
-        (0..COLUMNS).map(|c| WriteColumn::new(format!("x{c}"), WriteKind::Float).with_unit("m/s")),
-    );
-    let options = WriteOptions {
-        compress,
-        row_group_rows: 1 << 20,
-        ..WriteOptions::default()
-    };
+    columns.extend((0..COLUMNS).map(|c| WriteColumn::new(format!("x{c}"), WriteKind::Float).with_unit("m/s")));
+    let options = WriteOptions { compress, row_group_rows: 1 << 20, ..WriteOptions::default() };
     let mut writer = ParquetWriter::create(path, columns, &options)?;
     let mut random = Pcg64::seed_from_u64(7);
-    let mixing: Vec<[f64; SOURCES]> = (0..COLUMNS)
-        .map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0)))
-        .collect();
+    let mixing: Vec<[f64; SOURCES]> =
+        (0..COLUMNS).map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
     // Rotations by a fixed angle a row: oscillations without a sine a row.
-    let turns: [(f64, f64); SOURCES] =
-        std::array::from_fn(|k| (0.002 * 2.3f64.powi(k as i32)).sin_cos());
+    let turns: [(f64, f64); SOURCES] = std::array::from_fn(|k| (0.002 * 2.3f64.powi(k as i32)).sin_cos());
     let mut phases = [(1.0f64, 0.0f64); SOURCES];
-    let mut values = vec![Vec::with_capacity(CHUNK); COLUMNS];
+    let mut values = vec![Vec::new(); COLUMNS];
     let mut stamps = Vec::with_capacity(CHUNK);
     let mut row = 0;
     while row < rows {
@@ -245,11 +202,7 @@ fn write(path: &Path, rows: usize, compress: bool) -> Result<()> {
             }
             stamps.push((row + i) as i64 * 1_000_000);
             for (column, weights) in values.iter_mut().zip(&mixing) {
-                let smooth: f64 = weights
-                    .iter()
-                    .zip(phases)
-                    .map(|(weight, (x, _))| weight * x)
-                    .sum();
+                let smooth: f64 = weights.iter().zip(phases).map(|(weight, (x, _))| weight * x).sum();
                 column.push(smooth + random.random_range(-0.05..0.05));
             }
         }

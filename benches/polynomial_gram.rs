@@ -59,22 +59,11 @@ fn raw_gram(plan: &PolynomialPlan, gram: &Gram) -> Mat<f64> {
     let scatter = Mat::from_fn(p, p, |i, j| gram.get(i.max(j), i.min(j)));
     let raw = change.transpose() * scatter * &change;
     let mean = |j: usize| -> f64 {
-        if j == 0 {
-            1.0
-        } else {
-            constant[j - 1]
-                + (0..p)
-                    .map(|i| change[(i, j - 1)] * gram.mean[i])
-                    .sum::<f64>()
-        }
+        if j == 0 { 1.0 } else { constant[j - 1] + (0..p).map(|i| change[(i, j - 1)] * gram.mean[i]).sum::<f64>() }
     };
     let means: Vec<f64> = (0..=p).map(mean).collect();
     Mat::from_fn(p + 1, p + 1, |i, j| {
-        let centred = if i == 0 || j == 0 {
-            0.0
-        } else {
-            raw[(i - 1, j - 1)]
-        };
+        let centred = if i == 0 || j == 0 { 0.0 } else { raw[(i - 1, j - 1)] };
         centred + gram.weight * means[i] * means[j]
     })
 }
@@ -142,13 +131,10 @@ fn kernel_rate(plan: &PolynomialPlan, base: &[&[f64]], targets: &[&[f64]], peak:
     let base: Vec<&[f64]> = base.iter().map(|column| &column[..PART]).collect();
     let targets: Vec<&[f64]> = targets.iter().map(|column| &column[..PART]).collect();
     let (mut moments, mut scratch) = (plan.moments(), plan.scratch());
-    let (seconds, ()) = best_of(400, || {
-        moments.add(plan, &mut scratch, &base, &targets, None)
-    });
+    let (seconds, ()) = best_of(400, || moments.add(plan, &mut scratch, &base, &targets, None));
     let rate = (plan.sums() * PART) as f64 / seconds;
-    let share = peak.map_or("peak not measured here".to_owned(), |peak| {
-        format!("{:.0} % of the peak", 100.0 * rate / peak)
-    });
+    let share =
+        peak.map_or("peak not measured here".to_owned(), |peak| format!("{:.0} % of the peak", 100.0 * rate / peak));
     println!(
         "  kernel, evaluation included, one core: {:.2} ms for 1e6 rows, {:.1} GFMA/s of sums, {share}",
         1e9 * seconds / PART as f64,
@@ -160,18 +146,12 @@ fn kernel_rate(plan: &PolynomialPlan, base: &[&[f64]], targets: &[&[f64]], peak:
 fn time_case(case: &Case, signals: &[Vec<f64>], peak: Option<f64>) -> (PolynomialPlan, Gram, f64) {
     let all: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
     let (base, targets) = (&all[..case.columns], &all[all.len() - case.targets..]);
-    let pilot: Vec<Vec<f64>> = all
-        .iter()
-        .map(|column| column.iter().step_by(PILOT_STRIDE).copied().collect())
-        .collect();
+    let pilot: Vec<Vec<f64>> =
+        all.iter().map(|column| column.iter().step_by(PILOT_STRIDE).copied().collect()).collect();
     let pilot: Vec<&[f64]> = pilot.iter().map(Vec::as_slice).collect();
     let (planning, plan) = best_of(1, || {
-        PolynomialPlan::from_pilot(
-            &pilot[..case.columns],
-            &pilot[all.len() - case.targets..],
-            case.degree,
-        )
-        .expect("a plan")
+        PolynomialPlan::from_pilot(&pilot[..case.columns], &pilot[all.len() - case.targets..], case.degree)
+            .expect("a plan")
     });
     println!(
         "m = {}, D = {}, q = {}: {} functions, {} sums a row, condition {:.1}, plan from {} rows {:.1} ms",
@@ -188,15 +168,10 @@ fn time_case(case: &Case, signals: &[Vec<f64>], peak: Option<f64>) -> (Polynomia
     let mut result = None;
     let mut fastest = f64::INFINITY;
     for threads in [1, 2] {
-        let (seconds, gram) = with_threads(threads, || {
-            best_of(REPETITIONS, || scan(&plan, base, targets))
-        });
+        let (seconds, gram) = with_threads(threads, || best_of(REPETITIONS, || scan(&plan, base, targets)));
         println!("  scan, {threads} thread(s): {:7.2} ms", 1e3 * seconds);
         if let Some(before) = result.replace(gram) {
-            assert!(
-                Some(&before) == result.as_ref(),
-                "the same bits on any number of threads"
-            );
+            assert!(Some(&before) == result.as_ref(), "the same bits on any number of threads");
         }
         fastest = fastest.min(seconds);
     }
@@ -206,16 +181,10 @@ fn time_case(case: &Case, signals: &[Vec<f64>], peak: Option<f64>) -> (Polynomia
 /// Numpy on the same rows: times, and the largest difference of the Gram matrices, each entry relative to its diagonal.
 fn compare(case: &Case, signals: &[Vec<f64>], plan: &PolynomialPlan, gram: &Gram, ours: f64) {
     let folder = tempfile::tempdir().expect("a folder");
-    let (input, output) = (
-        folder.path().join("base.f64"),
-        folder.path().join("gram.f64"),
-    );
+    let (input, output) = (folder.path().join("base.f64"), folder.path().join("gram.f64"));
     write_f64(&input, &signals[..case.columns].concat()).expect("a file for the peer");
     let (columns, degree) = (case.columns.to_string(), case.degree.to_string());
-    let answer = match peer(
-        "polynomial_gram.py",
-        &[&input, Path::new(&columns), Path::new(&degree), &output],
-    ) {
+    let answer = match peer("polynomial_gram.py", &[&input, Path::new(&columns), Path::new(&degree), &output]) {
         Ok(answer) => answer,
         Err(reason) => return println!("  numpy: absent ({reason})"),
     };
@@ -230,28 +199,13 @@ fn compare(case: &Case, signals: &[Vec<f64>], plan: &PolynomialPlan, gram: &Gram
         1e3 * number("whole"),
         number("peak")
     );
-    println!(
-        "  ratio to the product alone {:.1}, with evaluation {:.1}",
-        product / ours,
-        number("whole") / ours
-    );
-    let (theirs, raw) = (
-        read_f64(&output).expect("the peer's Gram"),
-        raw_gram(plan, gram),
-    );
+    println!("  ratio to the product alone {:.1}, with evaluation {:.1}", product / ours, number("whole") / ours);
+    let (theirs, raw) = (read_f64(&output).expect("the peer's Gram"), raw_gram(plan, gram));
     let d = raw.nrows();
     assert_eq!(theirs.len(), d * d, "one entry a pair");
-    let difference = |i: usize, j: usize| {
-        (raw[(i, j)] - theirs[i * d + j]).abs() / (raw[(i, i)] * raw[(j, j)]).sqrt()
-    };
-    let worst = (0..d)
-        .flat_map(|i| (0..d).map(move |j| (i, j)))
-        .map(|(i, j)| difference(i, j))
-        .fold(0.0, f64::max);
-    println!(
-        "  largest relative difference of the {} entries of X'X: {worst:.1e}",
-        d * d
-    );
+    let difference = |i: usize, j: usize| (raw[(i, j)] - theirs[i * d + j]).abs() / (raw[(i, i)] * raw[(j, j)]).sqrt();
+    let worst = (0..d).flat_map(|i| (0..d).map(move |j| (i, j))).map(|(i, j)| difference(i, j)).fold(0.0, f64::max);
+    println!("  largest relative difference of the {} entries of X'X: {worst:.1e}", d * d);
     assert!(worst < 1e-11, "the answers agree");
 }
 
@@ -259,45 +213,19 @@ fn main() {
     let signals = signals(6);
     let peak = peak_rate();
     match peak {
-        Some(peak) => println!(
-            "{ROWS} rows; fused multiply-adds in registers, one core: {:.1} GFMA/s",
-            1e-9 * peak
-        ),
+        Some(peak) => println!("{ROWS} rows; fused multiply-adds in registers, one core: {:.1} GFMA/s", 1e-9 * peak),
         None => println!("{ROWS} rows"),
     }
     let before = peak_rss_mib();
-    let case = Case {
-        columns: 3,
-        degree: 5,
-        targets: 0,
-    };
+    let case = Case { columns: 3, degree: 5, targets: 0 };
     let (plan, gram, ours) = time_case(&case, &signals, peak);
-    println!(
-        "  peak {:.0} MiB, of which {before:.0} MiB are the rows of all cases",
-        peak_rss_mib()
-    );
+    println!("  peak {:.0} MiB, of which {before:.0} MiB are the rows of all cases", peak_rss_mib());
     compare(&case, &signals, &plan, &gram, ours);
     for case in [
-        Case {
-            columns: 3,
-            degree: 5,
-            targets: 3,
-        },
-        Case {
-            columns: 2,
-            degree: 5,
-            targets: 0,
-        },
-        Case {
-            columns: 4,
-            degree: 4,
-            targets: 0,
-        },
-        Case {
-            columns: 6,
-            degree: 3,
-            targets: 0,
-        },
+        Case { columns: 3, degree: 5, targets: 3 },
+        Case { columns: 2, degree: 5, targets: 0 },
+        Case { columns: 4, degree: 4, targets: 0 },
+        Case { columns: 6, degree: 3, targets: 0 },
     ] {
         time_case(&case, &signals, peak);
     }

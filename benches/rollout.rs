@@ -15,9 +15,7 @@ use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
 use fleetfoot_data::{Column, MemorySource, Silent, Source, thread_count, with_threads};
 use fleetfoot_dynamics::{RolloutOptions, Simulator, Start, Starts, Step, Trajectory};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{
-    Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
-};
+use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -55,60 +53,27 @@ fn case(name: &str, hertz: f64) -> Result<(), Box<dyn Error>> {
     let mut options = RolloutOptions::new(STEPS);
     options.step = Step::Seconds(DT);
     let needed = simulator.needed_rows(STEPS);
-    let starts = Starts::Random {
-        count: STARTS,
-        seed: 7,
-    }
-    .choose(&source, STEPS, needed.before, needed.after)?;
+    let starts = Starts::Random { count: STARTS, seed: 7 }.choose(&source, STEPS, needed.before, needed.after)?;
     let run = || simulator.trajectories(&source, &starts, &options, &Silent);
     let (one_thread, _) = with_threads(1, || best_of(15, run));
     let (seconds, trajectories) = best_of(25, run);
     let trajectories: Vec<Trajectory> = trajectories?.into_iter().flatten().collect();
     let steps = (STARTS * STEPS) as f64;
-    assert_eq!(
-        trajectories.iter().map(Trajectory::steps).sum::<usize>(),
-        STARTS * STEPS,
-        "no trajectory ends early"
-    );
-    let changes: usize = trajectories
-        .iter()
-        .map(|t| {
-            t.regions
-                .windows(2)
-                .filter(|pair| pair[0] != pair[1])
-                .count()
-        })
-        .sum();
-    println!(
-        "\n{name}: the region changes every {:.1} steps",
-        steps / changes as f64
-    );
-    println!(
-        "{:<22} {:>9} {:>9} {:>7} {:>9}",
-        "", "ms", "ns/step", "ratio", "peak MiB"
-    );
+    assert_eq!(trajectories.iter().map(Trajectory::steps).sum::<usize>(), STARTS * STEPS, "no trajectory ends early");
+    let changes: usize =
+        trajectories.iter().map(|t| t.regions.windows(2).filter(|pair| pair[0] != pair[1]).count()).sum();
+    println!("\n{name}: the region changes every {:.1} steps", steps / changes as f64);
+    println!("{:<22} {:>9} {:>9} {:>7} {:>9}", "", "ms", "ns/step", "ratio", "peak MiB");
     let row = |what: &str, s: f64, ratio: f64, peak: f64| {
-        println!(
-            "{what:<22} {:>9.2} {:>9.1} {ratio:>7.1} {peak:>9.0}",
-            s * 1e3,
-            s * 1e9 / steps
-        );
+        println!("{what:<22} {:>9.2} {:>9.1} {ratio:>7.1} {peak:>9.0}", s * 1e3, s * 1e9 / steps);
     };
     row("fleetfoot", seconds, 1.0, peak_rss_mib());
-    row(
-        "fleetfoot, one thread",
-        one_thread,
-        one_thread / seconds,
-        peak_rss_mib(),
-    );
+    row("fleetfoot, one thread", one_thread, one_thread / seconds, peak_rss_mib());
 
     let folder = tempfile::tempdir()?;
     write_problem(folder.path(), &model, &source, &starts)?;
-    let numbers: Vec<String> = [STARTS, STEPS, STATES, INPUTS, REGIONS]
-        .iter()
-        .map(ToString::to_string)
-        .chain([DT.to_string()])
-        .collect();
+    let numbers: Vec<String> =
+        [STARTS, STEPS, STATES, INPUTS, REGIONS].iter().map(ToString::to_string).chain([DT.to_string()]).collect();
     let mut arguments = vec![folder.path()];
     arguments.extend(numbers.iter().map(Path::new));
     match peer("rollout.py", &arguments) {
@@ -120,24 +85,12 @@ fn case(name: &str, hertz: f64) -> Result<(), Box<dyn Error>> {
                 answer["version"].as_str().unwrap_or("?"),
                 answer["variant"].as_str().unwrap_or("?")
             );
-            row(
-                &label,
-                number("seconds"),
-                number("seconds") / seconds,
-                number("peak"),
-            );
+            row(&label, number("seconds"), number("seconds") / seconds, number("peak"));
             println!("its variants, s: {}", answer["all"]);
             let theirs = read_f64(&folder.path().join("numpy.f64"))?;
-            let ours: Vec<f64> = trajectories
-                .iter()
-                .flat_map(|t| t.states.iter().copied())
-                .collect();
+            let ours: Vec<f64> = trajectories.iter().flat_map(|t| t.states.iter().copied()).collect();
             assert_eq!(ours.len(), theirs.len());
-            let largest = ours
-                .iter()
-                .zip(&theirs)
-                .map(|(a, b)| (a - b).abs())
-                .fold(0.0, f64::max);
+            let largest = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             println!("largest difference of a state: {largest:.1e}");
             assert!(largest < 1e-9, "the answers differ");
         }
@@ -150,24 +103,12 @@ fn product_rate() -> f64 {
     let n = 768;
     let a = Mat::from_fn(n, n, |i, j| ((i * 7 + j) % 13) as f64);
     let mut c = Mat::<f64>::zeros(n, n);
-    let (seconds, ()) = best_of(5, || {
-        matmul(
-            c.as_mut(),
-            Accum::Replace,
-            a.as_ref(),
-            a.as_ref(),
-            1.0,
-            Par::Seq,
-        )
-    });
+    let (seconds, ()) = best_of(5, || matmul(c.as_mut(), Accum::Replace, a.as_ref(), a.as_ref(), 1.0, Par::Seq));
     (n * n * n) as f64 / seconds / 1e9
 }
 
 fn names() -> Vec<String> {
-    (0..STATES)
-        .map(|i| format!("x{i}"))
-        .chain((0..INPUTS).map(|i| format!("u{i}")))
-        .collect()
+    (0..STATES).map(|i| format!("x{i}")).chain((0..INPUTS).map(|i| format!("u{i}"))).collect()
 }
 
 /// Oscillating channels around `hertz`, in four episodes.
@@ -179,9 +120,7 @@ fn recording(hertz: f64) -> MemorySource {
             .map(|_| {
                 let frequency = std::f64::consts::TAU * hertz * random.random_range(0.8..1.2);
                 let phase: f64 = random.random_range(0.0..std::f64::consts::TAU);
-                (0..2_000)
-                    .map(|k| 1.3 * (frequency * DT * f64::from(k) + phase).sin())
-                    .collect()
+                (0..2_000).map(|k| 1.3 * (frequency * DT * f64::from(k) + phase).sin()).collect()
             })
             .collect();
         source.push_uniform(format!("run {episode}"), DT, columns);
@@ -196,11 +135,8 @@ fn model(hertz: f64) -> Model {
     let names = names();
     let omega = std::f64::consts::TAU * hertz;
     // An explicit Euler step turns and stretches by |1 + (i w - d) dt|: the damping holds that below one, as far as steps allow.
-    let (turn, damping) = if omega * DT < 0.5 {
-        (omega, 0.1 * omega + omega * omega * DT)
-    } else {
-        (0.6 / DT, 1.0 / DT)
-    };
+    let (turn, damping) =
+        if omega * DT < 0.5 { (omega, 0.1 * omega + omega * omega * DT) } else { (0.6 / DT, 1.0 / DT) };
     let mut coefficients = vec![vec![vec![0.0; COLUMNS]; REGIONS]; STATES];
     let mut constants = vec![vec![0.0; REGIONS]; STATES];
     for region in 0..REGIONS {
@@ -214,29 +150,15 @@ fn model(hertz: f64) -> Model {
             constants[i][region] = turn * random.random_range(-1.0..1.0);
         }
     }
-    let centroids = (0..REGIONS)
-        .map(|_| {
-            (0..STATES)
-                .map(|_| random.random_range(-1.6..1.6))
-                .collect()
-        })
-        .collect();
-    let functions: Vec<Expr> = names
-        .iter()
-        .map(|name| Expr::column(name.as_str()))
-        .collect();
+    let centroids = (0..REGIONS).map(|_| (0..STATES).map(|_| random.random_range(-1.6..1.6)).collect()).collect();
+    let functions: Vec<Expr> = names.iter().map(|name| Expr::column(name.as_str())).collect();
     let triangle = |n: usize| n * (n + 1) / 2;
-    let diagonal = |n: usize| -> Vec<f64> {
-        (0..n)
-            .flat_map(|i| (0..=i).map(move |j| if i == j { 1.0 } else { 0.0 }))
-            .collect()
-    };
+    let diagonal =
+        |n: usize| -> Vec<f64> { (0..n).flat_map(|i| (0..=i).map(move |j| if i == j { 1.0 } else { 0.0 })).collect() };
     let mut partition = Partition::whole();
     partition.specification = format!("kmeans:{REGIONS}");
     partition.columns = functions[..STATES].to_vec();
-    partition.centre = (0..STATES)
-        .map(|_| random.random_range(-0.1..0.1))
-        .collect();
+    partition.centre = (0..STATES).map(|_| random.random_range(-0.1..0.1)).collect();
     partition.scale = (0..STATES).map(|_| random.random_range(0.8..1.2)).collect();
     partition.rule = Rule::voronoi(centroids);
     partition.regions = (0..REGIONS)
@@ -282,23 +204,12 @@ fn model(hertz: f64) -> Model {
             target: Some(Expr::column(names[i].as_str())),
             unit: None,
         });
-        model.latents.push(Latent {
-            name,
-            library: 0,
-            partition: 0,
-            constants,
-            coefficients,
-        });
+        model.latents.push(Latent { name, library: 0, partition: 0, constants, coefficients });
     }
     model
 }
 
-fn write_problem(
-    folder: &Path,
-    model: &Model,
-    source: &MemorySource,
-    starts: &[Start],
-) -> Result<(), Box<dyn Error>> {
+fn write_problem(folder: &Path, model: &Model, source: &MemorySource, starts: &[Start]) -> Result<(), Box<dyn Error>> {
     let partition = &model.partitions[0];
     let Rule::Linear { weights, offsets } = &partition.rule else {
         return Err("not a Voronoi partition".into());
@@ -312,17 +223,9 @@ fn write_problem(
     }
     let (mut first, mut inputs) = (Vec::new(), Vec::new());
     for start in starts {
-        let block = source.read(
-            start.episode,
-            start.row..start.row + STEPS,
-            Default::default(),
-        )?;
+        let block = source.read(start.episode, start.row..start.row + STEPS, Default::default())?;
         first.extend((0..STATES).map(|i| block.core(i)[0]));
-        inputs.extend(
-            (0..STEPS)
-                .flat_map(|k| (STATES..COLUMNS).map(move |i| (k, i)))
-                .map(|(k, i)| block.core(i)[k]),
-        );
+        inputs.extend((0..STEPS).flat_map(|k| (STATES..COLUMNS).map(move |i| (k, i))).map(|(k, i)| block.core(i)[k]));
     }
     for (name, values) in [
         ("theta", &theta),

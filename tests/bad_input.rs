@@ -40,7 +40,9 @@ fn fit(folder: &Path, more: &[&str]) -> Said {
 #[test]
 fn usage_errors_exit_with_two() {
     let folder = folder(&[]);
-    for arguments in [&["fit"][..], &["nonsense"], &["score", "model.json"], &["fit", "pwa", "x.csv", "--folds", "many"]] {
+    for arguments in
+        [&["fit"][..], &["nonsense"], &["score", "model.json"], &["fit", "pwa", "x.csv", "--folds", "many"]]
+    {
         assert_eq!(fleetfoot(folder.path(), arguments).code, 2, "{arguments:?}");
     }
     assert_eq!(fleetfoot(folder.path(), &["--version"]).code, 0);
@@ -59,7 +61,8 @@ fn missing_and_unknown_files() {
 #[test]
 fn unknown_columns_name_the_nearest() {
     let folder = folder(&[("log.csv", &robot_csv(100, 0.0))]);
-    fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "mod", "--inputs", "u"]).fails(&["`mod`", "`mode`"]);
+    fleetfoot(folder.path(), &["fit", "pwa", "log.csv", "--states", "mod", "--inputs", "u"])
+        .fails(&["`mod`", "`mode`"]);
     fit(folder.path(), &["--partition-on", "vv"]).fails(&["vv", "v"]);
     fit(folder.path(), &["--alias", "w=sin(uu)", "--weight", "w"]).fails(&["uu"]);
     fit(folder.path(), &["--time", "stamp"]).fails(&["stamp"]);

@@ -33,13 +33,27 @@ fn from_logs_to_a_scored_model() {
     run(&["init", "runs/run_0.csv", "-o", "new.toml"]);
     fleetfoot(folder.path(), &["init", "runs/run_0.csv", "-o", "new.toml"]).fails(&["exists already", "--force"]);
 
-    let plan = run(&["fit", "pwa", "-c", "robot.toml", "runs", "--partition", "kmeans:4", "--dry-run", "--json"]).json();
-    assert_eq!((plan["rows"].as_u64(), plan["files"].as_u64(), plan["passes"].as_u64()), (Some(12000), Some(4), Some(3)));
+    let plan =
+        run(&["fit", "pwa", "-c", "robot.toml", "runs", "--partition", "kmeans:4", "--dry-run", "--json"]).json();
+    assert_eq!(
+        (plan["rows"].as_u64(), plan["files"].as_u64(), plan["passes"].as_u64()),
+        (Some(12000), Some(4), Some(3))
+    );
     assert!(!folder.path().join("model.json").exists());
 
     let fit = run(&[
-        "fit", "pwa", "-c", "robot.toml", "runs/*.csv", "--partition", "null,average,labels:mode,kmeans:2,8", "--partition-on", "v",
-        "-o", "model.json", "--json",
+        "fit",
+        "pwa",
+        "-c",
+        "robot.toml",
+        "runs/*.csv",
+        "--partition",
+        "null,average,labels:mode,kmeans:2,8",
+        "--partition-on",
+        "v",
+        "-o",
+        "model.json",
+        "--json",
     ])
     .json();
     assert_eq!(fit["candidates"][0]["mae_over_null"][0], 1.0);
@@ -57,13 +71,28 @@ fn from_logs_to_a_scored_model() {
     let predict = run(&["predict", "model.json", "held-out.csv", "-o", "pred.parquet", "--json"]).json();
     assert_eq!((predict["rows"].as_u64(), predict["predicted"].as_u64()), (Some(2000), Some(1999)));
     let columns = run(&["info", "pred.parquet"]).out;
-    assert!(columns.contains("d(v)/dt residual") && columns.contains("region") && columns.contains("in_domain"), "{columns}");
+    assert!(
+        columns.contains("d(v)/dt residual") && columns.contains("region") && columns.contains("in_domain"),
+        "{columns}"
+    );
 
-    let rollout =
-        run(&["rollout", "model.json", "held-out.csv", "--horizon", "50", "--starts", "20", "-o", "rollouts.parquet", "--json"]).json();
+    let rollout = run(&[
+        "rollout",
+        "model.json",
+        "held-out.csv",
+        "--horizon",
+        "50",
+        "--starts",
+        "20",
+        "-o",
+        "rollouts.parquet",
+        "--json",
+    ])
+    .json();
     assert_eq!(rollout["rollouts"], 20);
     let last = rollout["model"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
-    let persistence = rollout["baselines"]["persistence"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
+    let persistence =
+        rollout["baselines"]["persistence"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
     assert!(last < 0.02 * persistence, "{last} {persistence}");
     assert!(run(&["info", "rollouts.parquet"]).out.contains("1020 rows"));
 
@@ -71,14 +100,18 @@ fn from_logs_to_a_scored_model() {
     for word in ["d(x)/dt = v", "region slip", "region grip", "f_v = 1 - 5*v + 2*u", "(given)"] {
         assert!(show.contains(word), "`{word}` is missing from\n{show}");
     }
-    assert_eq!(run(&["show", "model.json", "--json"]).out, fs::read_to_string(folder.path().join("model.json")).unwrap());
+    assert_eq!(
+        run(&["show", "model.json", "--json"]).out,
+        fs::read_to_string(folder.path().join("model.json")).unwrap()
+    );
 }
 
 #[test]
 fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
     let folder = logs();
     let fit = |threads: &str, files: &[&str], output: &str| {
-        let mut arguments = vec!["fit", "pwa", "-c", "robot.toml", "--partition", "kmeans:3,6", "--threads", threads, "-o", output];
+        let mut arguments =
+            vec!["fit", "pwa", "-c", "robot.toml", "--partition", "kmeans:3,6", "--threads", threads, "-o", output];
         arguments.extend(files);
         fleetfoot(folder.path(), &arguments).ok();
         fs::read(folder.path().join(output)).unwrap()
@@ -96,7 +129,8 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
     let lines: Vec<&str> = text.lines().collect();
     let part = |rows: std::ops::Range<usize>| lines[1 + rows.start..1 + rows.end].join("\n");
     let (first, second) = (part(0..1800), part(1900..4000));
-    let write = |name: &str, body: String| fs::write(folder.path().join(name), format!("{}\n{body}\n", lines[0])).unwrap();
+    let write =
+        |name: &str, body: String| fs::write(folder.path().join(name), format!("{}\n{body}\n", lines[0])).unwrap();
     write("whole.csv", format!("{first}\n{second}"));
     write("second.csv", second);
     write("first.csv", first);
@@ -105,7 +139,8 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
         arguments.extend(["--partition", "kmeans:4", "--lags", "2", "--folds", "2", "-o", output]);
         arguments.extend(files);
         fleetfoot(folder.path(), &arguments).ok();
-        let mut model: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join(output)).unwrap()).unwrap();
+        let mut model: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.path().join(output)).unwrap()).unwrap();
         model["checksum"] = serde_json::Value::Null;
         let mut ids: Vec<String> = Vec::new();
         for episode in model["model"]["training"]["episodes"].as_array().unwrap() {
@@ -126,15 +161,30 @@ fn discrete_models_lags_and_plain_regression() {
         all.extend(arguments);
         fleetfoot(folder.path(), &all).ok().json()
     };
-    let next = fit(&["--states", "v", "--inputs", "u", "--predict", "next", "--partition", "labels:mode", "-o", "next.json"]);
+    let next =
+        fit(&["--states", "v", "--inputs", "u", "--predict", "next", "--partition", "labels:mode", "-o", "next.json"]);
     assert_eq!(next["targets"][0], "next(v)");
     assert!(next["candidates"][0]["mae_over_null"][0].as_f64().unwrap() < 1e-9);
     let show = fleetfoot(folder.path(), &["show", "next.json"]).ok().out;
     assert!(show.contains("0.98*v") && show.contains("0.03*u"), "{show}");
-    let rollout = fleetfoot(folder.path(), &["rollout", "next.json", "held-out.csv", "--horizon", "100", "--json"]).ok().json();
+    let rollout =
+        fleetfoot(folder.path(), &["rollout", "next.json", "held-out.csv", "--horizon", "100", "--json"]).ok().json();
     assert_eq!(rollout["diverged"], 0);
 
-    let lags = fit(&["--states", "v", "--inputs", "u", "--predict", "delta", "--lags", "2", "--partition", "average", "-o", "lags.json"]);
+    let lags = fit(&[
+        "--states",
+        "v",
+        "--inputs",
+        "u",
+        "--predict",
+        "delta",
+        "--lags",
+        "2",
+        "--partition",
+        "average",
+        "-o",
+        "lags.json",
+    ]);
     assert_eq!(lags["rows_at_border"], 4 * 3, "two past rows and one ahead for each of four episodes");
 
     let plain = fit(&["--inputs", "u,v", "--predict", "dv", "--partition", "labels:mode", "-o", "plain.json"]);

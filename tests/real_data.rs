@@ -9,10 +9,8 @@ include!("runner.rs");
 
 /// The folder of the data, or a word about why a test does nothing.
 fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("FLEETFOOT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
+    let folder = std::env::var_os("FLEETFOOT_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let path = folder.join(file);
     if path.exists() {
         Some(path)
@@ -39,7 +37,8 @@ fn value(json: &serde_json::Value, path: &str) -> f64 {
 
 /// The model's Mahalanobis score at the last step of a rollout, over the best baseline's.
 fn last_over_best_baseline(rollout: &serde_json::Value) -> f64 {
-    let last = |scores: &serde_json::Value| scores["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
+    let last =
+        |scores: &serde_json::Value| scores["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap();
     let baselines = rollout["baselines"].as_object().unwrap();
     last(&rollout["model"]) / baselines.values().map(last).fold(f64::INFINITY, f64::min)
 }
@@ -52,7 +51,11 @@ fn hybrid_robot_with_given_regions_is_recovered_exactly() {
                   xd = { derivative = \"ddx\" }\nphid = { derivative = \"ddphi\" }\n[inputs]\nu1 = \"u1\"\nu2 = \"u2\"\n[time]\ncolumn = \"t\"\n";
     fs::write(folder.path().join("recipe.toml"), recipe).unwrap();
     let file = file.to_str().unwrap();
-    fleetfoot(folder.path(), &["fit", "pwa", "-c", "recipe.toml", file, "--partition", "labels:region", "--folds", "0"]).ok();
+    fleetfoot(
+        folder.path(),
+        &["fit", "pwa", "-c", "recipe.toml", file, "--partition", "labels:region", "--folds", "0"],
+    )
+    .ok();
     let model = fleetfoot(folder.path(), &["show", "model.json", "--json"]).ok().json();
     let model = &model["model"];
     // Regions in the order of the labels: 0 is xd <= 0 and its offsets (-1, 1) or (0, 0) as in the data's description.
@@ -87,7 +90,8 @@ fn quadrotor_in_wind() {
     fs::write(folder.path().join("quad.toml"), recipe).unwrap();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
     let others: Vec<String> = ["nowind", "70wind", "100wind"].iter().map(|name| format!("{wind}/{name}.csv")).collect();
-    let mut fit = vec!["fit", "pwa", "-c", "quad.toml", "train.csv", "--partition", "null,average,kmeans:2,5,10", "--json"];
+    let mut fit =
+        vec!["fit", "pwa", "-c", "quad.toml", "train.csv", "--partition", "null,average,kmeans:2,5,10", "--json"];
     fit.extend(others.iter().map(String::as_str));
     let fit = run(&fit);
     let loss = |candidate: usize| value(&fit, &format!("/candidates/{candidate}/loss"));
@@ -120,11 +124,28 @@ fn component_placement_head() {
     let folder = split(&file, 50_000.0 / 60_001.0);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
     run(&[
-        "fit", "pwa", "train.csv", "--states", "y", "--inputs", "u", "--predict", "next", "--lags", "3", "--partition",
-        "average,kmeans:2,5,10", "--partition-on", "y,lag(y,1),u", "--purge", "0.05", "--json",
+        "fit",
+        "pwa",
+        "train.csv",
+        "--states",
+        "y",
+        "--inputs",
+        "u",
+        "--predict",
+        "next",
+        "--lags",
+        "3",
+        "--partition",
+        "average,kmeans:2,5,10",
+        "--partition-on",
+        "y,lag(y,1),u",
+        "--purge",
+        "0.05",
+        "--json",
     ]);
     let score = run(&["score", "model.json", "test.csv", "--json"]);
-    let persistence = score["targets"][0]["baselines"].as_array().unwrap().iter().find(|b| b["name"] == "persistence").unwrap();
+    let persistence =
+        score["targets"][0]["baselines"].as_array().unwrap().iter().find(|b| b["name"] == "persistence").unwrap();
     assert!(value(persistence, "/model_mae") < 0.2 * value(persistence, "/mae"), "{score:#}");
     let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "200", "--starts", "100", "--json"]);
     assert!(last_over_best_baseline(&rollout) < 1.0);
@@ -141,8 +162,20 @@ fn airliner_with_date_stamps() {
     let fit = fleetfoot(
         folder.path(),
         &[
-            "fit", "pwa", file.to_str().unwrap(), "--states", "altitude,CAS,weight", "--inputs", "pitch,fuelflow", "--partition",
-            "average,kmeans:3", "--partition-on", "altitude,CAS", "--purge", "60", "--json",
+            "fit",
+            "pwa",
+            file.to_str().unwrap(),
+            "--states",
+            "altitude,CAS,weight",
+            "--inputs",
+            "pitch,fuelflow",
+            "--partition",
+            "average,kmeans:3",
+            "--partition-on",
+            "altitude,CAS",
+            "--purge",
+            "60",
+            "--json",
         ],
     )
     .ok()
@@ -162,8 +195,20 @@ fn quadrotor_on_the_bench() {
     let folder = split(&file, 0.7);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
     run(&[
-        "fit", "pwa", "train.csv", "--inputs", "m1,m2,m3,m4", "--predict", "acc_z_mps2", "--lags", "20", "--partition", "average,kmeans:3",
-        "--purge", "0.5", "--json",
+        "fit",
+        "pwa",
+        "train.csv",
+        "--inputs",
+        "m1,m2,m3,m4",
+        "--predict",
+        "acc_z_mps2",
+        "--lags",
+        "20",
+        "--partition",
+        "average,kmeans:3",
+        "--purge",
+        "0.5",
+        "--json",
     ]);
     let score = run(&["score", "model.json", "test.csv", "--json"]);
     assert!(value(&score, "/targets/0/mae_over_null/value") < 0.6, "{score:#}");
@@ -171,8 +216,22 @@ fn quadrotor_on_the_bench() {
     let folder = split(&file, 0.7);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok().json();
     run(&[
-        "fit", "pwa", "train.csv", "--states", "gyro_x_rads,gyro_y_rads", "--inputs", "m1,m2,m3,m4", "--predict", "next", "--lags", "5",
-        "--partition", "average,kmeans:4", "--purge", "0.5", "--json",
+        "fit",
+        "pwa",
+        "train.csv",
+        "--states",
+        "gyro_x_rads,gyro_y_rads",
+        "--inputs",
+        "m1,m2,m3,m4",
+        "--predict",
+        "next",
+        "--lags",
+        "5",
+        "--partition",
+        "average,kmeans:4",
+        "--purge",
+        "0.5",
+        "--json",
     ]);
     let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "20", "--starts", "300", "--json"]);
     assert!(last_over_best_baseline(&rollout) < 1.0);

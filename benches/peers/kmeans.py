@@ -1,6 +1,7 @@
 """Lloyd's k-means of a peer on the rows and the start that the bench wrote: kmeans.py FOLDER NAME N D K ITERATIONS.
 
-NAME is sklearn64, sklearn32 or faiss32. Prints one JSON line: version, seconds (best of three), iterations, inertia, peak MiB;
+NAME is sklearn64, sklearn32 or faiss32. Prints one JSON line: version, seconds (best of three), CPU seconds (mean of
+the three), iterations, inertia, peak MiB;
 for scikit-learn also the seconds of its k-means++ alone.
 The final centroids go to FOLDER/NAME.f64, row-major.
 """
@@ -71,7 +72,9 @@ def main():
     x = np.fromfile(folder / "rows.f64").astype(kind, copy=False).reshape(n, d)
     start = np.fromfile(folder / "start.f64").astype(kind, copy=False).reshape(k, d)
     fit = faiss_fit if name == "faiss32" else sklearn_fit
+    busy = time.process_time()
     runs = [fit(x, start, iterations) for _ in range(REPEATS)]
+    busy = (time.process_time() - busy) / REPEATS
     peak = peak_mib()
     _, centroids, made, version = runs[-1]
     centroids = np.ascontiguousarray(centroids, dtype=np.float64)
@@ -82,6 +85,7 @@ def main():
             {
                 "version": version,
                 "seconds": min(run[0] for run in runs),
+                "cpu": busy,
                 "iterations": int(made),
                 "inertia": float(inertia_of(rows, centroids)),
                 "peak_mib": peak,

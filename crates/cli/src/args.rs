@@ -6,7 +6,13 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Turns robot logs into equations.
 #[derive(Debug, Parser)]
-#[command(name = "fleetfoot", version, about, propagate_version = true, max_term_width = 110)]
+#[command(
+    name = "fleetfoot",
+    version,
+    about = "Turns robot logs into equations",
+    propagate_version = true,
+    max_term_width = 110
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,

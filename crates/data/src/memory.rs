@@ -68,7 +68,12 @@ impl Source for MemorySource {
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
         let info = &self.episodes[episode];
         if rows.start > rows.end || rows.end > info.rows {
-            return Err(Error::OutOfRange { episode: info.name.clone(), start: rows.start, end: rows.end, rows: info.rows });
+            return Err(Error::OutOfRange {
+                episode: info.name.clone(),
+                start: rows.start,
+                end: rows.end,
+                rows: info.rows,
+            });
         }
         let (time, values) = &self.data[episode];
         Ok(cut(time, values, rows, halo))

@@ -101,7 +101,8 @@ where
     let mut ready = compute(0);
     let mut next = wave;
     while !ready.is_empty() {
-        let (folded, following) = rayon::join(|| ready.into_iter().try_for_each(|result| fold(result?)), || compute(next));
+        let (folded, following) =
+            rayon::join(|| ready.into_iter().try_for_each(|result| fold(result?)), || compute(next));
         folded?;
         ready = following;
         next += wave;

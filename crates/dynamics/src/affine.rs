@@ -15,7 +15,7 @@ use crate::{
     angle::wrap,
     cell::{Cell, Cells},
     integrate::{advance, runge_kutta_mean},
-    kernel::{LANES, affine, load, near, within},
+    kernel::{LANES, affine, copy, load, near, within},
     simulator::Run,
 };
 
@@ -152,7 +152,11 @@ impl AffineKernel {
         // Long before the next step reads them: a wide load that needs a narrow store just made would wait for it.
         self.prepare(track, k + 1);
         track.regions.push(region as u32);
-        track.states.extend_from_slice(&track.slots[..self.states]);
+        let (chunks, rest) = track.slots[..self.states].as_chunks::<LANES>();
+        for chunk in chunks {
+            track.states.extend_from_slice(chunk);
+        }
+        track.states.extend_from_slice(rest);
     }
 
     /// Fills the slots that are not states for step `k`.
@@ -202,10 +206,10 @@ impl AffineKernel {
     #[inline(always)]
     fn refine<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, scratch: &mut Scratch) {
         let Scratch { slope, stages, slots, .. } = scratch;
-        stages[0].copy_from_slice(slope);
+        copy::<S>(slope, &mut stages[0]);
         for stage in 1..4 {
             let offset = if stage == 3 { seconds } else { seconds * 0.5 };
-            slots.copy_from_slice(&track.slots);
+            copy::<S>(&track.slots, slots);
             for from in (0..self.width).step_by(LANES) {
                 let mut x = load::<LANES>(&track.slots[from..]);
                 let slope = load::<LANES>(&stages[stage - 1][from..]);

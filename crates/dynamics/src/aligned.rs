@@ -2,24 +2,25 @@
 
 use std::ops::{Deref, DerefMut};
 
-/// Bytes of a cache line, and of the widest vector.
-const LINE: usize = 64;
+/// Values on a cache line.
+const VALUES: usize = 8;
+
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+struct Line([f64; VALUES]);
 
 /// A slice of fixed length that starts on a cache line.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Aligned {
-    values: Vec<f64>,
-    offset: usize,
+    /// Enough lines for `length` values.
+    lines: Box<[Line]>,
     length: usize,
 }
 
 impl Aligned {
     /// `length` times `value`.
     pub(crate) fn new(length: usize, value: f64) -> Self {
-        let values = vec![value; length + LINE / size_of::<f64>()];
-        // The vector is never resized: its values stay where they are.
-        let offset = values.as_ptr().align_offset(LINE).min(LINE / size_of::<f64>());
-        Self { values, offset, length }
+        Self { lines: vec![Line([value; VALUES]); length.div_ceil(VALUES)].into_boxed_slice(), length }
     }
 
     /// A copy of these values.
@@ -35,14 +36,17 @@ impl Deref for Aligned {
 
     #[inline(always)]
     fn deref(&self) -> &[f64] {
-        &self.values[self.offset..self.offset + self.length]
+        // SAFETY: a `Line` is nothing but its eight values (C layout, no padding), so the lines are `8 * lines.len()` consecutive
+        // values, all initialised, of which `length` (rounded up to lines by the only constructor) are lent as long as `self` is.
+        unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.length) }
     }
 }
 
 impl DerefMut for Aligned {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut [f64] {
-        &mut self.values[self.offset..self.offset + self.length]
+        // SAFETY: as for `deref`; the borrow is exclusive.
+        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.length) }
     }
 }
 
@@ -54,7 +58,7 @@ mod tests {
     fn values_start_on_a_line() {
         for length in [0, 1, 7, 8, 1000] {
             let mut aligned = Aligned::new(length, 2.5);
-            assert_eq!(aligned.as_ptr() as usize % LINE, 0);
+            assert_eq!(aligned.as_ptr() as usize % 64, 0);
             assert_eq!(&*aligned, vec![2.5; length]);
             aligned.fill(1.0);
             assert_eq!(&*Aligned::from_slice(&aligned), &*aligned);

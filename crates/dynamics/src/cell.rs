@@ -6,7 +6,7 @@ use pulp::Simd;
 use crate::{
     aligned::Aligned,
     compiled::Regions,
-    kernel::{affine, argmax, padded, scaled_square, smallest_lead, standardise},
+    kernel::{affine, argmax, copy, padded, scaled_square, smallest_lead, standardise},
 };
 
 /// The partition of the fast path: how regions follow from the slots of a trajectory.
@@ -130,7 +130,7 @@ impl Cells {
     /// First stage of a search: standardised columns.
     #[inline(always)]
     pub(crate) fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        cell.reference.copy_from_slice(slots);
+        copy::<S>(slots, &mut cell.reference);
         let square = match self.consecutive {
             Some(first) => {
                 let values = &slots[first..first + self.centre.len()];

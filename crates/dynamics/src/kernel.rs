@@ -64,6 +64,14 @@ pub(crate) fn load<const N: usize>(values: &[f64]) -> [f64; N] {
     loaded
 }
 
+/// Copies values of a padded length, a vector at a time.
+#[inline(always)]
+pub(crate) fn copy<S: Simd>(from: &[f64], to: &mut [f64]) {
+    for (to, from) in S::as_mut_simd_f64s(to).0.iter_mut().zip(S::as_simd_f64s(from).0) {
+        *to = *from;
+    }
+}
+
 /// The largest value and the lowest index that holds it; no value is NaN. `indices` are 0, 1, 2, ..., of the values' padded length.
 #[inline(always)]
 pub(crate) fn argmax<S: Simd>(simd: S, values: &[f64], indices: &[f64]) -> (f64, usize) {

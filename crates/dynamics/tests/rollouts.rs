@@ -7,8 +7,7 @@ use std::f64::consts::PI;
 use common::*;
 use fleetfoot_data::{Silent, Source, with_threads};
 use fleetfoot_dynamics::{
-    Baseline, Basis, End, Error, Method, RolloutOptions, Simulator, Start, Starts, Step,
-    Trajectory, rollout,
+    Baseline, Basis, End, Error, Method, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
 };
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, UnseenLabel};
 
@@ -18,36 +17,19 @@ fn options(horizon: usize, method: Method) -> RolloutOptions {
     options
 }
 
-fn one(
-    simulator: &Simulator,
-    source: &dyn Source,
-    row: usize,
-    options: &RolloutOptions,
-) -> Trajectory {
+fn one(simulator: &Simulator, source: &dyn Source, row: usize, options: &RolloutOptions) -> Trajectory {
     let start = Start { episode: 0, row };
-    simulator
-        .trajectories(source, &[start], options, &Silent)
-        .unwrap()
-        .remove(0)
-        .unwrap()
+    simulator.trajectories(source, &[start], options, &Silent).unwrap().remove(0).unwrap()
 }
 
 /// x' = v, v' = -w^2 x.
 fn oscillator(w: f64) -> Model {
-    let columns = vec![
-        column("x", Role::State, false),
-        column("v", Role::State, false),
-    ];
+    let columns = vec![column("x", Role::State, false), column("v", Role::State, false)];
     model(
         columns,
         &["x", "v"],
         Partition::whole(),
-        vec![(
-            "v",
-            Prediction::Derivative,
-            "forward(v)",
-            vec![(0.0, vec![-w * w, 0.0])],
-        )],
+        vec![("v", Prediction::Derivative, "forward(v)", vec![(0.0, vec![-w * w, 0.0])])],
         &[("x", Prediction::Derivative, "v")],
     )
 }
@@ -93,39 +75,15 @@ fn a_linear_system_follows_the_matrix_exponential() {
     let a = [[-0.5, 1.0, 0.2], [-1.3, -0.4, 0.7], [0.1, -0.6, -0.9]];
     let b = [0.3, -0.2, 0.8];
     let names = ["p", "q", "r", "u"];
-    let columns = (0..4)
-        .map(|i| {
-            column(
-                names[i],
-                if i < 3 { Role::State } else { Role::Input },
-                false,
-            )
-        })
-        .collect();
+    let columns = (0..4).map(|i| column(names[i], if i < 3 { Role::State } else { Role::Input }, false)).collect();
     let fitted = (0..3)
-        .map(|i| {
-            (
-                names[i],
-                Prediction::Derivative,
-                "1",
-                vec![(0.0, vec![a[i][0], a[i][1], a[i][2], b[i]])],
-            )
-        })
+        .map(|i| (names[i], Prediction::Derivative, "1", vec![(0.0, vec![a[i][0], a[i][1], a[i][2], b[i]])]))
         .collect();
     let model = model(columns, &names, Partition::whole(), fitted, &[]);
     let (dt, steps) = (0.01, 300);
     let start = [1.0, -0.5, 0.25, 0.6];
-    let source = source(
-        &names,
-        dt,
-        vec![start.iter().map(|&v| vec![v; steps + 2]).collect()],
-    );
-    let end = one(
-        &Simulator::new(&model).unwrap(),
-        &source,
-        1,
-        &options(steps, Method::Rk4),
-    );
+    let source = source(&names, dt, vec![start.iter().map(|&v| vec![v; steps + 2]).collect()]);
+    let end = one(&Simulator::new(&model).unwrap(), &source, 1, &options(steps, Method::Rk4));
     // Augmented system [x; u]' = [[A, b], [0, 0]] [x; u].
     let mut m = [[0.0; 4]; 4];
     for i in 0..3 {
@@ -135,11 +93,7 @@ fn a_linear_system_follows_the_matrix_exponential() {
     let exponential = exponential(m, dt * steps as f64);
     for i in 0..3 {
         let exact: f64 = (0..4).map(|j| exponential[i][j] * start[j]).sum();
-        assert!(
-            (end.state(steps)[i] - exact).abs() < 1e-9,
-            "{i}: {} {exact}",
-            end.state(steps)[i]
-        );
+        assert!((end.state(steps)[i] - exact).abs() < 1e-9, "{i}: {} {exact}", end.state(steps)[i]);
     }
 }
 
@@ -173,21 +127,13 @@ fn exponential(m: [[f64; 4]; 4], t: f64) -> [[f64; 4]; 4] {
 
 #[test]
 fn an_autoregression_runs_free_from_its_recorded_history() {
-    let columns = vec![
-        column("y", Role::State, false),
-        column("u", Role::Input, false),
-    ];
+    let columns = vec![column("y", Role::State, false), column("u", Role::Input, false)];
     let (a1, a2, b1, c) = (1.2, -0.5, 0.7, 0.05);
     let model = model(
         columns,
         &["y", "lag(y, 1)", "lag(u, 1)"],
         Partition::whole(),
-        vec![(
-            "y",
-            Prediction::Next,
-            "lead(y, 1)",
-            vec![(c, vec![a1, a2, b1])],
-        )],
+        vec![("y", Prediction::Next, "lead(y, 1)", vec![(c, vec![a1, a2, b1])])],
         &[],
     );
     let rows = 60;
@@ -222,35 +168,18 @@ fn known_states_are_integrated_along_a_circle() {
         columns,
         &["r"],
         Partition::whole(),
-        vec![(
-            "yaw",
-            Prediction::Derivative,
-            "wrap(lead(yaw, 1) - yaw)",
-            vec![(0.0, vec![1.0])],
-        )],
-        &[
-            ("x", Prediction::Derivative, "v*cos(yaw)"),
-            ("y", Prediction::Derivative, "v*sin(yaw)"),
-        ],
+        vec![("yaw", Prediction::Derivative, "wrap(lead(yaw, 1) - yaw)", vec![(0.0, vec![1.0])])],
+        &[("x", Prediction::Derivative, "v*cos(yaw)"), ("y", Prediction::Derivative, "v*sin(yaw)")],
     );
     let (dt, rows, v, r) = (0.01, 1000, 1.5, 2.0);
     let constant = |value: f64| vec![value; rows];
     let source = source(
         &["x", "y", "yaw", "v", "r"],
         dt,
-        vec![vec![
-            constant(0.0),
-            constant(0.0),
-            constant(3.0),
-            constant(v),
-            constant(r),
-        ]],
+        vec![vec![constant(0.0), constant(0.0), constant(3.0), constant(v), constant(r)]],
     );
     let simulator = Simulator::new(&model).unwrap();
-    assert!(
-        !simulator.is_affine(),
-        "a product of columns needs the general path"
-    );
+    assert!(!simulator.is_affine(), "a product of columns needs the general path");
     let steps = 900;
     let end = one(&simulator, &source, 1, &options(steps, Method::Rk4));
     for k in [1, 10, 333, 900] {
@@ -259,12 +188,7 @@ fn known_states_are_integrated_along_a_circle() {
         assert!((state[0] - v / r * (angle.sin() - 3f64.sin())).abs() < 1e-8);
         assert!((state[1] + v / r * (angle.cos() - 3f64.cos())).abs() < 1e-8);
         assert!(state[2] > -PI && state[2] <= PI);
-        assert!(
-            (state[2] - angle)
-                .rem_euclid(2.0 * PI)
-                .min((angle - state[2]).rem_euclid(2.0 * PI))
-                < 1e-10
-        );
+        assert!((state[2] - angle).rem_euclid(2.0 * PI).min((angle - state[2]).rem_euclid(2.0 * PI)) < 1e-10);
     }
 }
 
@@ -272,27 +196,13 @@ fn known_states_are_integrated_along_a_circle() {
 fn errors_of_angles_are_wrapped() {
     // The recording turns on at 1 rad/s, the model too but 0.01 rad/s faster; it crosses pi in between.
     let columns = vec![column("yaw", Role::State, true)];
-    let fitted = vec![(
-        "yaw",
-        Prediction::Derivative,
-        "wrap(lead(yaw, 1) - yaw)",
-        vec![(1.01, vec![])],
-    )];
+    let fitted = vec![("yaw", Prediction::Derivative, "wrap(lead(yaw, 1) - yaw)", vec![(1.01, vec![])])];
     let mut model = model(columns, &[], Partition::whole(), fitted, &[]);
     model.training.target_mean = vec![1.0];
-    let yaw: Vec<f64> = (0..200)
-        .map(|k| (3.0 + 0.01 * f64::from(k) + PI).rem_euclid(2.0 * PI) - PI)
-        .collect();
+    let yaw: Vec<f64> = (0..200).map(|k| (3.0 + 0.01 * f64::from(k) + PI).rem_euclid(2.0 * PI) - PI).collect();
     let source = source(&["yaw"], 0.01, vec![vec![yaw]]);
     let starts = Starts::At(vec![Start { episode: 0, row: 1 }]);
-    let rollouts = rollout(
-        &model,
-        &source,
-        &starts,
-        &options(100, Method::Euler),
-        &Silent,
-    )
-    .unwrap();
+    let rollouts = rollout(&model, &source, &starts, &options(100, Method::Euler), &Silent).unwrap();
     for k in 0..100 {
         let expected = 0.01 * 0.01 * (k + 1) as f64;
         assert!((rollouts.horizon.model.rmse[k] - expected).abs() < 1e-9);
@@ -305,10 +215,7 @@ fn errors_of_angles_are_wrapped() {
 
 #[test]
 fn labels_choose_the_mode_and_unknown_labels_end_a_rollout() {
-    let columns = vec![
-        column("x", Role::State, false),
-        column("ground", Role::Auxiliary, false),
-    ];
+    let columns = vec![column("x", Role::State, false), column("ground", Role::Auxiliary, false)];
     let rule = Rule::Labels {
         values: vec![0.0, 1.0],
         names: vec!["0".into(), "1".into()],
@@ -319,12 +226,7 @@ fn labels_choose_the_mode_and_unknown_labels_end_a_rollout() {
         columns,
         &["x"],
         partition(&["ground"], &[0.0], &[1.0], rule),
-        vec![(
-            "x",
-            Prediction::Derivative,
-            "forward(x)",
-            vec![(1.0, vec![0.0]), (-2.0, vec![0.0])],
-        )],
+        vec![("x", Prediction::Derivative, "forward(x)", vec![(1.0, vec![0.0]), (-2.0, vec![0.0])])],
         &[],
     );
     let rows = 60;
@@ -343,9 +245,7 @@ fn labels_choose_the_mode_and_unknown_labels_end_a_rollout() {
     let simulator = Simulator::new(&model).unwrap();
     let end = one(&simulator, &source, 10, &options(25, Method::Euler));
     assert_eq!(end.end, End::Horizon);
-    assert!(
-        (end.state(10)[0] - 1.0).abs() < 1e-12 && (end.state(25)[0] - (1.0 - 3.0)).abs() < 1e-12
-    );
+    assert!((end.state(10)[0] - 1.0).abs() < 1e-12 && (end.state(25)[0] - (1.0 - 3.0)).abs() < 1e-12);
     assert_eq!((end.regions[9], end.regions[10]), (0, 1));
     let end = one(&simulator, &source, 30, &options(25, Method::Euler));
     assert_eq!((end.end, end.steps()), (End::NoRegion, 10));
@@ -354,57 +254,30 @@ fn labels_choose_the_mode_and_unknown_labels_end_a_rollout() {
 #[test]
 fn divergence_is_noticed_counted_and_scored() {
     let columns = vec![column("x", Role::State, false)];
-    let fitted = vec![(
-        "x",
-        Prediction::Derivative,
-        "forward(x)",
-        vec![(0.0, vec![50.0])],
-    )];
+    let fitted = vec![("x", Prediction::Derivative, "forward(x)", vec![(0.0, vec![50.0])])];
     let model = model(columns, &["x"], Partition::whole(), fitted, &[]);
     let source = source(&["x"], 0.1, vec![vec![vec![1.0; 40]]]);
     for general in [false, true] {
         let simulator = Simulator::new(&model).unwrap();
-        let simulator = if general {
-            simulator.general()
-        } else {
-            simulator
-        };
+        let simulator = if general { simulator.general() } else { simulator };
         let end = one(&simulator, &source, 1, &options(20, Method::Euler));
         // x grows sixfold a step: 6^3 = 216, and 6^4 = 1296 is beyond 1000 deviations from the start.
         assert_eq!((end.end, end.steps()), (End::Diverged, 3));
         assert_eq!(end.state(3)[0], 216.0);
         assert_eq!(end.state(19)[0], 216.0, "the last good state stands");
     }
-    let rollouts = rollout(
-        &model,
-        &source,
-        &Starts::Even(4),
-        &options(20, Method::Euler),
-        &Silent,
-    )
-    .unwrap();
+    let rollouts = rollout(&model, &source, &Starts::Even(4), &options(20, Method::Euler), &Silent).unwrap();
     assert_eq!(rollouts.diverged(), 4);
     assert!((rollouts.outcomes[0].seconds - 0.3).abs() < 1e-12);
-    assert_eq!(
-        (rollouts.horizon.ended[2], rollouts.horizon.ended[3]),
-        (0.0, 1.0)
-    );
-    assert_eq!(
-        rollouts.horizon.model.rmse[19], 215.0,
-        "an ended trajectory keeps its error"
-    );
+    assert_eq!((rollouts.horizon.ended[2], rollouts.horizon.ended[3]), (0.0, 1.0));
+    assert_eq!(rollouts.horizon.model.rmse[19], 215.0, "an ended trajectory keeps its error");
     assert_eq!(rollouts.horizon.useful.beaten_by, Some(Baseline::Null));
 }
 
 #[test]
 fn overflow_and_leaving_the_domain_are_noticed() {
     let columns = vec![column("x", Role::State, false)];
-    let fitted = vec![(
-        "x",
-        Prediction::Difference,
-        "lead(x, 1) - x",
-        vec![(1.0, vec![0.0])],
-    )];
+    let fitted = vec![("x", Prediction::Difference, "lead(x, 1) - x", vec![(1.0, vec![0.0])])];
     let mut growing = model(columns, &["x"], Partition::whole(), fitted, &[]);
     // Nothing known about the state's scale: only overflow ends it.
     growing.training.state_covariance = vec![0.0];
@@ -415,20 +288,12 @@ fn overflow_and_leaving_the_domain_are_noticed() {
         // A coefficient of zero takes the function out of use; a tiny one keeps its range.
         growing.latents[0].coefficients = vec![vec![1e-30]];
         let simulator = Simulator::new(&growing).unwrap();
-        let simulator = if general {
-            simulator.general()
-        } else {
-            simulator
-        };
+        let simulator = if general { simulator.general() } else { simulator };
         let end = one(&simulator, &source, 1, &options(10, Method::Euler));
         assert_eq!((end.end, end.left_domain), (End::Horizon, Some(5)));
         growing.latents[0].coefficients = vec![vec![1e300]];
         let simulator = Simulator::new(&growing).unwrap();
-        let simulator = if general {
-            simulator.general()
-        } else {
-            simulator
-        };
+        let simulator = if general { simulator.general() } else { simulator };
         let end = one(&simulator, &source, 1, &options(10, Method::Euler));
         assert_eq!((end.end, end.steps()), (End::Diverged, 2));
     }
@@ -459,29 +324,16 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
             let general = Simulator::new(&model).unwrap().general();
             let options = options(150, method);
             let chosen = starts.choose(&source, 150, 1, 150).unwrap();
-            let a = fast
-                .trajectories(&source, &chosen, &options, &Silent)
-                .unwrap();
-            let b = general
-                .trajectories(&source, &chosen, &options, &Silent)
-                .unwrap();
+            let a = fast.trajectories(&source, &chosen, &options, &Silent).unwrap();
+            let b = general.trajectories(&source, &chosen, &options, &Silent).unwrap();
             let mut visited = std::collections::HashSet::new();
             for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
                 assert_eq!(a.regions, b.regions);
-                assert!(
-                    a.states
-                        .iter()
-                        .zip(&b.states)
-                        .all(|(x, y)| x.to_bits() == y.to_bits())
-                );
+                assert!(a.states.iter().zip(&b.states).all(|(x, y)| x.to_bits() == y.to_bits()));
                 assert_eq!((a.end, a.left_domain), (b.end, b.left_domain));
                 visited.extend(a.regions.iter().copied());
             }
-            assert!(
-                visited.len() >= regions.min(3),
-                "the rollouts must cross regions: {}",
-                visited.len()
-            );
+            assert!(visited.len() >= regions.min(3), "the rollouts must cross regions: {}", visited.len());
         }
     }
 }
@@ -492,25 +344,13 @@ fn the_ball_partition_on_both_paths() {
     model.partitions[0].rule = Rule::Ball { radius: 1.5 };
     let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
     let options = options(100, Method::Euler);
-    let run = |simulator: Simulator| {
-        simulator
-            .trajectories(&source, &chosen, &options, &Silent)
-            .unwrap()
-    };
+    let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
     let fast = Simulator::new(&model).unwrap();
     assert!(fast.is_affine());
     let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
     assert_eq!(fast, general);
-    let inside = fast
-        .iter()
-        .flatten()
-        .flat_map(|t| &t.regions)
-        .filter(|&&region| region == 0)
-        .count();
-    assert!(
-        inside > 100 && inside < 4900,
-        "both regions are visited: {inside}"
-    );
+    let inside = fast.iter().flatten().flat_map(|t| &t.regions).filter(|&&region| region == 0).count();
+    assert!(inside > 100 && inside < 4900, "both regions are visited: {inside}");
 }
 
 #[test]
@@ -518,31 +358,17 @@ fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
     let (model, source) = random_hybrid(5, 2, 9, 500);
     let mut options = options(80, Method::Euler);
     options.keep = true;
-    let starts = Starts::Random {
-        count: 130,
-        seed: 4,
-    };
-    let run = |threads| {
-        with_threads(threads, || {
-            rollout(&model, &source, &starts, &options, &Silent)
-        })
-        .unwrap()
-    };
+    let starts = Starts::Random { count: 130, seed: 4 };
+    let run = |threads| with_threads(threads, || rollout(&model, &source, &starts, &options, &Silent)).unwrap();
     let once = run(1);
     assert_eq!(once.outcomes.len(), 130);
     assert_eq!(once, run(2));
     assert_eq!(once, run(7));
     for general in [false, true] {
         let simulator = Simulator::new(&model).unwrap();
-        let simulator = if general {
-            simulator.general()
-        } else {
-            simulator
-        };
+        let simulator = if general { simulator.general() } else { simulator };
         for trajectory in once.trajectories.iter().step_by(17) {
-            let alone = simulator
-                .trajectories(&source, &[trajectory.start], &options, &Silent)
-                .unwrap();
+            let alone = simulator.trajectories(&source, &[trajectory.start], &options, &Silent).unwrap();
             assert_eq!(alone[0].as_ref(), Some(trajectory));
         }
     }
@@ -554,14 +380,7 @@ fn a_perfect_model_is_useful_over_the_whole_horizon() {
     let source = oscillator_source(w, 0.01, 600);
     let mut model = oscillator(w);
     model.training.state_covariance = vec![0.5, 0.0, 4.5];
-    let rollouts = rollout(
-        &model,
-        &source,
-        &Starts::Even(50),
-        &options(100, Method::Rk4),
-        &Silent,
-    )
-    .unwrap();
+    let rollouts = rollout(&model, &source, &Starts::Even(50), &options(100, Method::Rk4), &Silent).unwrap();
     let useful = rollouts.horizon.useful;
     assert_eq!((useful.steps, useful.beaten_by), (100, None));
     assert!((useful.seconds - 1.0).abs() < 1e-12);
@@ -574,24 +393,12 @@ fn a_perfect_model_is_useful_over_the_whole_horizon() {
         let t = outcome.start.row as f64 * 0.01;
         (0..2).for_each(|s| square[s] += (x(t + 0.3)[s] - x(t)[s]).powi(2) / 50.0);
     }
-    let persistence = &rollouts
-        .horizon
-        .baselines
-        .iter()
-        .find(|b| b.0 == Baseline::Persistence)
-        .unwrap()
-        .1;
+    let persistence = &rollouts.horizon.baselines.iter().find(|b| b.0 == Baseline::Persistence).unwrap().1;
     for s in 0..2 {
         assert!((persistence.rmse[29 * 2 + s] - square[s].sqrt()).abs() < 1e-9);
     }
     // Constant velocity is of second order for small times.
-    let velocity = &rollouts
-        .horizon
-        .baselines
-        .iter()
-        .find(|b| b.0 == Baseline::ConstantVelocity)
-        .unwrap()
-        .1;
+    let velocity = &rollouts.horizon.baselines.iter().find(|b| b.0 == Baseline::ConstantVelocity).unwrap().1;
     assert!(velocity.rmse[0] < 0.1 * persistence.rmse[0]);
 }
 
@@ -600,55 +407,28 @@ fn starts_with_missing_inputs_are_left_out_and_counted() {
     let (model, _) = random_hybrid(2, 1, 2, 10);
     let mut u = vec![0.1; 100];
     u[50] = f64::NAN;
-    let source = source(
-        &["x0", "x1", "u0"],
-        0.01,
-        vec![vec![vec![0.2; 100], vec![0.3; 100], u]],
-    );
-    let rollouts = rollout(
-        &model,
-        &source,
-        &Starts::Even(1000),
-        &options(10, Method::Euler),
-        &Silent,
-    )
-    .unwrap();
+    let source = source(&["x0", "x1", "u0"], 0.01, vec![vec![vec![0.2; 100], vec![0.3; 100], u]]);
+    let rollouts = rollout(&model, &source, &Starts::Even(1000), &options(10, Method::Euler), &Silent).unwrap();
     // Rows 1..=89 are possible; a start needs the inputs of its row and the nine rows after it.
     assert_eq!((rollouts.missing, rollouts.outcomes.len()), (10, 79));
     let error = rollout(
         &model,
         &source,
-        &Starts::At(vec![Start {
-            episode: 0,
-            row: 45,
-        }]),
+        &Starts::At(vec![Start { episode: 0, row: 45 }]),
         &options(10, Method::Euler),
         &Silent,
     );
-    assert!(matches!(
-        error,
-        Err(Error::MissingValues {
-            starts: 1,
-            needed: 12
-        })
-    ));
+    assert!(matches!(error, Err(Error::MissingValues { starts: 1, needed: 12 })));
 }
 
 #[test]
 fn time_and_irregular_stamps() {
     // x' = time(): x(t) = t^2 / 2, exactly with Runge-Kutta on the real stamps.
     let columns = vec![column("x", Role::State, false)];
-    let fitted = vec![(
-        "x",
-        Prediction::Derivative,
-        "forward(x)",
-        vec![(0.0, vec![1.0])],
-    )];
+    let fitted = vec![("x", Prediction::Derivative, "forward(x)", vec![(0.0, vec![1.0])])];
     let model = model(columns, &["time()"], Partition::whole(), fitted, &[]);
     let mut source = fleetfoot_data::MemorySource::new(vec![fleetfoot_data::Column::float("x")]);
-    let stamps: Vec<i64> = (0..50i64)
-        .map(|k| 5_000_000_000 + k * 10_000_000 + (k * k % 7) * 1_000_000)
-        .collect();
+    let stamps: Vec<i64> = (0..50i64).map(|k| 5_000_000_000 + k * 10_000_000 + (k * k % 7) * 1_000_000).collect();
     source.push("jitter", stamps.clone().into(), vec![vec![0.0; 50].into()]);
     let mut options = options(30, Method::Rk4);
     options.step = Step::Stamps;
@@ -661,29 +441,12 @@ fn time_and_irregular_stamps() {
 
 #[test]
 fn what_cannot_be_rolled_out_is_said() {
-    let columns = || {
-        vec![
-            column("x", Role::State, false),
-            column("y", Role::State, false),
-        ]
-    };
+    let columns = || vec![column("x", Role::State, false), column("y", Role::State, false)];
     let plain = |prediction, library: &str| {
-        model(
-            columns(),
-            &[library],
-            Partition::whole(),
-            vec![("x", prediction, "x", vec![(0.0, vec![1.0])])],
-            &[],
-        )
+        model(columns(), &[library], Partition::whole(), vec![("x", prediction, "x", vec![(0.0, vec![1.0])])], &[])
     };
-    assert!(matches!(
-        Simulator::new(&plain(Prediction::Value, "y")),
-        Err(Error::NothingToAdvance { .. })
-    ));
-    assert!(matches!(
-        Simulator::new(&plain(Prediction::Next, "lead(x, 1)")),
-        Err(Error::FutureState { ahead: 1, .. })
-    ));
+    assert!(matches!(Simulator::new(&plain(Prediction::Value, "y")), Err(Error::NothingToAdvance { .. })));
+    assert!(matches!(Simulator::new(&plain(Prediction::Next, "lead(x, 1)")), Err(Error::FutureState { ahead: 1, .. })));
     let simulator = Simulator::new(&plain(Prediction::Next, "lead(y, 2)")).unwrap();
     assert_eq!(simulator.recorded_states(), ["y"]);
     assert_eq!(simulator.needed_rows(10).after, 11);
@@ -694,29 +457,13 @@ fn what_cannot_be_rolled_out_is_said() {
         vec![("x", Prediction::Next, "lead(x, 1)", vec![(0.0, vec![1.0])])],
         &[("x", Prediction::Derivative, "y")],
     );
-    assert!(matches!(
-        Simulator::new(&twice),
-        Err(Error::Contradiction { .. })
-    ));
+    assert!(matches!(Simulator::new(&twice), Err(Error::Contradiction { .. })));
     let source = source(&["x"], 0.1, vec![vec![vec![0.0; 50]]]);
     let options = options(5, Method::Euler);
-    let error = rollout(
-        &plain(Prediction::Next, "y"),
-        &source,
-        &Starts::Even(3),
-        &options,
-        &Silent,
-    )
-    .unwrap_err();
+    let error = rollout(&plain(Prediction::Next, "y"), &source, &Starts::Even(3), &options, &Silent).unwrap_err();
     assert!(error.to_string().contains("`y`"), "{error}");
     let none = RolloutOptions::new(0);
-    let error = rollout(
-        &plain(Prediction::Next, "x"),
-        &source,
-        &Starts::Even(3),
-        &none,
-        &Silent,
-    );
+    let error = rollout(&plain(Prediction::Next, "x"), &source, &Starts::Even(3), &none, &Silent);
     assert!(matches!(error, Err(Error::NoHorizon)));
 }
 
@@ -735,25 +482,14 @@ fn horizon_scores_equal_a_naive_computation() {
     }
     let episode = |e: usize, rows: usize| -> Vec<Vec<f64>> {
         (0..4)
-            .map(|j| {
-                (0..rows)
-                    .map(|k| (k as f64 * (0.05 + 0.01 * j as f64) + (3 * e + j) as f64).sin())
-                    .collect()
-            })
+            .map(|j| (0..rows).map(|k| (k as f64 * (0.05 + 0.01 * j as f64) + (3 * e + j) as f64).sin()).collect())
             .collect()
     };
-    let source = source(
-        &["x0", "x1", "x2", "u0"],
-        0.01,
-        vec![episode(0, 90), episode(1, 200), episode(2, 130)],
-    );
+    let source = source(&["x0", "x1", "x2", "u0"], 0.01, vec![episode(0, 90), episode(1, 200), episode(2, 130)]);
     let mut options = options(40, Method::Euler);
     options.keep = true;
     let rollouts = rollout(&model, &source, &Starts::Even(60), &options, &Silent).unwrap();
-    assert_eq!(
-        (rollouts.horizon.basis, rollouts.trajectories.len()),
-        (Basis::Episodes(3), 60)
-    );
+    assert_eq!((rollouts.horizon.basis, rollouts.trajectories.len()), (Basis::Episodes(3), 60));
     assert_eq!(rollouts.diverged(), 0);
 
     // S^-1 by cofactors.
@@ -776,27 +512,16 @@ fn horizon_scores_equal_a_naive_computation() {
     let mut predictors = vec![Vec::new(); 4];
     for trajectory in &rollouts.trajectories {
         let Start { episode, row } = trajectory.start;
-        let block = source
-            .read(
-                episode,
-                0..source.episodes()[episode].rows,
-                Default::default(),
-            )
-            .unwrap();
+        let block = source.read(episode, 0..source.episodes()[episode].rows, Default::default()).unwrap();
         let at = |row: usize| -> [f64; 3] { std::array::from_fn(|i| block.column(i)[row]) };
         let (first, before, measured) = (at(row), at(row - 1), at(row + k));
         // The null model: x1' and x2' constant, x0' = x1, in Euler steps.
         let mut null = first;
         for _ in 0..k {
-            null = [
-                null[0] + 0.01 * null[1],
-                null[1] + 0.01 * 0.4,
-                null[2] - 0.01 * 0.3,
-            ];
+            null = [null[0] + 0.01 * null[1], null[1] + 0.01 * 0.4, null[2] - 0.01 * 0.3];
         }
         let t = k as f64 * 0.01;
-        let velocity: [f64; 3] =
-            std::array::from_fn(|i| first[i] + t * (first[i] - before[i]) / 0.01);
+        let velocity: [f64; 3] = std::array::from_fn(|i| first[i] + t * (first[i] - before[i]) / 0.01);
         let model: [f64; 3] = std::array::from_fn(|i| trajectory.state(k)[i]);
         for (predictor, value) in predictors.iter_mut().zip([model, null, first, velocity]) {
             let error: [f64; 3] = std::array::from_fn(|i| measured[i] - value[i]);
@@ -822,13 +547,7 @@ fn horizon_scores_equal_a_naive_computation() {
             .sum();
         let half = fleetfoot_dynamics::student_t_95(2) * (1.5 * square).sqrt() / 60.0;
         let estimate = found.mahalanobis[k - 1];
-        assert!(
-            (estimate.value - mean).abs() < 1e-10 * mean,
-            "{} {mean}",
-            estimate.value
-        );
-        assert!(
-            (estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9
-        );
+        assert!((estimate.value - mean).abs() < 1e-10 * mean, "{} {mean}", estimate.value);
+        assert!((estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9);
     }
 }

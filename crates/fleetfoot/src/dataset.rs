@@ -30,7 +30,10 @@ fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
         .collect();
     for label in label_names(recipe) {
         if fields.iter().any(|field| field.name == label) {
-            let problem = format!("the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label", first.display());
+            let problem = format!(
+                "the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label",
+                first.display()
+            );
             return Err(Error::Request(problem));
         }
         fields.push(Column::float(label));
@@ -54,13 +57,16 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
             return Err(Error::Request("[time] has both `column` and `dt`; the stamps come from one of them".into()));
         }
         (None, Some(dt)) if dt > 0.0 && dt.is_finite() => TimeSpec::Uniform { dt_seconds: dt },
-        (None, Some(dt)) => return Err(Error::Request(format!("[time] dt = {dt}: the sampling period must be positive"))),
+        (None, Some(dt)) => {
+            return Err(Error::Request(format!("[time] dt = {dt}: the sampling period must be positive")));
+        }
         (Some(name), None) => {
             let unit = match time.unit.as_deref() {
                 None => None,
-                Some(text) => Some(TimeUnit::parse(text).ok_or_else(|| {
-                    Error::Request(format!("[time] unit = \"{text}\": write s, ms, us or ns"))
-                })?),
+                Some(text) => Some(
+                    TimeUnit::parse(text)
+                        .ok_or_else(|| Error::Request(format!("[time] unit = \"{text}\": write s, ms, us or ns")))?,
+                ),
             };
             TimeSpec::Column { name: name.clone(), unit }
         }
@@ -71,7 +77,9 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
         Some(Gap::Seconds(seconds)) if *seconds > 0.0 => MaxGap::Seconds(*seconds),
         Some(Gap::Word(word)) if word == "auto" => MaxGap::Auto,
         Some(Gap::Word(word)) if word == "none" => MaxGap::Unlimited,
-        Some(gap) => return Err(Error::Request(format!("[time] max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
+        Some(gap) => {
+            return Err(Error::Request(format!("[time] max_gap = {gap:?}: write seconds, \"auto\" or \"none\"")));
+        }
     };
     selection.label_rules = recipe
         .episodes
@@ -104,7 +112,12 @@ impl Dataset {
     }
 
     /// Opens files for a model: its columns, clock and labels are those of its training.
-    pub fn for_model(model: &Model, changes: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
+    pub fn for_model(
+        model: &Model,
+        changes: &Recipe,
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
         // What the caller says about the clock of these files replaces what training said.
         if changes.time.column.is_some() || changes.time.dt.is_some() {
@@ -124,11 +137,17 @@ impl Dataset {
         Ok(dataset)
     }
 
-    fn open(recipe: &Recipe, aliases: &[(Column, Expr)], files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
+    fn open(
+        recipe: &Recipe,
+        aliases: &[(Column, Expr)],
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let labels = label_names(recipe);
         let mut columns: Vec<String> = Vec::new();
         for (_, expression) in aliases {
-            columns.extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
+            columns
+                .extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
         }
         columns.sort();
         columns.dedup();
@@ -154,7 +173,8 @@ impl Dataset {
             if let fleetfoot_data::ColumnKind::Category(here) = &column.kind {
                 let known = |name: &String| names.iter().position(|known| known == name).map(|at| values[at]);
                 // Codes below zero are no label of the model.
-                let table = here.iter().enumerate().map(|(code, name)| known(name).unwrap_or(-1.0 - code as f64)).collect();
+                let table =
+                    here.iter().enumerate().map(|(code, name)| known(name).unwrap_or(-1.0 - code as f64)).collect();
                 self.recodings.push((label.to_owned(), table));
             }
         }
@@ -207,7 +227,8 @@ impl Dataset {
 
     /// Names of the episodes that the model was trained on.
     pub fn in_sample(&self, model: &Model) -> Vec<String> {
-        let trained: std::collections::HashSet<&str> = model.training.episodes.iter().map(|(id, _)| id.as_str()).collect();
+        let trained: std::collections::HashSet<&str> =
+            model.training.episodes.iter().map(|(id, _)| id.as_str()).collect();
         self.episodes().iter().filter(|e| trained.contains(e.id.to_string().as_str())).map(|e| e.name.clone()).collect()
     }
 }

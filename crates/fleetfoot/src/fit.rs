@@ -46,7 +46,12 @@ pub struct FitPlan {
 }
 
 /// Opens the files and tells what [`fit_pwa`] would do.
-pub fn plan_pwa(recipe: &Recipe, options: &Options, files: &[PathBuf], progress: &dyn Progress) -> Result<FitPlan, Error> {
+pub fn plan_pwa(
+    recipe: &Recipe,
+    options: &Options,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<FitPlan, Error> {
     let options = with_partitions(recipe, options)?;
     let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), files, progress)?;
     let cost = fleetfoot_pwa::cost(&task.problem, &options, dataset.rows());

@@ -12,12 +12,18 @@ const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "a
 /// It is valid TOML as it stands, and is completed by uncommenting.
 pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     let fields: Vec<&Column> = columns.iter().filter(|column| Some(column.name.as_str()) != time).collect();
-    let numeric: Vec<&Column> =
-        fields.iter().copied().filter(|column| !matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean)).collect();
+    let numeric: Vec<&Column> = fields
+        .iter()
+        .copied()
+        .filter(|column| !matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean))
+        .collect();
     let mut out = String::new();
     let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
     let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition kmeans:10 -o model.json\n");
-    let _ = writeln!(out, "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions.");
+    let _ = writeln!(
+        out,
+        "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions."
+    );
     let _ = writeln!(out, "[columns]");
     for prefix in quaternions(columns) {
         for angle in ["yaw", "pitch", "roll"] {
@@ -26,14 +32,20 @@ pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> Str
     }
     let _ = writeln!(out, "# speed = \"sqrt(vx^2 + vy^2)\"\n");
     let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
-    let _ = writeln!(out, "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine");
-    let _ = writeln!(out, "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression");
+    let _ = writeln!(
+        out,
+        "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine"
+    );
+    let _ = writeln!(
+        out,
+        "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression"
+    );
     let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
     let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");
     let _ = writeln!(out, "[states]");
     for column in &numeric {
-        let kind = if is_angle(&column.name) { "kind = \"angle\"" } else { "" };
-        let _ = writeln!(out, "# {} = {{ {kind} }}{}", key(&column.name), unit(column));
+        let details = if is_angle(&column.name) { "{ kind = \"angle\" }" } else { "{}" };
+        let _ = writeln!(out, "# {} = {details}{}", key(&column.name), unit(column));
     }
     let _ = writeln!(out, "\n# What is given from outside.");
     let _ = writeln!(out, "[inputs]");
@@ -50,7 +62,10 @@ pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> Str
             let _ = writeln!(out, "# column = \"t\"");
         }
     }
-    let _ = writeln!(out, "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n");
+    let _ = writeln!(
+        out,
+        "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n"
+    );
     let _ = writeln!(out, "[model]");
     let _ = writeln!(out, "# predict = \"derivative\"   # or next, delta, or a column (plain regression)");
     let _ = writeln!(out, "# degree = 1               # of the polynomial library in each region");

@@ -17,7 +17,8 @@ impl<S: Source> Labelled<S> {
         let mut columns = inner.columns().to_vec();
         let mut codes = Vec::new();
         for label in labels {
-            let names: BTreeSet<&String> = inner.episodes().iter().filter_map(|episode| episode.labels.get(label)).collect();
+            let names: BTreeSet<&String> =
+                inner.episodes().iter().filter_map(|episode| episode.labels.get(label)).collect();
             let names: Vec<String> = names.into_iter().cloned().collect();
             let code = |episode: &Episode| {
                 let name = episode.labels.get(label)?;

@@ -22,7 +22,9 @@ pub use recipe::{EpisodeRule, Gap, Input, InputTable, Kind, ModelSection, Recipe
 pub use run::{RolledOut, Scored, Written, predict, rollout, score};
 pub use task::Task;
 
-pub use fleetfoot_data::{Column, ColumnKind, Episode, EpisodeId, Progress, Silent, Source, thread_count, with_threads};
+pub use fleetfoot_data::{
+    Column, ColumnKind, Episode, EpisodeId, Progress, Silent, Source, thread_count, with_threads,
+};
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;

@@ -73,7 +73,10 @@ pub enum Kind {
 
 /// An input: `u = "field"` or `u = { column = "field", kind = "angle" }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected a field or expression in quotes, or a table { column = ..., kind = ..., unit = ... }")]
+#[serde(
+    untagged,
+    expecting = "expected a field or expression in quotes, or a table { column = ..., kind = ..., unit = ... }"
+)]
 pub enum Input {
     /// A field or expression.
     Text(String),
@@ -167,8 +170,10 @@ impl Recipe {
 
     /// Reads a recipe from a file.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Error::Recipe { name: path.display().to_string(), problem: format!("cannot be read: {error}") })?;
+        let text = std::fs::read_to_string(path).map_err(|error| Error::Recipe {
+            name: path.display().to_string(),
+            problem: format!("cannot be read: {error}"),
+        })?;
         Self::parse(&text, &path.display().to_string())
     }
 

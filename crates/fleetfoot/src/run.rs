@@ -58,7 +58,9 @@ fn nothing_to_score(scores: &Scores) -> Error {
 /// A model whose labels do not cover the data says so unless it was fitted to pool them.
 fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Result<(), Error> {
     let label = model.partitions.iter().find_map(|partition| match &partition.rule {
-        Rule::Labels { names, .. } => Some((partition.columns.last().map(ToString::to_string).unwrap_or_default(), names)),
+        Rule::Labels { names, .. } => {
+            Some((partition.columns.last().map(ToString::to_string).unwrap_or_default(), names))
+        }
         _ => None,
     });
     match label {
@@ -130,8 +132,10 @@ pub fn predict(
         |(episode, stamps, predicted)| {
             write_predicted(&mut writer, &view.episodes()[episode].name, &stamps, &predicted, predictor.names().len())?;
             written.rows += predicted.rows as u64;
-            written.predicted += predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
-            written.outside_domain += predicted.domain.iter().filter(|&&domain| domain != Domain::Inside).count() as u64;
+            written.predicted +=
+                predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
+            written.outside_domain +=
+                predicted.domain.iter().filter(|&&domain| domain != Domain::Inside).count() as u64;
             Ok(())
         },
     )?;
@@ -162,7 +166,10 @@ fn write_predicted(
 }
 
 fn write_options(model: &Model, files: &[PathBuf]) -> WriteOptions {
-    let metadata = [("fleetfoot.model".to_owned(), model.hash()), ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
+    let metadata = [
+        ("fleetfoot.model".to_owned(), model.hash()),
+        ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+    ];
     WriteOptions { metadata: metadata.into(), inputs: files.to_vec(), ..WriteOptions::default() }
 }
 
@@ -207,7 +214,13 @@ pub fn rollout(
     })
 }
 
-fn write_trajectories(model: &Model, view: &dyn Source, rollouts: &Rollouts, files: &[PathBuf], path: &Path) -> Result<(), Error> {
+fn write_trajectories(
+    model: &Model,
+    view: &dyn Source,
+    rollouts: &Rollouts,
+    files: &[PathBuf],
+    path: &Path,
+) -> Result<(), Error> {
     let mut columns = vec![
         WriteColumn::new("trajectory", WriteKind::Integer),
         WriteColumn::new("episode", WriteKind::Text),
@@ -228,8 +241,9 @@ fn write_trajectories(model: &Model, view: &dyn Source, rollouts: &Rollouts, fil
         let names = vec![view.episodes()[trajectory.start.episode].name.as_str(); rows];
         let at: Vec<i64> = (0..rows).map(|step| (trajectory.start.row + step) as i64).collect();
         let steps: Vec<i64> = (0..rows as i64).collect();
-        let states: Vec<Vec<f64>> =
-            (0..rollouts.states.len()).map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect()).collect();
+        let states: Vec<Vec<f64>> = (0..rollouts.states.len())
+            .map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect())
+            .collect();
         // The last state was reached; no step was made from it.
         let regions: Vec<i64> = trajectory.regions.iter().map(|&region| i64::from(region)).chain([-1]).collect();
         let mut values = vec![

@@ -38,7 +38,15 @@ impl<'a> Aliases<'a> {
     }
 
     /// Adds a column, or raises the role of one that is there.
-    fn add(&mut self, name: &str, text: Option<&str>, unit: Option<&str>, role: Role, angle: bool, place: &str) -> Result<(), Error> {
+    fn add(
+        &mut self,
+        name: &str,
+        text: Option<&str>,
+        unit: Option<&str>,
+        role: Role,
+        angle: bool,
+        place: &str,
+    ) -> Result<(), Error> {
         if let Some(column) = self.columns.iter_mut().find(|column| column.name == name) {
             if column.role == Role::Auxiliary {
                 column.role = role;
@@ -69,7 +77,11 @@ impl<'a> Aliases<'a> {
         if self.fields.iter().any(|field| field.name == text.trim()) {
             return Ok(Expr::column(text.trim()));
         }
-        Expr::parse(text, &self.scope).map_err(|source| Error::Expression { place: place.to_owned(), text: text.to_owned(), source })
+        Expr::parse(text, &self.scope).map_err(|source| Error::Expression {
+            place: place.to_owned(),
+            text: text.to_owned(),
+            source,
+        })
     }
 
     /// Parses an expression over aliases and fields, adding what it speaks of as auxiliary columns; the result speaks of aliases alone.
@@ -85,8 +97,11 @@ impl<'a> Aliases<'a> {
         let expression = if names.contains(&text.trim()) {
             Expr::column(text.trim())
         } else {
-            Expr::parse(text, &Scope::new(&names))
-                .map_err(|source| Error::Expression { place: place.to_owned(), text: text.to_owned(), source })?
+            Expr::parse(text, &Scope::new(&names)).map_err(|source| Error::Expression {
+                place: place.to_owned(),
+                text: text.to_owned(),
+                source,
+            })?
         };
         for name in expression.columns() {
             self.add(&name, None, None, Role::Auxiliary, false, place)?;
@@ -95,7 +110,11 @@ impl<'a> Aliases<'a> {
     }
 
     fn unknown(&self, name: &str, place: &str) -> Error {
-        Error::UnknownColumn { place: place.to_owned(), name: name.to_owned(), candidates: nearest(name, self.scope.names()) }
+        Error::UnknownColumn {
+            place: place.to_owned(),
+            name: name.to_owned(),
+            candidates: nearest(name, self.scope.names()),
+        }
     }
 }
 
@@ -174,7 +193,9 @@ fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Equation>
         equations.push(state_equation(name, state, prediction, unit, aliases)?);
     }
     if equations.iter().all(|equation| equation.target.is_none()) {
-        return Err(Error::Request("all states are known: there is nothing to fit; leave `known` away from at least one".into()));
+        return Err(Error::Request(
+            "all states are known: there is nothing to fit; leave `known` away from at least one".into(),
+        ));
     }
     Ok(equations)
 }
@@ -190,7 +211,13 @@ fn state_equation(
     let place = format!("[states] {name}");
     if let Some(known) = &state.known {
         let right = aliases.over_aliases(known, &place)?;
-        return Ok(Equation { subject: name.to_owned(), prediction: Prediction::Derivative, right, target: None, unit: None });
+        return Ok(Equation {
+            subject: name.to_owned(),
+            prediction: Prediction::Derivative,
+            right,
+            target: None,
+            unit: None,
+        });
     }
     let x = Expr::column(name);
     let measured = match (prediction, state.derivative.as_deref()) {
@@ -205,7 +232,13 @@ fn state_equation(
         Some(base) => format!("{base}/s^2"),
         None => format!("{unit}/s"),
     });
-    Ok(Equation { subject: name.to_owned(), prediction, right: Expr::column(format!("f_{name}")), target: Some(measured), unit })
+    Ok(Equation {
+        subject: name.to_owned(),
+        prediction,
+        right: Expr::column(format!("f_{name}")),
+        target: Some(measured),
+        unit,
+    })
 }
 
 /// An angle stands as its cosine and sine.

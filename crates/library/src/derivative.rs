@@ -14,19 +14,11 @@ impl Expr {
     pub fn derivative(&self, name: &str) -> Expr {
         self.fold(|expr, slopes: &[Expr]| match (expr.node(), slopes) {
             (Node::Column { name: own, lag: 0 }, _) if **own == *name => Expr::number(1.0),
-            (Node::Unary(function, x), [dx]) if !dx.is_number(0.0) => {
-                of_unary(*function, expr, x, dx.clone())
+            (Node::Unary(function, x), [dx]) if !dx.is_number(0.0) => of_unary(*function, expr, x, dx.clone()),
+            (Node::Power(x, k), [dx]) => {
+                product(product(Expr::number(f64::from(*k)), power(x.clone(), k.saturating_sub(1))), dx.clone())
             }
-            (Node::Power(x, k), [dx]) => product(
-                product(
-                    Expr::number(f64::from(*k)),
-                    power(x.clone(), k.saturating_sub(1)),
-                ),
-                dx.clone(),
-            ),
-            (Node::Binary(function, a, b), [da, db])
-                if !(da.is_number(0.0) && db.is_number(0.0)) =>
-            {
+            (Node::Binary(function, a, b), [da, db]) if !(da.is_number(0.0) && db.is_number(0.0)) => {
                 of_binary(*function, expr, (a, b), da.clone(), db.clone())
             }
             _ => Expr::number(0.0),
@@ -43,10 +35,7 @@ fn of_unary(function: Unary, value: &Expr, x: &Expr, dx: Expr) -> Expr {
         Unary::Cos => product(-x.sin(), dx),
         Unary::Tan => product(sum(one(), value.powi(2)), dx),
         Unary::Asin => quotient(dx, difference(one(), power(x.clone(), 2)).sqrt()),
-        Unary::Acos => quotient(
-            unary(Unary::Neg, dx),
-            difference(one(), power(x.clone(), 2)).sqrt(),
-        ),
+        Unary::Acos => quotient(unary(Unary::Neg, dx), difference(one(), power(x.clone(), 2)).sqrt()),
         Unary::Atan => quotient(dx, sum(one(), power(x.clone(), 2))),
         Unary::Sinh => product(x.cosh(), dx),
         Unary::Cosh => product(x.sinh(), dx),
@@ -67,20 +56,14 @@ fn of_binary(function: Binary, value: &Expr, (a, b): (&Expr, &Expr), da: Expr, d
         Binary::Sub => difference(da, db),
         Binary::Mul => sum(product(da, b.clone()), product(a.clone(), db)),
         Binary::Div if db.is_number(0.0) => quotient(da, b.clone()),
-        Binary::Div => quotient(
-            difference(product(da, b.clone()), product(a.clone(), db)),
-            power(b.clone(), 2),
-        ),
+        Binary::Div => quotient(difference(product(da, b.clone()), product(a.clone(), db)), power(b.clone(), 2)),
         Binary::Pow if db.is_number(0.0) => {
             let lower = a.pow(difference(b.clone(), Expr::number(1.0)));
             product(product(b.clone(), lower), da)
         }
         Binary::Pow => {
             let of_exponent = product(db, unary(Unary::Log, a.clone()));
-            product(
-                value.clone(),
-                sum(of_exponent, quotient(product(b.clone(), da), a.clone())),
-            )
+            product(value.clone(), sum(of_exponent, quotient(product(b.clone(), da), a.clone())))
         }
         Binary::Atan2 => quotient(
             difference(product(b.clone(), da), product(a.clone(), db)),

@@ -19,11 +19,7 @@ pub fn backward_difference(x: &Expr, angle: bool) -> Expr {
 /// `(x[k+1] - x[k-1]) / (t[k+1] - t[k-1])`; `angle` wraps the two steps and adds them.
 pub fn central_difference(x: &Expr, angle: bool) -> Expr {
     let time = Expr::time();
-    let rise = if angle {
-        step(x, true).shifted(-1) + step(x, true)
-    } else {
-        x.shifted(-1) - x.shifted(1)
-    };
+    let rise = if angle { step(x, true).shifted(-1) + step(x, true) } else { x.shifted(-1) - x.shifted(1) };
     rise / (time.shifted(-1) - time.shifted(1))
 }
 

@@ -63,10 +63,7 @@ impl Expr {
 
     /// A column `lag` rows earlier (negative: later).
     pub fn lagged(name: impl Into<Arc<str>>, lag: i32) -> Self {
-        Self::from_node(Node::Column {
-            name: name.into(),
-            lag,
-        })
+        Self::from_node(Node::Column { name: name.into(), lag })
     }
 
     /// Seconds from the start of the episode.
@@ -154,12 +151,8 @@ impl Expr {
             return self.clone();
         }
         self.rebuild(|node| match node {
-            Node::Column { name, lag: own } => {
-                Some(Self::lagged(name.clone(), own.saturating_add(lag)))
-            }
-            Node::Time { lag: own } => Some(Self::from_node(Node::Time {
-                lag: own.saturating_add(lag),
-            })),
+            Node::Column { name, lag: own } => Some(Self::lagged(name.clone(), own.saturating_add(lag))),
+            Node::Time { lag: own } => Some(Self::from_node(Node::Time { lag: own.saturating_add(lag) })),
             _ => None,
         })
     }
@@ -188,11 +181,7 @@ impl Expr {
 
     /// The value, given the leaves: `column(name, lag)` and `time(lag)`. For single values; see [`Program`](crate::Program)
     /// for rows.
-    pub fn value(
-        &self,
-        mut column: impl FnMut(&str, i32) -> f64,
-        mut time: impl FnMut(i32) -> f64,
-    ) -> f64 {
+    pub fn value(&self, mut column: impl FnMut(&str, i32) -> f64, mut time: impl FnMut(i32) -> f64) -> f64 {
         self.fold(|expr, arguments: &[f64]| match (expr.node(), arguments) {
             (Node::Number(value), _) => *value,
             (Node::Column { name, lag }, _) => column(name, *lag),
@@ -223,17 +212,10 @@ impl Expr {
                 continue;
             }
             let open = stack.len();
-            stack.extend(
-                expr.children()
-                    .rev()
-                    .filter(|child| !results.contains_key(&child.address())),
-            );
+            stack.extend(expr.children().rev().filter(|child| !results.contains_key(&child.address())));
             if stack.len() == open {
                 arguments.clear();
-                arguments.extend(
-                    expr.children()
-                        .map(|child| results[&child.address()].clone()),
-                );
+                arguments.extend(expr.children().map(|child| results[&child.address()].clone()));
                 results.insert(expr.address(), visit(expr, &arguments));
                 stack.pop();
             }
@@ -294,11 +276,7 @@ impl Expr {
                 x.size().saturating_add(1)
             }
         };
-        Self(Arc::new(Inner {
-            node,
-            hash: hasher.finish(),
-            size,
-        }))
+        Self(Arc::new(Inner { node, hash: hasher.finish(), size }))
     }
 }
 
@@ -312,10 +290,7 @@ impl Drop for Inner {
                 Node::Number(_) | Node::Column { .. } | Node::Time { .. } => {}
             }
         }
-        if matches!(
-            self.node,
-            Node::Number(_) | Node::Column { .. } | Node::Time { .. }
-        ) {
+        if matches!(self.node, Node::Number(_) | Node::Column { .. } | Node::Time { .. }) {
             return;
         }
         let mut stack = Vec::new();
@@ -341,8 +316,7 @@ impl PartialEq for Expr {
             }
             match (a.node(), b.node()) {
                 (Node::Number(x), Node::Number(y)) if x.to_bits() == y.to_bits() => {}
-                (Node::Column { name: n, lag: k }, Node::Column { name: m, lag: l })
-                    if n == m && k == l => {}
+                (Node::Column { name: n, lag: k }, Node::Column { name: m, lag: l }) if n == m && k == l => {}
                 (Node::Time { lag: k }, Node::Time { lag: l }) if k == l => {}
                 (Node::Unary(f, x), Node::Unary(g, y)) if f == g => stack.push((x, y)),
                 (Node::Power(x, k), Node::Power(y, l)) if k == l => stack.push((x, y)),

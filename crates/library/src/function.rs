@@ -141,16 +141,8 @@ impl Unary {
 
 impl Binary {
     /// All of them.
-    pub const ALL: [Binary; 8] = [
-        Self::Add,
-        Self::Sub,
-        Self::Mul,
-        Self::Div,
-        Self::Pow,
-        Self::Atan2,
-        Self::Min,
-        Self::Max,
-    ];
+    pub const ALL: [Binary; 8] =
+        [Self::Add, Self::Sub, Self::Mul, Self::Div, Self::Pow, Self::Atan2, Self::Min, Self::Max];
 
     /// The operator or the name in the grammar.
     pub fn name(self) -> &'static str {
@@ -209,11 +201,7 @@ pub(crate) fn integer_power(x: f64, k: i32) -> f64 {
     let (magnitude, mut low, mut high) = (k.unsigned_abs(), 1.0, x);
     for bit in (0..u32::BITS - magnitude.leading_zeros()).rev() {
         let between = low * high;
-        (low, high) = if magnitude >> bit & 1 == 0 {
-            (low * low, between)
-        } else {
-            (between, high * high)
-        };
+        (low, high) = if magnitude >> bit & 1 == 0 { (low * low, between) } else { (between, high * high) };
     }
     if k < 0 { 1.0 / low } else { low }
 }
@@ -257,20 +245,12 @@ mod tests {
     #[test]
     fn integer_powers_follow_the_recursion() {
         fn recursion(x: f64, k: u32) -> f64 {
-            if k == 1 {
-                x
-            } else {
-                recursion(x, k / 2) * recursion(x, k - k / 2)
-            }
+            if k == 1 { x } else { recursion(x, k / 2) * recursion(x, k - k / 2) }
         }
         for x in [1.1, -0.7, 3.0, 1e-3] {
             for k in 1..70 {
                 assert_eq!(integer_power(x, k as i32), recursion(x, k), "{x}^{k}");
-                assert_eq!(
-                    integer_power(x, -(k as i32)),
-                    1.0 / recursion(x, k),
-                    "{x}^-{k}"
-                );
+                assert_eq!(integer_power(x, -(k as i32)), 1.0 / recursion(x, k), "{x}^-{k}");
             }
         }
         assert_eq!(integer_power(2.0, 0), 1.0);
@@ -288,10 +268,7 @@ mod tests {
             let x = k as f64 * 0.37 + 1e-4;
             let y = wrap(x);
             assert!(y > -PI && y <= PI, "{x} -> {y}");
-            assert!(
-                (x.sin() - y.sin()).abs() < 1e-11 && (x.cos() - y.cos()).abs() < 1e-11,
-                "{x} -> {y}"
-            );
+            assert!((x.sin() - y.sin()).abs() < 1e-11 && (x.cos() - y.cos()).abs() < 1e-11, "{x} -> {y}");
             let turns = wrap(k as f64 * PI);
             assert!(turns > -PI && turns <= PI, "{k} half turns -> {turns}");
         }
@@ -301,17 +278,11 @@ mod tests {
     #[test]
     fn missing_values_stay_missing() {
         for binary in Binary::ALL {
-            assert!(
-                binary.apply(f64::NAN, 2.0).is_nan() && binary.apply(2.0, f64::NAN).is_nan(),
-                "{binary:?}"
-            );
+            assert!(binary.apply(f64::NAN, 2.0).is_nan() && binary.apply(2.0, f64::NAN).is_nan(), "{binary:?}");
         }
         for unary in Unary::ALL {
             assert!(unary.apply(f64::NAN).is_nan(), "{unary:?}");
         }
-        assert_eq!(
-            (sign(-0.0), sign(-3.0), step(0.0), step(2.0)),
-            (0.0, -1.0, 0.0, 1.0)
-        );
+        assert_eq!((sign(-0.0), sign(-3.0), step(0.0), step(2.0)), (0.0, -1.0, 0.0, 1.0));
     }
 }

@@ -38,27 +38,14 @@ impl Program {
     ///
     /// # Panics
     /// If there are too few or too short leaves, if `stride < rows`, or if `out` is too short.
-    pub fn evaluate(
-        &self,
-        leaves: &[&[f64]],
-        rows: usize,
-        out: &mut [f64],
-        stride: usize,
-        scratch: &mut Scratch,
-    ) {
+    pub fn evaluate(&self, leaves: &[&[f64]], rows: usize, out: &mut [f64], stride: usize, scratch: &mut Scratch) {
         assert_eq!(leaves.len(), self.leaves.len(), "one slice for each leaf");
-        assert!(
-            leaves.iter().all(|leaf| leaf.len() >= rows),
-            "leaves hold all rows"
-        );
+        assert!(leaves.iter().all(|leaf| leaf.len() >= rows), "leaves hold all rows");
         if rows == 0 || self.outputs == 0 {
             return;
         }
         assert!(stride >= rows, "stride of at least the rows");
-        assert!(
-            out.len() >= (self.outputs - 1) * stride + rows,
-            "room for all outputs"
-        );
+        assert!(out.len() >= (self.outputs - 1) * stride + rows, "room for all outputs");
         let columns = self.outputs + self.registers + self.leaves.len();
         let tile = (TILE_BYTES / 8 / columns).clamp(TILE_ROWS.start, TILE_ROWS.end) / 16 * 16;
         let tile = tile.min(rows);
@@ -67,15 +54,7 @@ impl Program {
             scratch.registers.resize(needed, 0.0);
         }
         let registers = &mut scratch.registers[..needed];
-        pulp::Arch::new().dispatch(Tiles {
-            tape: &self.tape,
-            leaves,
-            rows,
-            tile,
-            out,
-            stride,
-            registers,
-        });
+        pulp::Arch::new().dispatch(Tiles { tape: &self.tape, leaves, rows, tile, out, stride, registers });
     }
 
     /// Evaluates core rows of a block: row `rows.start` of the core is row 0 of `out`, laid out as for [`Program::evaluate`].
@@ -95,27 +74,16 @@ impl Program {
             return;
         }
         let valid = self.valid_rows(block);
-        assert!(
-            valid.start <= rows.start && rows.end <= valid.end,
-            "rows whose lags are inside the block"
-        );
+        assert!(valid.start <= rows.start && rows.end <= valid.end, "rows whose lags are inside the block");
         let halo = self.halo();
         // Position in the block of the first row that anything reads.
         let base = block.before + rows.start - halo.before;
         let span = base..base + halo.before + rows.len() + halo.after;
         let mut seconds = std::mem::take(&mut scratch.seconds);
-        if self
-            .leaves
-            .iter()
-            .any(|leaf| matches!(leaf, Leaf::Time { .. }))
-        {
+        if self.leaves.iter().any(|leaf| matches!(leaf, Leaf::Time { .. })) {
             seconds.clear();
             // As `Block::seconds`.
-            seconds.extend(
-                block.time[span.clone()]
-                    .iter()
-                    .map(|&stamp| (stamp - block.start) as f64 * 1e-9),
-            );
+            seconds.extend(block.time[span.clone()].iter().map(|&stamp| (stamp - block.start) as f64 * 1e-9));
         }
         let leaves: Vec<&[f64]> = self
             .leaves
@@ -124,9 +92,7 @@ impl Program {
                 // Between 0 and before + after, as the halo is made of the lags.
                 let offset = (halo.before as i64 - i64::from(leaf.lag())) as usize;
                 match *leaf {
-                    Leaf::Column { column, .. } => {
-                        &block.column(column)[span.start + offset..][..rows.len()]
-                    }
+                    Leaf::Column { column, .. } => &block.column(column)[span.start + offset..][..rows.len()],
                     Leaf::Time { .. } => &seconds[offset..][..rows.len()],
                 }
             })
@@ -183,15 +149,7 @@ impl pulp::WithSimd for Tiles<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self {
-            tape,
-            leaves,
-            rows,
-            tile,
-            out,
-            stride,
-            registers,
-        } = self;
+        let Self { tape, leaves, rows, tile, out, stride, registers } = self;
         for first in (0..rows).step_by(tile) {
             let length = tile.min(rows - first);
             for instruction in tape {
@@ -212,12 +170,8 @@ impl pulp::WithSimd for Tiles<'_> {
                 let read = |operand| match operand {
                     Operand::Constant(value) => Input::Constant(value),
                     Operand::Leaf(leaf) => Input::Rows(&leaves[leaf][first..first + length]),
-                    Operand::Register(register) => {
-                        Input::Rows(registers.get(at(Target::Register(register)), length))
-                    }
-                    Operand::Output(output) => {
-                        Input::Rows(outputs.get(at(Target::Output(output)), length))
-                    }
+                    Operand::Register(register) => Input::Rows(registers.get(at(Target::Register(register)), length)),
+                    Operand::Output(output) => Input::Rows(outputs.get(at(Target::Output(output)), length)),
                 };
                 match instruction.operation {
                     Operation::Copy(x) => copy(target, read(x)),
@@ -246,11 +200,7 @@ struct Others<'a> {
 impl<'a> Others<'a> {
     #[inline(always)]
     fn all(buffer: &'a [f64]) -> Self {
-        Self {
-            head: buffer,
-            tail: &[],
-            tail_start: buffer.len(),
-        }
+        Self { head: buffer, tail: &[], tail_start: buffer.len() }
     }
 
     #[inline(always)]
@@ -268,14 +218,7 @@ impl<'a> Others<'a> {
 fn split(buffer: &mut [f64], start: usize, length: usize) -> (&mut [f64], Others<'_>) {
     let (head, rest) = buffer.split_at_mut(start);
     let (target, tail) = rest.split_at_mut(length);
-    (
-        target,
-        Others {
-            head,
-            tail,
-            tail_start: start + length,
-        },
-    )
+    (target, Others { head, tail, tail_start: start + length })
 }
 
 #[inline(always)]

@@ -42,19 +42,10 @@ impl Library {
     /// # Errors
     /// [`LibraryError::TooLarge`] beyond [`MAX_FUNCTIONS`].
     pub fn polynomial(variables: &[Expr], degree: u32) -> Result<Self, LibraryError> {
-        let too_large = LibraryError::TooLarge {
-            variables: variables.len(),
-            degree,
-        };
-        let count = monomials(variables.len(), degree)
-            .filter(|&count| count <= MAX_FUNCTIONS)
-            .ok_or(too_large)?;
+        let too_large = LibraryError::TooLarge { variables: variables.len(), degree };
+        let count = monomials(variables.len(), degree).filter(|&count| count <= MAX_FUNCTIONS).ok_or(too_large)?;
         let mut functions = Vec::with_capacity(count);
-        for total in 1..=if variables.is_empty() {
-            0
-        } else {
-            degree as i32
-        } {
+        for total in 1..=if variables.is_empty() { 0 } else { degree as i32 } {
             extend(None, variables, total, &mut functions);
         }
         Ok(Self { functions })
@@ -63,12 +54,7 @@ impl Library {
     /// Every expression at every lag (rows back in time; negative: later), lag by lag: with lags 0 and 1,
     /// `x, u, lag(x, 1), lag(u, 1)`.
     pub fn with_lags(exprs: &[Expr], lags: &[i32]) -> Self {
-        Self {
-            functions: lags
-                .iter()
-                .flat_map(|&lag| exprs.iter().map(move |expr| expr.shifted(lag)))
-                .collect(),
-        }
+        Self { functions: lags.iter().flat_map(|&lag| exprs.iter().map(move |expr| expr.shifted(lag))).collect() }
     }
 
     /// The functions in order.
@@ -124,12 +110,7 @@ fn extend(head: Option<&Expr>, variables: &[Expr], degree: i32, functions: &mut 
             if exponent == degree {
                 functions.push(product);
             } else if i + 1 < variables.len() {
-                extend(
-                    Some(&product),
-                    &variables[i + 1..],
-                    degree - exponent,
-                    functions,
-                );
+                extend(Some(&product), &variables[i + 1..], degree - exponent, functions);
             } else {
                 break;
             }
@@ -141,10 +122,7 @@ fn extend(head: Option<&Expr>, variables: &[Expr], degree: i32, functions: &mut 
 fn monomials(variables: usize, degree: u32) -> Option<usize> {
     let mut count: u128 = 1;
     // The smaller side of the binomial keeps the loop short; the product of i consecutive numbers is divisible by i!.
-    let (smaller, larger) = (
-        (degree as usize).min(variables),
-        (degree as usize).max(variables),
-    );
+    let (smaller, larger) = ((degree as usize).min(variables), (degree as usize).max(variables));
     for i in 1..=smaller as u128 {
         count = count.checked_mul(larger as u128 + i)? / i;
         if count > usize::MAX as u128 {
@@ -165,26 +143,14 @@ mod tests {
     #[test]
     fn monomials_come_in_graded_lexicographic_order() {
         let library = Library::polynomial(&columns(&["x", "y"]), 3).unwrap();
-        assert_eq!(
-            library.names(),
-            [
-                "x", "y", "x^2", "x*y", "y^2", "x^3", "x^2*y", "x*y^2", "y^3"
-            ]
-        );
+        assert_eq!(library.names(), ["x", "y", "x^2", "x*y", "y^2", "x^3", "x^2*y", "x*y^2", "y^3"]);
         let library = Library::polynomial(&columns(&["x", "y", "z"]), 2).unwrap();
-        assert_eq!(
-            library.names(),
-            ["x", "y", "z", "x^2", "x*y", "x*z", "y^2", "y*z", "z^2"]
-        );
+        assert_eq!(library.names(), ["x", "y", "z", "x^2", "x*y", "x*z", "y^2", "y*z", "z^2"]);
         for (n, degree) in [(1, 7), (2, 5), (3, 5), (5, 4), (7, 1), (0, 3), (3, 0)] {
             let names: Vec<String> = (0..n).map(|i| format!("x{i}")).collect();
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
             let library = Library::polynomial(&columns(&names), degree).unwrap();
-            assert_eq!(
-                Some(library.len()),
-                monomials(n, degree),
-                "{n} variables, degree {degree}"
-            );
+            assert_eq!(Some(library.len()), monomials(n, degree), "{n} variables, degree {degree}");
             let distinct: std::collections::HashSet<_> = library.functions().iter().collect();
             assert_eq!(distinct.len(), library.len());
         }
@@ -192,11 +158,7 @@ mod tests {
 
     #[test]
     fn a_monomial_costs_one_multiplication() {
-        for (names, degree) in [
-            (&["x", "y", "z"][..], 5),
-            (&["x", "y"][..], 9),
-            (&["a", "b", "c", "d", "e"][..], 4),
-        ] {
+        for (names, degree) in [(&["x", "y", "z"][..], 5), (&["x", "y"][..], 9), (&["a", "b", "c", "d", "e"][..], 4)] {
             let library = Library::polynomial(&columns(names), degree).unwrap();
             let program = library.compile(names).unwrap();
             // The variables themselves are copied.
@@ -209,18 +171,9 @@ mod tests {
     fn sizes_beyond_reason_are_refused() {
         let many: Vec<Expr> = (0..1000).map(|i| Expr::column(format!("x{i}"))).collect();
         for degree in [2, 3, 30, u32::MAX] {
-            assert_eq!(
-                Library::polynomial(&many, degree),
-                Err(LibraryError::TooLarge {
-                    variables: 1000,
-                    degree
-                })
-            );
+            assert_eq!(Library::polynomial(&many, degree), Err(LibraryError::TooLarge { variables: 1000, degree }));
         }
-        assert_eq!(
-            Library::polynomial(&many[..1], 100_000).unwrap().len(),
-            100_000
-        );
+        assert_eq!(Library::polynomial(&many[..1], 100_000).unwrap().len(), 100_000);
         assert!(Library::polynomial(&many[..1], 100_001).is_err());
         assert_eq!(Library::polynomial(&many, 1).unwrap().len(), 1000);
     }
@@ -228,9 +181,6 @@ mod tests {
     #[test]
     fn lags_come_lag_by_lag() {
         let library = Library::with_lags(&columns(&["x", "u"]), &[0, 1, 3]);
-        assert_eq!(
-            library.names(),
-            ["x", "u", "lag(x, 1)", "lag(u, 1)", "lag(x, 3)", "lag(u, 3)"]
-        );
+        assert_eq!(library.names(), ["x", "u", "lag(x, 1)", "lag(u, 1)", "lag(x, 3)", "lag(u, 3)"]);
     }
 }

@@ -19,18 +19,14 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .collect();
     alike.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
     alike.dedup_by(|a, b| a.1 == b.1);
-    alike
-        .into_iter()
-        .take(3)
-        .map(|(_, candidate)| candidate.to_owned())
-        .collect()
+    alike.into_iter().take(3).map(|(_, candidate)| candidate.to_owned()).collect()
 }
 
 fn similarity(wanted: &str, candidate: &str) -> f64 {
     let edit = strsim::normalized_damerau_levenshtein(wanted, candidate);
     // A field's last part is what people remember of it.
-    let tail = (wanted.len() > 1 && candidate.ends_with(wanted))
-        || (candidate.len() > 1 && wanted.ends_with(candidate));
+    let tail =
+        (wanted.len() > 1 && candidate.ends_with(wanted)) || (candidate.len() > 1 && wanted.ends_with(candidate));
     if tail { edit.max(0.75) } else { edit }
 }
 

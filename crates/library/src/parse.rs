@@ -46,12 +46,7 @@ impl Expr {
     /// A [`ParseError`] with the place, what was expected, and for a wrong name the nearest ones. Texts beyond a
     /// megabyte, 200 levels of nesting or a million nodes are refused.
     pub fn parse(text: &str, scope: &Scope) -> Result<Expr, ParseError> {
-        let mut parser = Parser {
-            text,
-            scope,
-            at: 0,
-            depth: 0,
-        };
+        let mut parser = Parser { text, scope, at: 0, depth: 0 };
         if text.len() > MAX_TEXT {
             return Err(parser.error(0, ParseErrorKind::TooLarge));
         }
@@ -136,10 +131,7 @@ impl<'a> Parser<'a> {
                 let start = self.at;
                 let name = self.name("a number, a column, a function or `(`")?;
                 if self.text[start..].starts_with(['`', '/']) {
-                    return self
-                        .scope
-                        .resolve(&name)
-                        .map_err(|kind| self.error(start, kind));
+                    return self.scope.resolve(&name).map_err(|kind| self.error(start, kind));
                 }
                 if self.peek() == Some('(') {
                     self.at += 1;
@@ -147,10 +139,7 @@ impl<'a> Parser<'a> {
                 }
                 match constant(&name) {
                     Some(value) => Ok(Expr::number(value)),
-                    None => self
-                        .scope
-                        .resolve(&name)
-                        .map_err(|kind| self.error(start, kind)),
+                    None => self.scope.resolve(&name).map_err(|kind| self.error(start, kind)),
                 }
             }
         }
@@ -192,11 +181,7 @@ impl<'a> Parser<'a> {
         if rest.starts_with('`') {
             return self.quoted();
         }
-        let length = if rest.starts_with('/') {
-            topic_length(rest)
-        } else {
-            identifier_length(rest)
-        };
+        let length = if rest.starts_with('/') { topic_length(rest) } else { identifier_length(rest) };
         if length == 0 {
             return Err(self.expected(expected));
         }
@@ -220,10 +205,7 @@ impl<'a> Parser<'a> {
         Err(self.expected("a closing backtick"))
     }
 
-    fn nested<T>(
-        &mut self,
-        read: impl FnOnce(&mut Self) -> Result<T, ParseError>,
-    ) -> Result<T, ParseError> {
+    fn nested<T>(&mut self, read: impl FnOnce(&mut Self) -> Result<T, ParseError>) -> Result<T, ParseError> {
         if self.depth >= MAX_DEPTH {
             return Err(self.error(self.at, ParseErrorKind::TooDeep));
         }

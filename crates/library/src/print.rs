@@ -51,11 +51,7 @@ impl Display for Expr {
 }
 
 /// Prints up to the first argument and queues the rest; whether a bare topic field was the last thing printed.
-fn print_node<'a>(
-    node: &'a Node,
-    jobs: &mut Vec<Job<'a>>,
-    f: &mut Formatter<'_>,
-) -> Result<bool, fmt::Error> {
+fn print_node<'a>(node: &'a Node, jobs: &mut Vec<Job<'a>>, f: &mut Formatter<'_>) -> Result<bool, fmt::Error> {
     match node {
         Node::Number(value) => print_number(*value, f)?,
         Node::Column { name, lag } => {
@@ -118,26 +114,14 @@ fn print_number(value: f64, f: &mut Formatter<'_>) -> fmt::Result {
     f.write_str(text.strip_suffix(".0").unwrap_or(&text))
 }
 
-fn print_lagged(
-    lag: i32,
-    f: &mut Formatter<'_>,
-    leaf: impl FnOnce(&mut Formatter<'_>) -> fmt::Result,
-) -> fmt::Result {
+fn print_lagged(lag: i32, f: &mut Formatter<'_>, leaf: impl FnOnce(&mut Formatter<'_>) -> fmt::Result) -> fmt::Result {
     if lag != 0 {
         f.write_str(if lag > 0 { "lag(" } else { "lead(" })?;
     }
     leaf(f)?;
-    if lag != 0 {
-        write!(f, ", {})", lag.unsigned_abs())
-    } else {
-        Ok(())
-    }
+    if lag != 0 { write!(f, ", {})", lag.unsigned_abs()) } else { Ok(()) }
 }
 
 fn print_name(name: &str, f: &mut Formatter<'_>) -> fmt::Result {
-    if is_bare_name(name) {
-        f.write_str(name)
-    } else {
-        write!(f, "`{}`", name.replace('`', "``"))
-    }
+    if is_bare_name(name) { f.write_str(name) } else { write!(f, "`{}`", name.replace('`', "``")) }
 }

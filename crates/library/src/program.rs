@@ -105,12 +105,10 @@ impl Program {
             .iter()
             .map(|expr| {
                 expr.fold_with(&mut compiled, |part, arguments| {
-                    graph
-                        .add(part.node(), arguments, &index)
-                        .unwrap_or_else(|name| {
-                            missing.get_or_insert(name);
-                            graph.constant(f64::NAN)
-                        })
+                    graph.add(part.node(), arguments, &index).unwrap_or_else(|name| {
+                        missing.get_or_insert(name);
+                        graph.constant(f64::NAN)
+                    })
                 })
             })
             .collect();
@@ -157,9 +155,7 @@ impl Program {
     pub fn valid_rows(&self, block: &Block) -> Range<usize> {
         let halo = self.halo();
         let start = halo.before.saturating_sub(block.before);
-        let end = (block.rows + block.after)
-            .saturating_sub(halo.after)
-            .min(block.rows);
+        let end = (block.rows + block.after).saturating_sub(halo.after).min(block.rows);
         if start < end { start..end } else { 0..0 }
     }
 }
@@ -196,12 +192,7 @@ impl Value {
 
 impl Graph {
     /// The value of a node whose arguments are known; the name of a column that is not.
-    fn add(
-        &mut self,
-        node: &Node,
-        arguments: &[usize],
-        columns: &HashMap<&str, usize>,
-    ) -> Result<usize, String> {
+    fn add(&mut self, node: &Node, arguments: &[usize], columns: &HashMap<&str, usize>) -> Result<usize, String> {
         Ok(match (node, arguments) {
             (Node::Column { name, lag }, _) => match columns.get(&**name) {
                 Some(&column) => self.leaf(Leaf::Column { column, lag: *lag }),
@@ -288,8 +279,7 @@ impl Graph {
         let (needed, mut readers) = self.readers(outputs);
         let mut place: Vec<Option<Operand>> = vec![None; self.values.len()];
         for (output, &value) in outputs.iter().enumerate() {
-            if let (Value::Unary(..) | Value::Binary(..), None) = (self.values[value], place[value])
-            {
+            if let (Value::Unary(..) | Value::Binary(..), None) = (self.values[value], place[value]) {
                 place[value] = Some(Operand::Output(output));
             }
         }
@@ -305,9 +295,7 @@ impl Graph {
                     continue;
                 }
                 Value::Unary(function, x) => Operation::Unary(function, written(&place, x)),
-                Value::Binary(function, a, b) => {
-                    Operation::Binary(function, written(&place, a), written(&place, b))
-                }
+                Value::Binary(function, a, b) => Operation::Binary(function, written(&place, a), written(&place, b)),
             };
             // The target is chosen before the arguments' registers are free again: an instruction never overwrites what it reads.
             let target = match place[at] {
@@ -324,8 +312,7 @@ impl Graph {
             tape.push(Instruction { operation, target });
             for argument in value.arguments() {
                 readers[argument] -= 1;
-                if let (0, Some(Operand::Register(register))) = (readers[argument], place[argument])
-                {
+                if let (0, Some(Operand::Register(register))) = (readers[argument], place[argument]) {
                     free.push(register);
                 }
             }
@@ -334,18 +321,10 @@ impl Graph {
         for (output, &value) in outputs.iter().enumerate() {
             let source = written(&place, value);
             if source != Operand::Output(output) {
-                tape.push(Instruction {
-                    operation: Operation::Copy(source),
-                    target: Target::Output(output),
-                });
+                tape.push(Instruction { operation: Operation::Copy(source), target: Target::Output(output) });
             }
         }
-        Program {
-            leaves: self.leaves,
-            tape,
-            registers,
-            outputs: outputs.len(),
-        }
+        Program { leaves: self.leaves, tape, registers, outputs: outputs.len() }
     }
 
     /// Which values the outputs need, and how many arguments of needed values each value is.

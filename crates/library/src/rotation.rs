@@ -17,10 +17,7 @@ pub struct Quaternion {
 impl Quaternion {
     /// From its components; note the order, x first.
     pub fn new(x: Expr, y: Expr, z: Expr, w: Expr) -> Self {
-        Self {
-            vector: [x, y, z],
-            w,
-        }
+        Self { vector: [x, y, z], w }
     }
 
     /// The rotation about the vertical axis, last of intrinsic Z-Y-X angles: `atan2(R10, R00)`.
@@ -78,21 +75,9 @@ impl Quaternion {
         let twice_sum = |a: Expr, b: Expr| 2.0 * (a + b);
         let twice_difference = |a: Expr, b: Expr| 2.0 * (a - b);
         [
-            [
-                square(w) + square(x) - square(y) - square(z),
-                twice_difference(x * y, w * z),
-                twice_sum(x * z, w * y),
-            ],
-            [
-                twice_sum(x * y, w * z),
-                square(w) - square(x) + square(y) - square(z),
-                twice_difference(y * z, w * x),
-            ],
-            [
-                twice_difference(x * z, w * y),
-                twice_sum(y * z, w * x),
-                square(w) - square(x) - square(y) + square(z),
-            ],
+            [square(w) + square(x) - square(y) - square(z), twice_difference(x * y, w * z), twice_sum(x * z, w * y)],
+            [twice_sum(x * y, w * z), square(w) - square(x) + square(y) - square(z), twice_difference(y * z, w * x)],
+            [twice_difference(x * z, w * y), twice_sum(y * z, w * x), square(w) - square(x) - square(y) + square(z)],
         ]
     }
 }

@@ -31,21 +31,12 @@ const SEPARATORS: [&str; 3] = [".", "_", ""];
 impl Scope {
     /// A recording's columns, no aliases.
     pub fn new<N: AsRef<str>>(columns: impl IntoIterator<Item = N>) -> Self {
-        Self {
-            columns: columns
-                .into_iter()
-                .map(|name| Arc::from(name.as_ref()))
-                .collect(),
-            ..Self::default()
-        }
+        Self { columns: columns.into_iter().map(|name| Arc::from(name.as_ref())).collect(), ..Self::default() }
     }
 
     /// Takes every name for a column: for text whose recording is not at hand, such as a model's.
     pub fn open() -> Self {
-        Self {
-            open: true,
-            ..Self::default()
-        }
+        Self { open: true, ..Self::default() }
     }
 
     /// Gives an expression a name.
@@ -67,10 +58,8 @@ impl Scope {
         &mut self,
         aliases: impl IntoIterator<Item = (N, T)>,
     ) -> Result<(), ParseError> {
-        let texts: BTreeMap<String, String> = aliases
-            .into_iter()
-            .map(|(name, text)| (name.as_ref().to_owned(), text.as_ref().to_owned()))
-            .collect();
+        let texts: BTreeMap<String, String> =
+            aliases.into_iter().map(|(name, text)| (name.as_ref().to_owned(), text.as_ref().to_owned())).collect();
         let mut scope = self.clone();
         scope.pending = texts.keys().cloned().collect();
         for name in texts.keys() {
@@ -87,9 +76,7 @@ impl Scope {
                     }
                     // Not read yet: that one first.
                     Err(error) => match error.kind() {
-                        ParseErrorKind::Circular { name: other } if !stack.contains(other) => {
-                            stack.push(other.clone())
-                        }
+                        ParseErrorKind::Circular { name: other } if !stack.contains(other) => stack.push(other.clone()),
                         _ => return Err(error.in_alias(name)),
                     },
                 }
@@ -108,10 +95,7 @@ impl Scope {
             && !self.open
             && !self.aliases.contains_key(whole)
             && !self.pending.contains(whole)
-            && SEPARATORS.iter().any(|separator| {
-                self.columns
-                    .contains(format!("{whole}{separator}x").as_str())
-            })
+            && SEPARATORS.iter().any(|separator| self.columns.contains(format!("{whole}{separator}x").as_str()))
         {
             self.aliases.remove(name);
             self.groups.insert(name.to_owned(), whole.to_owned());
@@ -129,10 +113,7 @@ impl Scope {
     pub fn resolve(&self, name: &str) -> Result<Expr, ParseErrorKind> {
         match self.find(name)? {
             Some(expr) => Ok(expr),
-            None => Err(ParseErrorKind::UnknownName {
-                name: name.to_owned(),
-                nearest: nearest(name, self.names()),
-            }),
+            None => Err(ParseErrorKind::UnknownName { name: name.to_owned(), nearest: nearest(name, self.names()) }),
         }
     }
 
@@ -181,31 +162,21 @@ impl Scope {
             self.check_pending(head)?;
         }
         Ok(self.groups.get(head).and_then(|prefix| {
-            let mut candidates = SEPARATORS
-                .iter()
-                .map(|separator| format!("{prefix}{separator}{field}"));
-            candidates
-                .find(|candidate| self.columns.contains(candidate.as_str()))
-                .map(Expr::column)
+            let mut candidates = SEPARATORS.iter().map(|separator| format!("{prefix}{separator}{field}"));
+            candidates.find(|candidate| self.columns.contains(candidate.as_str())).map(Expr::column)
         }))
     }
 
     fn check_pending(&self, name: &str) -> Result<(), ParseErrorKind> {
         if self.defining.as_deref() != Some(name) && self.pending.contains(name) {
-            return Err(ParseErrorKind::Circular {
-                name: name.to_owned(),
-            });
+            return Err(ParseErrorKind::Circular { name: name.to_owned() });
         }
         Ok(())
     }
 
     /// All names, aliases first.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        let aliases = self
-            .aliases
-            .keys()
-            .chain(self.groups.keys())
-            .map(String::as_str);
+        let aliases = self.aliases.keys().chain(self.groups.keys()).map(String::as_str);
         aliases.chain(self.columns.iter().map(|name| &**name))
     }
 }

@@ -45,9 +45,7 @@ pub(crate) fn unary(function: Unary, x: Expr) -> Expr {
         (_, Node::Number(value)) => Expr::number(function.apply(*value)),
         (Unary::Neg, Node::Unary(Unary::Neg, inner)) => inner.clone(),
         (Unary::Neg, Node::Binary(Binary::Sub, a, b)) => difference(b.clone(), a.clone()),
-        (Unary::Neg, Node::Binary(Binary::Mul, a, b)) if a.as_number().is_some() => {
-            product(-a, b.clone())
-        }
+        (Unary::Neg, Node::Binary(Binary::Mul, a, b)) if a.as_number().is_some() => product(-a, b.clone()),
         _ => Expr::unary(function, x),
     }
 }

@@ -87,7 +87,11 @@ impl Source for View<'_> {
                 Alias::Column(index) => block.columns[*index].slice(from, length),
                 Alias::Recoded(index, values) => block.columns[*index][from..from + length]
                     .iter()
-                    .map(|&code| if code.is_nan() { f64::NAN } else { values.get(code as usize).copied().unwrap_or(-1.0) })
+                    .map(
+                        |&code| {
+                            if code.is_nan() { f64::NAN } else { values.get(code as usize).copied().unwrap_or(-1.0) }
+                        },
+                    )
                     .collect(),
                 Alias::Expression(program) => {
                     ScalarBuffer::from(evaluate(program, &block, seconds.as_deref(), from..from + length, &mut scratch))
@@ -100,7 +104,13 @@ impl Source for View<'_> {
 }
 
 /// Values of a one-output program on rows of a block counted with its halo; NaN where a lag reaches beyond the block.
-fn evaluate(program: &Program, block: &Block, seconds: Option<&[f64]>, rows: Range<usize>, scratch: &mut Scratch) -> Vec<f64> {
+fn evaluate(
+    program: &Program,
+    block: &Block,
+    seconds: Option<&[f64]>,
+    rows: Range<usize>,
+    scratch: &mut Scratch,
+) -> Vec<f64> {
     let mut out = vec![f64::NAN; rows.len()];
     let reach = program.halo();
     let first = rows.start.max(reach.before);

@@ -24,10 +24,13 @@ fn parse(text: &str) -> Expr {
 #[test]
 fn plain_aliases_share_and_expressions_compute() {
     let source = source();
-    let aliases = [("position", "x"), ("rate", "(x - lag(x, 1)) / 0.5"), ("ahead", "lead(x, 2)"), ("twice_t", "2*time()")];
+    let aliases =
+        [("position", "x"), ("rate", "(x - lag(x, 1)) / 0.5"), ("ahead", "lead(x, 2)"), ("twice_t", "2*time()")];
     let aliases: Vec<(Column, Expr)> = aliases.map(|(name, text)| (Column::float(name), parse(text))).to_vec();
     let view = View::new(&source, &aliases).unwrap();
-    for (rows, halo) in [(0..10, Halo::default()), (3..6, Halo { before: 2, after: 9 }), (0..2, Halo { before: 1, after: 1 })] {
+    for (rows, halo) in
+        [(0..10, Halo::default()), (3..6, Halo { before: 2, after: 9 }), (0..2, Halo { before: 1, after: 1 })]
+    {
         let block = view.read(1, rows.clone(), halo).unwrap();
         let plain = source.read(1, rows.clone(), halo).unwrap();
         assert_eq!((block.before, block.rows, block.after), (plain.before, plain.rows, plain.after));
@@ -38,7 +41,9 @@ fn plain_aliases_share_and_expressions_compute() {
             let value = |row: f64| row * row + 100.0;
             let rate = if row == 0.0 { f64::NAN } else { (value(row) - value(row - 1.0)) / 0.5 };
             let ahead = if row > 7.0 { f64::NAN } else { value(row + 2.0) };
-            for (found, expected) in [(block.column(1)[at], rate), (block.column(2)[at], ahead), (block.column(3)[at], row)] {
+            for (found, expected) in
+                [(block.column(1)[at], rate), (block.column(2)[at], ahead), (block.column(3)[at], row)]
+            {
                 assert!(found == expected || found.is_nan() && expected.is_nan(), "row {row}: {found} {expected}");
             }
         }
@@ -58,7 +63,8 @@ fn labels_are_renumbered_by_name() {
 #[test]
 fn a_design_keeps_complete_rows_and_counts_the_others() {
     let source = source();
-    let design = Design::compile(&[parse("lag(x, 2)"), parse("u"), parse("lead(x, 1)")], &["x", "u", "ground"]).unwrap();
+    let design =
+        Design::compile(&[parse("lag(x, 2)"), parse("u"), parse("lead(x, 1)")], &["x", "u", "ground"]).unwrap();
     assert_eq!(design.halo(), Halo { before: 2, after: 1 });
     let mut out = DesignRows::default();
     let block = source.read(0, 0..10, design.halo()).unwrap();

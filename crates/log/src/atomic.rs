@@ -21,16 +21,9 @@ impl AtomicFile {
     /// Begins a file that will be `target`. Missing parent folders are an error.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self, Error> {
         let target = target.into();
-        let error = |source| Error::Io {
-            path: target.clone(),
-            action: "write",
-            source,
-        };
+        let error = |source| Error::Io { path: target.clone(), action: "write", source };
         if target.is_dir() {
-            return Err(error(io::Error::new(
-                io::ErrorKind::IsADirectory,
-                "it is a folder; name a file in it",
-            )));
+            return Err(error(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder; name a file in it")));
         }
         let folder = match target.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -56,23 +49,13 @@ impl AtomicFile {
     /// Writes everything to the disk and gives the file its name, replacing an older one.
     pub fn commit(self) -> Result<(), Error> {
         let Self { temporary, target } = self;
-        let error = |source| Error::Io {
-            path: target.clone(),
-            action: "write",
-            source,
-        };
+        let error = |source| Error::Io { path: target.clone(), action: "write", source };
         temporary.as_file().sync_all().map_err(error)?;
-        temporary
-            .persist(&target)
-            .map_err(|failure| error(failure.error))?;
+        temporary.persist(&target).map_err(|failure| error(failure.error))?;
         // The rename itself lives in the folder. Not every system can sync a folder, and the data is safe without.
         #[cfg(unix)]
         if let Some(folder) = target.parent() {
-            let folder = if folder.as_os_str().is_empty() {
-                Path::new(".")
-            } else {
-                folder
-            };
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
             let _ = File::open(folder).and_then(|folder| folder.sync_all());
         }
         Ok(())
@@ -98,11 +81,7 @@ impl Write for AtomicFile {
 pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), Error> {
     let path = path.as_ref();
     let mut file = AtomicFile::create(path)?;
-    file.write_all(bytes).map_err(|source| Error::Io {
-        path: path.into(),
-        action: "write",
-        source,
-    })?;
+    file.write_all(bytes).map_err(|source| Error::Io { path: path.into(), action: "write", source })?;
     file.commit()
 }
 
@@ -130,9 +109,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let message = write_atomic(folder.path(), b"x").unwrap_err().to_string();
         assert!(message.contains("folder"), "{message}");
-        let message = write_atomic(folder.path().join("no/such.json"), b"x")
-            .unwrap_err()
-            .to_string();
+        let message = write_atomic(folder.path().join("no/such.json"), b"x").unwrap_err().to_string();
         assert!(message.contains("such.json"), "{message}");
     }
 }

@@ -39,11 +39,7 @@ fn join_column(files: &[(&Path, &[TableColumn])], c: usize) -> Result<Column, Er
         if let Some(own) = &column.unit {
             match unit {
                 Some((first, other)) if other != own => {
-                    return Err(disagree(
-                        &column.name,
-                        (first, format!("in {other}")),
-                        (path, format!("in {own}")),
-                    ));
+                    return Err(disagree(&column.name, (first, format!("in {other}")), (path, format!("in {own}"))));
                 }
                 _ => unit = Some((path, own)),
             }
@@ -59,11 +55,7 @@ fn join_column(files: &[(&Path, &[TableColumn])], c: usize) -> Result<Column, Er
             Some((first, kind)) => match join_kind(&kind, &column.kind) {
                 Some(kind) => (first, kind),
                 None => {
-                    return Err(disagree(
-                        &column.name,
-                        (first, word(&kind).into()),
-                        (path, word(&column.kind).into()),
-                    ));
+                    return Err(disagree(&column.name, (first, word(&kind).into()), (path, word(&column.kind).into())));
                 }
             },
         });
@@ -74,11 +66,7 @@ fn join_column(files: &[(&Path, &[TableColumn])], c: usize) -> Result<Column, Er
         Some((_, kind)) => kind,
         None => first.kind.clone(),
     };
-    Ok(Column {
-        name: first.name.clone(),
-        unit: unit.map(|(_, unit)| unit.clone()),
-        kind,
-    })
+    Ok(Column { name: first.name.clone(), unit: unit.map(|(_, unit)| unit.clone()), kind })
 }
 
 fn join_kind(a: &ColumnKind, b: &ColumnKind) -> Option<ColumnKind> {
@@ -116,16 +104,8 @@ fn codes(own: &ColumnKind, joined: &ColumnKind) -> Option<Vec<f64>> {
     if own == joined {
         return None;
     }
-    let places: BTreeMap<&str, usize> = joined
-        .iter()
-        .enumerate()
-        .map(|(i, name)| (name.as_str(), i))
-        .collect();
-    Some(
-        own.iter()
-            .map(|name| places.get(name.as_str()).map_or(f64::NAN, |&i| i as f64))
-            .collect(),
-    )
+    let places: BTreeMap<&str, usize> = joined.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    Some(own.iter().map(|name| places.get(name.as_str()).map_or(f64::NAN, |&i| i as f64)).collect())
 }
 
 #[cfg(test)]
@@ -133,14 +113,7 @@ mod tests {
     use super::*;
 
     fn column(kind: ColumnKind, unit: Option<&str>, empty: bool) -> TableColumn {
-        TableColumn {
-            column: Column {
-                name: "c".into(),
-                unit: unit.map(Into::into),
-                kind,
-            },
-            empty,
-        }
+        TableColumn { column: Column { name: "c".into(), unit: unit.map(Into::into), kind }, empty }
     }
 
     fn category(names: &[&str]) -> ColumnKind {
@@ -152,12 +125,7 @@ mod tests {
         let a = [column(category(&["b", "d"]), None, false)];
         let b = [column(category(&["a", "b"]), None, false)];
         let empty = [column(ColumnKind::Float, None, true)];
-        let set = join(&[
-            (Path::new("a"), &a),
-            (Path::new("e"), &empty),
-            (Path::new("b"), &b),
-        ])
-        .unwrap();
+        let set = join(&[(Path::new("a"), &a), (Path::new("e"), &empty), (Path::new("b"), &b)]).unwrap();
         assert_eq!(set.columns[0].kind, category(&["a", "b", "d"]));
         assert_eq!(set.recode[0][0], Some(vec![1.0, 2.0]));
         assert_eq!(set.recode[1][0], None);
@@ -171,18 +139,9 @@ mod tests {
         let text = [column(category(&["x"]), None, false)];
         let feet = [column(ColumnKind::Float, Some("ft"), false)];
         let set = join(&[(Path::new("a"), &int), (Path::new("b"), &float)]).unwrap();
-        assert_eq!(
-            (set.columns[0].kind.clone(), set.columns[0].unit.as_deref()),
-            (ColumnKind::Float, Some("m"))
-        );
-        let message = join(&[(Path::new("a"), &int), (Path::new("b"), &text)])
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(
-            message.contains("numbers in a") && message.contains("text in b"),
-            "{message}"
-        );
+        assert_eq!((set.columns[0].kind.clone(), set.columns[0].unit.as_deref()), (ColumnKind::Float, Some("m")));
+        let message = join(&[(Path::new("a"), &int), (Path::new("b"), &text)]).err().unwrap().to_string();
+        assert!(message.contains("numbers in a") && message.contains("text in b"), "{message}");
         assert!(join(&[(Path::new("a"), &int), (Path::new("b"), &feet)]).is_err());
     }
 }

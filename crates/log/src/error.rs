@@ -24,11 +24,7 @@ pub enum Error {
     /// A file or pattern that matches nothing.
     #[error(
         "nothing matches {pattern}{}",
-        hint(
-            nearest,
-            "the nearest name is",
-            "look for a typing error, or a wrong folder"
-        )
+        hint(nearest, "the nearest name is", "look for a typing error, or a wrong folder")
     )]
     NoMatch {
         /// The argument.
@@ -37,9 +33,7 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// A pattern that cannot be understood.
-    #[error(
-        "{pattern} is not a valid file pattern: {problem}; write * ? [a-z] or ** between slashes"
-    )]
+    #[error("{pattern} is not a valid file pattern: {problem}; write * ? [a-z] or ** between slashes")]
     Pattern {
         /// The argument.
         pattern: String,
@@ -239,10 +233,7 @@ fn hint(nearest: &Option<String>, with: &str, without: &str) -> String {
 }
 
 /// The name nearest to `wanted`, when one is near enough to be a slip.
-pub(crate) fn nearest<'a>(
-    wanted: &str,
-    names: impl IntoIterator<Item = &'a str>,
-) -> Option<String> {
+pub(crate) fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let folded = wanted.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
     for name in names {
@@ -256,13 +247,7 @@ pub(crate) fn nearest<'a>(
 
 /// A text for a message: one line, at most 60 characters.
 pub(crate) fn shorten(bytes: &[u8]) -> String {
-    let text: String = String::from_utf8_lossy(&bytes[..bytes.len().min(240)])
-        .chars()
-        .flat_map(char::escape_debug)
-        .collect();
-    if text.chars().count() <= 60 {
-        text
-    } else {
-        text.chars().take(57).chain("...".chars()).collect()
-    }
+    let text: String =
+        String::from_utf8_lossy(&bytes[..bytes.len().min(240)]).chars().flat_map(char::escape_debug).collect();
+    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
 }

@@ -64,9 +64,7 @@ pub(crate) fn uniform_stamp(row: usize, dt: f64) -> i64 {
 
 /// Stamps of consecutive rows of an equally spaced recording.
 pub(crate) fn uniform_stamps(rows: Range<usize>, dt: f64) -> ScalarBuffer<i64> {
-    rows.map(|row| uniform_stamp(row, dt))
-        .collect::<Vec<_>>()
-        .into()
+    rows.map(|row| uniform_stamp(row, dt)).collect::<Vec<_>>().into()
 }
 
 /// One episode of equally spaced rows.
@@ -90,35 +88,14 @@ pub(crate) fn uniform(path: &Path, rows: usize, dt: f64) -> Result<FileIndex, Er
     }
     let period = if rows > 1 { dt } else { 0.0 };
     let end = uniform_stamp(rows.saturating_sub(1), dt);
-    let clock = ClockSummary {
-        rows,
-        max_gap: f64::INFINITY,
-        period,
-        largest_step: period,
-        end,
-        ..ClockSummary::default()
-    };
-    let span = Span {
-        first: 0,
-        rows,
-        start: 0,
-        end,
-        period,
-        fingerprint,
-    };
-    Ok(FileIndex {
-        mask: RowMask::default(),
-        spans: vec![span],
-        clock,
-    })
+    let clock =
+        ClockSummary { rows, max_gap: f64::INFINITY, period, largest_step: period, end, ..ClockSummary::default() };
+    let span = Span { first: 0, rows, start: 0, end, period, fingerprint };
+    Ok(FileIndex { mask: RowMask::default(), spans: vec![span], clock })
 }
 
 /// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their median step, else once.
-pub(crate) fn build(
-    table: &dyn Table,
-    max_gap: MaxGap,
-    progress: &dyn Progress,
-) -> Result<FileIndex, Error> {
+pub(crate) fn build(table: &dyn Table, max_gap: MaxGap, progress: &dyn Progress) -> Result<FileIndex, Error> {
     let mut steps = Steps::default();
     let mut last = MISSING;
     let gap = match max_gap {
@@ -133,9 +110,7 @@ pub(crate) fn build(
                     last = stamp;
                 }
             })?;
-            steps
-                .median()
-                .map(|period| i64::try_from(period).unwrap_or(i64::MAX).saturating_mul(5))
+            steps.median().map(|period| i64::try_from(period).unwrap_or(i64::MAX).saturating_mul(5))
         }
     };
     let mut cutter = Cutter::new(gap);
@@ -143,11 +118,7 @@ pub(crate) fn build(
     Ok(cutter.finish())
 }
 
-fn scan(
-    table: &dyn Table,
-    progress: &dyn Progress,
-    mut each: impl FnMut(&[i64]) + Send,
-) -> Result<(), Error> {
+fn scan(table: &dyn Table, progress: &dyn Progress, mut each: impl FnMut(&[i64]) + Send) -> Result<(), Error> {
     let pieces = table.pieces();
     parallel_fold(
         pieces.len(),
@@ -194,12 +165,7 @@ impl Cutter {
             steps: Steps::default(),
             all_steps: Steps::default(),
             pending: Vec::new(),
-            clock: ClockSummary {
-                max_gap,
-                start: i64::MAX,
-                end: i64::MIN,
-                ..ClockSummary::default()
-            },
+            clock: ClockSummary { max_gap, start: i64::MAX, end: i64::MIN, ..ClockSummary::default() },
         }
     }
 
@@ -255,9 +221,7 @@ impl Cutter {
         let Some(span) = self.spans.last_mut() else {
             return;
         };
-        span.period = std::mem::take(&mut self.steps)
-            .median()
-            .map_or(0.0, |step| step as f64 * 1e-9);
+        span.period = std::mem::take(&mut self.steps).median().map_or(0.0, |step| step as f64 * 1e-9);
         self.clock.start = self.clock.start.min(span.start);
         self.clock.end = self.clock.end.max(span.end);
     }
@@ -265,32 +229,18 @@ impl Cutter {
     fn begin(&mut self, stamp: i64) {
         self.close();
         let fingerprint = Fingerprint::new();
-        self.spans.push(Span {
-            first: self.used,
-            rows: 0,
-            start: stamp,
-            end: stamp,
-            period: 0.0,
-            fingerprint,
-        });
+        self.spans.push(Span { first: self.used, rows: 0, start: stamp, end: stamp, period: 0.0, fingerprint });
     }
 
     fn finish(mut self) -> FileIndex {
         self.close();
         self.mask.finish();
         self.clock.rows = self.row;
-        self.clock.period = self
-            .all_steps
-            .median()
-            .map_or(0.0, |step| step as f64 * 1e-9);
+        self.clock.period = self.all_steps.median().map_or(0.0, |step| step as f64 * 1e-9);
         if self.spans.is_empty() {
             (self.clock.start, self.clock.end) = (0, 0);
         }
-        FileIndex {
-            mask: self.mask,
-            spans: self.spans,
-            clock: self.clock,
-        }
+        FileIndex { mask: self.mask, spans: self.spans, clock: self.clock }
     }
 }
 
@@ -309,49 +259,20 @@ mod tests {
         let stamps = [0, 10, 20, 20, 30, MISSING, 40, 100, 110, 105, 115, 125];
         for piece in [1, 2, 5, 12] {
             let index = cut(&stamps, Some(50), piece);
-            let spans: Vec<_> = index
-                .spans
-                .iter()
-                .map(|span| (span.first, span.rows, span.start, span.end))
-                .collect();
+            let spans: Vec<_> = index.spans.iter().map(|span| (span.first, span.rows, span.start, span.end)).collect();
             assert_eq!(spans, [(0, 5, 0, 40), (5, 2, 100, 110), (7, 3, 105, 125)]);
             let clock = index.clock;
-            assert_eq!(
-                (
-                    clock.missing,
-                    clock.repeated,
-                    clock.backward,
-                    clock.gaps,
-                    clock.rows
-                ),
-                (1, 1, 1, 1, 12)
-            );
-            assert_eq!(
-                (
-                    index.mask.place(3),
-                    index.mask.place(4),
-                    index.mask.place(5)
-                ),
-                (4, 6, 7)
-            );
-            assert!(
-                (clock.period - 10e-9).abs() < 1e-15 && (clock.largest_step - 60e-9).abs() < 1e-15
-            );
+            assert_eq!((clock.missing, clock.repeated, clock.backward, clock.gaps, clock.rows), (1, 1, 1, 1, 12));
+            assert_eq!((index.mask.place(3), index.mask.place(4), index.mask.place(5)), (4, 6, 7));
+            assert!((clock.period - 10e-9).abs() < 1e-15 && (clock.largest_step - 60e-9).abs() < 1e-15);
         }
     }
 
     #[test]
     fn the_fingerprint_does_not_depend_on_the_pieces() {
         let stamps: Vec<i64> = (0..2000).map(|i| i * 10).collect();
-        let ids: Vec<_> = [1, 7, 256, 2000]
-            .map(|piece| {
-                cut(&stamps, None, piece)
-                    .spans
-                    .remove(0)
-                    .fingerprint
-                    .finish()
-            })
-            .into();
+        let ids: Vec<_> =
+            [1, 7, 256, 2000].map(|piece| cut(&stamps, None, piece).spans.remove(0).fingerprint.finish()).into();
         assert!(ids.iter().all(|id| *id == ids[0]));
     }
 

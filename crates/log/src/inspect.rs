@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use fleetfoot_data::{ColumnKind, Halo, Progress, Source, parallel_fold};
 
 use crate::{
-    ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, csv,
-    open_with_progress, parquet,
+    ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, csv, open_with_progress, parquet,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -86,13 +85,8 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
     let Some(format) = Format::of(path) else {
         return Err(Error::UnknownFormat { path: path.into() });
     };
-    let bytes = std::fs::metadata(path)
-        .map_err(|source| Error::Io {
-            path: path.into(),
-            action: "read",
-            source,
-        })?
-        .len();
+    let bytes =
+        std::fs::metadata(path).map_err(|source| Error::Io { path: path.into(), action: "read", source })?.len();
     let (columns, clock, rows, notes) = match format {
         Format::Parquet => {
             let found = parquet::describe(path)?;
@@ -100,16 +94,7 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
         }
         Format::Csv(compression) => {
             let found = csv::describe(path, compression)?;
-            (
-                found
-                    .columns
-                    .into_iter()
-                    .map(|column| (column, Ok(())))
-                    .collect(),
-                found.clock,
-                None,
-                found.notes,
-            )
+            (found.columns.into_iter().map(|column| (column, Ok(()))).collect(), found.clock, None, found.notes)
         }
     };
     let time = clock.map(|clock| TimeInfo {
@@ -127,72 +112,36 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
             statistics: None,
         })
         .collect();
-    Ok(FileInfo {
-        path: path.into(),
-        format,
-        bytes,
-        rows,
-        columns,
-        time,
-        clock: None,
-        episodes: None,
-        notes,
-    })
+    Ok(FileInfo { path: path.into(), format, bytes, rows, columns, time, clock: None, episodes: None, notes })
 }
 
 /// As [`inspect`], and reads all rows once: ranges of the values, rates, gaps, backward stamps. Memory stays bounded.
 pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<FileInfo, Error> {
     let mut info = inspect(path)?;
     let time = match &info.time {
-        Some(time) => TimeSpec::Column {
-            name: time.column.clone(),
-            unit: Some(time.unit),
-        },
+        Some(time) => TimeSpec::Column { name: time.column.clone(), unit: Some(time.unit) },
         None => TimeSpec::Uniform { dt_seconds: 1.0 },
     };
     // A name that occurs twice cannot be asked for, and a text with too many values is no category: leave these out and say so.
-    let mut readable: Vec<usize> = (0..info.columns.len())
-        .filter(|&c| info.columns[c].unsupported.is_none())
-        .collect();
-    readable.retain(|&c| {
-        info.columns
-            .iter()
-            .filter(|column| column.name == info.columns[c].name)
-            .count()
-            == 1
-    });
+    let mut readable: Vec<usize> = (0..info.columns.len()).filter(|&c| info.columns[c].unsupported.is_none()).collect();
+    readable.retain(|&c| info.columns.iter().filter(|column| column.name == info.columns[c].name).count() == 1);
     let recording = loop {
         let names = readable.iter().map(|&c| info.columns[c].name.clone());
-        let selection = Selection {
-            time: time.clone(),
-            max_gap: MaxGap::Auto,
-            allow_duplicates: true,
-            ..Selection::new(names)
-        };
+        let selection =
+            Selection { time: time.clone(), max_gap: MaxGap::Auto, allow_duplicates: true, ..Selection::new(names) };
         match open_with_progress(&[&info.path], &selection, progress) {
             Ok(recording) => break recording,
             Err(Error::TooManyCategories { column, limit, .. }) => {
-                let Some(at) = readable
-                    .iter()
-                    .position(|&c| info.columns[c].name == column)
-                else {
-                    return Err(Error::TooManyCategories {
-                        path: info.path,
-                        column,
-                        limit,
-                    });
+                let Some(at) = readable.iter().position(|&c| info.columns[c].name == column) else {
+                    return Err(Error::TooManyCategories { path: info.path, column, limit });
                 };
-                info.columns[readable.remove(at)].unsupported =
-                    Some(format!("text with more than {limit} values"));
+                info.columns[readable.remove(at)].unsupported = Some(format!("text with more than {limit} values"));
             }
             Err(error) => return Err(error),
         }
     };
     let (statistics, rows) = (statistics(&recording, progress)?, recording.rows());
-    for (&c, (column, statistics)) in readable
-        .iter()
-        .zip(recording.columns().iter().zip(statistics))
-    {
+    for (&c, (column, statistics)) in readable.iter().zip(recording.columns().iter().zip(statistics)) {
         info.columns[c].kind = column.kind.clone();
         info.columns[c].statistics = Some(statistics);
     }
@@ -200,33 +149,20 @@ pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result
     info.rows = Some(clock.map_or(rows, |clock| clock.rows));
     info.clock = clock.filter(|_| info.time.is_some());
     info.episodes = Some(recording.episodes().len());
-    info.notes.extend(
-        recording
-            .notes()
-            .iter()
-            .filter(|note| info.time.is_some() || !note.contains("episode"))
-            .cloned(),
-    );
+    info.notes
+        .extend(recording.notes().iter().filter(|note| info.time.is_some() || !note.contains("episode")).cloned());
     Ok(info)
 }
 
 /// Count, missing, least, sum and greatest of one column.
 type Sums = (usize, usize, f64, f64, f64);
 
-fn statistics(
-    recording: &Recording,
-    progress: &dyn Progress,
-) -> Result<Vec<ColumnStatistics>, Error> {
+fn statistics(recording: &Recording, progress: &dyn Progress) -> Result<Vec<ColumnStatistics>, Error> {
     let mut blocks = Vec::new();
     for (episode, info) in recording.episodes().iter().enumerate() {
-        blocks.extend(
-            (0..info.rows)
-                .step_by(BLOCK)
-                .map(|from| (episode, from..(from + BLOCK).min(info.rows))),
-        );
+        blocks.extend((0..info.rows).step_by(BLOCK).map(|from| (episode, from..(from + BLOCK).min(info.rows))));
     }
-    let mut totals: Vec<Sums> =
-        vec![(0, 0, f64::INFINITY, 0.0, f64::NEG_INFINITY); recording.columns().len()];
+    let mut totals: Vec<Sums> = vec![(0, 0, f64::INFINITY, 0.0, f64::NEG_INFINITY); recording.columns().len()];
     progress.stage("reading values");
     parallel_fold(
         blocks.len(),
@@ -234,53 +170,28 @@ fn statistics(
         |i| {
             let (episode, rows) = blocks[i].clone();
             let block = recording.read_block(episode, rows, Halo::default())?;
-            Ok::<_, Error>(
-                (0..block.columns.len())
-                    .map(|c| sums(block.core(c)))
-                    .collect::<Vec<Sums>>(),
-            )
+            Ok::<_, Error>((0..block.columns.len()).map(|c| sums(block.core(c))).collect::<Vec<Sums>>())
         },
         |block| {
             for (total, own) in totals.iter_mut().zip(block) {
-                *total = (
-                    total.0 + own.0,
-                    total.1 + own.1,
-                    total.2.min(own.2),
-                    total.3 + own.3,
-                    total.4.max(own.4),
-                );
+                *total = (total.0 + own.0, total.1 + own.1, total.2.min(own.2), total.3 + own.3, total.4.max(own.4));
             }
             Ok(())
         },
     )?;
     let finish = |(count, missing, min, sum, max): Sums| {
         let there = |value: f64| if count > 0 { value } else { f64::NAN };
-        ColumnStatistics {
-            count,
-            missing,
-            min: there(min),
-            mean: there(sum / count.max(1) as f64),
-            max: there(max),
-        }
+        ColumnStatistics { count, missing, min: there(min), mean: there(sum / count.max(1) as f64), max: there(max) }
     };
     Ok(totals.into_iter().map(finish).collect())
 }
 
 fn sums(values: &[f64]) -> Sums {
-    values.iter().fold(
-        (0, 0, f64::INFINITY, 0.0, f64::NEG_INFINITY),
-        |(count, missing, min, sum, max), &value| {
-            if value.is_nan() {
-                (count, missing + 1, min, sum, max)
-            } else {
-                (
-                    count + 1,
-                    missing,
-                    min.min(value),
-                    sum + value,
-                    max.max(value),
-                )
-            }
-        },
-    )
+    values.iter().fold((0, 0, f64::INFINITY, 0.0, f64::NEG_INFINITY), |(count, missing, min, sum, max), &value| {
+        if value.is_nan() {
+            (count, missing + 1, min, sum, max)
+        } else {
+            (count + 1, missing, min.min(value), sum + value, max.max(value))
+        }
+    })
 }

@@ -15,38 +15,20 @@ pub(crate) struct Notes {
 
 impl Notes {
     /// Adds what a file's opening and its stamps tell.
-    pub(crate) fn add_file(
-        &mut self,
-        path: &Path,
-        notes: &[String],
-        clock: &ClockSummary,
-        spans: &[Span],
-    ) {
+    pub(crate) fn add_file(&mut self, path: &Path, notes: &[String], clock: &ClockSummary, spans: &[Span]) {
         for note in notes {
-            self.sentences
-                .entry(note.clone())
-                .or_default()
-                .push(path.display().to_string());
+            self.sentences.entry(note.clone()).or_default().push(path.display().to_string());
         }
         let single = spans.iter().filter(|span| span.rows == 1).count();
         let events = [
             ("rows without a readable stamp left out", clock.missing),
-            (
-                "rows with the stamp of the row before left out",
-                clock.repeated,
-            ),
+            ("rows with the stamp of the row before left out", clock.repeated),
             ("backward stamps, each starting an episode", clock.backward),
-            (
-                "gaps longer than accepted, each starting an episode",
-                clock.gaps,
-            ),
+            ("gaps longer than accepted, each starting an episode", clock.gaps),
             ("episodes of a single row", single),
         ];
         for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
-            let entry = self
-                .counts
-                .entry(what)
-                .or_insert_with(|| (0, 0, path.display().to_string()));
+            let entry = self.counts.entry(what).or_insert_with(|| (0, 0, path.display().to_string()));
             entry.0 += count;
             entry.1 += 1;
         }
@@ -58,16 +40,12 @@ impl Notes {
             1 => first.to_owned(),
             more => format!("{more} files, first {first}"),
         };
-        let sentences = self
-            .sentences
-            .into_iter()
-            .map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
+        let sentences =
+            self.sentences.into_iter().map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
         let counts = self
             .counts
             .into_iter()
-            .map(|(what, (count, files, first))| {
-                format!("{}: {count} {what}", place(files, &first))
-            });
+            .map(|(what, (count, files, first))| format!("{}: {count} {what}", place(files, &first)));
         sentences.chain(counts).collect()
     }
 }

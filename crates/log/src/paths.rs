@@ -15,9 +15,7 @@ const MAX_DEPTH: usize = 32;
 ///
 /// The answer is sorted and each file appears once, so that the order of the arguments does not matter. A named file of an unknown
 /// format is an error, and so is an argument that matches nothing; both say what to do.
-pub fn paths<P: AsRef<Path>>(
-    arguments: impl IntoIterator<Item = P>,
-) -> Result<Vec<PathBuf>, Error> {
+pub fn paths<P: AsRef<Path>>(arguments: impl IntoIterator<Item = P>) -> Result<Vec<PathBuf>, Error> {
     let mut files = BTreeSet::new();
     for argument in arguments {
         let argument = argument.as_ref();
@@ -25,16 +23,12 @@ pub fn paths<P: AsRef<Path>>(
             let mut inside = BTreeSet::new();
             collect_folder(argument, 0, &mut inside)?;
             if inside.is_empty() {
-                return Err(Error::EmptyFolder {
-                    path: argument.into(),
-                });
+                return Err(Error::EmptyFolder { path: argument.into() });
             }
             files.append(&mut inside);
         } else if argument.exists() {
             if Format::of(argument).is_none() {
-                return Err(Error::UnknownFormat {
-                    path: argument.into(),
-                });
+                return Err(Error::UnknownFormat { path: argument.into() });
             }
             files.insert(argument.to_path_buf());
         } else {
@@ -50,28 +44,18 @@ pub fn paths<P: AsRef<Path>>(
 /// One path for each file, whatever ways lead to it.
 pub(crate) fn distinct(files: BTreeSet<PathBuf>) -> Vec<PathBuf> {
     let mut seen = BTreeSet::new();
-    files
-        .into_iter()
-        .filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone())))
-        .collect()
+    files.into_iter().filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone()))).collect()
 }
 
 fn collect_folder(folder: &Path, depth: usize, files: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
     if depth > MAX_DEPTH {
         return Ok(());
     }
-    let error = |source: io::Error| Error::Io {
-        path: folder.into(),
-        action: "list",
-        source,
-    };
+    let error = |source: io::Error| Error::Io { path: folder.into(), action: "list", source };
     for entry in fs::read_dir(folder).map_err(error)? {
         let path = entry.map_err(error)?.path();
         // Hidden files are unfinished or not meant.
-        if path
-            .file_name()
-            .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
-        {
+        if path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".")) {
             continue;
         }
         if path.is_dir() {
@@ -85,29 +69,18 @@ fn collect_folder(folder: &Path, depth: usize, files: &mut BTreeSet<PathBuf>) ->
 
 fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
     let pattern = argument.to_string_lossy().into_owned();
-    let missing = || Error::NoMatch {
-        pattern: pattern.clone(),
-        nearest: nearest_path(argument),
-    };
+    let missing = || Error::NoMatch { pattern: pattern.clone(), nearest: nearest_path(argument) };
     if !pattern.contains(['*', '?', '[']) {
         return Err(missing());
     }
     // Hidden files must be named as such, as in a shell.
-    let options = glob::MatchOptions {
-        require_literal_leading_dot: true,
-        ..glob::MatchOptions::new()
-    };
-    let matches = glob::glob_with(&pattern, options).map_err(|problem| Error::Pattern {
-        pattern: pattern.clone(),
-        problem: problem.to_string(),
-    })?;
+    let options = glob::MatchOptions { require_literal_leading_dot: true, ..glob::MatchOptions::new() };
+    let matches = glob::glob_with(&pattern, options)
+        .map_err(|problem| Error::Pattern { pattern: pattern.clone(), problem: problem.to_string() })?;
     let (mut found, mut unknown) = (BTreeSet::new(), None);
     for path in matches {
-        let path = path.map_err(|failure| Error::Io {
-            path: failure.path().into(),
-            action: "list",
-            source: failure.into(),
-        })?;
+        let path =
+            path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
             collect_folder(&path, 0, &mut found)?;
         } else if Format::of(&path).is_some() {
@@ -130,16 +103,10 @@ fn nearest_path(wanted: &Path) -> Option<String> {
     let mut folder = wanted.parent()?;
     let mut name = wanted.file_name()?;
     loop {
-        let listed = if folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            folder
-        };
+        let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         if let Ok(entries) = fs::read_dir(listed) {
-            let names: BTreeSet<String> = entries
-                .flatten()
-                .map(|entry| entry.file_name().to_string_lossy().into_owned())
-                .collect();
+            let names: BTreeSet<String> =
+                entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
             let best = nearest(&name.to_string_lossy(), names.iter().map(String::as_str))?;
             return Some(folder.join(best).to_string_lossy().into_owned());
         }
@@ -164,31 +131,12 @@ mod tests {
 
     #[test]
     fn folders_patterns_and_files_give_a_sorted_set() {
-        let folder = folder(&[
-            "b.csv",
-            "a.parquet",
-            "sub/c.csv.gz",
-            "notes.md",
-            ".hidden.csv",
-            "sub/d.tsv",
-        ]);
+        let folder = folder(&["b.csv", "a.parquet", "sub/c.csv.gz", "notes.md", ".hidden.csv", "sub/d.tsv"]);
         let root = folder.path();
         let all = paths([root]).unwrap();
-        let names: Vec<_> = all
-            .iter()
-            .map(|path| path.strip_prefix(root).unwrap().to_str().unwrap())
-            .collect();
+        let names: Vec<_> = all.iter().map(|path| path.strip_prefix(root).unwrap().to_str().unwrap()).collect();
         assert_eq!(names, ["a.parquet", "b.csv", "sub/c.csv.gz", "sub/d.tsv"]);
-        assert_eq!(
-            paths([
-                root.join("*.csv"),
-                root.join("b.csv"),
-                root.join("sub/../b.csv")
-            ])
-            .unwrap()
-            .len(),
-            1
-        );
+        assert_eq!(paths([root.join("*.csv"), root.join("b.csv"), root.join("sub/../b.csv")]).unwrap().len(), 1);
         assert_eq!(paths([root.join("**/*.csv*")]).unwrap().len(), 2);
         assert_eq!(paths([root.join("*")]).unwrap().len(), 4);
         assert_eq!(
@@ -202,31 +150,13 @@ mod tests {
         let folder = folder(&["wind35.csv", "notes.md", "empty/readme"]);
         let root = folder.path();
         let message = paths([root.join("wnd35.csv")]).unwrap_err().to_string();
-        assert!(
-            message.contains("wnd35.csv") && message.contains("wind35.csv"),
-            "{message}"
-        );
+        assert!(message.contains("wnd35.csv") && message.contains("wind35.csv"), "{message}");
         let message = paths([root.join("notes.md")]).unwrap_err().to_string();
-        assert!(
-            message.contains("notes.md") && message.contains(".parquet"),
-            "{message}"
-        );
-        assert!(matches!(
-            paths([root.join("*.md")]),
-            Err(Error::UnknownFormat { .. })
-        ));
-        assert!(matches!(
-            paths([root.join("*.parquet")]),
-            Err(Error::NoMatch { .. })
-        ));
-        assert!(matches!(
-            paths([root.join("empty")]),
-            Err(Error::EmptyFolder { .. })
-        ));
-        assert!(matches!(
-            paths([root.join("a[")]),
-            Err(Error::Pattern { .. })
-        ));
+        assert!(message.contains("notes.md") && message.contains(".parquet"), "{message}");
+        assert!(matches!(paths([root.join("*.md")]), Err(Error::UnknownFormat { .. })));
+        assert!(matches!(paths([root.join("*.parquet")]), Err(Error::NoMatch { .. })));
+        assert!(matches!(paths([root.join("empty")]), Err(Error::EmptyFolder { .. })));
+        assert!(matches!(paths([root.join("a[")]), Err(Error::Pattern { .. })));
         assert!(matches!(paths::<&Path>([]), Err(Error::NoFiles)));
     }
 }

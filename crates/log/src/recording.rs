@@ -9,8 +9,8 @@ use std::{
 
 use arrow_buffer::ArrowNativeType;
 use fleetfoot_data::{
-    Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer,
-    Silent, Source, parallel_map,
+    Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer, Silent, Source,
+    parallel_map,
 };
 
 use crate::{
@@ -94,40 +94,25 @@ pub fn open_with_progress<P: AsRef<Path>>(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Recording, Error> {
-    let paths = distinct(
-        paths
-            .iter()
-            .map(|path| path.as_ref().to_path_buf())
-            .collect(),
-    );
+    let paths = distinct(paths.iter().map(|path| path.as_ref().to_path_buf()).collect());
     if paths.is_empty() {
         return Err(Error::NoFiles);
     }
     check(selection)?;
-    let selection = Selection {
-        columns: without_repeats(&selection.columns),
-        ..selection.clone()
-    };
+    let selection = Selection { columns: without_repeats(&selection.columns), ..selection.clone() };
     let budget = Arc::new(Budget::new(selection.memory_budget));
     let cache = Arc::new(parquet::Cursors::new(selection.columns.len() + 1));
 
     progress.stage("opening files");
-    let opened = parallel_map(paths.len(), progress, |i| {
-        open_file(&paths[i], &selection, &budget, &cache)
-    })?;
+    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache))?;
     agree_on_units(&paths, &opened)?;
-    let tables: Vec<_> = paths
-        .iter()
-        .zip(&opened)
-        .map(|(path, opened)| (path.as_path(), opened.table.columns()))
-        .collect();
+    let tables: Vec<_> =
+        paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
     let ColumnSet { columns, recode } = column_set::join(&tables)?;
 
     progress.stage("finding episodes");
     let inner = Quiet { outer: progress };
-    let indices = parallel_map(paths.len(), progress, |i| {
-        index_file(&paths[i], &opened[i], &selection, &inner)
-    })?;
+    let indices = parallel_map(paths.len(), progress, |i| index_file(&paths[i], &opened[i], &selection, &inner))?;
 
     let mut recording = Recording {
         columns,
@@ -142,28 +127,13 @@ pub fn open_with_progress<P: AsRef<Path>>(
     };
     let mut spans = Vec::new();
     let mut told = Notes::default();
-    for (
-        (
-            (path, opened),
-            FileIndex {
-                mask,
-                spans: own,
-                clock,
-            },
-        ),
-        recode,
-    ) in paths.into_iter().zip(opened).zip(indices).zip(recode)
+    for (((path, opened), FileIndex { mask, spans: own, clock }), recode) in
+        paths.into_iter().zip(opened).zip(indices).zip(recode)
     {
         told.add_file(&path, &opened.notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
-        recording.files.push(RecordedFile {
-            path,
-            table: opened.table,
-            mask,
-            clock,
-            recode,
-        });
+        recording.files.push(RecordedFile { path, table: opened.table, mask, clock, recode });
     }
     recording.notes = told.finish();
     recording.add_episodes(spans, &selection.label_rules, progress)?;
@@ -175,11 +145,7 @@ pub fn open_with_progress<P: AsRef<Path>>(
 
 fn check(selection: &Selection) -> Result<(), Error> {
     let positive = |what, seconds: f64| {
-        if seconds > 0.0 && seconds < 1e9 {
-            Ok(())
-        } else {
-            Err(Error::BadSeconds { what, seconds })
-        }
+        if seconds > 0.0 && seconds < 1e9 { Ok(()) } else { Err(Error::BadSeconds { what, seconds }) }
     };
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
         positive("sampling period", dt_seconds)?;
@@ -188,21 +154,15 @@ fn check(selection: &Selection) -> Result<(), Error> {
         positive("largest gap", seconds)?;
     }
     for rule in &selection.label_rules {
-        glob::Pattern::new(&rule.pattern).map_err(|problem| Error::Pattern {
-            pattern: rule.pattern.clone(),
-            problem: problem.to_string(),
-        })?;
+        glob::Pattern::new(&rule.pattern)
+            .map_err(|problem| Error::Pattern { pattern: rule.pattern.clone(), problem: problem.to_string() })?;
     }
     Ok(())
 }
 
 fn without_repeats(names: &[String]) -> Vec<String> {
     let mut seen = BTreeSet::new();
-    names
-        .iter()
-        .filter(|name| seen.insert(name.as_str()))
-        .cloned()
-        .collect()
+    names.iter().filter(|name| seen.insert(name.as_str())).cloned().collect()
 }
 
 fn open_file(
@@ -220,17 +180,16 @@ fn open_file(
 
 /// Guessed units must be the same everywhere: two guesses that differ mean that one is wrong.
 fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
-    let mut guesses = paths.iter().zip(opened).filter_map(|(path, opened)| {
-        Some((path, opened.time_column.clone()?, opened.assumed_unit?))
-    });
+    let mut guesses = paths
+        .iter()
+        .zip(opened)
+        .filter_map(|(path, opened)| Some((path, opened.time_column.clone()?, opened.assumed_unit?)));
     let Some((first, column, unit)) = guesses.next() else {
         return Ok(());
     };
     for (path, _, other) in guesses {
         if other != unit {
-            let says = |unit: crate::TimeUnit| {
-                format!("in {} as far as its whole numbers tell", unit.symbol())
-            };
+            let says = |unit: crate::TimeUnit| format!("in {} as far as its whole numbers tell", unit.symbol());
             return Err(Error::ColumnsDisagree {
                 column,
                 first: first.clone(),
@@ -259,11 +218,7 @@ fn index_file(
     let index = index::build(table, selection.max_gap, progress)?;
     if index.spans.is_empty() {
         let column = opened.time_column.clone().unwrap_or_default();
-        return Err(Error::NoStamps {
-            path: path.into(),
-            rows: table.rows(),
-            column,
-        });
+        return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
     }
     Ok(index)
 }
@@ -289,9 +244,7 @@ impl Recording {
 
     /// The files, in the order of their episodes, with what their stamps look like.
     pub fn files(&self) -> impl Iterator<Item = (&Path, &ClockSummary)> {
-        self.files
-            .iter()
-            .map(|file| (file.path.as_path(), &file.clock))
+        self.files.iter().map(|file| (file.path.as_path(), &file.clock))
     }
 
     fn add_episodes(
@@ -306,10 +259,7 @@ impl Recording {
         let mut fingerprints = Vec::with_capacity(spans.len());
         for ((file, span), name) in spans.into_iter().zip(names) {
             let path = &self.files[file].path;
-            self.places.push(Place {
-                file,
-                first: span.first,
-            });
+            self.places.push(Place { file, first: span.first });
             self.episodes.push(Episode {
                 id: EpisodeId(0),
                 labels: labels(rules, path, &name),
@@ -323,14 +273,8 @@ impl Recording {
             fingerprints.push(span.fingerprint);
         }
         progress.stage("identifying episodes");
-        let texts: Vec<Option<Vec<f64>>> = self
-            .columns
-            .iter()
-            .map(|column| category_digests(&column.kind))
-            .collect();
-        let ids = parallel_map(fingerprints.len(), progress, |e| {
-            self.identify(e, fingerprints[e].clone(), &texts)
-        })?;
+        let texts: Vec<Option<Vec<f64>>> = self.columns.iter().map(|column| category_digests(&column.kind)).collect();
+        let ids = parallel_map(fingerprints.len(), progress, |e| self.identify(e, fingerprints[e].clone(), &texts))?;
         for (episode, id) in self.episodes.iter_mut().zip(ids) {
             episode.id = id;
         }
@@ -356,12 +300,7 @@ impl Recording {
         Ok(fingerprint.finish())
     }
 
-    pub(crate) fn read_block(
-        &self,
-        episode: usize,
-        rows: Range<usize>,
-        halo: Halo,
-    ) -> Result<Block, Error> {
+    pub(crate) fn read_block(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
         let info = &self.episodes[episode];
         let Place { file, first } = self.places[episode];
         let before = halo.before.min(rows.start);
@@ -380,14 +319,8 @@ impl Recording {
             return Ok(block);
         }
         let file = &self.files[file];
-        let (from, to) = (
-            file.mask.place(first + all.start),
-            file.mask.place(first + all.end - 1) + 1,
-        );
-        let TableRows {
-            mut time,
-            mut columns,
-        } = file.table.values(from..to, halo.before + halo.after)?;
+        let (from, to) = (file.mask.place(first + all.start), file.mask.place(first + all.end - 1) + 1);
+        let TableRows { mut time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
         if to - from != all.len() {
             let used: Vec<bool> = (from..to).map(|row| !file.mask.is_dropped(row)).collect();
             time = keep(&time, &used);
@@ -416,12 +349,7 @@ impl Source for Recording {
         &self.episodes
     }
 
-    fn read(
-        &self,
-        episode: usize,
-        rows: Range<usize>,
-        halo: Halo,
-    ) -> Result<Block, fleetfoot_data::Error> {
+    fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, fleetfoot_data::Error> {
         let info = &self.episodes[episode];
         if rows.start > rows.end || rows.end > info.rows {
             return Err(fleetfoot_data::Error::OutOfRange {
@@ -437,23 +365,13 @@ impl Source for Recording {
 
 /// The values whose row is used.
 fn keep<T: ArrowNativeType>(values: &ScalarBuffer<T>, used: &[bool]) -> ScalarBuffer<T> {
-    values
-        .iter()
-        .zip(used)
-        .filter(|(_, used)| **used)
-        .map(|(&value, _)| value)
-        .collect::<Vec<T>>()
-        .into()
+    values.iter().zip(used).filter(|(_, used)| **used).map(|(&value, _)| value).collect::<Vec<T>>().into()
 }
 
 /// Codes to what stands for them; NaN stays NaN.
 fn recode(values: &[f64], table: &[f64]) -> ScalarBuffer<f64> {
     let look_up = |&code: &f64| {
-        if code >= 0.0 {
-            table.get(code as usize).copied().unwrap_or(f64::NAN)
-        } else {
-            f64::NAN
-        }
+        if code >= 0.0 { table.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN }
     };
     values.iter().map(look_up).collect::<Vec<f64>>().into()
 }
@@ -476,10 +394,7 @@ fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
     let mut seen: HashMap<EpisodeId, &str> = HashMap::new();
     for episode in episodes {
         if let Some(first) = seen.insert(episode.id, &episode.name) {
-            return Err(Error::Duplicate {
-                first: first.into(),
-                second: episode.name.clone(),
-            });
+            return Err(Error::Duplicate { first: first.into(), second: episode.name.clone() });
         }
     }
     Ok(())

@@ -28,11 +28,7 @@ impl RowMask {
         self.ranks.clear();
         for stride in self.dropped.chunks(STRIDE / 64) {
             self.ranks.push(used);
-            used += stride.len() * 64
-                - stride
-                    .iter()
-                    .map(|word| word.count_ones() as usize)
-                    .sum::<usize>();
+            used += stride.len() * 64 - stride.iter().map(|word| word.count_ones() as usize).sum::<usize>();
         }
         self.dropped.shrink_to_fit();
     }
@@ -61,9 +57,7 @@ impl RowMask {
 
     /// Whether a row is dropped.
     pub(crate) fn is_dropped(&self, row: usize) -> bool {
-        self.dropped
-            .get(row / 64)
-            .is_some_and(|word| word >> (row % 64) & 1 == 1)
+        self.dropped.get(row / 64).is_some_and(|word| word >> (row % 64) & 1 == 1)
     }
 }
 
@@ -73,23 +67,12 @@ mod tests {
 
     #[test]
     fn places_agree_with_counting() {
-        for (step, limit) in [
-            (1usize, 0usize),
-            (2, 20_000),
-            (3, 9_000),
-            (64, 20_000),
-            (1000, 15_000),
-        ] {
+        for (step, limit) in [(1usize, 0usize), (2, 20_000), (3, 9_000), (64, 20_000), (1000, 15_000)] {
             let mut mask = RowMask::default();
-            (0..limit)
-                .filter(|row| row % step == 0)
-                .for_each(|row| mask.drop_row(row));
+            (0..limit).filter(|row| row % step == 0).for_each(|row| mask.drop_row(row));
             mask.finish();
             let used: Vec<usize> = (0..20_500).filter(|&row| !mask.is_dropped(row)).collect();
-            assert_eq!(
-                used.len(),
-                20_500 - (0..limit).filter(|row| row % step == 0).count()
-            );
+            assert_eq!(used.len(), 20_500 - (0..limit).filter(|row| row % step == 0).count());
             for (k, &row) in used.iter().enumerate() {
                 assert_eq!(mask.place(k), row, "step {step} k {k}");
             }

@@ -22,10 +22,7 @@ pub struct Selection {
 impl Selection {
     /// These columns, with the time column and the episodes found by themselves.
     pub fn new<S: Into<String>>(columns: impl IntoIterator<Item = S>) -> Self {
-        Self {
-            columns: columns.into_iter().map(Into::into).collect(),
-            ..Self::default()
-        }
+        Self { columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 }
 
@@ -105,14 +102,11 @@ impl TimeUnit {
     pub fn parse(text: &str) -> Option<Self> {
         match text.trim().to_lowercase().as_str() {
             "s" | "sec" | "secs" | "second" | "seconds" => Some(Self::Seconds),
-            "ms" | "msec" | "msecs" | "millis" | "millisecond" | "milliseconds" => {
-                Some(Self::Milliseconds)
+            "ms" | "msec" | "msecs" | "millis" | "millisecond" | "milliseconds" => Some(Self::Milliseconds),
+            "us" | "\u{b5}s" | "\u{3bc}s" | "usec" | "usecs" | "micros" | "microsecond" | "microseconds" => {
+                Some(Self::Microseconds)
             }
-            "us" | "\u{b5}s" | "\u{3bc}s" | "usec" | "usecs" | "micros" | "microsecond"
-            | "microseconds" => Some(Self::Microseconds),
-            "ns" | "nsec" | "nsecs" | "nanos" | "nanosecond" | "nanoseconds" => {
-                Some(Self::Nanoseconds)
-            }
+            "ns" | "nsec" | "nsecs" | "nanos" | "nanosecond" | "nanoseconds" => Some(Self::Nanoseconds),
             _ => None,
         }
     }

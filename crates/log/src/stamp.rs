@@ -60,10 +60,7 @@ pub(crate) fn from_f64(value: f64, unit: TimeUnit) -> i64 {
     }
     let scale = unit.nanoseconds();
     let fraction = ((value - whole) * scale as f64).round() as i64;
-    (whole as i64)
-        .checked_mul(scale)
-        .and_then(|stamp| stamp.checked_add(fraction))
-        .unwrap_or(MISSING)
+    (whole as i64).checked_mul(scale).and_then(|stamp| stamp.checked_add(fraction)).unwrap_or(MISSING)
 }
 
 /// An integer in `unit` to nanoseconds; [`MISSING`] when nanoseconds cannot hold it.
@@ -90,11 +87,7 @@ pub(crate) fn parse_date(text: &[u8]) -> Option<i64> {
         Ok(stamp) => stamp.as_nanosecond(),
         Err(_) => {
             let civil: jiff::civil::DateTime = text.parse().ok()?;
-            civil
-                .to_zoned(jiff::tz::TimeZone::UTC)
-                .ok()?
-                .timestamp()
-                .as_nanosecond()
+            civil.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp().as_nanosecond()
         }
     };
     i64::try_from(nanoseconds).ok()
@@ -110,10 +103,7 @@ mod tests {
 
     #[test]
     fn decimal_text_keeps_every_digit() {
-        assert_eq!(
-            seconds("1700000000.123456789"),
-            Some(1_700_000_000_123_456_789)
-        );
+        assert_eq!(seconds("1700000000.123456789"), Some(1_700_000_000_123_456_789));
         assert_eq!(seconds("0.1"), Some(100_000_000));
         assert_eq!(seconds("-2.5"), Some(-2_500_000_000));
         assert_eq!(seconds("0.00100002405831736"), Some(1_000_024));
@@ -123,23 +113,8 @@ mod tests {
         assert_eq!(seconds("5e-10"), Some(1));
         assert_eq!(seconds("1e-300"), Some(0));
         assert_eq!(parse_decimal(b"12.5", TimeUnit::Microseconds), Some(12_500));
-        assert_eq!(
-            parse_decimal(b"1700000000123456789", TimeUnit::Nanoseconds),
-            Some(1_700_000_000_123_456_789)
-        );
-        for bad in [
-            "",
-            ".",
-            "-",
-            "1.2.3",
-            "abc",
-            "1e",
-            "1e400",
-            "99999999999",
-            "0x10",
-            "1e2147483647",
-            "1 2",
-        ] {
+        assert_eq!(parse_decimal(b"1700000000123456789", TimeUnit::Nanoseconds), Some(1_700_000_000_123_456_789));
+        for bad in ["", ".", "-", "1.2.3", "abc", "1e", "1e400", "99999999999", "0x10", "1e2147483647", "1 2"] {
             assert_eq!(seconds(bad), None, "{bad}");
         }
     }
@@ -148,10 +123,7 @@ mod tests {
     fn floats_round_once() {
         assert_eq!(from_f64(0.1, TimeUnit::Seconds), 100_000_000);
         let epoch = 1_700_000_000.25_f64;
-        assert_eq!(
-            from_f64(epoch, TimeUnit::Seconds),
-            1_700_000_000_250_000_000
-        );
+        assert_eq!(from_f64(epoch, TimeUnit::Seconds), 1_700_000_000_250_000_000);
         assert_eq!(from_f64(-1.5, TimeUnit::Milliseconds), -1_500_000);
         for bad in [f64::NAN, f64::INFINITY, 1e300, -1e19, 1e12] {
             assert_eq!(from_f64(bad, TimeUnit::Seconds), MISSING);
@@ -171,18 +143,9 @@ mod tests {
         ] {
             assert_eq!(parse_date(text.as_bytes()), expected, "{text}");
         }
-        assert_eq!(
-            parse_date(b"2011-07-23T13:23:09.123456789Z"),
-            Some(1_311_427_389_123_456_789)
-        );
+        assert_eq!(parse_date(b"2011-07-23T13:23:09.123456789Z"), Some(1_311_427_389_123_456_789));
         assert_eq!(parse_date(b"2011-07-23"), Some(1_311_379_200_000_000_000));
-        for bad in [
-            "12345678",
-            "2011-13-01 00:00:00",
-            "yesterday",
-            "2011-07-23 25:00:00",
-            "",
-        ] {
+        for bad in ["12345678", "2011-13-01 00:00:00", "yesterday", "2011-07-23 25:00:00", ""] {
             assert_eq!(parse_date(bad.as_bytes()), None, "{bad}");
         }
     }

@@ -43,8 +43,7 @@ impl Steps {
         if self.pages.len() <= page {
             self.pages.resize_with(page + 1, || None);
         }
-        let bins = self.pages[page]
-            .get_or_insert_with(|| vec![Bin::default(); 1 << BITS].into_boxed_slice());
+        let bins = self.pages[page].get_or_insert_with(|| vec![Bin::default(); 1 << BITS].into_boxed_slice());
         bins[slot].count += 1;
         bins[slot].excess += (step - ((slot as u64) << page)) as f64;
     }
@@ -61,9 +60,7 @@ impl Steps {
             for (slot, bin) in bins.iter().flat_map(|bins| bins.iter()).enumerate() {
                 below += bin.count;
                 if below > rank {
-                    return Some(
-                        ((slot as u64) << page) + (bin.excess / bin.count as f64).round() as u64,
-                    );
+                    return Some(((slot as u64) << page) + (bin.excess / bin.count as f64).round() as u64);
                 }
             }
         }
@@ -87,24 +84,17 @@ mod tests {
         assert_eq!(median([7]), Some(7));
         assert_eq!(median((0..300_000).map(|_| 1_000_003)), Some(1_000_003));
         assert_eq!(median((0..300_000).map(|_| 3)), Some(3));
-        assert_eq!(
-            median((0..100_000).map(|_| (1 << 40) | 12_345)),
-            Some((1 << 40) | 12_345)
-        );
+        assert_eq!(median((0..100_000).map(|_| (1 << 40) | 12_345)), Some((1 << 40) | 12_345));
     }
 
     #[test]
     fn long_streams_are_near_the_sorted_median() {
-        let steps: Vec<u64> = (0..200_001u64)
-            .map(|i| 900_000 + i.wrapping_mul(0x9E37_79B9_7F4A_7C15) % 200_000)
-            .collect();
+        let steps: Vec<u64> =
+            (0..200_001u64).map(|i| 900_000 + i.wrapping_mul(0x9E37_79B9_7F4A_7C15) % 200_000).collect();
         let mut sorted = steps.clone();
         sorted.sort_unstable();
         let exact = sorted[steps.len() / 2] as f64;
         let streamed = median(steps).unwrap() as f64;
-        assert!(
-            (streamed / exact - 1.0).abs() < 1.0 / 4096.0,
-            "{streamed} {exact}"
-        );
+        assert!((streamed / exact - 1.0).abs() < 1.0 / 4096.0, "{streamed} {exact}");
     }
 }

@@ -26,18 +26,12 @@ pub(crate) struct Budget {
 
 impl Budget {
     pub(crate) fn new(bytes: usize) -> Self {
-        Self {
-            left: AtomicUsize::new(bytes),
-        }
+        Self { left: AtomicUsize::new(bytes) }
     }
 
     /// Takes `bytes` off the budget when they fit. Which store gets them depends on timing; what is read back does not.
     fn take(&self, bytes: usize) -> bool {
-        self.left
-            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| {
-                left.checked_sub(bytes)
-            })
-            .is_ok()
+        self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes)).is_ok()
     }
 }
 
@@ -68,10 +62,7 @@ impl ColumnStore {
 
     /// The segments as ranges of rows.
     pub(crate) fn pieces(&self) -> Vec<Range<usize>> {
-        (0..self.rows)
-            .step_by(SEGMENT)
-            .map(|from| from..(from + SEGMENT).min(self.rows))
-            .collect()
+        (0..self.rows).step_by(SEGMENT).map(|from| from..(from + SEGMENT).min(self.rows)).collect()
     }
 
     /// Stamps of a range of rows.
@@ -82,16 +73,9 @@ impl ColumnStore {
     /// Stamps and values of a range of rows; shared, not copied, within a segment in memory.
     pub(crate) fn values(&self, rows: Range<usize>) -> Result<TableRows, Error> {
         let columns = (0..self.columns)
-            .map(|c| {
-                self.gather(rows.clone(), |segment, part| {
-                    self.segment_values(segment, c, part)
-                })
-            })
+            .map(|c| self.gather(rows.clone(), |segment, part| self.segment_values(segment, c, part)))
             .collect::<Result<_, _>>()?;
-        Ok(TableRows {
-            time: self.stamps(rows)?,
-            columns,
-        })
+        Ok(TableRows { time: self.stamps(rows)?, columns })
     }
 
     fn gather<T: arrow_buffer::ArrowNativeType>(
@@ -115,40 +99,23 @@ impl ColumnStore {
         Ok(all.into())
     }
 
-    fn segment_stamps(
-        &self,
-        segment: &Segment,
-        part: Range<usize>,
-    ) -> Result<ScalarBuffer<i64>, Error> {
+    fn segment_stamps(&self, segment: &Segment, part: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
         match segment {
             Segment::Memory(time, _) => Ok(time.slice(part.start, part.len())),
             Segment::Disk { offset, .. } => {
                 let bytes = self.read_spill(offset + 8 * part.start as u64, 8 * part.len())?;
-                Ok(bytes
-                    .chunks_exact(8)
-                    .map(|word| i64::from_le_bytes(array(word)))
-                    .collect::<Vec<_>>()
-                    .into())
+                Ok(bytes.chunks_exact(8).map(|word| i64::from_le_bytes(array(word))).collect::<Vec<_>>().into())
             }
         }
     }
 
-    fn segment_values(
-        &self,
-        segment: &Segment,
-        column: usize,
-        part: Range<usize>,
-    ) -> Result<ScalarBuffer<f64>, Error> {
+    fn segment_values(&self, segment: &Segment, column: usize, part: Range<usize>) -> Result<ScalarBuffer<f64>, Error> {
         match segment {
             Segment::Memory(_, columns) => Ok(columns[column].slice(part.start, part.len())),
             Segment::Disk { offset, rows } => {
                 let at = offset + 8 * ((1 + column) * rows + part.start) as u64;
                 let bytes = self.read_spill(at, 8 * part.len())?;
-                Ok(bytes
-                    .chunks_exact(8)
-                    .map(|word| f64::from_le_bytes(array(word)))
-                    .collect::<Vec<_>>()
-                    .into())
+                Ok(bytes.chunks_exact(8).map(|word| f64::from_le_bytes(array(word))).collect::<Vec<_>>().into())
             }
         }
     }
@@ -171,11 +138,7 @@ fn array(word: &[u8]) -> [u8; 8] {
 }
 
 fn spill_error(path: &Path, source: io::Error) -> Error {
-    Error::Io {
-        path: path.into(),
-        action: "keep its decoded columns in a temporary file (TMPDIR says where)",
-        source,
-    }
+    Error::Io { path: path.into(), action: "keep its decoded columns in a temporary file (TMPDIR says where)", source }
 }
 
 /// Fills a [`ColumnStore`].
@@ -190,20 +153,8 @@ pub(crate) struct StoreBuilder {
 impl StoreBuilder {
     /// A store of `columns` columns of the file `source`.
     pub(crate) fn new(source: &Path, columns: usize, budget: Arc<Budget>) -> Self {
-        let store = ColumnStore {
-            source: source.into(),
-            columns,
-            rows: 0,
-            segments: Vec::new(),
-            spill: None,
-        };
-        Self {
-            store,
-            budget,
-            time: Vec::new(),
-            values: vec![Vec::new(); columns],
-            spilled: 0,
-        }
+        let store = ColumnStore { source: source.into(), columns, rows: 0, segments: Vec::new(), spill: None };
+        Self { store, budget, time: Vec::new(), values: vec![Vec::new(); columns], spilled: 0 }
     }
 
     /// Adds a row, with one value a column.
@@ -212,11 +163,7 @@ impl StoreBuilder {
         for (column, &value) in self.values.iter_mut().zip(row) {
             column.push(value);
         }
-        if self.time.len() == SEGMENT {
-            self.close_segment()
-        } else {
-            Ok(())
-        }
+        if self.time.len() == SEGMENT { self.close_segment() } else { Ok(()) }
     }
 
     fn close_segment(&mut self) -> Result<(), Error> {
@@ -224,13 +171,8 @@ impl StoreBuilder {
         if rows == 0 {
             return Ok(());
         }
-        let (time, values) = (
-            std::mem::take(&mut self.time),
-            self.values
-                .iter_mut()
-                .map(std::mem::take)
-                .collect::<Vec<_>>(),
-        );
+        let (time, values) =
+            (std::mem::take(&mut self.time), self.values.iter_mut().map(std::mem::take).collect::<Vec<_>>());
         let bytes = 8 * rows * (1 + values.len());
         let segment = if self.budget.take(bytes) {
             let shrink = |mut column: Vec<f64>| {
@@ -239,9 +181,7 @@ impl StoreBuilder {
             };
             Segment::Memory(time.into(), values.into_iter().map(shrink).collect())
         } else {
-            let segment = self
-                .spill(&time, &values)
-                .map_err(|source| spill_error(&self.store.source, source))?;
+            let segment = self.spill(&time, &values).map_err(|source| spill_error(&self.store.source, source))?;
             // The next segment reuses the buffers.
             self.time = time;
             self.time.clear();
@@ -270,10 +210,7 @@ impl StoreBuilder {
         }
         self.spilled += 8 * (time.len() * (1 + values.len())) as u64;
         self.store.spill = Some(file);
-        Ok(Segment::Disk {
-            offset,
-            rows: time.len(),
-        })
+        Ok(Segment::Disk { offset, rows: time.len() })
     }
 
     /// The filled store.
@@ -290,9 +227,7 @@ mod tests {
     fn filled(rows: usize, budget: usize) -> ColumnStore {
         let mut builder = StoreBuilder::new(Path::new("x.csv"), 2, Arc::new(Budget::new(budget)));
         for row in 0..rows {
-            builder
-                .push(row as i64 * 3, &[row as f64, -(row as f64)])
-                .unwrap();
+            builder.push(row as i64 * 3, &[row as f64, -(row as f64)]).unwrap();
         }
         builder.finish().unwrap()
     }
@@ -305,22 +240,10 @@ mod tests {
             let store = filled(rows, budget);
             assert_eq!(store.rows(), rows);
             assert_eq!(store.spill.is_some(), spilled > 0);
-            for range in [
-                0..10,
-                SEGMENT - 5..SEGMENT + 5,
-                SEGMENT - 1..2 * SEGMENT + 7,
-                rows - 1..rows,
-                5..5,
-            ] {
+            for range in [0..10, SEGMENT - 5..SEGMENT + 5, SEGMENT - 1..2 * SEGMENT + 7, rows - 1..rows, 5..5] {
                 let read = store.values(range.clone()).unwrap();
-                assert_eq!(
-                    read.time.to_vec(),
-                    range.clone().map(|row| row as i64 * 3).collect::<Vec<_>>()
-                );
-                assert_eq!(
-                    read.columns[1].to_vec(),
-                    range.map(|row| -(row as f64)).collect::<Vec<_>>()
-                );
+                assert_eq!(read.time.to_vec(), range.clone().map(|row| row as i64 * 3).collect::<Vec<_>>());
+                assert_eq!(read.columns[1].to_vec(), range.map(|row| -(row as f64)).collect::<Vec<_>>());
             }
             assert_eq!(store.pieces().len(), 3);
         }

@@ -64,9 +64,7 @@ pub(crate) fn choose(candidates: &[Candidate], spec: &TimeSpec) -> Option<Clock>
     match spec {
         TimeSpec::Uniform { .. } => None,
         TimeSpec::Column { name, unit } => {
-            let column = candidates
-                .iter()
-                .position(|candidate| candidate.name == *name)?;
+            let column = candidates.iter().position(|candidate| candidate.name == *name)?;
             Some(with_unit(candidates, column, *unit, None))
         }
         TimeSpec::Auto => {
@@ -83,12 +81,7 @@ pub(crate) fn choose(candidates: &[Candidate], spec: &TimeSpec) -> Option<Clock>
     }
 }
 
-fn with_unit(
-    candidates: &[Candidate],
-    column: usize,
-    unit: Option<TimeUnit>,
-    why: Option<String>,
-) -> Clock {
+fn with_unit(candidates: &[Candidate], column: usize, unit: Option<TimeUnit>, why: Option<String>) -> Clock {
     let candidate = &candidates[column];
     let (unit, guess) = match unit {
         Some(unit) => (unit, None),
@@ -98,30 +91,16 @@ fn with_unit(
         (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
         (why, guess) => why.or(guess),
     };
-    Clock {
-        column,
-        unit,
-        assumed,
-    }
+    Clock { column, unit, assumed }
 }
 
 /// The unit of a candidate's numbers, and what was assumed when neither its name nor its unit says it.
 fn guess_unit(candidate: &Candidate) -> (TimeUnit, Option<String>) {
-    let told = candidate
-        .unit
-        .as_deref()
-        .and_then(TimeUnit::parse)
-        .or_else(|| suffix(&candidate.name).1);
+    let told = candidate.unit.as_deref().and_then(TimeUnit::parse).or_else(|| suffix(&candidate.name).1);
     if let Some(unit) = told {
         return (unit, None);
     }
-    let largest = candidate
-        .sample
-        .iter()
-        .copied()
-        .filter(|value| value.is_finite())
-        .map(f64::abs)
-        .fold(0.0, f64::max);
+    let largest = candidate.sample.iter().copied().filter(|value| value.is_finite()).map(f64::abs).fold(0.0, f64::max);
     let by_size = match largest {
         1e17.. => Some(TimeUnit::Nanoseconds),
         1e14.. => Some(TimeUnit::Microseconds),
@@ -144,12 +123,8 @@ fn guess_unit(candidate: &Candidate) -> (TimeUnit, Option<String>) {
         (CandidateKind::Float, None | Some(TimeUnit::Seconds)) => (TimeUnit::Seconds, None),
         (_, Some(unit)) => say(unit, "their size fits a date since 1970 in that unit"),
         (CandidateKind::Integer, None) => {
-            let mut steps: Vec<f64> = candidate
-                .sample
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .filter(|&step| step > 0.0)
-                .collect();
+            let mut steps: Vec<f64> =
+                candidate.sample.windows(2).map(|pair| pair[1] - pair[0]).filter(|&step| step > 0.0).collect();
             steps.sort_by(f64::total_cmp);
             // Robot logs run between about 1 Hz and 2 kHz.
             match steps.get(steps.len() / 2).copied().unwrap_or(0.0) {
@@ -169,10 +144,8 @@ fn by_name(candidates: &[Candidate]) -> Option<usize> {
         .filter(|(_, candidate)| candidate.kind != CandidateKind::Other)
         .filter_map(|(i, candidate)| {
             let (base, _) = suffix(&candidate.name);
-            let rank = NAMES
-                .iter()
-                .position(|name| *name == base)
-                .or_else(|| base.ends_with("header.stamp").then_some(4))?;
+            let rank =
+                NAMES.iter().position(|name| *name == base).or_else(|| base.ends_with("header.stamp").then_some(4))?;
             Some((rank, i))
         });
     ranked.min().map(|(_, i)| i)
@@ -192,10 +165,7 @@ fn suffix(name: &str) -> (String, Option<TimeUnit>) {
         return (base.to_owned(), Some(unit));
     }
     // `sec` and `seconds` alone say it too.
-    (
-        bare.to_owned(),
-        TimeUnit::parse(bare).filter(|_| bare.len() > 2),
-    )
+    (bare.to_owned(), TimeUnit::parse(bare).filter(|_| bare.len() > 2))
 }
 
 /// A header such as `v [m/s]` or `v (m/s)`: the name without its unit, and the unit.
@@ -206,10 +176,7 @@ pub(crate) fn split_unit(header: &str) -> (&str, Option<&str>) {
             && let Some((name, unit)) = inside.rsplit_once(open)
         {
             let (name, unit) = (name.trim_end(), unit.trim());
-            if !name.is_empty()
-                && !unit.is_empty()
-                && !unit.starts_with(|first: char| first.is_ascii_digit())
-            {
+            if !name.is_empty() && !unit.is_empty() && !unit.starts_with(|first: char| first.is_ascii_digit()) {
                 return (name, Some(unit));
             }
         }
@@ -233,28 +200,17 @@ mod tests {
     use super::*;
 
     fn candidate(name: &str, kind: CandidateKind, sample: &[f64]) -> Candidate {
-        Candidate {
-            name: name.into(),
-            unit: None,
-            kind,
-            sample: sample.into(),
-        }
+        Candidate { name: name.into(), unit: None, kind, sample: sample.into() }
     }
 
     #[test]
     fn names_before_behaviour() {
         use CandidateKind::{Float, Integer, Other, Time};
         let rising = [1.0, 2.0, 4.0];
-        let all = [
-            candidate("x", Float, &rising),
-            candidate("Time_ns", Integer, &rising),
-            candidate("label", Other, &[]),
-        ];
+        let all =
+            [candidate("x", Float, &rising), candidate("Time_ns", Integer, &rising), candidate("label", Other, &[])];
         let clock = choose(&all, &TimeSpec::Auto).unwrap();
-        assert_eq!(
-            (clock.column, clock.unit, clock.assumed),
-            (1, TimeUnit::Nanoseconds, None)
-        );
+        assert_eq!((clock.column, clock.unit, clock.assumed), (1, TimeUnit::Nanoseconds, None));
         let all = [
             candidate("count", Integer, &[0.0, 1.0, 2.0]),
             candidate("x", Float, &[0.0, 1.0, 0.5]),
@@ -264,32 +220,13 @@ mod tests {
         assert_eq!(clock.column, 2);
         assert!(clock.assumed.unwrap().contains("`when`"));
         assert_eq!(choose(&all[..2], &TimeSpec::Auto), None);
-        assert_eq!(
-            choose(
-                &[candidate("/odom.header.stamp", Float, &[])],
-                &TimeSpec::Auto
-            )
-            .unwrap()
-            .column,
-            0
-        );
-        assert_eq!(
-            choose(&[candidate("t (ms)", Float, &[])], &TimeSpec::Auto)
-                .unwrap()
-                .unit,
-            TimeUnit::Milliseconds
-        );
+        assert_eq!(choose(&[candidate("/odom.header.stamp", Float, &[])], &TimeSpec::Auto).unwrap().column, 0);
+        assert_eq!(choose(&[candidate("t (ms)", Float, &[])], &TimeSpec::Auto).unwrap().unit, TimeUnit::Milliseconds);
     }
 
     #[test]
     fn whole_numbers_are_placed_by_size_and_step() {
-        let unit = |sample: &[f64]| {
-            choose(
-                &[candidate("t", CandidateKind::Integer, sample)],
-                &TimeSpec::Auto,
-            )
-            .unwrap()
-        };
+        let unit = |sample: &[f64]| choose(&[candidate("t", CandidateKind::Integer, sample)], &TimeSpec::Auto).unwrap();
         assert_eq!(unit(&[1.7e18]).unit, TimeUnit::Nanoseconds);
         assert_eq!(unit(&[1.7e15]).unit, TimeUnit::Microseconds);
         assert_eq!(unit(&[1.7e12]).unit, TimeUnit::Milliseconds);
@@ -299,11 +236,7 @@ mod tests {
         assert_eq!(unit(&[0.0, 10.0, 20.0]).unit, TimeUnit::Milliseconds);
         assert_eq!(unit(&[0.0, 1.0, 2.0]).unit, TimeUnit::Seconds);
         assert!(unit(&[0.0, 10.0]).assumed.is_some());
-        let float = choose(
-            &[candidate("t", CandidateKind::Float, &[0.0, 10.0])],
-            &TimeSpec::Auto,
-        )
-        .unwrap();
+        let float = choose(&[candidate("t", CandidateKind::Float, &[0.0, 10.0])], &TimeSpec::Auto).unwrap();
         assert_eq!((float.unit, float.assumed), (TimeUnit::Seconds, None));
     }
 

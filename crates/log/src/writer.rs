@@ -8,8 +8,7 @@ use std::{
 };
 
 use arrow_array::{
-    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
-    TimestampNanosecondArray,
+    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
 };
 use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 use parquet::{
@@ -36,19 +35,12 @@ pub struct WriteColumn {
 impl WriteColumn {
     /// A column without a unit.
     pub fn new(name: impl Into<String>, kind: WriteKind) -> Self {
-        Self {
-            name: name.into(),
-            unit: None,
-            kind,
-        }
+        Self { name: name.into(), unit: None, kind }
     }
 
     /// The same column with a unit.
     pub fn with_unit(self, unit: impl Into<String>) -> Self {
-        Self {
-            unit: Some(unit.into()),
-            ..self
-        }
+        Self { unit: Some(unit.into()), ..self }
     }
 }
 
@@ -97,12 +89,7 @@ pub struct WriteOptions {
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self {
-            metadata: BTreeMap::new(),
-            inputs: Vec::new(),
-            compress: true,
-            row_group_rows: 1 << 17,
-        }
+        Self { metadata: BTreeMap::new(), inputs: Vec::new(), compress: true, row_group_rows: 1 << 17 }
     }
 }
 
@@ -120,76 +107,43 @@ impl ParquetWriter {
     ///
     /// # Errors
     /// A target that is one of the inputs, a folder or in a folder that is not there; two columns of one name.
-    pub fn create(
-        path: impl Into<PathBuf>,
-        columns: Vec<WriteColumn>,
-        options: &WriteOptions,
-    ) -> Result<Self, Error> {
+    pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
         let path = path.into();
         refuse_input(&path, &options.inputs)?;
-        if let Some(twice) = columns
-            .iter()
-            .enumerate()
-            .find(|(i, column)| columns[..*i].iter().any(|other| other.name == column.name))
+        if let Some(twice) =
+            columns.iter().enumerate().find(|(i, column)| columns[..*i].iter().any(|other| other.name == column.name))
         {
-            return Err(Error::BadBatch {
-                path,
-                problem: format!("two columns named `{}`", twice.1.name),
-            });
+            return Err(Error::BadBatch { path, problem: format!("two columns named `{}`", twice.1.name) });
         }
         let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
         let file = AtomicFile::create(&path)?;
-        let writer =
-            ArrowWriter::try_new(file, schema.clone(), Some(properties(&columns, options)))
-                .map_err(|problem| write_error(&path, problem))?;
-        Ok(Self {
-            path,
-            columns,
-            schema,
-            writer,
-        })
+        let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties(&columns, options)))
+            .map_err(|problem| write_error(&path, problem))?;
+        Ok(Self { path, columns, schema, writer })
     }
 
     /// Appends rows: one slice a column, in the order of the columns, all of one length.
     pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
         if values.len() != self.columns.len() {
-            let problem = format!(
-                "{} columns of values for {} columns",
-                values.len(),
-                self.columns.len()
-            );
-            return Err(Error::BadBatch {
-                path: self.path.clone(),
-                problem,
-            });
+            let problem = format!("{} columns of values for {} columns", values.len(), self.columns.len());
+            return Err(Error::BadBatch { path: self.path.clone(), problem });
         }
         let mut arrays: Vec<ArrayRef> = Vec::with_capacity(values.len());
         for (column, values) in self.columns.iter().zip(values) {
-            arrays.push(array(column, values).map_err(|problem| Error::BadBatch {
-                path: self.path.clone(),
-                problem,
-            })?);
+            arrays.push(array(column, values).map_err(|problem| Error::BadBatch { path: self.path.clone(), problem })?);
         }
         if arrays.is_empty() {
             return Ok(());
         }
-        let batch = RecordBatch::try_new(self.schema.clone(), arrays).map_err(|problem| {
-            Error::BadBatch {
-                path: self.path.clone(),
-                problem: problem.to_string(),
-            }
-        })?;
-        self.writer
-            .write(&batch)
-            .map_err(|problem| write_error(&self.path, problem))
+        let batch = RecordBatch::try_new(self.schema.clone(), arrays)
+            .map_err(|problem| Error::BadBatch { path: self.path.clone(), problem: problem.to_string() })?;
+        self.writer.write(&batch).map_err(|problem| write_error(&self.path, problem))
     }
 
     /// Completes the file and gives it its name.
     pub fn finish(self) -> Result<(), Error> {
         let Self { path, writer, .. } = self;
-        let file = writer
-            .into_inner()
-            .map_err(|problem| write_error(&path, problem))?;
+        let file = writer.into_inner().map_err(|problem| write_error(&path, problem))?;
         file.commit()
     }
 }
@@ -199,13 +153,8 @@ pub fn refuse_input(output: &Path, inputs: &[PathBuf]) -> Result<(), Error> {
     let Ok(real) = fs::canonicalize(output) else {
         return Ok(());
     };
-    if inputs
-        .iter()
-        .any(|input| fs::canonicalize(input).is_ok_and(|input| input == real))
-    {
-        return Err(Error::OverwritesInput {
-            path: output.into(),
-        });
+    if inputs.iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == real)) {
+        return Err(Error::OverwritesInput { path: output.into() });
     }
     Ok(())
 }
@@ -218,62 +167,36 @@ fn field(column: &WriteColumn) -> Field {
         WriteKind::Boolean => DataType::Boolean,
         WriteKind::Text => DataType::Utf8,
     };
-    let unit: HashMap<String, String> = column
-        .unit
-        .iter()
-        .map(|unit| ("unit".to_owned(), unit.clone()))
-        .collect();
+    let unit: HashMap<String, String> = column.unit.iter().map(|unit| ("unit".to_owned(), unit.clone())).collect();
     Field::new(&column.name, kind, false).with_metadata(unit)
 }
 
 fn properties(columns: &[WriteColumn], options: &WriteOptions) -> WriterProperties {
-    let compression = if options.compress {
-        Compression::ZSTD(ZstdLevel::default())
-    } else {
-        Compression::UNCOMPRESSED
-    };
-    let pairs = options
-        .metadata
-        .iter()
-        .map(|(key, value)| KeyValue::new(key.clone(), value.clone()))
-        .collect();
+    let compression =
+        if options.compress { Compression::ZSTD(ZstdLevel::default()) } else { Compression::UNCOMPRESSED };
+    let pairs = options.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
     let mut builder = WriterProperties::builder()
         .set_compression(compression)
         .set_max_row_group_row_count(Some(options.row_group_rows.max(1)))
         .set_key_value_metadata(Some(pairs));
-    for column in columns
-        .iter()
-        .filter(|column| column.kind == WriteKind::Float)
-    {
+    for column in columns.iter().filter(|column| column.kind == WriteKind::Float) {
         // Measured numbers rarely repeat: a dictionary of them only costs.
-        builder = builder
-            .set_column_dictionary_enabled(ColumnPath::from(vec![column.name.clone()]), false);
+        builder = builder.set_column_dictionary_enabled(ColumnPath::from(vec![column.name.clone()]), false);
     }
     builder.build()
 }
 
 fn array(column: &WriteColumn, values: &Values<'_>) -> Result<ArrayRef, String> {
     Ok(match (column.kind, values) {
-        (WriteKind::Float, Values::Float(values)) => {
-            Arc::new(Float64Array::from_iter_values(values.iter().copied()))
+        (WriteKind::Float, Values::Float(values)) => Arc::new(Float64Array::from_iter_values(values.iter().copied())),
+        (WriteKind::Integer, Values::Integer(values)) => Arc::new(Int64Array::from_iter_values(values.iter().copied())),
+        (WriteKind::Stamp, Values::Integer(values)) => {
+            Arc::new(TimestampNanosecondArray::from_iter_values(values.iter().copied()))
         }
-        (WriteKind::Integer, Values::Integer(values)) => {
-            Arc::new(Int64Array::from_iter_values(values.iter().copied()))
-        }
-        (WriteKind::Stamp, Values::Integer(values)) => Arc::new(
-            TimestampNanosecondArray::from_iter_values(values.iter().copied()),
-        ),
-        (WriteKind::Boolean, Values::Boolean(values)) => {
-            Arc::new(BooleanArray::from(values.to_vec()))
-        }
-        (WriteKind::Text, Values::Text(values)) => {
-            Arc::new(StringArray::from_iter_values(values.iter()))
-        }
+        (WriteKind::Boolean, Values::Boolean(values)) => Arc::new(BooleanArray::from(values.to_vec())),
+        (WriteKind::Text, Values::Text(values)) => Arc::new(StringArray::from_iter_values(values.iter())),
         (kind, _) => {
-            return Err(format!(
-                "column `{}` is {kind:?}, the values are of another kind",
-                column.name
-            ));
+            return Err(format!("column `{}` is {kind:?}, the values are of another kind", column.name));
         }
     })
 }
@@ -286,9 +209,5 @@ fn write_error(path: &Path, problem: ParquetError) -> Error {
         },
         other => io::Error::other(other),
     };
-    Error::Io {
-        path: path.into(),
-        action: "write",
-        source,
-    }
+    Error::Io { path: path.into(), action: "write", source }
 }

@@ -6,9 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::{ColumnKind, Halo, Source};
-use fleetfoot_log::{
-    Error, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open,
-};
+use fleetfoot_log::{Error, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open};
 
 struct Folder(tempfile::TempDir);
 
@@ -25,13 +23,8 @@ impl Folder {
 }
 
 fn read(recording: &Recording) -> (Vec<i64>, Vec<Vec<f64>>) {
-    let block = recording
-        .read(0, 0..recording.episodes()[0].rows, Halo::default())
-        .unwrap();
-    (
-        block.time.to_vec(),
-        block.columns.iter().map(|column| column.to_vec()).collect(),
-    )
+    let block = recording.read(0, 0..recording.episodes()[0].rows, Halo::default()).unwrap();
+    (block.time.to_vec(), block.columns.iter().map(|column| column.to_vec()).collect())
 }
 
 fn open_one(path: &Path, columns: &[&str]) -> Result<Recording, Error> {
@@ -45,10 +38,7 @@ fn message(path: &Path, columns: &[&str]) -> String {
 #[test]
 fn delimiters_quotes_line_ends_marks_and_comments() {
     let folder = Folder::new();
-    let expected = (
-        vec![0, 10_000_000, 20_000_000],
-        vec![vec![1.5, -2.0, 3e3], vec![0.0, 1.0, 2.0]],
-    );
+    let expected = (vec![0, 10_000_000, 20_000_000], vec![vec![1.5, -2.0, 3e3], vec![0.0, 1.0, 2.0]]);
     let texts = [
         "t,x,n\n0,1.5,0\n0.01,-2,1\n0.02,3e3,2\n",
         "\u{feff}t;x;n\r\n0;1.5;0\r\n0.01;-2;1\r\n0.02;3e3;2",
@@ -80,11 +70,7 @@ fn compressed_files_read_like_plain_ones() {
         encoder.finish().unwrap();
     }
     let gz = open_one(&folder.file("b.csv.gz", gz), &["x"]).unwrap();
-    let zst = open_one(
-        &folder.file("c.csv.zst", zstd::encode_all(text.as_bytes(), 1).unwrap()),
-        &["x"],
-    )
-    .unwrap();
+    let zst = open_one(&folder.file("c.csv.zst", zstd::encode_all(text.as_bytes(), 1).unwrap()), &["x"]).unwrap();
     for other in [gz, zst] {
         assert_eq!(read(&other), read(&plain));
         assert_eq!(other.episodes()[0].id, plain.episodes()[0].id);
@@ -94,17 +80,11 @@ fn compressed_files_read_like_plain_ones() {
 #[test]
 fn epoch_seconds_keep_nine_decimals() {
     let folder = Folder::new();
-    let path = folder.file(
-        "a.csv",
-        "stamp,x\n1700000000.123456789,1\n1700000000.123456790,2\n1700000000.123456791,3\n",
-    );
+    let path =
+        folder.file("a.csv", "stamp,x\n1700000000.123456789,1\n1700000000.123456790,2\n1700000000.123456791,3\n");
     assert_eq!(
         read(&open_one(&path, &["x"]).unwrap()).0,
-        [
-            1_700_000_000_123_456_789,
-            1_700_000_000_123_456_790,
-            1_700_000_000_123_456_791
-        ]
+        [1_700_000_000_123_456_789, 1_700_000_000_123_456_790, 1_700_000_000_123_456_791]
     );
 }
 
@@ -112,74 +92,39 @@ fn epoch_seconds_keep_nine_decimals() {
 fn dates_and_whole_numbers_as_clocks() {
     let folder = Folder::new();
     let second = 1_000_000_000;
-    let path = folder.file(
-        "a.csv",
-        "timestamp,x\n2011-07-23 13:23:09,1\n2011-07-23 13:23:10,2\n2011-07-23T13:23:11.5Z,3\n",
-    );
+    let path =
+        folder.file("a.csv", "timestamp,x\n2011-07-23 13:23:09,1\n2011-07-23 13:23:10,2\n2011-07-23T13:23:11.5Z,3\n");
     let start = 1_311_427_389 * second;
-    assert_eq!(
-        read(&open_one(&path, &["x"]).unwrap()).0,
-        [start, start + second, start + 2_500_000_000]
-    );
+    assert_eq!(read(&open_one(&path, &["x"]).unwrap()).0, [start, start + second, start + 2_500_000_000]);
     let path = folder.file("b.csv", "time,x\n1700000000000,1\n1700000000010,2\n");
     let recording = open_one(&path, &["x"]).unwrap();
     assert_eq!(recording.episodes()[0].start, 1_700_000_000 * second);
-    assert!(
-        recording.notes()[0].contains("ms"),
-        "{:?}",
-        recording.notes()
-    );
+    assert!(recording.notes()[0].contains("ms"), "{:?}", recording.notes());
     let path = folder.file("c.csv", "time_us,x\n0,1\n10,2\n");
     let recording = open_one(&path, &["x"]).unwrap();
-    assert_eq!(
-        (recording.episodes()[0].end, recording.notes().len()),
-        (10_000, 0)
-    );
-    let given = TimeSpec::Column {
-        name: "time_us".into(),
-        unit: Some(TimeUnit::Seconds),
-    };
-    let recording = open(
-        &[&path],
-        &Selection {
-            time: given,
-            ..Selection::new(["x"])
-        },
-    )
-    .unwrap();
+    assert_eq!((recording.episodes()[0].end, recording.notes().len()), (10_000, 0));
+    let given = TimeSpec::Column { name: "time_us".into(), unit: Some(TimeUnit::Seconds) };
+    let recording = open(&[&path], &Selection { time: given, ..Selection::new(["x"]) }).unwrap();
     assert_eq!(recording.episodes()[0].end, 10 * second);
     // Two files whose guesses differ: one of them must be wrong.
-    let (d, e) = (
-        folder.file("d.csv", "time,x\n0,1\n10,2\n20,3\n"),
-        folder.file("e.csv", "time,x\n0,1\n10000,2\n20000,3\n"),
-    );
-    assert!(matches!(
-        open(&[d, e], &Selection::new(["x"])),
-        Err(Error::ColumnsDisagree { .. })
-    ));
+    let (d, e) =
+        (folder.file("d.csv", "time,x\n0,1\n10,2\n20,3\n"), folder.file("e.csv", "time,x\n0,1\n10000,2\n20000,3\n"));
+    assert!(matches!(open(&[d, e], &Selection::new(["x"])), Err(Error::ColumnsDisagree { .. })));
 }
 
 #[test]
 fn missing_values_categories_and_truth_values() {
     let folder = Folder::new();
-    let a = folder.file(
-        "a.csv",
-        "t,x,ground,on,sparse\n0,1,sand,true,\n1,NaN,grass,False,\n2,null,,yes,\n3,inf,sand,0,7\n",
-    );
+    let a = folder
+        .file("a.csv", "t,x,ground,on,sparse\n0,1,sand,true,\n1,NaN,grass,False,\n2,null,,yes,\n3,inf,sand,0,7\n");
     let b = folder.file("b.csv", "t,x,ground,on,sparse\n0,5,ice,no,\n1,6,grass,1,\n");
     let recording = open(&[&b, &a], &Selection::new(["x", "ground", "on", "sparse"])).unwrap();
-    assert_eq!(
-        recording.columns()[1].kind,
-        ColumnKind::Category(["grass", "ice", "sand"].map(String::from).into())
-    );
+    assert_eq!(recording.columns()[1].kind, ColumnKind::Category(["grass", "ice", "sand"].map(String::from).into()));
     assert_eq!(recording.columns()[2].kind, ColumnKind::Boolean);
     let (_, columns) = read(&recording);
     assert!(columns[0][0] == 1.0 && columns[0][1..].iter().all(|value| value.is_nan()));
     assert!(columns[1][2].is_nan());
-    assert_eq!(
-        (columns[1][0], columns[1][1], columns[1][3]),
-        (2.0, 0.0, 2.0)
-    );
+    assert_eq!((columns[1][0], columns[1][1], columns[1][3]), (2.0, 0.0, 2.0));
     assert_eq!(columns[2], [1.0, 0.0, 1.0, 0.0]);
     assert_eq!(columns[3][3], 7.0);
     let block = recording.read(1, 0..2, Halo::default()).unwrap();
@@ -192,34 +137,15 @@ fn missing_values_categories_and_truth_values() {
 #[test]
 fn stamps_that_are_missing_repeated_or_go_backward() {
     let folder = Folder::new();
-    let path = folder.file(
-        "a.csv",
-        "t,x\n0,0\n0.1,1\n0.1,2\n,3\n0.2,4\n0.3,5\n0.1,6\n0.2,7\n9,8\n",
-    );
+    let path = folder.file("a.csv", "t,x\n0,0\n0.1,1\n0.1,2\n,3\n0.2,4\n0.3,5\n0.1,6\n0.2,7\n9,8\n");
     let recording = open_one(&path, &["x"]).unwrap();
-    let rows: Vec<_> = recording
-        .episodes()
-        .iter()
-        .map(|episode| episode.rows)
-        .collect();
+    let rows: Vec<_> = recording.episodes().iter().map(|episode| episode.rows).collect();
     assert_eq!(rows, [4, 2, 1]);
-    let block = recording
-        .read(
-            0,
-            1..3,
-            Halo {
-                before: 9,
-                after: 9,
-            },
-        )
-        .unwrap();
+    let block = recording.read(0, 1..3, Halo { before: 9, after: 9 }).unwrap();
     assert_eq!(block.column(0), [0.0, 1.0, 4.0, 5.0]);
     assert_eq!(recording.notes().len(), 5, "{:?}", recording.notes());
     let message = message(&folder.file("b.csv", "t,x\n,0\nnan,1\n"), &["x"]);
-    assert!(
-        message.contains("`t`") || message.contains("time column"),
-        "{message}"
-    );
+    assert!(message.contains("`t`") || message.contains("time column"), "{message}");
 }
 
 #[test]
@@ -233,70 +159,32 @@ fn units_in_headers_and_files_without_one() {
     let path = folder.file("b.csv", "0,1.5\n0.5,2.5\n1.0,3.5\n");
     let recording = open_one(&path, &["c1"]).unwrap();
     assert_eq!(read(&recording).1, [[1.5, 2.5, 3.5]]);
-    assert!(
-        recording
-            .notes()
-            .iter()
-            .any(|note| note.contains("no header")),
-        "{:?}",
-        recording.notes()
-    );
-    assert!(
-        recording
-            .notes()
-            .iter()
-            .any(|note| note.contains("`c0` is taken as the time")),
-        "{:?}",
-        recording.notes()
-    );
+    assert!(recording.notes().iter().any(|note| note.contains("no header")), "{:?}", recording.notes());
+    assert!(recording.notes().iter().any(|note| note.contains("`c0` is taken as the time")), "{:?}", recording.notes());
 }
 
 #[test]
 fn wrong_cells_and_ragged_rows_name_the_line() {
     let folder = Folder::new();
     for end in ["\n", "\r\n"] {
-        let body = [
-            "t,x,y", "", "0,1,1", "# note", "1,2,2", "", "2,oops,3", "3,4,4", "",
-        ]
-        .join(end);
+        let body = ["t,x,y", "", "0,1,1", "# note", "1,2,2", "", "2,oops,3", "3,4,4", ""].join(end);
         let text = message(&folder.file("a.csv", &body), &["x"]);
         assert!(
-            text.contains("a.csv:7:")
-                && text.contains("`x`")
-                && text.contains("`oops`")
-                && text.contains("number"),
+            text.contains("a.csv:7:") && text.contains("`x`") && text.contains("`oops`") && text.contains("number"),
             "{text}"
         );
-        assert!(
-            open_one(&folder.file("a.csv", &body), &["y"]).is_ok(),
-            "an unselected column is not read"
-        );
+        assert!(open_one(&folder.file("a.csv", &body), &["y"]).is_ok(), "an unselected column is not read");
         let body = ["t,x,y", "0,1,1", "1,2", "2,3,3", ""].join(end);
         let text = message(&folder.file("b.csv", &body), &["x"]);
-        assert!(
-            text.contains("b.csv:3:") && text.contains("2 fields") && text.contains("has 3"),
-            "{text}"
-        );
+        assert!(text.contains("b.csv:3:") && text.contains("2 fields") && text.contains("has 3"), "{text}");
     }
-    let text = message(
-        &folder.file(
-            "c.csv",
-            "timestamp,x\n2011-07-23 13:23:09,1\nnever,2\n2011-07-23 13:23:10,2\n",
-        ),
-        &["x"],
-    );
-    assert!(
-        text.contains("c.csv:3:") && text.contains("`never`") && text.contains("date"),
-        "{text}"
-    );
+    let text =
+        message(&folder.file("c.csv", "timestamp,x\n2011-07-23 13:23:09,1\nnever,2\n2011-07-23 13:23:10,2\n"), &["x"]);
+    assert!(text.contains("c.csv:3:") && text.contains("`never`") && text.contains("date"), "{text}");
     // Too many fields are never a cut line.
     assert!(matches!(
         open_one(&folder.file("e.csv", "t,x\n0,1\n1,2,3"), &["x"]),
-        Err(Error::RaggedRow {
-            line: 3,
-            found: 3,
-            ..
-        })
+        Err(Error::RaggedRow { line: 3, found: 3, .. })
     ));
 }
 
@@ -305,18 +193,8 @@ fn a_cut_last_line_is_dropped_with_a_note() {
     let folder = Folder::new();
     let recording = open_one(&folder.file("a.csv", "t,x\n0,1\n1,2\n2"), &["x"]).unwrap();
     assert_eq!(recording.episodes()[0].rows, 2);
-    assert!(
-        recording.notes()[0].contains("cut off"),
-        "{:?}",
-        recording.notes()
-    );
-    assert_eq!(
-        open_one(&folder.file("b.csv", "t,x\n0,1\n1,2"), &["x"])
-            .unwrap()
-            .episodes()[0]
-            .rows,
-        2
-    );
+    assert!(recording.notes()[0].contains("cut off"), "{:?}", recording.notes());
+    assert_eq!(open_one(&folder.file("b.csv", "t,x\n0,1\n1,2"), &["x"]).unwrap().episodes()[0].rows, 2);
 }
 
 #[test]
@@ -324,19 +202,10 @@ fn names_that_are_wrong_or_shared() {
     let folder = Folder::new();
     let path = folder.file("a.csv", "t,velocity,x,x\n0,1,2,3\n1,1,2,3\n");
     let text = message(&path, &["velocty"]);
-    assert!(
-        text.contains("a.csv") && text.contains("`velocity`"),
-        "{text}"
-    );
-    assert!(matches!(
-        open_one(&path, &["x"]),
-        Err(Error::AmbiguousColumn { count: 2, .. })
-    ));
+    assert!(text.contains("a.csv") && text.contains("`velocity`"), "{text}");
+    assert!(matches!(open_one(&path, &["x"]), Err(Error::AmbiguousColumn { count: 2, .. })));
     let text = message(&folder.file("b.csv", "a,b\n2,1\n1,2\n0,3\n"), &["a"]);
-    assert!(
-        text.contains("time column") && text.contains("--dt"),
-        "{text}"
-    );
+    assert!(text.contains("time column") && text.contains("--dt"), "{text}");
 }
 
 #[test]
@@ -357,13 +226,7 @@ fn what_is_no_text_is_named() {
         assert!(inspect(folder.0.path().join(name)).is_err());
     }
     for text in ["t,x\n", "\n\n", "# only\n"] {
-        assert!(
-            matches!(
-                open_one(&folder.file("n.csv", text), &["x"]),
-                Err(Error::NoRows { .. })
-            ),
-            "{text:?}"
-        );
+        assert!(matches!(open_one(&folder.file("n.csv", text), &["x"]), Err(Error::NoRows { .. })), "{text:?}");
     }
 }
 
@@ -376,24 +239,11 @@ fn a_long_file_spills_and_reads_the_same() {
         .collect();
     let path = folder.file("a.csv", text);
     let kept = open_one(&path, &["x"]).unwrap();
-    let spilled = open(
-        &[&path],
-        &Selection {
-            memory_budget: 0,
-            ..Selection::new(["x"])
-        },
-    )
-    .unwrap();
+    let spilled = open(&[&path], &Selection { memory_budget: 0, ..Selection::new(["x"]) }).unwrap();
     assert_eq!(kept.episodes(), spilled.episodes());
-    let halo = Halo {
-        before: 7,
-        after: 7,
-    };
+    let halo = Halo { before: 7, after: 7 };
     for rows in [0..10, 65_500..65_600, 65_536..70_000, 0..70_000] {
-        let (a, b) = (
-            kept.read(0, rows.clone(), halo).unwrap(),
-            spilled.read(0, rows, halo).unwrap(),
-        );
+        let (a, b) = (kept.read(0, rows.clone(), halo).unwrap(), spilled.read(0, rows, halo).unwrap());
         assert_eq!((a.time, a.columns), (b.time, b.columns));
     }
 }
@@ -401,23 +251,14 @@ fn a_long_file_spills_and_reads_the_same() {
 #[test]
 fn inspection_of_text() {
     let folder = Folder::new();
-    let path = folder.file(
-        "a.csv",
-        "t,v [m/s],mode,weird,weird\n0,1,a,1,1\n0.1,3,b,1,1\n0.2,,a,1,1\n",
-    );
+    let path = folder.file("a.csv", "t,v [m/s],mode,weird,weird\n0,1,a,1,1\n0.1,3,b,1,1\n0.2,,a,1,1\n");
     let info = inspect(&path).unwrap();
     assert_eq!((info.rows, info.time.unwrap().column.as_str()), (None, "t"));
     assert_eq!(info.columns[1].unit.as_deref(), Some("m/s"));
     let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
     let v = info.columns[1].statistics.unwrap();
-    assert_eq!(
-        (v.count, v.missing, v.min, v.mean, v.max),
-        (2, 1, 1.0, 2.0, 3.0)
-    );
-    assert_eq!(
-        info.columns[2].kind,
-        ColumnKind::Category(vec!["a".into(), "b".into()])
-    );
+    assert_eq!((v.count, v.missing, v.min, v.mean, v.max), (2, 1, 1.0, 2.0, 3.0));
+    assert_eq!(info.columns[2].kind, ColumnKind::Category(vec!["a".into(), "b".into()]));
     assert_eq!(info.rows, Some(3));
     assert_eq!(info.columns[3].statistics, None);
 }

@@ -4,8 +4,7 @@ use std::{io::Write, path::Path};
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_log::{
-    Error, MaxGap, ParquetWriter, Selection, TimeSpec, Values, WriteColumn, WriteKind,
-    WriteOptions, inspect, open,
+    Error, MaxGap, ParquetWriter, Selection, TimeSpec, Values, WriteColumn, WriteKind, WriteOptions, inspect, open,
 };
 
 const ROWS: usize = 400;
@@ -18,22 +17,12 @@ fn parquet(compress: bool) -> Vec<u8> {
         WriteColumn::new("x", WriteKind::Float),
         WriteColumn::new("c", WriteKind::Text),
     ];
-    let options = WriteOptions {
-        compress,
-        row_group_rows: 150,
-        ..WriteOptions::default()
-    };
+    let options = WriteOptions { compress, row_group_rows: 150, ..WriteOptions::default() };
     let mut writer = ParquetWriter::create(&path, columns, &options).unwrap();
     let stamps: Vec<i64> = (0..ROWS as i64).map(|row| row * 1_000_000).collect();
     let x: Vec<f64> = (0..ROWS).map(|row| row as f64).collect();
     let c: Vec<&str> = (0..ROWS).map(|row| ["a", "b"][row % 2]).collect();
-    writer
-        .write(&[
-            Values::Integer(&stamps),
-            Values::Float(&x),
-            Values::Text(&c),
-        ])
-        .unwrap();
+    writer.write(&[Values::Integer(&stamps), Values::Float(&x), Values::Text(&c)]).unwrap();
     writer.finish().unwrap();
     std::fs::read(path).unwrap()
 }
@@ -45,12 +34,8 @@ fn exercise(path: &Path, time: TimeSpec) -> Result<Vec<f64>, String> {
         message
     };
     let _ = inspect(path).map_err(|error| named(error.to_string()));
-    let selection = Selection {
-        time,
-        max_gap: MaxGap::Unlimited,
-        allow_duplicates: true,
-        ..Selection::new(["x", "c"])
-    };
+    let selection =
+        Selection { time, max_gap: MaxGap::Unlimited, allow_duplicates: true, ..Selection::new(["x", "c"]) };
     let recording = open(&[path], &selection).map_err(|error| named(error.to_string()))?;
     let mut all = Vec::new();
     for (episode, info) in recording.episodes().iter().enumerate() {
@@ -59,14 +44,7 @@ fn exercise(path: &Path, time: TimeSpec) -> Result<Vec<f64>, String> {
         for from in (0..info.rows).step_by(64) {
             let rows = from..(from + 64).min(info.rows);
             let block = recording
-                .read(
-                    episode,
-                    rows,
-                    Halo {
-                        before: 2,
-                        after: 2,
-                    },
-                )
+                .read(episode, rows, Halo { before: 2, after: 2 })
                 .map_err(|error| named(error.to_string()))?;
             all.extend_from_slice(block.core(0));
         }
@@ -83,18 +61,12 @@ fn a_parquet_file_cut_anywhere_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hostile.parquet");
     let bytes = parquet(true);
-    for end in (0..bytes.len())
-        .step_by(13)
-        .chain(bytes.len() - 20..bytes.len())
-    {
+    for end in (0..bytes.len()).step_by(13).chain(bytes.len() - 20..bytes.len()) {
         std::fs::write(&path, &bytes[..end]).unwrap();
         assert!(exercise(&path, TimeSpec::Auto).is_err(), "cut at {end}");
     }
     std::fs::write(&path, &bytes).unwrap();
-    assert_eq!(
-        exercise(&path, TimeSpec::Auto).unwrap(),
-        (0..ROWS).map(|row| row as f64).collect::<Vec<_>>()
-    );
+    assert_eq!(exercise(&path, TimeSpec::Auto).unwrap(), (0..ROWS).map(|row| row as f64).collect::<Vec<_>>());
 }
 
 #[test]
@@ -107,19 +79,13 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
         // A fixed linear congruential sequence: the same damage every time.
         let mut state = 0x2545_f491_4f6c_dd1du64;
         let mut next = move || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize
         };
         for round in 0..1_500 {
             let mut damaged = bytes.clone();
             // Half of the damage falls on the footer, where lengths and counts are.
-            let from = if round % 2 == 0 {
-                bytes.len().saturating_sub(1_200)
-            } else {
-                0
-            };
+            let from = if round % 2 == 0 { bytes.len().saturating_sub(1_200) } else { 0 };
             for _ in 0..1 + round % 3 {
                 let at = from + next() % (bytes.len() - from);
                 damaged[at] = match next() % 3 {
@@ -138,18 +104,13 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
         }
     }
     // Flips in values and statistics go unnoticed, those in structure do not.
-    assert!(
-        refused > 500 && read > 500,
-        "{refused} refused, {read} read"
-    );
+    assert!(refused > 500 && read > 500, "{refused} refused, {read} read");
 }
 
 #[test]
 fn garbage_and_wrong_names_are_told_apart() {
     let folder = tempfile::tempdir().unwrap();
-    let garbage: Vec<u8> = (0..5_000u32)
-        .map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8)
-        .collect();
+    let garbage: Vec<u8> = (0..5_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let text = b"t,x,c\n0,1,a\n1,2,b\n".to_vec();
     let framed = [&b"PAR1"[..], &garbage, &[0x10, 0x10, 0, 0], b"PAR1"].concat();
     let huge = [&b"PAR1"[..], &garbage, &[0xff, 0xff, 0xff, 0x7f], b"PAR1"].concat();
@@ -187,10 +148,7 @@ fn a_compressed_text_cut_anywhere_is_an_error() {
         let path = folder.path().join(name);
         for end in 0..bytes.len() {
             std::fs::write(&path, &bytes[..end]).unwrap();
-            assert!(
-                exercise(&path, TimeSpec::Auto).is_err(),
-                "{name} cut at {end}"
-            );
+            assert!(exercise(&path, TimeSpec::Auto).is_err(), "{name} cut at {end}");
         }
         std::fs::write(&path, &bytes).unwrap();
         assert_eq!(exercise(&path, TimeSpec::Auto).unwrap().len(), ROWS);
@@ -201,9 +159,8 @@ fn a_compressed_text_cut_anywhere_is_an_error() {
 fn a_plain_text_cut_anywhere_gives_whole_rows_or_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hostile.csv");
-    let text: String = std::iter::once("t,x,c\n".to_owned())
-        .chain((0..40).map(|i| format!("{i},{},a\n", i + 100)))
-        .collect();
+    let text: String =
+        std::iter::once("t,x,c\n".to_owned()).chain((0..40).map(|i| format!("{i},{},a\n", i + 100))).collect();
     for end in 0..text.len() {
         std::fs::write(&path, &text[..end]).unwrap();
         if let Ok(values) = exercise(&path, TimeSpec::Auto) {
@@ -213,13 +170,7 @@ fn a_plain_text_cut_anywhere_gives_whole_rows_or_an_error() {
                 "cut at {end}: {} rows of {whole}",
                 values.len()
             );
-            assert!(
-                values
-                    .iter()
-                    .take(whole)
-                    .enumerate()
-                    .all(|(i, &value)| value == i as f64 + 100.0)
-            );
+            assert!(values.iter().take(whole).enumerate().all(|(i, &value)| value == i as f64 + 100.0));
         }
     }
 }
@@ -233,23 +184,14 @@ fn endless_rows_are_stopped() {
         encoder.write_all(b"t,x,c\n0,1,a\n1,2,b\n2,").unwrap();
         encoder.write_all(&filler[..1]).unwrap();
         let block = filler[filler.len().min(1)..].repeat(200_000);
-        let block = if block.is_empty() {
-            vec![b'1'; 1_000_000]
-        } else {
-            block
-        };
+        let block = if block.is_empty() { vec![b'1'; 1_000_000] } else { block };
         for _ in 0..200_000_000 / block.len() {
             encoder.write_all(&block).unwrap();
         }
         let path = folder.path().join("hostile.csv.gz");
         std::fs::write(&path, encoder.finish().unwrap()).unwrap();
-        let message = open(&[&path], &Selection::new(["x"]))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("64 MiB") && message.contains("hostile"),
-            "{message}"
-        );
+        let message = open(&[&path], &Selection::new(["x"])).unwrap_err().to_string();
+        assert!(message.contains("64 MiB") && message.contains("hostile"), "{message}");
     }
 }
 
@@ -272,8 +214,5 @@ fn a_file_that_changes_between_opening_and_reading_is_noticed() {
         }
     }
     assert!(failed);
-    assert!(matches!(
-        open(&[&path], &Selection::new(["x"])),
-        Err(Error::WrongFormat { .. })
-    ));
+    assert!(matches!(open(&[&path], &Selection::new(["x"])), Err(Error::WrongFormat { .. })));
 }

@@ -8,20 +8,12 @@ use fleetfoot_log::{Error, Recording, Selection, TimeSpec, inspect, open};
 const ROWS: usize = 300;
 
 fn fixture(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/data")
-        .join(format!("{name}.parquet"))
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(format!("{name}.parquet"))
 }
 
 fn columns(recording: &Recording) -> Vec<Vec<f64>> {
     let rows = recording.episodes()[0].rows;
-    recording
-        .read(0, 0..rows, Halo::default())
-        .unwrap()
-        .columns
-        .iter()
-        .map(|column| column.to_vec())
-        .collect()
+    recording.read(0, 0..rows, Halo::default()).unwrap().columns.iter().map(|column| column.to_vec()).collect()
 }
 
 #[test]
@@ -51,29 +43,15 @@ fn every_numeric_type_with_nulls() {
         ("pose.deep.y", &|i| i as f64),
     ];
     for file in ["types", "types_v2"] {
-        let recording = open(
-            &[fixture(file)],
-            &Selection::new(expected.iter().map(|(name, _)| *name)),
-        )
-        .unwrap();
+        let recording = open(&[fixture(file)], &Selection::new(expected.iter().map(|(name, _)| *name))).unwrap();
         assert_eq!(recording.episodes()[0].start, 1_700_000_000_000_000_000);
         assert!((recording.episodes()[0].period - 0.01).abs() < 1e-15);
         let category = ColumnKind::Category(["dry", "ice", "wet"].map(String::from).into());
-        assert_eq!(
-            (&recording.columns()[13].kind, &recording.columns()[14].kind),
-            (&category, &category)
-        );
+        assert_eq!((&recording.columns()[13].kind, &recording.columns()[14].kind), (&category, &category));
         for ((name, formula), values) in expected.iter().zip(columns(&recording)) {
             for (i, &value) in values.iter().enumerate() {
                 let null = i % 7 == 3 && !name.starts_with("pose");
-                assert!(
-                    if null {
-                        value.is_nan()
-                    } else {
-                        value == formula(i)
-                    },
-                    "{file} {name} row {i}: {value}"
-                );
+                assert!(if null { value.is_nan() } else { value == formula(i) }, "{file} {name} row {i}: {value}");
             }
         }
         // The same rows in small steps, with the page index and without.
@@ -83,39 +61,24 @@ fn every_numeric_type_with_nulls() {
             let block = recording.read(0, rows.clone(), Halo::default()).unwrap();
             for (c, column) in whole.iter().enumerate() {
                 let bits = |values: &[f64]| {
-                    values
-                        .iter()
-                        .map(|value| if value.is_nan() { 0 } else { value.to_bits() })
-                        .collect::<Vec<_>>()
+                    values.iter().map(|value| if value.is_nan() { 0 } else { value.to_bits() }).collect::<Vec<_>>()
                 };
                 assert_eq!(bits(block.core(c)), bits(&column[rows.clone()]));
             }
         }
     }
     let recording = open(&[fixture("types")], &Selection::new(["f16"])).unwrap();
-    assert_eq!(
-        columns(&recording)[0],
-        (0..ROWS).map(|i| i as f64 / 8.0).collect::<Vec<_>>()
-    );
+    assert_eq!(columns(&recording)[0], (0..ROWS).map(|i| i as f64 / 8.0).collect::<Vec<_>>());
 }
 
 #[test]
 fn lists_and_binaries_are_refused_with_their_type() {
     for (name, word) in [("list.list.element", "list"), ("binary", "binary")] {
         let listed = inspect(fixture("types")).unwrap();
-        let column = listed
-            .columns
-            .iter()
-            .find(|column| column.name == name)
-            .unwrap();
+        let column = listed.columns.iter().find(|column| column.name == name).unwrap();
         assert_eq!(column.unsupported.as_deref(), Some(word));
-        let message = open(&[fixture("types")], &Selection::new([name]))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("types.parquet") && message.contains(word),
-            "{message}"
-        );
+        let message = open(&[fixture("types")], &Selection::new([name])).unwrap_err().to_string();
+        assert!(message.contains("types.parquet") && message.contains(word), "{message}");
     }
 }
 
@@ -131,21 +94,12 @@ fn clocks_of_all_units() {
     ] {
         let recording = open(&[fixture(name)], &Selection::new(["x"])).unwrap();
         let episode = &recording.episodes()[0];
-        assert_eq!(
-            (episode.rows, episode.start),
-            (ROWS, 1_700_000_000_000_000_000),
-            "{name}"
-        );
+        assert_eq!((episode.rows, episode.start), (ROWS, 1_700_000_000_000_000_000), "{name}");
         assert_eq!(episode.period, step, "{name}");
         assert_eq!(recording.notes(), [""; 0], "{name}");
     }
     // The same data under four clocks is the same episode wherever the stamps agree.
-    let id = |name| {
-        open(&[fixture(name)], &Selection::new(["x"]))
-            .unwrap()
-            .episodes()[0]
-            .id
-    };
+    let id = |name| open(&[fixture(name)], &Selection::new(["x"])).unwrap().episodes()[0].id;
     for name in ["clock_us", "clock_ns", "clock_int96", "clock_text"] {
         assert_eq!(id(name), id("clock_ms"), "{name}");
     }
@@ -158,23 +112,14 @@ fn codecs_encodings_and_units() {
     assert_eq!(columns(&recording)[0][4..6], [1.0, 1.25]);
     assert_eq!(recording.episodes()[0].end, 2_990_000_000);
     let recording = open(&[fixture("lz4_delta")], &Selection::new(["n"])).unwrap();
-    assert_eq!(
-        (recording.episodes()[0].end, columns(&recording)[0][299]),
-        (299 * 20_000_000, 299.0)
-    );
+    assert_eq!((recording.episodes()[0].end, columns(&recording)[0][299]), (299 * 20_000_000, 299.0));
 }
 
 #[test]
 fn a_file_without_rows_says_so() {
     for time in [TimeSpec::Auto, TimeSpec::Uniform { dt_seconds: 0.1 }] {
-        let selection = Selection {
-            time,
-            ..Selection::new(["x"])
-        };
-        assert!(matches!(
-            open(&[fixture("empty")], &selection),
-            Err(Error::NoRows { .. })
-        ));
+        let selection = Selection { time, ..Selection::new(["x"]) };
+        assert!(matches!(open(&[fixture("empty")], &selection), Err(Error::NoRows { .. })));
     }
     assert_eq!(inspect(fixture("empty")).unwrap().rows, Some(0));
 }

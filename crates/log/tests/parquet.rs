@@ -4,8 +4,8 @@ use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::{ColumnKind, Halo, Source, parallel_map, with_threads};
 use fleetfoot_log::{
-    Error, MaxGap, ParquetWriter, Recording, Selection, TimeSpec, TimeUnit, Values, WriteColumn,
-    WriteKind, WriteOptions, inspect, inspect_values, open,
+    Error, MaxGap, ParquetWriter, Recording, Selection, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind,
+    WriteOptions, inspect, inspect_values, open,
 };
 
 /// Columns t (stamp), x, y and a label, in row groups of `group` rows.
@@ -28,10 +28,7 @@ fn write(path: &Path, stamps: &[i64], group: usize) {
         let x: Vec<f64> = part.iter().map(|&row| value(row)).collect();
         let n: Vec<i64> = part.iter().map(|&row| row as i64 - 5).collect();
         let on: Vec<bool> = part.iter().map(|&row| row.is_multiple_of(3)).collect();
-        let ground: Vec<&str> = part
-            .iter()
-            .map(|&row| ["sand", "grass", "ice"][row / 100 % 3])
-            .collect();
+        let ground: Vec<&str> = part.iter().map(|&row| ["sand", "grass", "ice"][row / 100 % 3]).collect();
         let time = &stamps[part[0]..part[0] + part.len()];
         let values = [
             Values::Integer(time),
@@ -46,11 +43,7 @@ fn write(path: &Path, stamps: &[i64], group: usize) {
 }
 
 fn value(row: usize) -> f64 {
-    if row % 977 == 5 {
-        f64::NAN
-    } else {
-        (row as f64 * 0.01).sin()
-    }
+    if row % 977 == 5 { f64::NAN } else { (row as f64 * 0.01).sin() }
 }
 
 fn same(a: f64, b: f64) -> bool {
@@ -72,23 +65,14 @@ fn check(
     let block = recording.read(episode, rows.clone(), halo).unwrap();
     let length = recording.episodes()[episode].rows;
     assert_eq!((block.first, block.rows), (rows.start, rows.len()));
-    assert_eq!(
-        (block.before, block.after),
-        (
-            halo.before.min(rows.start),
-            halo.after.min(length - rows.end)
-        )
-    );
+    assert_eq!((block.before, block.after), (halo.before.min(rows.start), halo.after.min(length - rows.end)));
     let from = first + rows.start - block.before;
     for i in 0..block.before + block.rows + block.after {
         let row = from + i;
         assert_eq!(block.time[i], stamps[row]);
         assert!(same(block.column(0)[i], value(row)), "row {row}");
         assert_eq!(block.column(1)[i], row as f64 - 5.0);
-        assert_eq!(
-            block.column(2)[i],
-            f64::from(u8::from(row.is_multiple_of(3)))
-        );
+        assert_eq!(block.column(2)[i], f64::from(u8::from(row.is_multiple_of(3))));
         assert_eq!(block.column(3)[i], [2.0, 0.0, 1.0][row / 100 % 3]);
     }
 }
@@ -97,27 +81,16 @@ fn check(
 fn any_range_with_any_halo_equals_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");
-    let stamps: Vec<i64> = (0..10_000)
-        .map(|row| 1_700_000_000_000_000_000 + row * 1_000_003)
-        .collect();
+    let stamps: Vec<i64> = (0..10_000).map(|row| 1_700_000_000_000_000_000 + row * 1_000_003).collect();
     write(&path, &stamps, 3_000);
     let recording = open(&[&path], &all()).unwrap();
     assert_eq!(recording.notes(), [""; 0]);
     let columns = recording.columns();
     assert_eq!(columns[0].unit.as_deref(), Some("m"));
-    assert_eq!(
-        columns[3].kind,
-        ColumnKind::Category(vec!["grass".into(), "ice".into(), "sand".into()])
-    );
-    assert_eq!(
-        (&columns[1].kind, &columns[2].kind),
-        (&ColumnKind::Integer, &ColumnKind::Boolean)
-    );
+    assert_eq!(columns[3].kind, ColumnKind::Category(vec!["grass".into(), "ice".into(), "sand".into()]));
+    assert_eq!((&columns[1].kind, &columns[2].kind), (&ColumnKind::Integer, &ColumnKind::Boolean));
     let episode = &recording.episodes()[0];
-    assert_eq!(
-        (episode.rows, episode.start, episode.end),
-        (10_000, stamps[0], stamps[9_999])
-    );
+    assert_eq!((episode.rows, episode.start, episode.end), (10_000, stamps[0], stamps[9_999]));
     assert!((episode.period - 1.000003e-3).abs() < 1e-15);
     assert_eq!(episode.name, "a.parquet");
     // Forward, backward, across row groups, empty, with halos: the cache of decoders must not show.
@@ -130,23 +103,9 @@ fn any_range_with_any_halo_equals_what_was_written() {
         (5..5, 2),
         (17..18, 100),
     ];
-    ranges.extend(
-        (0..10_000)
-            .step_by(999)
-            .map(|from| (from..(from + 999).min(10_000), 11)),
-    );
+    ranges.extend((0..10_000).step_by(999).map(|from| (from..(from + 999).min(10_000), 11)));
     for (rows, halo) in ranges {
-        check(
-            &recording,
-            0,
-            0,
-            rows,
-            Halo {
-                before: halo,
-                after: halo / 2,
-            },
-            &stamps,
-        );
+        check(&recording, 0, 0, rows, Halo { before: halo, after: halo / 2 }, &stamps);
     }
     assert!(recording.read(0, 9_000..10_001, Halo::default()).is_err());
 }
@@ -164,17 +123,7 @@ fn many_threads_read_the_same() {
             with_threads(threads, || {
                 parallel_map(count, &fleetfoot_data::Silent, |i| {
                     let rows = i * chunk..((i + 1) * chunk).min(40_000);
-                    check(
-                        &recording,
-                        0,
-                        0,
-                        rows,
-                        Halo {
-                            before: 3,
-                            after: 5,
-                        },
-                        &stamps,
-                    );
+                    check(&recording, 0, 0, rows, Halo { before: 3, after: 5 }, &stamps);
                     Ok::<_, fleetfoot_data::Cancelled>(())
                 })
             })
@@ -189,138 +138,47 @@ fn episodes_end_at_gaps_and_backward_stamps_and_repeats_are_dropped() {
     let path = folder.path().join("cut.parquet");
     let mut stamps: Vec<i64> = (0..3_000).map(|row| row * 1_000_000).collect();
     stamps[100] = stamps[99];
-    stamps[1_500..]
-        .iter_mut()
-        .for_each(|stamp| *stamp += 6_000_000);
-    stamps[2_000..]
-        .iter_mut()
-        .for_each(|stamp| *stamp -= 1_000_000_000);
+    stamps[1_500..].iter_mut().for_each(|stamp| *stamp += 6_000_000);
+    stamps[2_000..].iter_mut().for_each(|stamp| *stamp -= 1_000_000_000);
     write(&path, &stamps, 1_024);
     let recording = open(&[&path], &all()).unwrap();
-    let rows: Vec<_> = recording
-        .episodes()
-        .iter()
-        .map(|episode| episode.rows)
-        .collect();
+    let rows: Vec<_> = recording.episodes().iter().map(|episode| episode.rows).collect();
     assert_eq!(rows, [1_499, 500, 1_000]);
-    let names: Vec<_> = recording
-        .episodes()
-        .iter()
-        .map(|episode| episode.name.as_str())
-        .collect();
+    let names: Vec<_> = recording.episodes().iter().map(|episode| episode.name.as_str()).collect();
     assert_eq!(names, ["cut.parquet#1", "cut.parquet#2", "cut.parquet#3"]);
-    let block = recording
-        .read(
-            0,
-            95..105,
-            Halo {
-                before: 1,
-                after: 1,
-            },
-        )
-        .unwrap();
-    assert_eq!(
-        block.column(1),
-        [
-            89.0, 90.0, 91.0, 92.0, 93.0, 94.0, 96.0, 97.0, 98.0, 99.0, 100.0, 101.0
-        ]
-    );
-    check(
-        &recording,
-        1,
-        1_500,
-        0..500,
-        Halo {
-            before: 4,
-            after: 4,
-        },
-        &stamps,
-    );
-    check(
-        &recording,
-        2,
-        2_000,
-        0..10,
-        Halo {
-            before: 4,
-            after: 4,
-        },
-        &stamps,
-    );
+    let block = recording.read(0, 95..105, Halo { before: 1, after: 1 }).unwrap();
+    assert_eq!(block.column(1), [89.0, 90.0, 91.0, 92.0, 93.0, 94.0, 96.0, 97.0, 98.0, 99.0, 100.0, 101.0]);
+    check(&recording, 1, 1_500, 0..500, Halo { before: 4, after: 4 }, &stamps);
+    check(&recording, 2, 2_000, 0..10, Halo { before: 4, after: 4 }, &stamps);
     let notes = recording.notes().join("\n");
-    for word in [
-        "1 rows with the stamp of the row before",
-        "1 backward",
-        "1 gaps",
-    ] {
+    for word in ["1 rows with the stamp of the row before", "1 backward", "1 gaps"] {
         assert!(notes.contains(word), "{notes}");
     }
-    let whole = open(
-        &[&path],
-        &Selection {
-            max_gap: MaxGap::Unlimited,
-            ..all()
-        },
-    )
-    .unwrap();
+    let whole = open(&[&path], &Selection { max_gap: MaxGap::Unlimited, ..all() }).unwrap();
     assert_eq!(whole.episodes().len(), 2);
-    let fine = open(
-        &[&path],
-        &Selection {
-            max_gap: MaxGap::Seconds(0.0015),
-            ..all()
-        },
-    )
-    .unwrap();
+    let fine = open(&[&path], &Selection { max_gap: MaxGap::Seconds(0.0015), ..all() }).unwrap();
     assert_eq!(fine.episodes().len(), 4);
 }
 
 #[test]
 fn the_order_of_files_and_their_layout_do_not_matter() {
     let folder = tempfile::tempdir().unwrap();
-    let (a, b, c) = (
-        folder.path().join("a.parquet"),
-        folder.path().join("b.parquet"),
-        folder.path().join("c.parquet"),
-    );
+    let (a, b, c) = (folder.path().join("a.parquet"), folder.path().join("b.parquet"), folder.path().join("c.parquet"));
     let stamps: Vec<i64> = (0..2_000).map(|row| row * 1_000_000).collect();
     write(&a, &stamps, 500);
     write(&b, &stamps[..1_000], 10_000);
     write(&c, &stamps, 2_000);
     let forward = open(&[&a, &b], &all()).unwrap();
-    let backward = open(
-        &[&b, &a, &a],
-        &Selection::new(["ground", "on", "n", "x", "x"]),
-    )
-    .unwrap();
-    let ids = |recording: &Recording| {
-        recording
-            .episodes()
-            .iter()
-            .map(|episode| episode.id)
-            .collect::<Vec<_>>()
-    };
+    let backward = open(&[&b, &a, &a], &Selection::new(["ground", "on", "n", "x", "x"])).unwrap();
+    let ids = |recording: &Recording| recording.episodes().iter().map(|episode| episode.id).collect::<Vec<_>>();
     assert_eq!(ids(&forward), ids(&backward));
     match open(&[&a, &c], &all()) {
-        Err(Error::Duplicate { first, second }) => assert_eq!(
-            (first.as_str(), second.as_str()),
-            ("a.parquet", "c.parquet")
-        ),
+        Err(Error::Duplicate { first, second }) => {
+            assert_eq!((first.as_str(), second.as_str()), ("a.parquet", "c.parquet"))
+        }
         other => panic!("{other:?}"),
     }
-    assert_eq!(
-        open(
-            &[&a, &c],
-            &Selection {
-                allow_duplicates: true,
-                ..all()
-            }
-        )
-        .unwrap()
-        .episodes()
-        .len(),
-        2
-    );
+    assert_eq!(open(&[&a, &c], &Selection { allow_duplicates: true, ..all() }).unwrap().episodes().len(), 2);
 }
 
 #[test]
@@ -329,41 +187,17 @@ fn clocks_of_all_kinds() {
     let path = folder.path().join("a.parquet");
     let stamps: Vec<i64> = (0..100).map(|row| row * 20_000_000).collect();
     write(&path, &stamps, 64);
-    let selection = |time| Selection {
-        time,
-        ..Selection::new(["n"])
-    };
+    let selection = |time| Selection { time, ..Selection::new(["n"]) };
     let uniform = open(&[&path], &selection(TimeSpec::Uniform { dt_seconds: 0.01 })).unwrap();
     let block = uniform.read(0, 10..12, Halo::default()).unwrap();
-    assert_eq!(
-        (uniform.episodes()[0].end, block.stamps()),
-        (990_000_000, &[100_000_000, 110_000_000][..])
-    );
-    let ms = TimeSpec::Column {
-        name: "n".into(),
-        unit: Some(TimeUnit::Milliseconds),
-    };
+    assert_eq!((uniform.episodes()[0].end, block.stamps()), (990_000_000, &[100_000_000, 110_000_000][..]));
+    let ms = TimeSpec::Column { name: "n".into(), unit: Some(TimeUnit::Milliseconds) };
     let counted = open(&[&path], &selection(ms)).unwrap();
-    assert_eq!(
-        (counted.episodes()[0].start, counted.episodes()[0].period),
-        (-5_000_000, 1e-3)
-    );
-    let message = open(
-        &[&path],
-        &selection(TimeSpec::Column {
-            name: "tt".into(),
-            unit: None,
-        }),
-    )
-    .unwrap_err()
-    .to_string();
-    assert!(
-        message.contains("a.parquet") && message.contains("`tt`") && message.contains("`t`"),
-        "{message}"
-    );
-    let message = open(&[&path], &Selection::new(["grond"]))
-        .unwrap_err()
-        .to_string();
+    assert_eq!((counted.episodes()[0].start, counted.episodes()[0].period), (-5_000_000, 1e-3));
+    let message =
+        open(&[&path], &selection(TimeSpec::Column { name: "tt".into(), unit: None })).unwrap_err().to_string();
+    assert!(message.contains("a.parquet") && message.contains("`tt`") && message.contains("`t`"), "{message}");
+    let message = open(&[&path], &Selection::new(["grond"])).unwrap_err().to_string();
     assert!(message.contains("`ground`"), "{message}");
     assert!(matches!(
         open(&[&path], &selection(TimeSpec::Uniform { dt_seconds: -1.0 })),
@@ -376,19 +210,10 @@ fn inspection_tells_columns_clock_and_ranges() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");
     let mut stamps: Vec<i64> = (0..2_000).map(|row| row * 1_000_000).collect();
-    stamps[1_000..]
-        .iter_mut()
-        .for_each(|stamp| *stamp += 1_000_000_000);
+    stamps[1_000..].iter_mut().for_each(|stamp| *stamp += 1_000_000_000);
     write(&path, &stamps, 512);
     let info = inspect(&path).unwrap();
-    assert_eq!(
-        (
-            info.rows,
-            info.columns.len(),
-            info.time.as_ref().unwrap().column.as_str()
-        ),
-        (Some(2_000), 5, "t")
-    );
+    assert_eq!((info.rows, info.columns.len(), info.time.as_ref().unwrap().column.as_str()), (Some(2_000), 5, "t"));
     assert_eq!(info.columns[1].unit.as_deref(), Some("m"));
     assert_eq!(info.columns[1].statistics, None);
     let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
@@ -396,14 +221,8 @@ fn inspection_tells_columns_clock_and_ranges() {
     assert_eq!((clock.gaps, clock.backward, info.episodes), (1, 0, Some(2)));
     assert!((clock.period - 1e-3).abs() < 1e-12 && (clock.largest_step - 1.001).abs() < 1e-9);
     let x = info.columns[1].statistics.unwrap();
-    let expected: Vec<f64> = (0..2_000)
-        .map(value)
-        .filter(|value| !value.is_nan())
-        .collect();
-    assert_eq!(
-        (x.count, x.missing),
-        (expected.len(), 2_000 - expected.len())
-    );
+    let expected: Vec<f64> = (0..2_000).map(value).filter(|value| !value.is_nan()).collect();
+    assert_eq!((x.count, x.missing), (expected.len(), 2_000 - expected.len()));
     assert!((x.mean - expected.iter().sum::<f64>() / expected.len() as f64).abs() < 1e-12);
     assert_eq!(x.max, expected.iter().copied().fold(f64::MIN, f64::max));
     let n = info.columns[2].statistics.unwrap();
@@ -417,34 +236,17 @@ fn writing_is_atomic_and_spares_the_inputs() {
     write(&path, &[0, 1_000_000], 10);
     let before = std::fs::read(&path).unwrap();
     let columns = || vec![WriteColumn::new("x", WriteKind::Float)];
-    let options = WriteOptions {
-        inputs: vec![path.clone()],
-        ..WriteOptions::default()
-    };
-    let alias = folder
-        .path()
-        .join("../")
-        .join(folder.path().file_name().unwrap())
-        .join("a.parquet");
-    assert!(matches!(
-        ParquetWriter::create(&alias, columns(), &options),
-        Err(Error::OverwritesInput { .. })
-    ));
+    let options = WriteOptions { inputs: vec![path.clone()], ..WriteOptions::default() };
+    let alias = folder.path().join("../").join(folder.path().file_name().unwrap()).join("a.parquet");
+    assert!(matches!(ParquetWriter::create(&alias, columns(), &options), Err(Error::OverwritesInput { .. })));
     let mut writer = ParquetWriter::create(&path, columns(), &WriteOptions::default()).unwrap();
     writer.write(&[Values::Float(&[1.0])]).unwrap();
-    assert!(matches!(
-        writer.write(&[Values::Integer(&[1])]),
-        Err(Error::BadBatch { .. })
-    ));
+    assert!(matches!(writer.write(&[Values::Integer(&[1])]), Err(Error::BadBatch { .. })));
     assert!(matches!(writer.write(&[]), Err(Error::BadBatch { .. })));
     drop(writer);
     assert_eq!(std::fs::read(&path).unwrap(), before);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let again = folder.path().join("b.parquet");
     write(&again, &[0, 1_000_000], 10);
-    assert_eq!(
-        std::fs::read(&again).unwrap(),
-        before,
-        "the same input gives the same bytes"
-    );
+    assert_eq!(std::fs::read(&again).unwrap(), before, "the same input gives the same bytes");
 }

@@ -35,7 +35,9 @@ pub enum FileError {
         source: serde_json::Error,
     },
     /// Another version of the format.
-    #[error("{name}: model format {found}, this version reads format {FORMAT_VERSION}; use the fleetfoot that wrote it, or fit again")]
+    #[error(
+        "{name}: model format {found}, this version reads format {FORMAT_VERSION}; use the fleetfoot that wrote it, or fit again"
+    )]
     Version {
         /// The file or other origin.
         name: String,
@@ -270,7 +272,11 @@ fn word<T: Copy + PartialEq>(table: &[(T, &'static str)], value: T) -> String {
 }
 
 fn value<T: Copy>(table: &[(T, &'static str)], word: &str) -> Result<T, String> {
-    table.iter().find(|(_, known)| *known == word).map(|(value, _)| *value).ok_or_else(|| format!("unknown word `{word}`"))
+    table
+        .iter()
+        .find(|(_, known)| *known == word)
+        .map(|(value, _)| *value)
+        .ok_or_else(|| format!("unknown word `{word}`"))
 }
 
 impl From<&Model> for ModelText {
@@ -293,7 +299,15 @@ impl ModelText {
         let columns = self
             .columns
             .into_iter()
-            .map(|c| Ok(Column { role: value(&ROLES, &c.role)?, name: c.name, source: c.source, unit: c.unit, angle: c.angle }))
+            .map(|c| {
+                Ok(Column {
+                    role: value(&ROLES, &c.role)?,
+                    name: c.name,
+                    source: c.source,
+                    unit: c.unit,
+                    angle: c.angle,
+                })
+            })
             .collect::<Result<Vec<_>, String>>()?;
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         let scope = Scope::new(&names);
@@ -335,7 +349,16 @@ impl ModelText {
             .collect::<Result<Vec<_>, String>>()?;
         let latents = self.latents.into_iter().map(LatentText::into_latent).collect();
         let training = self.training.into_training();
-        Ok(Model { method: self.method, columns, libraries, partitions, latents, equations, step: self.step.0, training })
+        Ok(Model {
+            method: self.method,
+            columns,
+            libraries,
+            partitions,
+            latents,
+            equations,
+            step: self.step.0,
+            training,
+        })
     }
 }
 

@@ -10,7 +10,15 @@ use crate::{Latent, Model, Prediction};
 pub fn describe(model: &Model, regions: usize) -> String {
     let mut out = String::new();
     let t = &model.training;
-    let _ = writeln!(out, "{} model {}: {} rows of {} episodes, fleetfoot {}", model.method, model.hash(), t.rows, t.episodes.len(), t.version);
+    let _ = writeln!(
+        out,
+        "{} model {}: {} rows of {} episodes, fleetfoot {}",
+        model.method,
+        model.hash(),
+        t.rows,
+        t.episodes.len(),
+        t.version
+    );
     if model.step > 0.0 {
         let _ = writeln!(out, "sampled every {} s", short(model.step));
     }
@@ -51,11 +59,22 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
     for &region in order.iter().take(limit) {
         let info = &partition.regions[region];
         let share = if total > 0 { 100.0 * info.rows as f64 / total as f64 } else { 0.0 };
-        let _ = writeln!(out, "\n  region {} ({} rows, {share:.1} %, rank {}, condition {})", info.name, info.rows, info.rank, short(info.condition));
+        let _ = writeln!(
+            out,
+            "\n  region {} ({} rows, {share:.1} %, rank {}, condition {})",
+            info.name,
+            info.rows,
+            info.rank,
+            short(info.condition)
+        );
         for latent in model.latents.iter().filter(|latent| latent.partition == index) {
             let _ = writeln!(out, "    {} = {}", latent.name, terms(model, latent, region));
         }
-        let library = model.latents.iter().find(|latent| latent.partition == index).map(|latent| &model.libraries[latent.library]);
+        let library = model
+            .latents
+            .iter()
+            .find(|latent| latent.partition == index)
+            .map(|latent| &model.libraries[latent.library]);
         if let (Some(library), false) = (library, info.confounded.is_empty()) {
             let groups: Vec<String> = info
                 .confounded

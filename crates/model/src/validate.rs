@@ -15,9 +15,12 @@ impl Model {
         }
         for latent in &self.latents {
             let name = &latent.name;
-            let library = self.libraries.get(latent.library).ok_or_else(|| format!("{name}: no library {}", latent.library))?;
-            let partition =
-                self.partitions.get(latent.partition).ok_or_else(|| format!("{name}: no partition {}", latent.partition))?;
+            let library =
+                self.libraries.get(latent.library).ok_or_else(|| format!("{name}: no library {}", latent.library))?;
+            let partition = self
+                .partitions
+                .get(latent.partition)
+                .ok_or_else(|| format!("{name}: no partition {}", latent.partition))?;
             let regions = partition.rule.count();
             if latent.constants.len() != regions || latent.coefficients.len() != regions {
                 return Err(format!("{name}: coefficients for {} of {regions} regions", latent.coefficients.len()));
@@ -53,17 +56,26 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
     let name = &partition.specification;
     let columns = partition.columns.len();
     if partition.centre.len() != columns || partition.scale.len() != columns {
-        return Err(format!("partition {name}: {columns} columns, {} centres, {} scales", partition.centre.len(), partition.scale.len()));
+        return Err(format!(
+            "partition {name}: {columns} columns, {} centres, {} scales",
+            partition.centre.len(),
+            partition.scale.len()
+        ));
     }
     if partition.scale.iter().any(|&scale| scale.is_nan() || scale <= 0.0) {
         return Err(format!("partition {name}: a scale is not positive"));
     }
     check_rule(&partition.rule, columns).map_err(|problem| format!("partition {name}: {problem}"))?;
     if partition.regions.len() != partition.rule.count() {
-        return Err(format!("partition {name}: {} of {} regions described", partition.regions.len(), partition.rule.count()));
+        return Err(format!(
+            "partition {name}: {} of {} regions described",
+            partition.regions.len(),
+            partition.rule.count()
+        ));
     }
     for region in &partition.regions {
-        check_region(region, functions, fitted).map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;
+        check_region(region, functions, fitted)
+            .map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;
     }
     Ok(())
 }
@@ -72,7 +84,9 @@ fn check_region(region: &Region, functions: usize, fitted: usize) -> Result<(), 
     let lengths = [region.mean.len(), region.range.len(), region.covariance.len(), region.residual_covariance.len()];
     let expected = [functions, functions, functions * (functions + 1) / 2, fitted * (fitted + 1) / 2];
     if lengths != expected {
-        return Err(format!("lengths {lengths:?} of mean, range, covariance, residual covariance; expected {expected:?}"));
+        return Err(format!(
+            "lengths {lengths:?} of mean, range, covariance, residual covariance; expected {expected:?}"
+        ));
     }
     if region.confounded.iter().flatten().any(|&function| function >= functions) {
         return Err("a confounded function that does not exist".into());

@@ -40,7 +40,9 @@ pub enum Error {
         incomplete: u64,
     },
     /// A target that never changes.
-    #[error("the target {target} has the same value {value} in all rows: there is nothing to predict; leave it out, or check its column")]
+    #[error(
+        "the target {target} has the same value {value} in all rows: there is nothing to predict; leave it out, or check its column"
+    )]
     ConstantTarget {
         /// The left side of its equation.
         target: String,

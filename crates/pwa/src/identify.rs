@@ -85,9 +85,15 @@ pub struct Score {
 ///
 /// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions, and
 /// one for absolute errors.
-pub fn identify(problem: &Problem, options: &Options, source: &dyn Source, progress: &dyn Progress) -> Result<Identification, Error> {
+pub fn identify(
+    problem: &Problem,
+    options: &Options,
+    source: &dyn Source,
+    progress: &dyn Progress,
+) -> Result<Identification, Error> {
     let rows = Rows::compile(problem, &options.partitions, source)?;
-    let regions: usize = options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
+    let regions: usize =
+        options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let bytes = gram_bytes(rows.dimension());
     let grid = Grid {
         chunk_rows: Grid::for_budget(source.rows(), regions, bytes, STATS_BUDGET),
@@ -104,7 +110,15 @@ pub fn identify(problem: &Problem, options: &Options, source: &dyn Source, progr
     progress.stage("regression");
     let plan = plan_hash(problem, &grid, &segmentation, &preconditioner);
     let scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
-    let fit = Fit { problem, options, rows: &rows, survey: &survey, segmentation: &segmentation, scan: &scanned, preconditioner: &preconditioner };
+    let fit = Fit {
+        problem,
+        options,
+        rows: &rows,
+        survey: &survey,
+        segmentation: &segmentation,
+        scan: &scanned,
+        preconditioner: &preconditioner,
+    };
     fit.finish(source, &chunks, progress)
 }
 
@@ -125,7 +139,8 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let per_row = kept_bytes(problem.partition_columns.len(), 0);
     let clusters = options.partitions.iter().any(|p| p.clusters().is_some());
     let clustered_rows = if clusters { rows.min(options.memory / per_row.max(1)) } else { 0 };
-    let regions: usize = options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
+    let regions: usize =
+        options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
     Cost { clustered_rows, bytes: clustered_rows * per_row + statistics + blocks }
@@ -197,8 +212,10 @@ impl Fit<'_> {
         };
         let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
         let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
-        let mut orders = evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
-        let specifications: Vec<&Specification> = self.segmentation.candidates.iter().map(|c| &c.specification).collect();
+        let mut orders =
+            evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
+        let specifications: Vec<&Specification> =
+            self.segmentation.candidates.iter().map(|c| &c.specification).collect();
         let chosen = choose(self.options.selection, &specifications, &orders);
         let mut roots = solver.training(self.segmentation.candidates[chosen].full, None);
         if self.options.tsqr {
@@ -208,7 +225,8 @@ impl Fit<'_> {
         progress.stage("errors");
         let errors = self.measure(&orders, chosen, &base, &solver).run(source, chunks, progress)?;
         let q = self.rows.targets;
-        let sigma: Vec<f64> = (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
+        let sigma: Vec<f64> =
+            (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
         let candidates = self.scores(&orders, &errors, &sigma);
         let mut notes = self.segmentation.notes.clone();
         self.notes(&base, &mut notes);
@@ -246,14 +264,27 @@ impl Fit<'_> {
         Ok(Some(roots))
     }
 
-    fn measure<'m>(&'m self, orders: &'m [Order], chosen: usize, base: &'m Base, solver: &Solver<'_>) -> MeasureInput<'m> {
+    fn measure<'m>(
+        &'m self,
+        orders: &'m [Order],
+        chosen: usize,
+        base: &'m Base,
+        solver: &Solver<'_>,
+    ) -> MeasureInput<'m> {
         let folds = if self.options.folds > 1 { self.options.folds } else { 0 };
         let fold_means = (0..folds)
             .map(|fold| solver.base(Some(fold)).map_or_else(|| base.root.mean_y.clone(), |base| base.root.mean_y))
             .collect();
         let q = self.rows.targets;
         let covariance = leading(&self.survey.scales, 0..q);
-        MeasureInput { fit: self, orders, chosen, mean: base.root.mean_y.clone(), fold_means, whitening: whitening(&covariance, q) }
+        MeasureInput {
+            fit: self,
+            orders,
+            chosen,
+            mean: base.root.mean_y.clone(),
+            fold_means,
+            whitening: whitening(&covariance, q),
+        }
     }
 
     fn scores(&self, orders: &[Order], errors: &Errors, sigma: &[f64]) -> Vec<Score> {
@@ -284,7 +315,10 @@ impl Fit<'_> {
             let names: Vec<String> = group.iter().map(name).collect();
             notes.push(match names.as_slice() {
                 [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
-                _ => format!("the data cannot separate {}: their coefficients are the smallest that fit", names.join(", ")),
+                _ => format!(
+                    "the data cannot separate {}: their coefficients are the smallest that fit",
+                    names.join(", ")
+                ),
             });
         }
         if self.survey.incomplete > 0 {
@@ -312,7 +346,14 @@ impl Fit<'_> {
             .enumerate()
             .map(|(region, fitted)| {
                 let ranges = &self.scan.ranges[candidate.full][region];
-                self.region(region_name(&partition, region), fitted, roots.get(&(region as u32)), ranges, &errors.residuals[region], null)
+                self.region(
+                    region_name(&partition, region),
+                    fitted,
+                    roots.get(&(region as u32)),
+                    ranges,
+                    &errors.residuals[region],
+                    null,
+                )
             })
             .collect();
         let (q, s) = (self.rows.targets, self.rows.states);
@@ -327,7 +368,12 @@ impl Fit<'_> {
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
             state_covariance: leading(&self.survey.scales, q..q + s),
         };
-        let mut model = Model::new(format!("pwa {}", candidate.specification), self.problem.columns.clone(), self.problem.step, training);
+        let mut model = Model::new(
+            format!("pwa {}", candidate.specification),
+            self.problem.columns.clone(),
+            self.problem.step,
+            training,
+        );
         model.latents = self
             .problem
             .equations

@@ -122,7 +122,8 @@ impl Maker<'_> {
                 (Rule::Labels { values, names, rules, unseen: self.options.unseen }, Some(index), note)
             }
         };
-        let partition = Partition { specification: specification.to_string(), columns, centre, scale, rule, regions: Vec::new() };
+        let partition =
+            Partition { specification: specification.to_string(), columns, centre, scale, rule, regions: Vec::new() };
         Ok((partition, label, note))
     }
 
@@ -169,6 +170,9 @@ impl Maker<'_> {
         } else {
             None
         };
-        Ok((Rule::voronoi(found.centroids.chunks_exact(self.rows.partition.max(1)).map(<[f64]>::to_vec).collect()), note))
+        Ok((
+            Rule::voronoi(found.centroids.chunks_exact(self.rows.partition.max(1)).map(<[f64]>::to_vec).collect()),
+            note,
+        ))
     }
 }

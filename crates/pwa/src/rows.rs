@@ -56,7 +56,9 @@ impl Rows {
             partition: problem.partition_columns.len(),
             label_columns: labels
                 .iter()
-                .map(|name| source.column_index(name).map_or_else(|| Column::float(name), |c| source.columns()[c].clone()))
+                .map(|name| {
+                    source.column_index(name).map_or_else(|| Column::float(name), |c| source.columns()[c].clone())
+                })
                 .collect(),
             labels,
             weighted: problem.weight.is_some(),

@@ -108,8 +108,9 @@ pub(crate) fn scan(
         .collect();
     let count = |p: usize| segmentation.partitions[p].rule.count();
     let empty_range = vec![[f64::INFINITY, f64::NEG_INFINITY]; rows.regressors];
-    let no_ranges: Vec<Vec<Vec<[f64; 2]>>> =
-        (0..described.len()).map(|p| if described[p] { vec![empty_range.clone(); count(p)] } else { Vec::new() }).collect();
+    let no_ranges: Vec<Vec<Vec<[f64; 2]>>> = (0..described.len())
+        .map(|p| if described[p] { vec![empty_range.clone(); count(p)] } else { Vec::new() })
+        .collect();
     let mut scan = Scan { stats: Stats::new(plan), ranges: no_ranges.clone() };
     let assigner = Assigner::new(segmentation);
     reduce(

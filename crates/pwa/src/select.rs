@@ -1,6 +1,6 @@
 //! Model order: cross-validated error with the one-standard-error rule, or BIC with the effective sample size. No pass over rows.
 
-use fleetfoot_stats::{Stats, Preconditioner};
+use fleetfoot_stats::{Preconditioner, Stats};
 
 use crate::{
     Options, Selection, Shrinkage, Specification,
@@ -52,7 +52,13 @@ pub(crate) fn evaluate(
                 .filter_map(|fold| {
                     let partition = candidate.by_fold[usize::from(fold)];
                     let base = bases[usize::from(fold)].as_ref()?;
-                    Some((fold, partition, base, solver.training(partition, Some(fold)), solver.testing(partition, fold)))
+                    Some((
+                        fold,
+                        partition,
+                        base,
+                        solver.training(partition, Some(fold)),
+                        solver.testing(partition, fold),
+                    ))
                 })
                 .collect();
             let grid: Vec<f64> = match options.shrinkage {
@@ -75,7 +81,15 @@ pub(crate) fn evaluate(
                 }
                 let (loss, standard_error) = mean_and_error(&losses);
                 if best.as_ref().is_none_or(|best| loss < best.loss) {
-                    best = Some(Order { shrinkage, losses, loss, standard_error, bic: f64::NAN, by_fold, full: Vec::new() });
+                    best = Some(Order {
+                        shrinkage,
+                        losses,
+                        loss,
+                        standard_error,
+                        bic: f64::NAN,
+                        by_fold,
+                        full: Vec::new(),
+                    });
                 }
             }
             let mut order = best.unwrap_or(Order {
@@ -99,7 +113,8 @@ pub(crate) fn evaluate(
 /// The index of the chosen candidate.
 pub(crate) fn choose(selection: Selection, specifications: &[&Specification], orders: &[Order]) -> usize {
     let size = |i: usize| orders[i].full.iter().map(|model| model.rank + 1).sum::<usize>();
-    let by = |value: &dyn Fn(usize) -> f64| (0..orders.len()).min_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
+    let by =
+        |value: &dyn Fn(usize) -> f64| (0..orders.len()).min_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
     if orders.len() == 1 || specifications.is_empty() {
         return 0;
     }
@@ -107,7 +122,10 @@ pub(crate) fn choose(selection: Selection, specifications: &[&Specification], or
         Selection::CrossValidation if orders.iter().all(|order| order.loss.is_finite()) => {
             let best = by(&|i| orders[i].loss);
             let limit = orders[best].loss + orders[best].standard_error;
-            (0..orders.len()).filter(|&i| i == best || orders[i].loss <= limit).min_by_key(|&i| (size(i), i)).unwrap_or(best)
+            (0..orders.len())
+                .filter(|&i| i == best || orders[i].loss <= limit)
+                .min_by_key(|&i| (size(i), i))
+                .unwrap_or(best)
         }
         _ => by(&|i| orders[i].bic),
     }

@@ -24,7 +24,9 @@ pub enum Specification {
 
 /// Why a partition could not be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, labels:COLUMN or labels:COLUMN+kmeans:5")]
+#[error(
+    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, labels:COLUMN or labels:COLUMN+kmeans:5"
+)]
 pub struct SpecificationError {
     text: String,
     problem: String,
@@ -73,7 +75,10 @@ impl FromStr for Specification {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let fail = |problem: &str| SpecificationError { text: text.to_owned(), problem: problem.to_owned() };
         let clusters = |value: &str| {
-            value.parse().map_err(|_| fail("the number of clusters must be a whole number")).and_then(|k| check_clusters(text, k))
+            value
+                .parse()
+                .map_err(|_| fail("the number of clusters must be a whole number"))
+                .and_then(|k| check_clusters(text, k))
         };
         match text.split_once(':') {
             None if text == "null" => Ok(Self::Null),
@@ -137,7 +142,19 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused() {
-        for text in ["", "kmeans", "kmeans:0", "kmeans:-1", "kmeans:x", "zscore:-1", "zscore:nan", "labels:", "3", "voronoi:3", "kmeans:99999999"] {
+        for text in [
+            "",
+            "kmeans",
+            "kmeans:0",
+            "kmeans:-1",
+            "kmeans:x",
+            "zscore:-1",
+            "zscore:nan",
+            "labels:",
+            "3",
+            "voronoi:3",
+            "kmeans:99999999",
+        ] {
             assert!(Specification::parse_list(text).is_err(), "{text}");
         }
     }

@@ -5,10 +5,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use faer::MatRef;
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_library::DesignRows;
 use fleetfoot_stats::{Chunk, Fold, Gram, Moments, reduce};
-use faer::MatRef;
 
 use crate::{Error, Specification, rows::Rows};
 
@@ -89,7 +89,13 @@ impl Survey {
             |part, chunk, block, tile| {
                 let episode = &source.episodes()[chunk.episode];
                 let mut scratch = std::mem::take(&mut part.scratch);
-                part.add(rows, &rows.evaluate(block, &episode.name, tile, &mut scratch)?, episode.id, block.first, share);
+                part.add(
+                    rows,
+                    &rows.evaluate(block, &episode.name, tile, &mut scratch)?,
+                    episode.id,
+                    block.first,
+                    share,
+                );
                 part.scratch = scratch;
                 part.labels.iter().zip(&rows.labels).try_for_each(|(seen, column)| limit_labels(column, seen))
             },
@@ -126,7 +132,8 @@ impl Survey {
 
     /// Moments of the rows that train the model tested on `held` (all rows without it).
     pub(crate) fn training_moments(&self, held: Option<u16>) -> Option<Moments> {
-        let mut selected = self.moments.iter().filter(|(fold, _)| held.is_none_or(|held| fold.trains(held))).map(|(_, m)| m);
+        let mut selected =
+            self.moments.iter().filter(|(fold, _)| held.is_none_or(|held| fold.trains(held))).map(|(_, m)| m);
         let mut total = selected.next()?.clone();
         selected.for_each(|moments| total.merge(moments));
         Some(total)
@@ -188,9 +195,8 @@ impl Part {
             }
         } else if share > 0.0 {
             let limit = (share * 2f64.powi(64)) as u64;
-            let chosen: Vec<usize> = (0..tile.len())
-                .filter(|&row| mix(episode, (first + tile.values.index[row]) as u64) < limit)
-                .collect();
+            let chosen: Vec<usize> =
+                (0..tile.len()).filter(|&row| mix(episode, (first + tile.values.index[row]) as u64) < limit).collect();
             for (kept, column) in self.kept.iter_mut().zip(&columns) {
                 kept.extend(chosen.iter().map(|&row| column[row]));
             }

@@ -80,7 +80,8 @@ fn labels_recover_the_truth_and_the_model_reads_back() {
 
 #[test]
 fn more_regions_predict_better_and_cross_validation_chooses() {
-    let found = run(&problem(&["x", "u"]), &options("null,average,zscore:1.5,kmeans:2,8"), &hybrid(20_000, 12, 0.05, 2));
+    let found =
+        run(&problem(&["x", "u"]), &options("null,average,zscore:1.5,kmeans:2,8"), &hybrid(20_000, 12, 0.05, 2));
     let errors: Vec<f64> = found.candidates.iter().map(|candidate| candidate.over_null[0]).collect();
     assert!((errors[0] - 1.0).abs() < 1e-12, "the null model over itself");
     assert!(errors[1] < errors[0] && errors[3] < errors[1], "{errors:?}");
@@ -165,7 +166,10 @@ fn the_order_of_the_episodes_does_not_change_a_bit() {
         model.training.episodes.sort();
         model.to_json()
     };
-    assert_eq!(strip(run(&problem(&["x", "u"]), &options, &source)), strip(run(&problem(&["x", "u"]), &options, &reversed)));
+    assert_eq!(
+        strip(run(&problem(&["x", "u"]), &options, &source)),
+        strip(run(&problem(&["x", "u"]), &options, &reversed))
+    );
 }
 
 #[test]
@@ -195,7 +199,11 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     let mut auto = options("labels:mode");
     auto.shrinkage = Shrinkage::Auto;
     let found = run(&problem(&["x", "u"]), &auto, &source);
-    assert!(found.candidates[0].shrinkage <= 10.0, "different maps need no shrinkage: {}", found.candidates[0].shrinkage);
+    assert!(
+        found.candidates[0].shrinkage <= 10.0,
+        "different maps need no shrinkage: {}",
+        found.candidates[0].shrinkage
+    );
 }
 
 #[test]
@@ -239,7 +247,10 @@ fn a_constant_column_and_a_copy_are_named() {
     assert!(found.notes.iter().any(|note| note.contains("u does not change")), "{:?}", found.notes);
     assert!(found.notes.iter().any(|note| note.contains("x, mode")), "{:?}", found.notes);
     let coefficients = &found.model.latents[0].coefficients[0];
-    assert!((coefficients[0] - 1.0).abs() < 1e-9 && (coefficients[2] - 1.0).abs() < 1e-9, "minimum norm: {coefficients:?}");
+    assert!(
+        (coefficients[0] - 1.0).abs() < 1e-9 && (coefficients[2] - 1.0).abs() < 1e-9,
+        "minimum norm: {coefficients:?}"
+    );
 }
 
 #[test]
@@ -252,7 +263,8 @@ fn what_cannot_be_fitted_says_why() {
     constant.push_uniform("run", 0.1, vec![ramp.clone(), ramp.clone(), vec![1.0; 100], ramp]);
     let message = identify(&problem(&["x"]), &options("average"), &constant, &Silent).unwrap_err().to_string();
     assert!(message.contains("d(x)/dt") && message.contains("same value"), "{message}");
-    let message = identify(&problem(&["x"]), &options("labels:dx"), &hybrid(5000, 1, 0.5, 9), &Silent).unwrap_err().to_string();
+    let message =
+        identify(&problem(&["x"]), &options("labels:dx"), &hybrid(5000, 1, 0.5, 9), &Silent).unwrap_err().to_string();
     assert!(message.contains("does not look like a label"), "{message}");
 }
 

@@ -80,7 +80,7 @@ impl DiffDrive {
         let mut turning = OrnsteinUhlenbeck::new(0.2, 0.7, self.dt, &mut random);
         let mut state: State = [0.0; 5];
         let rows = (seconds / self.dt).round() as usize;
-        let mut values = vec![Vec::with_capacity(rows); 7];
+        let mut values = vec![Vec::new(); 7];
         for _ in 0..rows {
             let forward = (0.35 + common.next(&mut random)).clamp(-1.0, 1.0);
             let turn = turning.next(&mut random).clamp(-1.0, 1.0);

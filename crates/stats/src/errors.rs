@@ -86,21 +86,13 @@ impl ErrorSum {
 
     /// Mean absolute error over the null model's, which predicts the reference; NaN when y is the reference everywhere.
     pub fn relative_absolute(&self) -> f64 {
-        if self.absolute_deviation > 0.0 {
-            self.absolute / self.absolute_deviation
-        } else {
-            f64::NAN
-        }
+        if self.absolute_deviation > 0.0 { self.absolute / self.absolute_deviation } else { f64::NAN }
     }
 
     /// `1 - sum w e^2 / sum w (y - mean)^2`, the mean being that of y over these rows; NaN when y is constant.
     pub fn r_squared(&self) -> f64 {
         let total = self.centred_square();
-        if total > 0.0 {
-            1.0 - self.square / total
-        } else {
-            f64::NAN
-        }
+        if total > 0.0 { 1.0 - self.square / total } else { f64::NAN }
     }
 
     /// Squares of y about its own mean: small cancellation as long as the reference is near the mean.
@@ -123,9 +115,7 @@ pub struct ErrorSums {
 impl ErrorSums {
     /// The sums of no rows.
     pub fn new(targets: usize) -> Self {
-        Self {
-            targets: vec![ErrorSum::default(); targets],
-        }
+        Self { targets: vec![ErrorSum::default(); targets] }
     }
 
     /// Adds rows of one target: values, predictions and weights have the same length (`None`: all weights 1).
@@ -134,26 +124,14 @@ impl ErrorSums {
     ///
     /// # Panics
     /// When the lengths disagree or the target does not exist.
-    pub fn push(
-        &mut self,
-        target: usize,
-        y: &[f64],
-        prediction: &[f64],
-        reference: f64,
-        weights: Option<&[f64]>,
-    ) {
+    pub fn push(&mut self, target: usize, y: &[f64], prediction: &[f64], reference: f64, weights: Option<&[f64]>) {
         assert_eq!(y.len(), prediction.len(), "one prediction a row");
         if let Some(weights) = weights {
             assert_eq!(y.len(), weights.len(), "one weight a row");
         }
         let mut sum = ErrorSum::default();
         for (row, (&y, &prediction)) in y.iter().zip(prediction).enumerate() {
-            sum.push(
-                y,
-                prediction,
-                reference,
-                weights.map_or(1.0, |weights| weights[row]),
-            );
+            sum.push(y, prediction, reference, weights.map_or(1.0, |weights| weights[row]));
         }
         self.targets[target].merge(&sum);
     }
@@ -163,14 +141,7 @@ impl ErrorSums {
     /// # Panics
     /// When the numbers of targets differ.
     pub fn merge(&mut self, other: &Self) {
-        assert_eq!(
-            self.targets.len(),
-            other.targets.len(),
-            "sums of the same targets"
-        );
-        self.targets
-            .iter_mut()
-            .zip(&other.targets)
-            .for_each(|(sum, other)| sum.merge(other));
+        assert_eq!(self.targets.len(), other.targets.len(), "sums of the same targets");
+        self.targets.iter_mut().zip(&other.targets).for_each(|(sum, other)| sum.merge(other));
     }
 }

@@ -31,14 +31,7 @@ impl Factor {
     /// The factor of no rows, for p regressors and q targets.
     pub fn new(p: usize, q: usize) -> Self {
         let d = p + q;
-        Self {
-            regressors: p,
-            targets: q,
-            rows: 0,
-            weight: 0.0,
-            shift: vec![0.0; d],
-            r: Mat::zeros(d + 1, d + 1),
-        }
+        Self { regressors: p, targets: q, rows: 0, weight: 0.0, shift: vec![0.0; d], r: Mat::zeros(d + 1, d + 1) }
     }
 
     /// Adds rows (n x (p + q)) with weights (n; finite, not negative; `None`: all 1).
@@ -56,19 +49,11 @@ impl Factor {
         for chunk in used.chunks(TILE) {
             let sum: f64 = chunk.iter().map(|&row| weight(row)).sum();
             if self.rows == 0 {
-                let mean = |j: usize| {
-                    chunk
-                        .iter()
-                        .map(|&row| weight(row) / sum * rows[(row, j)])
-                        .sum()
-                };
+                let mean = |j: usize| chunk.iter().map(|&row| weight(row) / sum * rows[(row, j)]).sum();
                 self.shift = (0..d).map(mean).collect();
             }
             let mut tile = Rows::zeros(chunk.len(), d + 1);
-            tile.column_mut(0)
-                .iter_mut()
-                .zip(chunk)
-                .for_each(|(value, &row)| *value = weight(row).sqrt());
+            tile.column_mut(0).iter_mut().zip(chunk).for_each(|(value, &row)| *value = weight(row).sqrt());
             for j in 0..d {
                 for (value, &row) in tile.column_mut(j + 1).iter_mut().zip(chunk) {
                     *value = weight(row).sqrt() * (rows[(row, j)] - self.shift[j]);
@@ -85,11 +70,7 @@ impl Factor {
     /// # Panics
     /// When the numbers of columns differ.
     pub fn merge(&mut self, other: &Self) {
-        assert_eq!(
-            (self.regressors, self.targets),
-            (other.regressors, other.targets),
-            "factors of the same columns"
-        );
+        assert_eq!((self.regressors, self.targets), (other.regressors, other.targets), "factors of the same columns");
         if other.rows == 0 {
             return;
         }
@@ -120,34 +101,17 @@ impl Factor {
     pub fn square_root(&self) -> SquareRoot {
         let (p, q) = (self.regressors, self.targets);
         let ones = self.r[(0, 0)];
-        let mean = |j: usize| {
-            self.shift[j]
-                + if ones > 0.0 {
-                    self.r[(0, j + 1)] / ones
-                } else {
-                    0.0
-                }
-        };
+        let mean = |j: usize| self.shift[j] + if ones > 0.0 { self.r[(0, j + 1)] / ones } else { 0.0 };
         let mean_x: Vec<f64> = (0..p).map(mean).collect();
         let mean_y: Vec<f64> = (p..p + q).map(mean).collect();
         let factor = Mat::from_fn(p, p + q, |i, j| self.r[(i + 1, j + 1)]);
-        let residual = (p..p + q)
-            .map(|j| sum_of_squares(&self.r.col_as_slice(j + 1)[p + 1..=j + 1]))
-            .collect();
+        let residual = (p..p + q).map(|j| sum_of_squares(&self.r.col_as_slice(j + 1)[p + 1..=j + 1])).collect();
         let magnitude = (0..p).map(|j| {
             let mean = self.weight.sqrt() * mean_x[j].abs().max(self.shift[j].abs());
             norm(&self.r.col_as_slice(j + 1)[..=j + 1]) + mean
         });
         let magnitude = magnitude.collect();
         let counts = (self.rows, self.weight);
-        SquareRoot::assemble(
-            counts,
-            (mean_x, mean_y),
-            factor,
-            residual,
-            1.0,
-            noise_level(p),
-            magnitude,
-        )
+        SquareRoot::assemble(counts, (mean_x, mean_y), factor, residual, 1.0, noise_level(p), magnitude)
     }
 }

@@ -25,12 +25,7 @@ pub struct Gram {
 impl Gram {
     /// The Gram matrix of no rows.
     pub fn new(dimension: usize) -> Self {
-        Self {
-            rows: 0,
-            weight: 0.0,
-            mean: vec![0.0; dimension],
-            scatter: vec![0.0; packed(dimension)],
-        }
+        Self { rows: 0, weight: 0.0, mean: vec![0.0; dimension], scatter: vec![0.0; packed(dimension)] }
     }
 
     /// Number of columns d.
@@ -58,16 +53,11 @@ impl Gram {
         let mut gram = Self::new(z.ncols());
         let used = |row: &u32| weights.is_none_or(|weights| weights[*row as usize] > 0.0);
         let order: Vec<u32> = (0..z.nrows() as u32).filter(used).collect();
-        let columns: Option<Vec<&[f64]>> = (0..z.ncols())
-            .map(|j| Some(z.col(j).try_as_col_major()?.as_slice()))
-            .collect();
+        let columns: Option<Vec<&[f64]>> =
+            (0..z.ncols()).map(|j| Some(z.col(j).try_as_col_major()?.as_slice())).collect();
         match columns {
             Some(columns) if order.len() == z.nrows() => {
-                gram.add_rows(
-                    &mut Tile::new(z.ncols()),
-                    &Columns { columns, weights },
-                    0..z.nrows(),
-                );
+                gram.add_rows(&mut Tile::new(z.ncols()), &Columns { columns, weights }, 0..z.nrows());
             }
             _ => {
                 let sorted = Sorted::new(z, weights, &order);
@@ -84,19 +74,12 @@ impl Gram {
     ///
     /// # Panics
     /// When the lengths disagree, or a region is neither below `count` nor `u32::MAX`.
-    pub fn by_region(
-        z: MatRef<'_, f64>,
-        weights: Option<&[f64]>,
-        regions: &[u32],
-        count: usize,
-    ) -> Vec<(u32, Self)> {
+    pub fn by_region(z: MatRef<'_, f64>, weights: Option<&[f64]>, regions: &[u32], count: usize) -> Vec<(u32, Self)> {
         assert_eq!(regions.len(), z.nrows(), "one region a row");
         if let Some(weights) = weights {
             assert_eq!(weights.len(), z.nrows(), "one weight a row");
         }
-        let used = |row: usize| {
-            regions[row] != u32::MAX && weights.is_none_or(|weights| weights[row] > 0.0)
-        };
+        let used = |row: usize| regions[row] != u32::MAX && weights.is_none_or(|weights| weights[row] > 0.0);
         // Counting sort: `next[r]` is where the next row of region r goes.
         let mut next = vec![0_usize; count + 1];
         for (row, &region) in regions.iter().enumerate() {
@@ -134,8 +117,7 @@ impl Gram {
             tile.multiply(design, part.clone());
             // The tile was centred on a rounded mean; what remained is moved from the products to the mean.
             let (weight, remainder) = (tile.weight, &tile.remainder);
-            let scatter =
-                |i: usize, j: usize| tile.product(i, j) - weight * remainder[i] * remainder[j];
+            let scatter = |i: usize, j: usize| tile.product(i, j) - weight * remainder[i] * remainder[j];
             let mean = |i: usize| tile.centre[i] + remainder[i];
             self.add(part.len() as u64, weight, mean, scatter);
         }
@@ -149,27 +131,12 @@ impl Gram {
     /// # Panics
     /// When the dimensions differ.
     pub fn merge(&mut self, other: &Self) {
-        assert_eq!(
-            self.dimension(),
-            other.dimension(),
-            "statistics of the same columns"
-        );
-        self.add(
-            other.rows,
-            other.weight,
-            |i| other.mean[i],
-            |i, j| other.scatter[packed(i) + j],
-        );
+        assert_eq!(self.dimension(), other.dimension(), "statistics of the same columns");
+        self.add(other.rows, other.weight, |i| other.mean[i], |i, j| other.scatter[packed(i) + j]);
     }
 
     #[inline(always)]
-    fn add(
-        &mut self,
-        rows: u64,
-        weight: f64,
-        mean: impl Fn(usize) -> f64,
-        scatter: impl Fn(usize, usize) -> f64,
-    ) {
+    fn add(&mut self, rows: u64, weight: f64, mean: impl Fn(usize) -> f64, scatter: impl Fn(usize, usize) -> f64) {
         self.rows += rows;
         if weight <= 0.0 {
             return;
@@ -177,26 +144,16 @@ impl Gram {
         let first = self.weight == 0.0;
         let total = self.weight + weight;
         let factor = self.weight / total * weight;
-        let delta: Vec<f64> = (0..self.dimension())
-            .map(|i| mean(i) - self.mean[i])
-            .collect();
+        let delta: Vec<f64> = (0..self.dimension()).map(|i| mean(i) - self.mean[i]).collect();
         let mut at = 0;
         for i in 0..self.dimension() {
             let scaled = factor * delta[i];
             for (j, sum) in self.scatter[at..=at + i].iter_mut().enumerate() {
                 // On the first rows the merge is a copy, bit for bit.
-                *sum = if first {
-                    scatter(i, j)
-                } else {
-                    *sum + scatter(i, j) + scaled * delta[j]
-                };
+                *sum = if first { scatter(i, j) } else { *sum + scatter(i, j) + scaled * delta[j] };
             }
             at += i + 1;
-            self.mean[i] = if first {
-                mean(i)
-            } else {
-                self.mean[i] + weight / total * delta[i]
-            };
+            self.mean[i] = if first { mean(i) } else { self.mean[i] + weight / total * delta[i] };
         }
         self.weight = total;
     }
@@ -239,13 +196,8 @@ impl Sorted {
                 None => values.extend(order.iter().map(|&row| z[(row as usize, j)])),
             }
         }
-        let weights =
-            weights.map(|weights| order.iter().map(|&row| weights[row as usize]).collect());
-        Self {
-            rows: order.len(),
-            values,
-            weights,
-        }
+        let weights = weights.map(|weights| order.iter().map(|&row| weights[row as usize]).collect());
+        Self { rows: order.len(), values, weights }
     }
 
     fn columns(&self) -> Columns<'_> {
@@ -253,10 +205,7 @@ impl Sorted {
             0 => Vec::new(),
             rows => self.values.chunks_exact(rows).collect(),
         };
-        Columns {
-            columns,
-            weights: self.weights.as_deref(),
-        }
+        Columns { columns, weights: self.weights.as_deref() }
     }
 }
 

@@ -8,21 +8,14 @@ use pulp::{Simd, WithSimd};
 
 /// Euclidean norm, safe against overflow and underflow of the squares.
 pub(crate) fn norm(values: &[f64]) -> f64 {
-    let largest = values
-        .iter()
-        .fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     if largest == 0.0 || !largest.is_finite() {
         return largest;
     }
     if (1e-140..1e140).contains(&largest) {
         return values.iter().map(|value| value * value).sum::<f64>().sqrt();
     }
-    largest
-        * values
-            .iter()
-            .map(|value| (value / largest) * (value / largest))
-            .sum::<f64>()
-            .sqrt()
+    largest * values.iter().map(|value| (value / largest) * (value / largest)).sum::<f64>().sqrt()
 }
 
 /// Folds the rows of `rows` (m x d) into the triangle `r` (k x d, its first k columns upper triangular): afterwards `r` is the first
@@ -46,11 +39,7 @@ pub(crate) struct Rows {
 impl Rows {
     pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
         let stride = rows.next_multiple_of(8).max(8);
-        Self {
-            columns,
-            stride,
-            values: vec![0.0; stride * columns],
-        }
+        Self { columns, stride, values: vec![0.0; stride * columns] }
     }
 
     /// Column `j`, padding included.
@@ -81,11 +70,7 @@ impl WithSimd for Fold<'_> {
             let v = &mut head[k * stride..];
             let vectors = S::as_simd_f64s(v).0;
             let squares = dot(simd, vectors, vectors);
-            let below = if (1e-280..1e280).contains(&squares) {
-                squares.sqrt()
-            } else {
-                norm(v)
-            };
+            let below = if (1e-280..1e280).contains(&squares) { squares.sqrt() } else { norm(v) };
             if below == 0.0 {
                 if r[(k, k)] < 0.0 {
                     (k..d).for_each(|j| r[(k, j)] = -r[(k, j)]);
@@ -130,10 +115,7 @@ fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
     for (a, b) in a1.iter().zip(b1) {
         sums[0] = simd.mul_add_f64s(*a, *b, sums[0]);
     }
-    let pairs = (
-        simd.add_f64s(sums[0], sums[1]),
-        simd.add_f64s(sums[2], sums[3]),
-    );
+    let pairs = (simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
     simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1))
 }
 
@@ -189,12 +171,7 @@ pub(crate) fn pivoted_qr(mut a: Mat<f64>, mut rhs: Mat<f64>, threshold: f64) -> 
         (0..rhs.ncols()).for_each(|j| reflect(&u, beta, &mut rhs.col_as_slice_mut(j)[k..]));
         rank += 1;
     }
-    Pivoted {
-        order,
-        rank,
-        r: a,
-        rhs,
-    }
+    Pivoted { order, rank, r: a, rhs }
 }
 
 /// `x -= beta u (u'x)`, with u scaled so that its first entry is 1.
@@ -210,10 +187,7 @@ pub(crate) fn solve_upper(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
         for k in (0..n).rev() {
             x[k] /= r[(k, k)];
             let known = x[k];
-            x[..k]
-                .iter_mut()
-                .zip(r.col_as_slice(k))
-                .for_each(|(x, r)| *x -= r * known);
+            x[..k].iter_mut().zip(r.col_as_slice(k)).for_each(|(x, r)| *x -= r * known);
         }
     }
 }
@@ -223,11 +197,7 @@ pub(crate) fn solve_upper_transposed(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
     for t in 0..b.ncols() {
         let x = b.col_as_slice_mut(t);
         for k in 0..n {
-            let known: f64 = x[..k]
-                .iter()
-                .zip(r.col_as_slice(k))
-                .map(|(x, r)| x * r)
-                .sum();
+            let known: f64 = x[..k].iter().zip(r.col_as_slice(k)).map(|(x, r)| x * r).sum();
             x[k] = (x[k] - known) / r[(k, k)];
         }
     }
@@ -244,15 +214,11 @@ pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
     let mut growth = [1.0_f64; 2];
     for (which, growth) in growth.iter_mut().enumerate() {
         // A start with a component along everything, the same every time.
-        let start = |i: usize| {
-            (1.0 + 0.37 * ((i * 7 + 3) % 11) as f64) * if i.is_multiple_of(2) { 1.0 } else { -1.0 }
-        };
+        let start = |i: usize| (1.0 + 0.37 * ((i * 7 + 3) % 11) as f64) * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut x = Mat::from_fn(n, 1, |i, _| start(i));
         for _ in 0..12 {
             let length = norm(x.col_as_slice(0));
-            x.col_as_slice_mut(0)
-                .iter_mut()
-                .for_each(|value| *value /= length);
+            x.col_as_slice_mut(0).iter_mut().for_each(|value| *value /= length);
             if which == 0 {
                 multiply_both(&unit, x.col_as_slice_mut(0));
             } else {
@@ -269,17 +235,10 @@ pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
 fn multiply_both(r: &Mat<f64>, x: &mut [f64]) {
     let mut product = vec![0.0; x.len()];
     for (j, x) in x.iter().enumerate() {
-        product[..=j]
-            .iter_mut()
-            .zip(r.col_as_slice(j))
-            .for_each(|(sum, r)| *sum += r * x);
+        product[..=j].iter_mut().zip(r.col_as_slice(j)).for_each(|(sum, r)| *sum += r * x);
     }
     for (j, x) in x.iter_mut().enumerate() {
-        *x = product[..=j]
-            .iter()
-            .zip(r.col_as_slice(j))
-            .map(|(p, r)| p * r)
-            .sum();
+        *x = product[..=j].iter().zip(r.col_as_slice(j)).map(|(p, r)| p * r).sum();
     }
 }
 
@@ -316,10 +275,7 @@ mod tests {
                 if a >= p {
                     folded += left[a - p];
                 }
-                assert!(
-                    (direct - folded).abs() < 1e-12,
-                    "{a} {b}: {direct} {folded}"
-                );
+                assert!((direct - folded).abs() < 1e-12, "{a} {b}: {direct} {folded}");
             }
         }
         assert!((0..p).all(|k| r[(k, k)] >= 0.0 && (0..k).all(|j| r[(k, j)] == 0.0)));
@@ -334,13 +290,7 @@ mod tests {
 
     #[test]
     fn pivoting_finds_the_rank_and_the_condition_is_near() {
-        let a = Mat::from_fn(6, 4, |i, j| {
-            if j == 2 {
-                value(i, 0) - 2.0 * value(i, 1)
-            } else {
-                value(i, j)
-            }
-        });
+        let a = Mat::from_fn(6, 4, |i, j| if j == 2 { value(i, 0) - 2.0 * value(i, 1) } else { value(i, j) });
         let found = pivoted_qr(a.clone(), Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
         assert_eq!(found.rank, 3);
         for k in 0..4 {

@@ -38,7 +38,8 @@ impl Moments {
         for (j, column) in columns.iter().enumerate() {
             let mean = column.iter().sum::<f64>() / rows as f64;
             // The second term removes what the rounding of the mean has left.
-            let (squares, rest) = column.iter().fold((0.0, 0.0), |(s, r), v| (s + (v - mean) * (v - mean), r + (v - mean)));
+            let (squares, rest) =
+                column.iter().fold((0.0, 0.0), |(s, r), v| (s + (v - mean) * (v - mean), r + (v - mean)));
             moments.mean[j] = mean + rest / rows as f64;
             moments.squares[j] = (squares - rest * rest / rows as f64).max(0.0);
             moments.min[j] = column.iter().copied().fold(f64::INFINITY, f64::min);

@@ -137,7 +137,9 @@ mod tests {
 
     #[test]
     fn every_row_is_in_exactly_one_chunk() {
-        for (lengths, folds, purge) in [(&[100, 7, 0, 53][..], 10, 2), (&[1000, 999], 10, 40), (&[5], 3, 1), (&[30; 12], 4, 5)] {
+        for (lengths, folds, purge) in
+            [(&[100, 7, 0, 53][..], 10, 2), (&[1000, 999], 10, 40), (&[5], 3, 1), (&[30; 12], 4, 5)]
+        {
             let episodes = episodes(lengths);
             let grid = Grid { chunk_rows: 16, folds, purge };
             let chunks = grid.chunks(&episodes);
@@ -162,7 +164,8 @@ mod tests {
         let chunks = Grid { chunk_rows: 64, folds: 10, purge }.chunks(&episodes);
         for fold in 0..10 {
             let held: Vec<usize> = chunks.iter().filter(|c| c.fold.own == fold).flat_map(|c| c.rows.clone()).collect();
-            let trained: Vec<usize> = chunks.iter().filter(|c| c.fold.trains(fold)).flat_map(|c| c.rows.clone()).collect();
+            let trained: Vec<usize> =
+                chunks.iter().filter(|c| c.fold.trains(fold)).flat_map(|c| c.rows.clone()).collect();
             assert_eq!(held.len(), 100);
             let gaps = if fold == 0 || fold == 9 { 1 } else { 2 };
             assert_eq!(trained.len(), 900 - gaps * purge);

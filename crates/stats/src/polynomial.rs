@@ -99,9 +99,7 @@ pub enum PolynomialError {
     #[error("the pilot sample is empty or its columns differ in length")]
     Pilot,
     /// The pilot sample holds NaN or infinity.
-    #[error(
-        "column {column} of the pilot sample (base columns first, then targets) has values that are not finite"
-    )]
+    #[error("column {column} of the pilot sample (base columns first, then targets) has values that are not finite")]
     NotFinite {
         /// Index of the column.
         column: usize,
@@ -126,40 +124,21 @@ impl PolynomialPlan {
     ///
     /// # Errors
     /// No or more than 16 columns, degree 0, more than 2,000 functions or 100,000 moments, or a pilot that is empty, ragged or not finite.
-    pub fn from_pilot(
-        base: &[&[f64]],
-        targets: &[&[f64]],
-        degree: usize,
-    ) -> Result<Self, PolynomialError> {
+    pub fn from_pilot(base: &[&[f64]], targets: &[&[f64]], degree: usize) -> Result<Self, PolynomialError> {
         let variables = base.len();
         if variables == 0 || variables > VARIABLES || degree == 0 {
             return Err(PolynomialError::Shape { variables, degree });
         }
-        let (functions, sums) = (
-            graded::count(variables, degree),
-            graded::count(variables, degree.saturating_mul(2)),
-        );
+        let (functions, sums) = (graded::count(variables, degree), graded::count(variables, degree.saturating_mul(2)));
         if functions > FUNCTIONS || sums > MOMENTS || degree > usize::from(u8::MAX) / 2 {
-            return Err(PolynomialError::TooLarge {
-                variables,
-                degree,
-                functions: functions - 1,
-                moments: sums,
-            });
+            return Err(PolynomialError::TooLarge { variables, degree, functions: functions - 1, moments: sums });
         }
         let rows = base[0].len();
-        if rows == 0
-            || base
-                .iter()
-                .chain(targets)
-                .any(|column| column.len() != rows)
-        {
+        if rows == 0 || base.iter().chain(targets).any(|column| column.len() != rows) {
             return Err(PolynomialError::Pilot);
         }
-        if let Some(column) = base
-            .iter()
-            .chain(targets)
-            .position(|column| column.iter().any(|value| !value.is_finite()))
+        if let Some(column) =
+            base.iter().chain(targets).position(|column| column.iter().any(|value| !value.is_finite()))
         {
             return Err(PolynomialError::NotFinite { column });
         }
@@ -168,17 +147,8 @@ impl PolynomialPlan {
         let mut plan = Self {
             degree,
             map: AffineMap::from_pilot(base),
-            target_centre: targets
-                .iter()
-                .map(|y| y.iter().sum::<f64>() / rows as f64)
-                .collect(),
-            program: program(
-                &library,
-                &moments,
-                degree,
-                targets.len(),
-                pulp::Arch::new().dispatch(Registers),
-            ),
+            target_centre: targets.iter().map(|y| y.iter().sum::<f64>() / rows as f64).collect(),
+            program: program(&library, &moments, degree, targets.len(), pulp::Arch::new().dispatch(Registers)),
             table: ProductTable::new(&library, &moments),
             library,
             moments,
@@ -214,9 +184,7 @@ impl PolynomialPlan {
             raw.max(gram.weight).sqrt()
         };
         let sizes: Vec<f64> = (0..p).map(size).collect();
-        let scaled = Mat::from_fn(p, p, |i, j| {
-            gram.get(i.max(j), i.min(j)) / (sizes[i] * sizes[j])
-        });
+        let scaled = Mat::from_fn(p, p, |i, j| gram.get(i.max(j), i.min(j)) / (sizes[i] * sizes[j]));
         if !(0..p).all(|j| (0..p).all(|i| scaled[(i, j)].is_finite())) {
             return f64::INFINITY;
         }
@@ -224,11 +192,7 @@ impl PolynomialPlan {
             return f64::INFINITY;
         };
         let (least, most) = (values[0], values[p - 1].max(1.0));
-        if least <= p as f64 * f64::EPSILON * most {
-            f64::INFINITY
-        } else {
-            (most / least).sqrt()
-        }
+        if least <= p as f64 * f64::EPSILON * most { f64::INFINITY } else { (most / least).sqrt() }
     }
 
     /// Base columns m.
@@ -284,15 +248,7 @@ impl PolynomialPlan {
             1 => Some(base[k].as_ref().to_owned()),
             _ => Some(format!("{}^{power}", base[k].as_ref())),
         };
-        self.exponents()
-            .map(|e| {
-                e.iter()
-                    .enumerate()
-                    .filter_map(factor)
-                    .collect::<Vec<_>>()
-                    .join("*")
-            })
-            .collect()
+        self.exponents().map(|e| e.iter().enumerate().filter_map(factor).collect::<Vec<_>>().join("*")).collect()
     }
 
     /// Empty sums.
@@ -316,11 +272,7 @@ impl PolynomialPlan {
         let cross = |i: usize, t: usize| sums[self.moments.len() + t * self.library.len() + i];
         let pairs = self.moments.len() + q * self.library.len();
         let first = |i: usize| {
-            if i < p {
-                self.table.product(i + 1, 0, &sums)
-            } else {
-                cross(0, i - p)
-            }
+            if i < p { self.table.product(i + 1, 0, &sums) } else { cross(0, i - p) }
         };
         let second = |i: usize, j: usize| match (i < p, j < p) {
             (true, true) => self.table.product(i + 1, j + 1, &sums),
@@ -335,11 +287,7 @@ impl PolynomialPlan {
         }
         let firsts: Vec<f64> = (0..p + q).map(first).collect();
         for i in 0..p + q {
-            let shift = if i < p {
-                0.0
-            } else {
-                self.target_centre[i - p]
-            };
+            let shift = if i < p { 0.0 } else { self.target_centre[i - p] };
             gram.mean[i] = shift + firsts[i] / weight;
             for j in 0..=i {
                 let value = second(i, j) - firsts[i] * (firsts[j] / weight);
@@ -357,29 +305,20 @@ impl PolynomialPlan {
     pub fn evaluate(&self, base: &[&[f64]]) -> Mat<f64> {
         assert_eq!(base.len(), self.variables(), "columns of the plan");
         let rows = base[0].len();
-        assert!(
-            base.iter().all(|column| column.len() == rows),
-            "columns of one length"
-        );
+        assert!(base.iter().all(|column| column.len() == rows), "columns of one length");
         let mut design = Mat::zeros(rows, self.functions());
         let mut v = vec![0.0; base.len()];
         // chebyshev[k][a] = T_a(v_k)
         let mut chebyshev = vec![vec![1.0; self.degree + 1]; base.len()];
         for row in 0..rows {
-            v.iter_mut()
-                .zip(base)
-                .for_each(|(v, column)| *v = column[row]);
+            v.iter_mut().zip(base).for_each(|(v, column)| *v = column[row]);
             self.map.apply(&mut v);
             for (values, &v) in chebyshev.iter_mut().zip(&v) {
                 values[1] = v;
                 (2..=self.degree).for_each(|a| values[a] = 2.0 * v * values[a - 1] - values[a - 2]);
             }
             for (i, exponent) in self.exponents().enumerate() {
-                design[(row, i)] = exponent
-                    .iter()
-                    .zip(&chebyshev)
-                    .map(|(&a, values)| values[usize::from(a)])
-                    .product();
+                design[(row, i)] = exponent.iter().zip(&chebyshev).map(|(&a, values)| values[usize::from(a)]).product();
             }
         }
         design
@@ -392,11 +331,7 @@ impl PolynomialPlan {
     ///
     /// # Panics
     /// If the shapes are not the plan's p and one intercept per column.
-    pub fn to_monomials(
-        &self,
-        coefficients: MatRef<'_, f64>,
-        intercept: &[f64],
-    ) -> (Mat<f64>, Vec<f64>) {
+    pub fn to_monomials(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> (Mat<f64>, Vec<f64>) {
         assert_eq!(
             (coefficients.nrows(), coefficients.ncols()),
             (self.functions(), intercept.len()),
@@ -409,11 +344,7 @@ impl PolynomialPlan {
     ///
     /// # Panics
     /// If the shapes are not the plan's p and one intercept per column.
-    pub fn from_monomials(
-        &self,
-        coefficients: MatRef<'_, f64>,
-        intercept: &[f64],
-    ) -> (Mat<f64>, Vec<f64>) {
+    pub fn from_monomials(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> (Mat<f64>, Vec<f64>) {
         assert_eq!(
             (coefficients.nrows(), coefficients.ncols()),
             (self.functions(), intercept.len()),
@@ -424,54 +355,28 @@ impl PolynomialPlan {
 
     /// What defines the basis and the centres, little-endian: for the hash of a frozen plan.
     pub fn bytes(&self) -> Vec<u8> {
-        let sizes = [self.variables(), self.degree, self.targets()]
-            .into_iter()
-            .flat_map(|size| (size as u64).to_le_bytes());
-        let map = self
-            .map
-            .values()
-            .chain(&self.target_centre)
-            .flat_map(|value| value.to_le_bytes());
+        let sizes =
+            [self.variables(), self.degree, self.targets()].into_iter().flat_map(|size| (size as u64).to_le_bytes());
+        let map = self.map.values().chain(&self.target_centre).flat_map(|value| value.to_le_bytes());
         sizes.chain(map).collect()
     }
 
     fn add_rows(&self, rows: Rows<'_>, workspace: &mut Workspace, total: impl FnMut(usize, f64)) {
         let (program, map, target_centre) = (&self.program, &self.map, &self.target_centre);
-        pulp::Arch::new().dispatch(AddRows {
-            program,
-            map,
-            target_centre,
-            rows,
-            workspace,
-            total,
-        });
+        pulp::Arch::new().dispatch(AddRows { program, map, target_centre, rows, workspace, total });
     }
 }
 
 /// The kernel's functions, and its tiles for an instruction set with so many vector registers.
-fn program(
-    library: &Graded,
-    moments: &Graded,
-    degree: usize,
-    targets: usize,
-    registers: usize,
-) -> Program {
+fn program(library: &Graded, moments: &Graded, degree: usize, targets: usize, registers: usize) -> Program {
     let (variables, top) = (library.exponent(0).len(), 2 * degree);
     let split = tiling::best_split(variables, top);
     let (first, second) = (Graded::new(split, top), Graded::new(variables - split, top));
     let low = Graded::new(split, degree);
     Program {
         moments: Tiling::staircase(&first, &second, top, moments, registers),
-        cross: Tiling::staircase(
-            &low,
-            &Graded::new(variables - split, degree),
-            degree,
-            library,
-            registers,
-        ),
-        pairs: (0..targets)
-            .map(|t| Tiling::strip(t + 1, registers, |j| t * (t + 1) / 2 + j))
-            .collect(),
+        cross: Tiling::staircase(&low, &Graded::new(variables - split, degree), degree, library, registers),
+        pairs: (0..targets).map(|t| Tiling::strip(t + 1, registers, |j| t * (t + 1) / 2 + j)).collect(),
         low: low.len(),
         first: Functions::stored(&first, 0),
         second: Functions::with_leaves(&second, split),

@@ -61,26 +61,15 @@ impl Preconditioner {
     pub fn from_pilot(rows: MatRef<'_, f64>, p: usize) -> Self {
         let d = rows.ncols();
         assert!(p <= d, "the regressors are columns of the rows");
-        let used: Vec<usize> = (0..rows.nrows())
-            .filter(|&i| (0..d).all(|j| rows[(i, j)].is_finite()))
-            .collect();
+        let used: Vec<usize> = (0..rows.nrows()).filter(|&i| (0..d).all(|j| rows[(i, j)].is_finite())).collect();
         let (columns, r) = factor_pilot(rows, &used, p);
         let n = (used.len() as f64).max(1.0);
         // What the numbers themselves are rounded to, beside what the factorisation rounds.
-        let noise: Vec<f64> = columns[..p]
-            .iter()
-            .map(|c| noise_level(p) * (1.0 + n.sqrt() * c.centre.abs() / c.length))
-            .collect();
+        let noise: Vec<f64> =
+            columns[..p].iter().map(|c| noise_level(p) * (1.0 + n.sqrt() * c.centre.abs() / c.length)).collect();
         let regressors = Mat::from_fn(d, p, |i, j| r[(i, j)]);
-        let separation = separate(
-            &regressors,
-            &noise,
-            Mat::from_fn(d, d - p, |i, j| r[(i, p + j)]),
-        );
-        let sizes: Vec<f64> = columns
-            .iter()
-            .map(|column| column.length / n.sqrt())
-            .collect();
+        let separation = separate(&regressors, &noise, Mat::from_fn(d, d - p, |i, j| r[(i, p + j)]));
+        let sizes: Vec<f64> = columns.iter().map(|column| column.length / n.sqrt()).collect();
         let predicts = used.len() >= 2 * (p + 1);
         Self {
             regressors: p,
@@ -116,9 +105,7 @@ impl Preconditioner {
 
     fn with_solver(mut self) -> Self {
         let triangle = &self.triangle;
-        self.solver = Some(Triangle::new(self.dimension(), |i, j| {
-            triangle[packed(j) + i]
-        }));
+        self.solver = Some(Triangle::new(self.dimension(), |i, j| triangle[packed(j) + i]));
         self
     }
 
@@ -140,10 +127,7 @@ impl Preconditioner {
                 match z.rb().col(from).try_as_col_major() {
                     Some(column) => {
                         let column = &column.as_slice()[first..first + rows];
-                        target
-                            .iter_mut()
-                            .zip(column)
-                            .for_each(|(target, value)| *target = value - centre);
+                        target.iter_mut().zip(column).for_each(|(target, value)| *target = value - centre);
                     }
                     None => (0..rows).for_each(|i| target[i] = z[(first + i, from)] - centre),
                 }
@@ -153,9 +137,7 @@ impl Preconditioner {
             for k in 0..d {
                 let source = &panel[k * PANEL..k * PANEL + rows];
                 match z.rb_mut().col_mut(k).try_as_col_major_mut() {
-                    Some(column) => {
-                        column.as_slice_mut()[first..first + rows].copy_from_slice(source)
-                    }
+                    Some(column) => column.as_slice_mut()[first..first + rows].copy_from_slice(source),
                     None => (0..rows).for_each(|i| z[(first + i, k)] = source[i]),
                 }
             }
@@ -222,12 +204,7 @@ impl Preconditioner {
             count(group.len());
             group.iter().for_each(|&column| count(column));
         }
-        for value in self
-            .centre
-            .iter()
-            .chain(&self.triangle)
-            .chain([&self.condition])
-        {
+        for value in self.centre.iter().chain(&self.triangle).chain([&self.condition]) {
             bytes.extend(value.to_le_bytes());
         }
         bytes
@@ -235,10 +212,7 @@ impl Preconditioner {
 
     /// Reads what [`Preconditioner::to_bytes`] wrote.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PreconditionerError> {
-        Reader(bytes)
-            .preconditioner()
-            .filter(Self::is_valid)
-            .ok_or(PreconditionerError)
+        Reader(bytes).preconditioner().filter(Self::is_valid).ok_or(PreconditionerError)
     }
 
     fn is_valid(&self) -> bool {
@@ -247,17 +221,9 @@ impl Preconditioner {
         let diagonal = (0..self.dimension()).map(|j| self.triangle[packed(j) + j]);
         order.into_iter().eq(0..self.regressors)
             && self.rank <= self.regressors
-            && self
-                .triangle
-                .iter()
-                .chain(&self.centre)
-                .all(|value| value.is_finite())
+            && self.triangle.iter().chain(&self.centre).all(|value| value.is_finite())
             && diagonal.into_iter().all(|value| value != 0.0)
-            && self
-                .confounded
-                .iter()
-                .flatten()
-                .all(|&column| column < self.regressors)
+            && self.confounded.iter().flatten().all(|&column| column < self.regressors)
     }
 }
 
@@ -286,9 +252,7 @@ impl Reader<'_> {
 
     fn numbers(&mut self, length: usize) -> Option<Vec<f64>> {
         (length <= self.0.len() / 8).then_some(())?;
-        (0..length)
-            .map(|_| self.word().map(f64::from_le_bytes))
-            .collect()
+        (0..length).map(|_| self.word().map(f64::from_le_bytes)).collect()
     }
 
     fn preconditioner(mut self) -> Option<Preconditioner> {
@@ -325,19 +289,8 @@ impl Reader<'_> {
 
 /// `[T B; 0 diag(s)]` from the separated pilot; `sizes` are the standard deviations of the columns (d), `predicts` says whether the pilot
 /// has rows enough to predict the targets.
-fn pilot_triangle(
-    separation: &Separation,
-    noise: &[f64],
-    sizes: &[f64],
-    predicts: bool,
-) -> Vec<f64> {
-    let Separation {
-        order,
-        rank,
-        r,
-        rhs,
-        ..
-    } = separation;
+fn pilot_triangle(separation: &Separation, noise: &[f64], sizes: &[f64], predicts: bool) -> Vec<f64> {
+    let Separation { order, rank, r, rhs, .. } = separation;
     let (p, rank) = (order.len(), *rank);
     let mut triangle = vec![0.0; packed(sizes.len())];
     for k in 0..p {
@@ -386,24 +339,14 @@ fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotCo
             let largest = values().fold(0.0_f64, |largest, value| largest.max(value.abs()));
             let spread: Vec<f64> = values().map(|value| value - centre).collect();
             let length = norm(&spread);
-            let widest = spread
-                .iter()
-                .fold(0.0_f64, |widest, value| widest.max(value.abs()));
-            constant[j] =
-                widest <= 4.0 * f64::EPSILON * largest || !(1e-280..1e280).contains(&length);
+            let widest = spread.iter().fold(0.0_f64, |widest, value| widest.max(value.abs()));
+            constant[j] = widest <= 4.0 * f64::EPSILON * largest || !(1e-280..1e280).contains(&length);
             if !constant[j] {
                 return PilotColumn { centre, length };
             }
             // Its own size is the best guess of the size of its changes.
-            let size = if (1e-280..1e280).contains(&centre.abs()) {
-                centre.abs()
-            } else {
-                1.0
-            };
-            PilotColumn {
-                centre: if centre.is_finite() { centre } else { 0.0 },
-                length: size * n.sqrt(),
-            }
+            let size = if (1e-280..1e280).contains(&centre.abs()) { centre.abs() } else { 1.0 };
+            PilotColumn { centre: if centre.is_finite() { centre } else { 0.0 }, length: size * n.sqrt() }
         })
         .collect();
     let mut r = Mat::zeros(d, d);

@@ -24,31 +24,11 @@ pub(crate) struct Separation {
 /// Dividing every column by its noise makes the noise of all directions 1: a pivot below 1 is rounding and nothing else. The decision
 /// does not depend on the units of the columns.
 pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation {
-    let constant: Vec<bool> = (0..r.ncols())
-        .map(|j| norm(r.col_as_slice(j)) <= noise[j])
-        .collect();
-    let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| {
-        if constant[j] {
-            0.0
-        } else {
-            r[(i, j)] / noise[j]
-        }
-    });
-    let Pivoted {
-        order,
-        rank,
-        r,
-        rhs,
-    } = pivoted_qr(scaled, rhs, 1.0);
+    let constant: Vec<bool> = (0..r.ncols()).map(|j| norm(r.col_as_slice(j)) <= noise[j]).collect();
+    let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| if constant[j] { 0.0 } else { r[(i, j)] / noise[j] });
+    let Pivoted { order, rank, r, rhs } = pivoted_qr(scaled, rhs, 1.0);
     let condition = condition(&r, rank);
-    Separation {
-        order,
-        rank,
-        r,
-        rhs,
-        condition,
-        constant,
-    }
+    Separation { order, rank, r, rhs, condition, constant }
 }
 
 impl Separation {
@@ -67,13 +47,8 @@ impl Separation {
             members.push(column);
             let known: Vec<usize> = members.iter().filter_map(|&member| group[member]).collect();
             let name = known.iter().copied().min().unwrap_or(column);
-            group
-                .iter_mut()
-                .filter(|g| g.is_some_and(|g| known.contains(&g)))
-                .for_each(|g| *g = Some(name));
-            members
-                .iter()
-                .for_each(|&member| group[member] = Some(name));
+            group.iter_mut().filter(|g| g.is_some_and(|g| known.contains(&g))).for_each(|g| *g = Some(name));
+            members.iter().for_each(|&member| group[member] = Some(name));
         }
         let mut groups: Vec<Vec<usize>> = Vec::new();
         let mut names: Vec<usize> = Vec::new();
@@ -98,9 +73,7 @@ impl Separation {
         // Noise of length 1 in the column moves the weights by the inverse of R11; a share below that is not a finding.
         let least = (10.0 * self.condition / length).clamp(1e-6, 0.1);
         (0..self.rank)
-            .filter(|&i| {
-                weights[(i, 0)].abs() * norm(&self.r.col_as_slice(i)[..=i]) > least * length
-            })
+            .filter(|&i| weights[(i, 0)].abs() * norm(&self.r.col_as_slice(i)[..=i]) > least * length)
             .map(|i| self.order[i])
             .collect()
     }

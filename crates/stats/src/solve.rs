@@ -53,24 +53,13 @@ pub fn least_squares(root: &SquareRoot, scale: &[f64]) -> Solution {
 ///
 /// # Panics
 /// When the shapes disagree.
-pub fn ridge(
-    root: &SquareRoot,
-    scale: &[f64],
-    lambda: f64,
-    prior: Option<MatRef<'_, f64>>,
-) -> Solution {
+pub fn ridge(root: &SquareRoot, scale: &[f64], lambda: f64, prior: Option<MatRef<'_, f64>>) -> Solution {
     let (p, q) = (root.regressors(), root.targets());
     let units = units(root, scale);
     let noise = root.column_noise();
     let data = separate(&root.r, &noise, Mat::zeros(p, 0));
     // Solved for beta - prior: z becomes what the prior does not explain.
-    let mut stacked = Mat::from_fn(p, p + q, |i, j| {
-        if j < p {
-            root.r[(i, j)]
-        } else {
-            root.z[(i, j - p)]
-        }
-    });
+    let mut stacked = Mat::from_fn(p, p + q, |i, j| if j < p { root.r[(i, j)] } else { root.z[(i, j - p)] });
     if let Some(prior) = prior {
         assert_eq!((prior.nrows(), prior.ncols()), (p, q), "a p x q prior");
         for t in 0..q {
@@ -96,27 +85,12 @@ pub fn ridge(
 
 fn units(root: &SquareRoot, scale: &[f64]) -> Vec<f64> {
     assert_eq!(scale.len(), root.regressors(), "one unit a regressor");
-    scale
-        .iter()
-        .map(|&unit| {
-            if unit > 0.0 && unit.is_finite() {
-                unit
-            } else {
-                1.0
-            }
-        })
-        .collect()
+    scale.iter().map(|&unit| if unit > 0.0 && unit.is_finite() { unit } else { 1.0 }).collect()
 }
 
 /// The solution of least norm `|units * beta|` of the separated problem (p x q).
 fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f64> {
-    let Separation {
-        order,
-        rank,
-        r,
-        rhs,
-        ..
-    } = separation;
+    let Separation { order, rank, r, rhs, .. } = separation;
     let (rank, p, q) = (*rank, order.len(), rhs.ncols());
     let mut known = Mat::from_fn(rank, q, |i, t| rhs[(i, t)]);
     let mut coefficients = Mat::zeros(p, q);
@@ -132,11 +106,7 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
     let mut rows = Rows::zeros(p, rank + p);
     for (k, &column) in order.iter().enumerate() {
         for i in 0..rank {
-            rows.column_mut(i)[k] = if k >= i {
-                r[(i, k)] * (noise[column] / units[column])
-            } else {
-                0.0
-            };
+            rows.column_mut(i)[k] = if k >= i { r[(i, k)] * (noise[column] / units[column]) } else { 0.0 };
         }
         rows.column_mut(rank + k)[k] = 1.0;
     }
@@ -149,9 +119,7 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
     solve_upper_transposed(&reduced, rank, &mut known);
     for (k, &column) in order.iter().enumerate() {
         for t in 0..q {
-            let gamma: f64 = (0..rank)
-                .map(|i| reduced[(i, rank + k)] * known[(i, t)])
-                .sum();
+            let gamma: f64 = (0..rank).map(|i| reduced[(i, rank + k)] * known[(i, t)]).sum();
             coefficients[(column, t)] = gamma / units[column];
         }
     }
@@ -161,12 +129,7 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
 fn finish(root: &SquareRoot, coefficients: Mat<f64>, separation: &Separation) -> Solution {
     let intercept: Vec<f64> = (0..root.targets())
         .map(|t| {
-            root.mean_x
-                .iter()
-                .enumerate()
-                .fold(root.mean_y[t], |left, (j, mean)| {
-                    left - mean * coefficients[(j, t)]
-                })
+            root.mean_x.iter().enumerate().fold(root.mean_y[t], |left, (j, mean)| left - mean * coefficients[(j, t)])
         })
         .collect();
     Solution {

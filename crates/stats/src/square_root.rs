@@ -55,23 +55,12 @@ impl Preconditioner {
     /// When `gram` has another dimension.
     pub fn square_root(&self, gram: &Gram) -> SquareRoot {
         let (p, q) = (self.regressors(), self.targets());
-        assert_eq!(
-            gram.dimension(),
-            p + q,
-            "a Gram matrix of the preconditioned columns"
-        );
+        assert_eq!(gram.dimension(), p + q, "a Gram matrix of the preconditioned columns");
         let weight = gram.weight;
         // Lengths about the pilot's centre: what the substitutions and products were made of.
-        let length: Vec<f64> = (0..p)
-            .map(|k| (gram.get(k, k) + weight * gram.mean[k] * gram.mean[k]).sqrt())
-            .collect();
+        let length: Vec<f64> = (0..p).map(|k| (gram.get(k, k) + weight * gram.mean[k] * gram.mean[k]).sqrt()).collect();
         let made_from = |k: usize| {
-            let terms: Vec<f64> = self
-                .column(k)
-                .iter()
-                .zip(&length)
-                .map(|(t, length)| t * length)
-                .collect();
+            let terms: Vec<f64> = self.column(k).iter().zip(&length).map(|(t, length)| t * length).collect();
             norm(&terms)
         };
         let made_from: Vec<f64> = (0..p).map(made_from).collect();
@@ -82,19 +71,12 @@ impl Preconditioner {
         let cholesky = pivoted_cholesky(gram, p, floor);
 
         let factor = self.raw_factor(&cholesky);
-        let mean = |k: usize| {
-            self.column(k)
-                .iter()
-                .zip(&gram.mean)
-                .map(|(t, mean)| t * mean)
-                .sum::<f64>()
-        };
+        let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
         let mut mean_x = self.centre()[..p].to_vec();
         let mut magnitude = vec![0.0; p];
         for (k, &column) in self.order().iter().enumerate() {
             mean_x[column] += mean(k);
-            magnitude[column] = made_from[k]
-                + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
+            magnitude[column] = made_from[k] + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
         }
         let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
         let residual = (0..q).map(|t| {
@@ -102,11 +84,7 @@ impl Preconditioner {
             cholesky.left[t].max(0.0) * size * size
         });
         // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
-        let leak = if cholesky.rank < p {
-            cholesky.condition
-        } else {
-            1.0
-        };
+        let leak = if cholesky.rank < p { cholesky.condition } else { 1.0 };
         SquareRoot::assemble(
             (gram.rows, weight),
             (mean_x, mean_y),
@@ -128,12 +106,7 @@ impl Preconditioner {
         for k in 0..p + q {
             // Only the targets' own diagonal stands below row p.
             let raw = self.order().get(k).copied().unwrap_or(k);
-            for (i, t) in self
-                .column(k)
-                .iter()
-                .enumerate()
-                .filter(|&(i, _)| i < p || i == k)
-            {
+            for (i, t) in self.column(k).iter().enumerate().filter(|&(i, _)| i < p || i == k) {
                 add_scaled(stack.column_mut(raw), part(i), *t);
             }
         }
@@ -144,10 +117,7 @@ impl Preconditioner {
 }
 
 fn add_scaled(target: &mut [f64], values: &[f64], factor: f64) {
-    target
-        .iter_mut()
-        .zip(values)
-        .for_each(|(target, value)| *target += factor * value);
+    target.iter_mut().zip(values).for_each(|(target, value)| *target += factor * value);
 }
 
 impl SquareRoot {
@@ -164,24 +134,8 @@ impl SquareRoot {
         let p = mean_x.len();
         let r = Mat::from_fn(p, p, |i, j| factor[(i, j)]);
         let z = Mat::from_fn(p, mean_y.len(), |i, t| factor[(i, p + t)]);
-        let total = residual
-            .iter()
-            .enumerate()
-            .map(|(t, left)| sum_of_squares(z.col_as_slice(t)) + left)
-            .collect();
-        Self {
-            rows,
-            weight,
-            mean_x,
-            mean_y,
-            r,
-            z,
-            residual,
-            total,
-            condition,
-            noise,
-            magnitude,
-        }
+        let total = residual.iter().enumerate().map(|(t, left)| sum_of_squares(z.col_as_slice(t)) + left).collect();
+        Self { rows, weight, mean_x, mean_y, r, z, residual, total, condition, noise, magnitude }
     }
 
     /// Number of regressors, p.
@@ -197,22 +151,13 @@ impl SquareRoot {
     /// Standard deviation of every regressor over these rows (divisor: the weight); what [`crate::least_squares`] may take as its units
     /// once zeros are replaced.
     pub fn deviation(&self) -> Vec<f64> {
-        let divisor = if self.weight > 0.0 {
-            self.weight.sqrt()
-        } else {
-            1.0
-        };
-        (0..self.regressors())
-            .map(|j| norm(&self.r.col_as_slice(j)[..=j]) / divisor)
-            .collect()
+        let divisor = if self.weight > 0.0 { self.weight.sqrt() } else { 1.0 };
+        (0..self.regressors()).map(|j| norm(&self.r.col_as_slice(j)[..=j]) / divisor).collect()
     }
 
     /// Length of rounding in every column of `r`: `noise * magnitude`, made positive.
     pub(crate) fn column_noise(&self) -> Vec<f64> {
-        self.magnitude
-            .iter()
-            .map(|magnitude| (self.noise * magnitude).max(f64::MIN_POSITIVE))
-            .collect()
+        self.magnitude.iter().map(|magnitude| (self.noise * magnitude).max(f64::MIN_POSITIVE)).collect()
     }
 
     /// The weighted sum of squared errors, per target, that a model makes on these rows; it may have been fitted on any rows.
@@ -224,17 +169,11 @@ impl SquareRoot {
     /// When the shapes disagree.
     pub fn error(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> Vec<f64> {
         let (p, q) = (self.regressors(), self.targets());
-        assert_eq!(
-            (coefficients.nrows(), coefficients.ncols(), intercept.len()),
-            (p, q, q),
-            "p x q coefficients"
-        );
+        assert_eq!((coefficients.nrows(), coefficients.ncols(), intercept.len()), (p, q, q), "p x q coefficients");
         let mut left = vec![0.0; p];
         (0..q)
             .map(|t| {
-                left.iter_mut()
-                    .zip(self.z.col_as_slice(t))
-                    .for_each(|(left, z)| *left = -z);
+                left.iter_mut().zip(self.z.col_as_slice(t)).for_each(|(left, z)| *left = -z);
                 let mut mean = self.mean_y[t] - intercept[t];
                 for j in 0..p {
                     let beta = coefficients[(j, t)];
@@ -261,26 +200,11 @@ impl SquareRoot {
         }
         let mut factor = Mat::zeros(k, k + q);
         fold_rows(&mut factor, &mut stack);
-        let residual = (0..q)
-            .map(|t| self.residual[t] + sum_of_squares(stack.column(k + t)))
-            .collect();
-        let pick = |values: &[f64]| {
-            columns
-                .iter()
-                .map(|&column| values[column])
-                .collect::<Vec<f64>>()
-        };
+        let residual = (0..q).map(|t| self.residual[t] + sum_of_squares(stack.column(k + t))).collect();
+        let pick = |values: &[f64]| columns.iter().map(|&column| values[column]).collect::<Vec<f64>>();
         let means = (pick(&self.mean_x), self.mean_y.clone());
         let magnitude = pick(&self.magnitude);
-        Self::assemble(
-            (self.rows, self.weight),
-            means,
-            factor,
-            residual,
-            self.condition,
-            self.noise,
-            magnitude,
-        )
+        Self::assemble((self.rows, self.weight), means, factor, residual, self.condition, self.noise, magnitude)
     }
 }
 
@@ -306,24 +230,15 @@ fn pivoted_cholesky(gram: &Gram, p: usize, floor: impl Fn(usize) -> f64) -> Chol
     let d = gram.dimension();
     let tolerance = 8.0 * (p as f64) * f64::EPSILON;
     let diagonal: Vec<f64> = (0..d).map(|k| gram.get(k, k)).collect();
-    let least: Vec<f64> = (0..p)
-        .map(|k| {
-            (tolerance * diagonal[k])
-                .max(floor(k).powi(2))
-                .max(f64::MIN_POSITIVE)
-        })
-        .collect();
+    let least: Vec<f64> =
+        (0..p).map(|k| (tolerance * diagonal[k]).max(floor(k).powi(2)).max(f64::MIN_POSITIVE)).collect();
     let mut left = diagonal.clone();
     let mut factor = Mat::<f64>::zeros(p, d);
     let mut order: Vec<usize> = Vec::with_capacity(p);
     let mut open: Vec<usize> = (0..p).collect();
     while !open.is_empty() {
         let share = |k: usize| {
-            if left[k] > least[k] {
-                left[k] / diagonal[k]
-            } else {
-                0.0
-            }
+            if left[k] > least[k] { left[k] / diagonal[k] } else { 0.0 }
         };
         let mut best = 0;
         for at in 1..open.len() {
@@ -349,15 +264,6 @@ fn pivoted_cholesky(gram: &Gram, p: usize, floor: impl Fn(usize) -> f64) -> Chol
         order.push(pivot);
     }
     let rank = order.len();
-    let triangle = Mat::from_fn(
-        rank,
-        rank,
-        |i, j| if i <= j { factor[(i, order[j])] } else { 0.0 },
-    );
-    Cholesky {
-        rank,
-        condition: condition(&triangle, rank),
-        factor,
-        left: left.split_off(p),
-    }
+    let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { factor[(i, order[j])] } else { 0.0 });
+    Cholesky { rank, condition: condition(&triangle, rank), factor, left: left.split_off(p) }
 }

@@ -67,20 +67,13 @@ impl Tile {
         self.weight = match design.weights {
             None => rows.len() as f64,
             Some(weights) => {
-                self.roots
-                    .iter_mut()
-                    .zip(&weights[rows.clone()])
-                    .for_each(|(root, weight)| *root = weight.sqrt());
+                self.roots.iter_mut().zip(&weights[rows.clone()]).for_each(|(root, weight)| *root = weight.sqrt());
                 weights[rows.clone()].iter().sum()
             }
         };
         let arch = pulp::Arch::new();
         let few = self.columns <= FEW_COLUMNS;
-        arch.dispatch(Centre {
-            tile: self,
-            design,
-            rows,
-        });
+        arch.dispatch(Centre { tile: self, design, rows });
         if few {
             arch.dispatch(Multiply {
                 values: &self.values,
@@ -89,11 +82,7 @@ impl Tile {
                 product: &mut self.product,
             });
         } else {
-            let x = MatRef::from_column_major_slice(
-                &self.values[..padded * self.stride],
-                self.stride,
-                padded,
-            );
+            let x = MatRef::from_column_major_slice(&self.values[..padded * self.stride], self.stride, padded);
             faer::linalg::matmul::triangular::matmul(
                 MatMut::from_column_major_slice_mut(&mut self.product, padded, padded),
                 BlockStructure::TriangularLower,
@@ -142,10 +131,7 @@ impl WithSimd for Centre<'_> {
                 Some(weights) => {
                     let weights = &weights[rows.start..rows.end];
                     let centre = weighted_sum(simd, source, weights) / tile.weight;
-                    (
-                        centre,
-                        subtract_weighted(simd, source, centre, weights, &tile.roots[..n], target),
-                    )
+                    (centre, subtract_weighted(simd, source, centre, weights, &tile.roots[..n], target))
                 }
             };
             tile.centre[j] = centre;
@@ -156,10 +142,7 @@ impl WithSimd for Centre<'_> {
 
 #[inline(always)]
 fn total<S: Simd>(simd: S, sums: [S::f64s; 4], tail: f64) -> f64 {
-    let pairs = (
-        simd.add_f64s(sums[0], sums[1]),
-        simd.add_f64s(sums[2], sums[3]),
-    );
+    let pairs = (simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
     simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1)) + tail
 }
 
@@ -267,12 +250,7 @@ impl WithSimd for Multiply<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self {
-            values,
-            stride,
-            columns,
-            product,
-        } = self;
+        let Self { values, stride, columns, product } = self;
         for j in (0..columns).step_by(BLOCK) {
             let right = four_columns::<S>(values, stride, j);
             for i in (j..columns).step_by(BLOCK) {
@@ -290,36 +268,17 @@ fn four_columns<S: Simd>(values: &[f64], stride: usize, first: usize) -> [&[S::f
     let values = &values[first * stride..(first + BLOCK) * stride];
     let (a, b) = values.split_at(2 * stride);
     let ((a0, a1), (b0, b1)) = (a.split_at(stride), b.split_at(stride));
-    [
-        S::as_simd_f64s(a0).0,
-        S::as_simd_f64s(a1).0,
-        S::as_simd_f64s(b0).0,
-        S::as_simd_f64s(b1).0,
-    ]
+    [S::as_simd_f64s(a0).0, S::as_simd_f64s(a1).0, S::as_simd_f64s(b0).0, S::as_simd_f64s(b1).0]
 }
 
 /// `left[k] . right[l]` at `[l][k]`.
 #[inline(always)]
-fn dots<S: Simd>(
-    simd: S,
-    left: [&[S::f64s]; BLOCK],
-    right: [&[S::f64s]; BLOCK],
-) -> [[f64; BLOCK]; BLOCK] {
+fn dots<S: Simd>(simd: S, left: [&[S::f64s]; BLOCK], right: [&[S::f64s]; BLOCK]) -> [[f64; BLOCK]; BLOCK] {
     let length = right[0].len();
     // Equal lengths, stated once, spare the bounds checks in the loop; plain loops, because closures given to array methods are not
     // always compiled for the instruction set of their caller.
-    let [a0, a1, a2, a3] = [
-        &left[0][..length],
-        &left[1][..length],
-        &left[2][..length],
-        &left[3][..length],
-    ];
-    let [b0, b1, b2, b3] = [
-        &right[0][..length],
-        &right[1][..length],
-        &right[2][..length],
-        &right[3][..length],
-    ];
+    let [a0, a1, a2, a3] = [&left[0][..length], &left[1][..length], &left[2][..length], &left[3][..length]];
+    let [b0, b1, b2, b3] = [&right[0][..length], &right[1][..length], &right[2][..length], &right[3][..length]];
     let mut sums = [[simd.splat_f64s(0.0); BLOCK]; BLOCK];
     for row in 0..length {
         let a = [a0[row], a1[row], a2[row], a3[row]];

@@ -44,10 +44,7 @@ impl Triangle {
     /// Every row solves a triangular system by substitution, which is backward stable by row (Higham 2002, theorem 8.5), as the
     /// product with an explicit inverse is not.
     pub(crate) fn solve(&self, panel: &mut [f64]) {
-        pulp::Arch::new().dispatch(Solve {
-            triangle: self,
-            panel,
-        });
+        pulp::Arch::new().dispatch(Solve { triangle: self, panel });
     }
 }
 
@@ -75,13 +72,7 @@ impl WithSimd for Solve<'_> {
 
 /// Solves one block of columns for all rows of the panel, given the columns before it.
 #[inline(always)]
-fn block_solve<S: Simd>(
-    simd: S,
-    known: &[f64],
-    block: &mut [f64],
-    above: &[f64],
-    diagonal: &[f64],
-) {
+fn block_solve<S: Simd>(simd: S, known: &[f64], block: &mut [f64], above: &[f64], diagonal: &[f64]) {
     let (known, _) = S::as_simd_f64s(known);
     let (block, _) = S::as_mut_simd_f64s(block);
     let vectors = PANEL / S::F64_LANES;
@@ -100,17 +91,11 @@ fn block_solve<S: Simd>(
         }
         for j in 0..BLOCK {
             let inverse = simd.splat_f64s(diagonal[j * BLOCK + j]);
-            x[j] = [
-                simd.mul_f64s(x[j][0], inverse),
-                simd.mul_f64s(x[j][1], inverse),
-            ];
+            x[j] = [simd.mul_f64s(x[j][0], inverse), simd.mul_f64s(x[j][1], inverse)];
             let y = [simd.neg_f64s(x[j][0]), simd.neg_f64s(x[j][1])];
             for l in j + 1..BLOCK {
                 let t = simd.splat_f64s(diagonal[j * BLOCK + l]);
-                x[l] = [
-                    simd.mul_add_f64s(y[0], t, x[l][0]),
-                    simd.mul_add_f64s(y[1], t, x[l][1]),
-                ];
+                x[l] = [simd.mul_add_f64s(y[0], t, x[l][0]), simd.mul_add_f64s(y[1], t, x[l][1])];
             }
         }
         for (j, x) in x.iter().enumerate() {

@@ -28,10 +28,7 @@ fn designs() -> Vec<Design> {
         let (word, rest) = line.split_once(' ').unwrap();
         if word == "design" {
             let words: Vec<&str> = rest.split(' ').collect();
-            let sizes: Vec<usize> = words[1..]
-                .iter()
-                .map(|word| word.parse().unwrap())
-                .collect();
+            let sizes: Vec<usize> = words[1..].iter().map(|word| word.parse().unwrap()).collect();
             let (n, p, q) = (sizes[0], sizes[1], sizes[2]);
             (beta, row) = (0, 0);
             designs.push(Design {
@@ -51,17 +48,11 @@ fn designs() -> Vec<Design> {
             "condition" => design.condition = values[0],
             "ratios" => design.ratios = values,
             "beta" => {
-                values
-                    .iter()
-                    .enumerate()
-                    .for_each(|(t, &value)| design.coefficients[(beta, t)] = value);
+                values.iter().enumerate().for_each(|(t, &value)| design.coefficients[(beta, t)] = value);
                 beta += 1;
             }
             "row" => {
-                values
-                    .iter()
-                    .enumerate()
-                    .for_each(|(j, &value)| design.rows[(row, j)] = value);
+                values.iter().enumerate().for_each(|(j, &value)| design.rows[(row, j)] = value);
                 row += 1;
             }
             _ => panic!("unknown word {word}"),
@@ -72,24 +63,15 @@ fn designs() -> Vec<Design> {
 
 /// Every `stride`-th row.
 fn strided(rows: MatRef<'_, f64>, stride: usize) -> Mat<f64> {
-    Mat::from_fn(rows.nrows().div_ceil(stride), rows.ncols(), |i, j| {
-        rows[(i * stride, j)]
-    })
+    Mat::from_fn(rows.nrows().div_ceil(stride), rows.ncols(), |i, j| rows[(i * stride, j)])
 }
 
 /// The default path: a pilot of every third row, blocks of `block` rows, one Gram matrix each, merged.
-fn preconditioned(
-    rows: MatRef<'_, f64>,
-    p: usize,
-    pilot: &Preconditioner,
-    block: usize,
-) -> SquareRoot {
+fn preconditioned(rows: MatRef<'_, f64>, p: usize, pilot: &Preconditioner, block: usize) -> SquareRoot {
     assert_eq!(pilot.regressors(), p);
     let mut total = Gram::new(rows.ncols());
     for first in (0..rows.nrows()).step_by(block) {
-        let mut part = rows
-            .subrows(first, block.min(rows.nrows() - first))
-            .to_owned();
+        let mut part = rows.subrows(first, block.min(rows.nrows() - first)).to_owned();
         pilot.apply(part.as_mut());
         total.merge(&Gram::of_rows(part.as_ref(), None));
     }
@@ -129,13 +111,10 @@ fn normal_equations(rows: MatRef<'_, f64>, p: usize) -> Option<Mat<f64>> {
     let mut beta = Mat::from_fn(p, q, |j, t| gram.get(j, p + t) / length[j]);
     for t in 0..q {
         for i in 0..p {
-            beta[(i, t)] =
-                (beta[(i, t)] - (0..i).map(|k| l[(i, k)] * beta[(k, t)]).sum::<f64>()) / l[(i, i)];
+            beta[(i, t)] = (beta[(i, t)] - (0..i).map(|k| l[(i, k)] * beta[(k, t)]).sum::<f64>()) / l[(i, i)];
         }
         for i in (0..p).rev() {
-            beta[(i, t)] = (beta[(i, t)]
-                - (i + 1..p).map(|k| l[(k, i)] * beta[(k, t)]).sum::<f64>())
-                / l[(i, i)];
+            beta[(i, t)] = (beta[(i, t)] - (i + 1..p).map(|k| l[(k, i)] * beta[(k, t)]).sum::<f64>()) / l[(i, i)];
         }
         (0..p).for_each(|j| beta[(j, t)] /= length[j]);
     }
@@ -147,14 +126,9 @@ fn in_bounds(design: &Design, length: &[f64], beta: MatRef<'_, f64>) -> Vec<f64>
     (0..design.q)
         .map(|t| {
             let exact = design.coefficients.as_ref();
-            let square = |f: &dyn Fn(usize) -> f64| {
-                (0..design.p)
-                    .map(|j| (f(j) * length[j]).powi(2))
-                    .sum::<f64>()
-            };
+            let square = |f: &dyn Fn(usize) -> f64| (0..design.p).map(|j| (f(j) * length[j]).powi(2)).sum::<f64>();
             let error = square(&|j| beta[(j, t)] - exact[(j, t)]) / square(&|j| exact[(j, t)]);
-            let bound =
-                design.condition * UNIT * (2.0 + (design.condition + 1.0) * design.ratios[t]);
+            let bound = design.condition * UNIT * (2.0 + (design.condition + 1.0) * design.ratios[t]);
             error.sqrt() / bound
         })
         .collect()
@@ -170,39 +144,23 @@ fn coefficients_stay_within_a_hundred_householder_bounds() {
     let designs = designs();
     assert_eq!(designs.len(), 9);
     let conditions = designs.iter().map(|design| design.condition);
-    assert!(
-        conditions.clone().fold(0.0, f64::max) > 5e11
-            && conditions.fold(f64::INFINITY, f64::min) < 2e3
-    );
+    assert!(conditions.clone().fold(0.0, f64::max) > 5e11 && conditions.fold(f64::INFINITY, f64::min) < 2e3);
     for design in &designs {
         let rows = design.rows.as_ref();
         let pilot = Preconditioner::from_pilot(strided(rows, 3).as_ref(), design.p);
         let ones = vec![1.0; design.p];
         let length = lengths(design);
-        for (path, root) in [
-            ("default", preconditioned(rows, design.p, &pilot, 17)),
-            ("TSQR", tsqr(rows, design.p, 17)),
-        ] {
+        for (path, root) in
+            [("default", preconditioned(rows, design.p, &pilot, 17)), ("TSQR", tsqr(rows, design.p, 17))]
+        {
             let solution = least_squares(&root, &ones);
             assert_eq!(solution.rank, design.p, "{} {path}", design.name);
             assert!(solution.confounded.is_empty(), "{} {path}", design.name);
             let errors = in_bounds(design, &length, solution.coefficients.as_ref());
-            println!(
-                "{:14} {path:8} {errors:9.2?} condition of the Gram matrix {:.1}",
-                design.name, root.condition
-            );
-            assert!(
-                errors.iter().all(|&error| error <= GOAL),
-                "{} {path}: {errors:?} bounds",
-                design.name
-            );
+            println!("{:14} {path:8} {errors:9.2?} condition of the Gram matrix {:.1}", design.name, root.condition);
+            assert!(errors.iter().all(|&error| error <= GOAL), "{} {path}: {errors:?} bounds", design.name);
             let ratio = solution.condition / design.condition;
-            assert!(
-                (0.3..1.2).contains(&ratio),
-                "{} {path}: condition {:e}",
-                design.name,
-                solution.condition
-            );
+            assert!((0.3..1.2).contains(&ratio), "{} {path}: condition {:e}", design.name, solution.condition);
         }
     }
 }

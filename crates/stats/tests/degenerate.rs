@@ -1,9 +1,7 @@
 //! Rows that do not determine a model: constant columns, sums of columns, too few rows, wild scales.
 
 use faer::{Mat, MatRef};
-use fleetfoot_stats::{
-    ErrorSums, Factor, Gram, Preconditioner, Solution, SquareRoot, least_squares, ridge,
-};
+use fleetfoot_stats::{ErrorSums, Factor, Gram, Preconditioner, Solution, SquareRoot, least_squares, ridge};
 
 /// A smooth, irregular value for row i, column j.
 fn wave(i: usize, j: usize) -> f64 {
@@ -17,10 +15,7 @@ fn roots(z: MatRef<'_, f64>, p: usize, pilot: &Preconditioner) -> [SquareRoot; 2
     pilot.apply(changed.as_mut());
     let mut factor = Factor::new(p, z.ncols() - p);
     factor.push(z, None);
-    [
-        pilot.square_root(&Gram::of_rows(changed.as_ref(), None)),
-        factor.square_root(),
-    ]
+    [pilot.square_root(&Gram::of_rows(changed.as_ref(), None)), factor.square_root()]
 }
 
 fn finite(solution: &Solution) -> bool {
@@ -52,20 +47,11 @@ fn a_sum_of_columns_is_named_and_solved_with_minimum_norm() {
         for root in roots(z.as_ref(), 6, &Preconditioner::from_pilot(z.as_ref(), 6)) {
             let solution = least_squares(&root, &unit);
             assert_eq!(solution.rank, 3);
-            assert_eq!(
-                solution.confounded,
-                vec![vec![0, 1, 2], vec![3, 5], vec![4]]
-            );
-            assert!(
-                solution.rss[0] < 1e-20 * root.total[0],
-                "rss {:e}",
-                solution.rss[0]
-            );
+            assert_eq!(solution.confounded, vec![vec![0, 1, 2], vec![3, 5], vec![4]]);
+            assert!(solution.rss[0] < 1e-20 * root.total[0], "rss {:e}", solution.rss[0]);
             assert_eq!(solution.coefficients[(4, 0)], 0.0);
             // Minimum norm: orthogonal, in units of `unit`, to the directions the data does not see.
-            let gamma: Vec<f64> = (0..6)
-                .map(|j| solution.coefficients[(j, 0)] * unit[j])
-                .collect();
+            let gamma: Vec<f64> = (0..6).map(|j| solution.coefficients[(j, 0)] * unit[j]).collect();
             let across = |v: [f64; 6]| (0..6).map(|j| gamma[j] * unit[j] * v[j]).sum::<f64>();
             let size = gamma.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
             assert!(across([1.0, 1.0, -1.0, 0.0, 0.0, 0.0]).abs() < 1e-10 * size * s);
@@ -87,11 +73,7 @@ fn what_the_pilot_does_not_show_is_found_later() {
     };
     let beta = [1.5, -2.0, 0.25];
     let z = Mat::from_fn(1000, 4, |i, j| {
-        if j < 3 {
-            column(i, j)
-        } else {
-            0.5 + (0..3).map(|k| beta[k] * column(i, k)).sum::<f64>()
-        }
+        if j < 3 { column(i, j) } else { 0.5 + (0..3).map(|k| beta[k] * column(i, k)).sum::<f64>() }
     });
     let pilot = Preconditioner::from_pilot(z.subrows(0, 100), 3);
     assert_eq!(pilot.confounded(), [vec![0, 2], vec![1]]);
@@ -123,11 +105,7 @@ fn a_region_may_be_degenerate_where_the_pilot_is_not() {
         assert_eq!(solution.coefficients[(1, 0)], 0.0);
         // The minimum of |beta| with b0 + b2 = 3, b3 - b2 = 1.
         for (j, beta) in [(0, 7.0 / 3.0), (2, 2.0 / 3.0), (3, 5.0 / 3.0)] {
-            assert!(
-                (solution.coefficients[(j, 0)] - beta).abs() < 1e-12,
-                "{}",
-                solution.coefficients[(j, 0)]
-            );
+            assert!((solution.coefficients[(j, 0)] - beta).abs() < 1e-12, "{}", solution.coefficients[(j, 0)]);
         }
     }
 }
@@ -144,10 +122,7 @@ fn fewer_rows_than_columns_interpolate_with_minimum_norm() {
             assert_eq!(solution.rank, n.saturating_sub(1).min(8), "{n} rows");
             if n > 0 {
                 assert!(
-                    solution
-                        .rss
-                        .iter()
-                        .all(|rss| *rss >= 0.0 && *rss < 1e-14 * (1.0 + root.total[0])),
+                    solution.rss.iter().all(|rss| *rss >= 0.0 && *rss < 1e-14 * (1.0 + root.total[0])),
                     "{n} rows: {:e}",
                     solution.rss[0]
                 );
@@ -165,11 +140,7 @@ fn fewer_rows_than_columns_interpolate_with_minimum_norm() {
         let poor = Preconditioner::from_pilot(part, 8);
         for root in roots(z.subrows(0, 200), 8, &poor) {
             let solution = least_squares(&root, &[1.0; 8]);
-            assert!(
-                finite(&solution) && solution.rank == 8,
-                "pilot of {n} rows: rank {}",
-                solution.rank
-            );
+            assert!(finite(&solution) && solution.rank == 8, "pilot of {n} rows: rank {}", solution.rank);
         }
     }
 }
@@ -213,17 +184,9 @@ fn constants_wild_scales_and_nothing_at_all() {
     let beta = [1.0, -2.0, 3.0];
     let scale = [1e-25, 1.0, 1e25];
     let z = Mat::from_fn(300, 4, |i, j| {
-        if j < 3 {
-            scale[j] * (wave(i, j) + 2.0)
-        } else {
-            (0..3).map(|k| beta[k] * (wave(i, k) + 2.0)).sum::<f64>()
-        }
+        if j < 3 { scale[j] * (wave(i, j) + 2.0) } else { (0..3).map(|k| beta[k] * (wave(i, k) + 2.0)).sum::<f64>() }
     });
-    for root in roots(
-        z.as_ref(),
-        3,
-        &Preconditioner::from_pilot(z.subrows(0, 60), 3),
-    ) {
+    for root in roots(z.as_ref(), 3, &Preconditioner::from_pilot(z.subrows(0, 60), 3)) {
         let solution = least_squares(&root, &scale);
         assert_eq!(solution.rank, 3);
         for j in 0..3 {
@@ -232,22 +195,14 @@ fn constants_wild_scales_and_nothing_at_all() {
     }
     // No rows.
     let none = Mat::<f64>::zeros(0, 4);
-    for root in roots(
-        none.as_ref(),
-        3,
-        &Preconditioner::from_pilot(none.as_ref(), 3),
-    ) {
-        assert!(
-            finite(&least_squares(&root, &[1.0; 3])) && finite(&ridge(&root, &[1.0; 3], 1.0, None))
-        );
+    for root in roots(none.as_ref(), 3, &Preconditioner::from_pilot(none.as_ref(), 3)) {
+        assert!(finite(&least_squares(&root, &[1.0; 3])) && finite(&ridge(&root, &[1.0; 3], 1.0, None)));
     }
     // No regressors.
     let z = Mat::from_fn(20, 1, wave);
     for root in roots(z.as_ref(), 0, &Preconditioner::from_pilot(z.as_ref(), 0)) {
         let solution = least_squares(&root, &[]);
-        assert!(
-            (solution.rss[0] - root.total[0]).abs() < 1e-14 * root.total[0] && root.total[0] > 1.0
-        );
+        assert!((solution.rss[0] - root.total[0]).abs() < 1e-14 * root.total[0] && root.total[0] > 1.0);
     }
 }
 
@@ -255,22 +210,12 @@ fn constants_wild_scales_and_nothing_at_all() {
 #[test]
 fn unused_rows_and_large_offsets() {
     let mut z = Mat::from_fn(1000, 3, |i, j| wave(i, j) + 1e9);
-    let weights: Vec<f64> = (0..1000)
-        .map(|i| {
-            if i % 7 == 3 {
-                0.0
-            } else {
-                1.0 + (i % 3) as f64
-            }
-        })
-        .collect();
+    let weights: Vec<f64> = (0..1000).map(|i| if i % 7 == 3 { 0.0 } else { 1.0 + (i % 3) as f64 }).collect();
     let used: Vec<usize> = (0..1000).filter(|i| i % 7 != 3).collect();
     let kept = Mat::from_fn(used.len(), 3, |i, j| z[(used[i], j)]);
     let kept_weights: Vec<f64> = used.iter().map(|&i| weights[i]).collect();
     let expected = Gram::of_rows(kept.as_ref(), Some(&kept_weights));
-    (0..1000)
-        .filter(|i| i % 7 == 3)
-        .for_each(|i| z[(i, 1)] = f64::NAN);
+    (0..1000).filter(|i| i % 7 == 3).for_each(|i| z[(i, 1)] = f64::NAN);
     assert_eq!(Gram::of_rows(z.as_ref(), Some(&weights)), expected);
     // Subtracting the offset is exact here, so this is the true scatter; the means near 1e9 are rounded to 1e-7.
     let near = Mat::from_fn(kept.nrows(), 3, |i, j| kept[(i, j)] - 1e9);
@@ -287,22 +232,10 @@ fn unused_rows_and_large_offsets() {
 #[test]
 fn the_residual_of_an_exact_fit_is_rounding() {
     let z = Mat::from_fn(5000, 5, |i, j| {
-        if j < 4 {
-            wave(i, j)
-        } else {
-            (0..4).map(|k| (k + 1) as f64 * wave(i, k)).sum::<f64>()
-        }
+        if j < 4 { wave(i, j) } else { (0..4).map(|k| (k + 1) as f64 * wave(i, k)).sum::<f64>() }
     });
-    for root in roots(
-        z.as_ref(),
-        4,
-        &Preconditioner::from_pilot(z.subrows(0, 500), 4),
-    ) {
-        assert!(
-            root.residual[0] < 1e-26 * root.total[0],
-            "{:e}",
-            root.residual[0] / root.total[0]
-        );
+    for root in roots(z.as_ref(), 4, &Preconditioner::from_pilot(z.subrows(0, 500), 4)) {
+        assert!(root.residual[0] < 1e-26 * root.total[0], "{:e}", root.residual[0] / root.total[0]);
     }
 }
 
@@ -315,39 +248,18 @@ fn polynomial_features_with_a_known_answer() {
     let base = |i: usize| (40 + (i * 7919) % 61) as f64;
     let z = Mat::from_fn(n, powers + 1, |i, j| {
         let power = |k: usize| base(i).powi(k as i32 + 1);
-        if j < powers {
-            power(j)
-        } else {
-            (0..powers).map(|k| beta[k] * power(k)).sum::<f64>()
-        }
+        if j < powers { power(j) } else { (0..powers).map(|k| beta[k] * power(k)).sum::<f64>() }
     });
     let pilot = Mat::from_fn(n / 40, powers + 1, |i, j| z[(40 * i, j)]);
-    for root in roots(
-        z.as_ref(),
-        powers,
-        &Preconditioner::from_pilot(pilot.as_ref(), powers),
-    ) {
+    for root in roots(z.as_ref(), powers, &Preconditioner::from_pilot(pilot.as_ref(), powers)) {
         let scale = root.deviation();
         let solution = least_squares(&root, &scale);
         assert_eq!(solution.rank, powers);
-        assert!(
-            solution.condition > 1e6,
-            "condition {:e}",
-            solution.condition
-        );
-        let size = (0..powers)
-            .map(|j| (beta[j] * scale[j]).powi(2))
-            .sum::<f64>()
-            .sqrt();
-        let error = (0..powers)
-            .map(|j| ((solution.coefficients[(j, 0)] - beta[j]) * scale[j]).powi(2))
-            .sum::<f64>();
+        assert!(solution.condition > 1e6, "condition {:e}", solution.condition);
+        let size = (0..powers).map(|j| (beta[j] * scale[j]).powi(2)).sum::<f64>().sqrt();
+        let error = (0..powers).map(|j| ((solution.coefficients[(j, 0)] - beta[j]) * scale[j]).powi(2)).sum::<f64>();
         let bound = 100.0 * solution.condition * f64::EPSILON;
-        assert!(
-            error.sqrt() <= bound * size,
-            "{:e} against {bound:e}",
-            error.sqrt() / size
-        );
+        assert!(error.sqrt() <= bound * size, "{:e} against {bound:e}", error.sqrt() / size);
     }
 }
 
@@ -387,14 +299,10 @@ fn error_sums_merge_and_count_what_is_lost() {
 #[test]
 fn rank_is_found_among_many_columns() {
     let (n, p) = (20_000, 40);
-    let base: Vec<Vec<f64>> = (0..p)
-        .map(|j| (0..n).map(|i| wave(i, j) + 3.0 * (j % 3) as f64).collect())
-        .collect();
+    let base: Vec<Vec<f64>> = (0..p).map(|j| (0..n).map(|i| wave(i, j) + 3.0 * (j % 3) as f64).collect()).collect();
     let nearly = 1e-10;
     let z = Mat::from_fn(n, p + 1, |i, j| match j {
-        35..40 => (0..8)
-            .map(|k| (1.0 + k as f64) * base[(j * 5 + k * 4) % 34][i])
-            .sum::<f64>(),
+        35..40 => (0..8).map(|k| (1.0 + k as f64) * base[(j * 5 + k * 4) % 34][i]).sum::<f64>(),
         34 => base[3][i] - base[7][i] + nearly * base[34][i],
         40 => base[0][i] + wave(i, 50),
         _ => base[j][i],
@@ -404,18 +312,8 @@ fn rank_is_found_among_many_columns() {
     assert_eq!(pilot.rank(), 35);
     for root in roots(z.as_ref(), p, &pilot) {
         let solution = least_squares(&root, &root.deviation());
-        assert_eq!(
-            solution.rank, 35,
-            "noise {:e}, condition {:e}",
-            root.noise, root.condition
-        );
-        assert!(
-            solution
-                .confounded
-                .iter()
-                .flatten()
-                .all(|&column| column != 34)
-        );
+        assert_eq!(solution.rank, 35, "noise {:e}, condition {:e}", root.noise, root.condition);
+        assert!(solution.confounded.iter().flatten().all(|&column| column != 34));
         assert!(solution.condition > 1e9, "{:e}", solution.condition);
         assert!(solution.rss[0] < root.total[0]);
     }

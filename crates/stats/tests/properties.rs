@@ -54,13 +54,7 @@ fn same(a: &Gram, b: &Gram) -> bool {
     let size = |i: usize| a.get(i, i).max(b.get(i, i)).sqrt() + a.weight.sqrt() * a.mean[i].abs();
     a.rows == b.rows
         && close(a.weight, b.weight, a.weight)
-        && (0..d).all(|i| {
-            close(
-                a.mean[i] * a.weight.sqrt(),
-                b.mean[i] * a.weight.sqrt(),
-                size(i),
-            )
-        })
+        && (0..d).all(|i| close(a.mean[i] * a.weight.sqrt(), b.mean[i] * a.weight.sqrt(), size(i)))
         && (0..d).all(|i| (0..=i).all(|j| close(a.get(i, j), b.get(i, j), size(i) * size(j))))
 }
 
@@ -69,25 +63,10 @@ fn assert_solutions(a: &Solution, b: &Solution, scale: &[f64]) -> Result<(), Tes
     prop_assert_eq!(&a.confounded, &b.confounded);
     for t in 0..a.intercept.len() {
         for j in 0..scale.len() {
-            let (left, right) = (
-                a.coefficients[(j, t)] * scale[j],
-                b.coefficients[(j, t)] * scale[j],
-            );
-            prop_assert!(
-                (left - right).abs() < 1e-10,
-                "coefficient {} of target {}: {} {}",
-                j,
-                t,
-                left,
-                right
-            );
+            let (left, right) = (a.coefficients[(j, t)] * scale[j], b.coefficients[(j, t)] * scale[j]);
+            prop_assert!((left - right).abs() < 1e-10, "coefficient {} of target {}: {} {}", j, t, left, right);
         }
-        prop_assert!(
-            (a.rss[t] - b.rss[t]).abs() <= 1e-10 * (1.0 + b.rss[t]),
-            "rss {} {}",
-            a.rss[t],
-            b.rss[t]
-        );
+        prop_assert!((a.rss[t] - b.rss[t]).abs() <= 1e-10 * (1.0 + b.rss[t]), "rss {} {}", a.rss[t], b.rss[t]);
     }
     Ok(())
 }

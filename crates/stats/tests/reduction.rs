@@ -30,7 +30,8 @@ impl From<Infallible> for Failed {
 
 /// An episode of this many rows; its values depend on `tag` alone.
 fn episode(source: &mut MemorySource, tag: usize, rows: usize) {
-    let value = |row: usize, column: usize| ((row * 7 + column * 13 + tag * 101) as f64 * 0.37).sin() * 1e3 + column as f64;
+    let value =
+        |row: usize, column: usize| ((row * 7 + column * 13 + tag * 101) as f64 * 0.37).sin() * 1e3 + column as f64;
     source.push_uniform("e", 0.01, (0..3).map(|column| (0..rows).map(|row| value(row, column)).collect()).collect());
 }
 

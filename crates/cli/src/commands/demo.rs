@@ -1,10 +1,6 @@
 //! `fleetfoot demo`: the main job on a robot with known truth.
 
-use fleetfoot::{
-    Error, Recipe, fit_pwa, generate_demo,
-    log::write_atomic,
-    pwa::Options,
-};
+use fleetfoot::{Error, Recipe, fit_pwa, generate_demo, log::write_atomic, pwa::Options};
 
 use super::{Context, fit, rollout, score};
 use crate::args::{Demo, ModelData, Rollout, Score, TimeArgs};
@@ -16,7 +12,11 @@ pub(crate) fn demo(arguments: &Demo, context: &Context) -> Result<(), Error> {
     let recipe = Recipe::read(&files.recipe)?;
     let mut options = Options::default();
     options.seed = arguments.seed;
-    context.say(format!("\n$ fleetfoot fit pwa -c {} {}", files.recipe.display(), folder.join("train_*.parquet").display()));
+    context.say(format!(
+        "\n$ fleetfoot fit pwa -c {} {}",
+        files.recipe.display(),
+        folder.join("train_*.parquet").display()
+    ));
     let bar = context.bar();
     let fitted = fit_pwa(&recipe, &options, 0.0, &files.training, &bar);
     bar.finish();
@@ -28,9 +28,20 @@ pub(crate) fn demo(arguments: &Demo, context: &Context) -> Result<(), Error> {
     let data = || ModelData { model: model.clone(), data: files.held_out.clone(), time: TimeArgs::default() };
     context.say(format!("\n$ fleetfoot score {} {}", model.display(), folder.join("test_*.parquet").display()));
     score::score(&Score { model: data(), episodes: false }, context)?;
-    context.say(format!("\n$ fleetfoot rollout {} {} --horizon 200", model.display(), folder.join("test_*.parquet").display()));
+    context.say(format!(
+        "\n$ fleetfoot rollout {} {} --horizon 200",
+        model.display(),
+        folder.join("test_*.parquet").display()
+    ));
     rollout::rollout(
-        &Rollout { model: data(), horizon: 200, starts: 1000, method: crate::args::Method::Euler, seed: None, output: None },
+        &Rollout {
+            model: data(),
+            horizon: 200,
+            starts: 1000,
+            method: crate::args::Method::Euler,
+            seed: None,
+            output: None,
+        },
         context,
     )?;
     context.say(format!("\n$ fleetfoot show {}    # the equations", model.display()));

@@ -245,7 +245,11 @@ fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
 pub(crate) fn basis(basis: &dynamics::Basis) -> String {
     match basis {
         dynamics::Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
-        dynamics::Basis::Spans(count) => format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)"),
-        dynamics::Basis::Starts(count) => format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)"),
+        dynamics::Basis::Spans(count) => {
+            format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
+        }
+        dynamics::Basis::Starts(count) => {
+            format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)")
+        }
     }
 }

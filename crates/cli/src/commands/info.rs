@@ -37,7 +37,13 @@ fn kind(kind: &ColumnKind) -> String {
 
 fn to_text(info: &FileInfo) -> String {
     let rows = info.rows.map_or("rows not counted (--values counts)".into(), |rows| format!("{rows} rows"));
-    let mut text = format!("{}: {}, {}, {rows}, {} columns", info.path.display(), info.format.name(), bytes(info.bytes), info.columns.len());
+    let mut text = format!(
+        "{}: {}, {}, {rows}, {} columns",
+        info.path.display(),
+        info.format.name(),
+        bytes(info.bytes),
+        info.columns.len()
+    );
     match &info.time {
         Some(time) => text.push_str(&format!("\n  clock: `{}` in {}", time.column, time.unit.symbol())),
         None => text.push_str("\n  clock: none found; name one with --time, or give --dt"),
@@ -56,12 +62,17 @@ fn to_text(info: &FileInfo) -> String {
         ));
     }
     let scanned = info.columns.iter().any(|column| column.statistics.is_some());
-    let header: &[&str] = if scanned { &["column", "kind", "unit", "min", "mean", "max", "missing"] } else { &["column", "kind", "unit"] };
+    let header: &[&str] = if scanned {
+        &["column", "kind", "unit", "min", "mean", "max", "missing"]
+    } else {
+        &["column", "kind", "unit"]
+    };
     let rows = info
         .columns
         .iter()
         .map(|column| {
-            let what = column.unsupported.as_ref().map_or_else(|| kind(&column.kind), |why| format!("unreadable: {why}"));
+            let what =
+                column.unsupported.as_ref().map_or_else(|| kind(&column.kind), |why| format!("unreadable: {why}"));
             let mut row = vec![column.name.clone(), what, column.unit.clone().unwrap_or_default()];
             if let Some(s) = &column.statistics {
                 row.extend([number(s.min), number(s.mean), number(s.max), s.missing.to_string()]);

@@ -2,7 +2,7 @@
 
 use fleetfoot::{Error, log::write_atomic, starter_recipe};
 
-use super::Context;
+use super::{Context, write_out};
 use crate::args::Init;
 
 pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
@@ -11,12 +11,16 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
         .columns
         .iter()
         .filter(|column| column.unsupported.is_none())
-        .map(|column| fleetfoot::Column { name: column.name.clone(), unit: column.unit.clone(), kind: column.kind.clone() })
+        .map(|column| fleetfoot::Column {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            kind: column.kind.clone(),
+        })
         .collect();
     let name = arguments.file.file_name().unwrap_or_default().to_string_lossy();
     let text = starter_recipe(&name, &columns, info.time.as_ref().map(|time| time.column.as_str()));
     match &arguments.output {
-        None => print!("{text}"),
+        None => write_out(&text),
         Some(path) if path.exists() && !arguments.force => {
             return Err(Error::Request(format!("{} exists already; give --force to overwrite it", path.display())));
         }

@@ -42,10 +42,19 @@ impl Context {
     /// Results go to standard output.
     pub(crate) fn print(&self, json: &serde_json::Value, text: impl FnOnce() -> String) {
         if self.json {
-            println!("{json:#}");
+            write_out(&format!("{json:#}\n"));
         } else {
-            println!("{}", text().trim_end());
+            write_out(&format!("{}\n", text().trim_end()));
         }
+    }
+}
+
+/// Writes to standard output. A reader that closes the pipe early (`| head`) wants no more, which is no error.
+pub(crate) fn write_out(text: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    if out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_err() {
+        std::process::exit(0);
     }
 }
 

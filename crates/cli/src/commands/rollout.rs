@@ -32,7 +32,10 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     context.notes(&rolled.notes);
     in_sample(context, &rolled.in_sample, rolled.episodes);
     if !rolled.rollouts.recorded_states.is_empty() {
-        context.say(format!("note: no equation advances {}: taken from the recording", rolled.rollouts.recorded_states.join(", ")));
+        context.say(format!(
+            "note: no equation advances {}: taken from the recording",
+            rolled.rollouts.recorded_states.join(", ")
+        ));
     }
     context.print(&to_json(&rolled), || to_text(&rolled, &model));
     if let Some(path) = &arguments.output {
@@ -55,9 +58,13 @@ fn told(steps: usize) -> Vec<usize> {
 
 fn useful(horizon: &UsefulHorizon) -> String {
     match horizon.beaten_by {
-        Some(baseline) if horizon.steps == 0 => format!("useful horizon: none, {} is better from the first step on", baseline.name()),
+        Some(baseline) if horizon.steps == 0 => {
+            format!("useful horizon: none, {} is better from the first step on", baseline.name())
+        }
         Some(baseline) => format!("useful horizon: {}; then {} is better", seconds(horizon.seconds), baseline.name()),
-        None => format!("useful horizon: at least {} (better than every baseline to the end)", seconds(horizon.seconds)),
+        None => {
+            format!("useful horizon: at least {} (better than every baseline to the end)", seconds(horizon.seconds))
+        }
     }
 }
 
@@ -103,7 +110,10 @@ fn to_json(rolled: &RolledOut) -> serde_json::Value {
     let horizon = &rollouts.horizon;
     let score = |score: &fleetfoot::dynamics::HorizonScore| {
         let table = |values: &[f64]| {
-            values.chunks(horizon.states.len().max(1)).map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>()).collect::<Vec<_>>()
+            values
+                .chunks(horizon.states.len().max(1))
+                .map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>())
+                .collect::<Vec<_>>()
         };
         json!({
             "rmse": table(&score.rmse), "mae": table(&score.mae),

@@ -35,13 +35,27 @@ fn interval(estimate: &Estimate, show: impl Fn(f64) -> String) -> String {
 
 fn baseline(target: &TargetScore, which: Baseline) -> String {
     // Over the model's error on the very same rows: above one, the model is better.
-    target.baselines.iter().find(|score| score.baseline == which).map_or("-".into(), |score| ratio(score.mae / score.model_mae))
+    target
+        .baselines
+        .iter()
+        .find(|score| score.baseline == which)
+        .map_or("-".into(), |score| ratio(score.mae / score.model_mae))
 }
 
 fn to_text(scored: &Scored, episodes: bool) -> String {
     let scores = &scored.scores;
-    let header =
-        ["target", "sigma", "MAE", "MAE / null", "MAE / sigma", "RMSE", "R2", "null / model", "persistence / model", "const. vel. / model"];
+    let header = [
+        "target",
+        "sigma",
+        "MAE",
+        "MAE / null",
+        "MAE / sigma",
+        "RMSE",
+        "R2",
+        "null / model",
+        "persistence / model",
+        "const. vel. / model",
+    ];
     let rows = scores
         .targets
         .iter()
@@ -85,8 +99,11 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
             .episodes
             .iter()
             .map(|episode| {
-                let mut row =
-                    vec![episode.name.clone(), episode.rows.to_string(), if episode.in_training { "yes".into() } else { "no".into() }];
+                let mut row = vec![
+                    episode.name.clone(),
+                    episode.rows.to_string(),
+                    if episode.in_training { "yes".into() } else { "no".into() },
+                ];
                 row.extend(episode.mae_over_null.iter().map(|&value| ratio(value)));
                 row
             })

@@ -2,15 +2,15 @@
 
 use fleetfoot::{Error, describe};
 
-use super::{Context, read_model};
+use super::{Context, read_model, write_out};
 use crate::args::Show;
 
 pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model)?;
     if context.json {
-        print!("{}", model.to_json());
+        write_out(&model.to_json());
     } else {
-        print!("{}", describe(&model, arguments.regions));
+        write_out(&describe(&model, arguments.regions));
     }
     Ok(())
 }

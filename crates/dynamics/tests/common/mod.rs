@@ -4,19 +4,11 @@
 
 use fleetfoot_data::{Column as DataColumn, MemorySource};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{
-    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, packed,
-};
+use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, packed};
 
 /// A column of a model.
 pub(crate) fn column(name: &str, role: Role, angle: bool) -> Column {
-    Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle,
-    }
+    Column { name: name.into(), source: name.into(), unit: None, role, angle }
 }
 
 /// An expression over any names.
@@ -68,10 +60,7 @@ pub(crate) fn model(
     fitted: Vec<Fitted<'_>>,
     given: &[(&str, Prediction, &str)],
 ) -> Model {
-    let states = columns
-        .iter()
-        .filter(|column| column.role == Role::State)
-        .count();
+    let states = columns.iter().filter(|column| column.role == Role::State).count();
     let targets = fitted.len();
     let training = Training {
         target_mean: vec![0.0; targets],
@@ -81,9 +70,7 @@ pub(crate) fn model(
         ..Training::default()
     };
     let regions = partition.rule.count();
-    partition.regions = (0..regions)
-        .map(|i| region(&i.to_string(), library.len(), targets))
-        .collect();
+    partition.regions = (0..regions).map(|i| region(&i.to_string(), library.len(), targets)).collect();
     let mut model = Model::new("test", columns, 0.01, training);
     model.libraries = vec![library.iter().map(|text| parse(text)).collect()];
     model.partitions = vec![partition];
@@ -98,13 +85,7 @@ pub(crate) fn model(
             unit: None,
         });
         let (constants, coefficients) = maps.into_iter().unzip();
-        model.latents.push(Latent {
-            name,
-            library: 0,
-            partition: 0,
-            constants,
-            coefficients,
-        });
+        model.latents.push(Latent { name, library: 0, partition: 0, constants, coefficients });
     }
     for (subject, prediction, right) in given {
         let right = parse(right);
@@ -139,41 +120,17 @@ pub(crate) fn noise(key: u64) -> f64 {
 }
 
 /// A random hybrid model: `states` states, `inputs` inputs, `regions` Voronoi regions, and two episodes of a recording for it.
-pub(crate) fn random_hybrid(
-    states: usize,
-    inputs: usize,
-    regions: usize,
-    rows: usize,
-) -> (Model, MemorySource) {
-    let names: Vec<String> = (0..states)
-        .map(|i| format!("x{i}"))
-        .chain((0..inputs).map(|i| format!("u{i}")))
-        .collect();
+pub(crate) fn random_hybrid(states: usize, inputs: usize, regions: usize, rows: usize) -> (Model, MemorySource) {
+    let names: Vec<String> = (0..states).map(|i| format!("x{i}")).chain((0..inputs).map(|i| format!("u{i}"))).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let columns = (0..names.len())
-        .map(|i| {
-            column(
-                names[i],
-                if i < states { Role::State } else { Role::Input },
-                false,
-            )
-        })
-        .collect();
-    let centroids: Vec<Vec<f64>> = (0..regions)
-        .map(|r| {
-            (0..states)
-                .map(|j| 1.5 * noise((r * 100 + j) as u64))
-                .collect()
-        })
-        .collect();
+    let columns =
+        (0..names.len()).map(|i| column(names[i], if i < states { Role::State } else { Role::Input }, false)).collect();
+    let centroids: Vec<Vec<f64>> =
+        (0..regions).map(|r| (0..states).map(|j| 1.5 * noise((r * 100 + j) as u64)).collect()).collect();
     let partition = partition(
         &names[..states],
-        &(0..states)
-            .map(|j| 0.1 * noise(5000 + j as u64))
-            .collect::<Vec<_>>(),
-        &(0..states)
-            .map(|j| 0.8 + 0.3 * noise(6000 + j as u64))
-            .collect::<Vec<_>>(),
+        &(0..states).map(|j| 0.1 * noise(5000 + j as u64)).collect::<Vec<_>>(),
+        &(0..states).map(|j| 0.8 + 0.3 * noise(6000 + j as u64)).collect::<Vec<_>>(),
         Rule::voronoi(centroids),
     );
     let fitted = (0..states)
@@ -181,10 +138,7 @@ pub(crate) fn random_hybrid(
             let maps = (0..regions)
                 .map(|r| {
                     let coefficients: Vec<f64> = (0..names.len())
-                        .map(|j| {
-                            2.0 * noise((10_000 + r * 1000 + i * 40 + j) as u64)
-                                - if i == j { 3.0 } else { 0.0 }
-                        })
+                        .map(|j| 2.0 * noise((10_000 + r * 1000 + i * 40 + j) as u64) - if i == j { 3.0 } else { 0.0 })
                         .collect();
                     (6.0 * noise((900_000 + r * 100 + i) as u64), coefficients)
                 })
@@ -199,11 +153,7 @@ pub(crate) fn random_hybrid(
     let episode = |e: usize| -> Vec<Vec<f64>> {
         (0..names.len())
             .map(|j| {
-                (0..rows)
-                    .map(|k| {
-                        1.2 * ((k as f64) * (0.03 + 0.005 * j as f64) + (e * 7 + j) as f64).sin()
-                    })
-                    .collect()
+                (0..rows).map(|k| 1.2 * ((k as f64) * (0.03 + 0.005 * j as f64) + (e * 7 + j) as f64).sin()).collect()
             })
             .collect()
     };

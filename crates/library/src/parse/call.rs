@@ -1,10 +1,7 @@
 //! Function calls: elementary functions, lags, differences and rotations.
 
 use super::{MAX_LAG, MAX_SIZE, ParseError, ParseErrorKind, Parser, Power};
-use crate::{
-    Binary, Expr, Quaternion, Unary, backward_difference, central_difference, forward_difference,
-    nearest,
-};
+use crate::{Binary, Expr, Quaternion, Unary, backward_difference, central_difference, forward_difference, nearest};
 
 impl Parser<'_> {
     /// A function's arguments and value; its name and the parenthesis are read.
@@ -39,11 +36,7 @@ impl Parser<'_> {
             ("central", [x]) => return Ok(central_difference(x, false)),
             ("time", _) => count(0),
             ("forward" | "backward" | "central", _) => count(1),
-            _ => match (
-                named_unary(function),
-                named_binary(function),
-                arguments.as_slice(),
-            ) {
+            _ => match (named_unary(function), named_binary(function), arguments.as_slice()) {
                 (Some(unary), _, [x]) => return Ok(Expr::unary(unary, x.clone())),
                 (_, Some(binary), [a, b]) => return Ok(Expr::binary(binary, a.clone(), b.clone())),
                 (Some(_), _, _) => count(1),
@@ -86,9 +79,7 @@ impl Parser<'_> {
         let rows = self.expression(Power::Any)?;
         self.expect(")", "`)`")?;
         match rows.as_number() {
-            Some(rows) if rows.fract() == 0.0 && rows.abs() <= MAX_LAG => {
-                Ok(x.shifted((direction * rows) as i32))
-            }
+            Some(rows) if rows.fract() == 0.0 && rows.abs() <= MAX_LAG => Ok(x.shifted((direction * rows) as i32)),
             _ => {
                 self.at = start;
                 Err(self.expected("a whole number of rows, at most a million"))
@@ -104,24 +95,19 @@ impl Parser<'_> {
             let [x, y, z, w] = self.exactly("quat", start)?;
             return Ok(Quaternion::new(x, y, z, w));
         }
-        let [x, y, z, w] = self
-            .scope
-            .components(&name, ["x", "y", "z", "w"])
-            .map_err(|kind| self.error(start, kind))?;
+        let [x, y, z, w] =
+            self.scope.components(&name, ["x", "y", "z", "w"]).map_err(|kind| self.error(start, kind))?;
         Ok(Quaternion::new(x, y, z, w))
     }
 
     fn vector(&mut self) -> Result<[Expr; 3], ParseError> {
         let start = self.start();
-        let name = self
-            .name("a vector: the name before its .x, vec(a, b, c), rotate(..) or rotate_inv(..)")?;
+        let name = self.name("a vector: the name before its .x, vec(a, b, c), rotate(..) or rotate_inv(..)")?;
         if matches!(name.as_str(), "vec" | "rotate" | "rotate_inv") && self.peek() == Some('(') {
             self.at += 1;
             return self.nested(|parser| parser.vector_call(&name, start));
         }
-        self.scope
-            .components(&name, ["x", "y", "z"])
-            .map_err(|kind| self.error(start, kind))
+        self.scope.components(&name, ["x", "y", "z"]).map_err(|kind| self.error(start, kind))
     }
 
     /// The vector of `vec(a, b, c)`, `rotate(q, v)` or `rotate_inv(q, v)`; the parenthesis is read.
@@ -133,11 +119,7 @@ impl Parser<'_> {
         self.expect(",", "`,` and a vector")?;
         let vector = self.vector()?;
         self.expect(")", "`)`")?;
-        let rotated = if function == "rotate" {
-            rotation.rotate(&vector)
-        } else {
-            rotation.rotate_inverse(&vector)
-        };
+        let rotated = if function == "rotate" { rotation.rotate(&vector) } else { rotation.rotate_inverse(&vector) };
         if rotated[0].size() > MAX_SIZE {
             return Err(self.error(start, ParseErrorKind::TooLarge));
         }
@@ -155,30 +137,17 @@ impl Parser<'_> {
         Ok(component)
     }
 
-    fn exactly<const N: usize>(
-        &mut self,
-        function: &str,
-        start: usize,
-    ) -> Result<[Expr; N], ParseError> {
+    fn exactly<const N: usize>(&mut self, function: &str, start: usize) -> Result<[Expr; N], ParseError> {
         let arguments = self.arguments()?;
         let found = arguments.len();
         arguments.try_into().map_err(|_| {
-            self.error(
-                start,
-                ParseErrorKind::Arguments {
-                    function: function.to_owned(),
-                    expected: N,
-                    found,
-                },
-            )
+            self.error(start, ParseErrorKind::Arguments { function: function.to_owned(), expected: N, found })
         })
     }
 }
 
 fn named_unary(name: &str) -> Option<Unary> {
-    Unary::ALL
-        .into_iter()
-        .find(|function| *function != Unary::Neg && function.name() == name)
+    Unary::ALL.into_iter().find(|function| *function != Unary::Neg && function.name() == name)
 }
 
 fn named_binary(name: &str) -> Option<Binary> {
@@ -192,22 +161,7 @@ fn named_binary(name: &str) -> Option<Binary> {
 }
 
 fn function_names() -> impl Iterator<Item = &'static str> {
-    let others = [
-        "pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central",
-    ];
-    let rotations = [
-        "yaw",
-        "pitch",
-        "roll",
-        "rotate",
-        "rotate_inv",
-        "vec",
-        "quat",
-    ];
-    Unary::ALL
-        .into_iter()
-        .skip(1)
-        .map(Unary::name)
-        .chain(others)
-        .chain(rotations)
+    let others = ["pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central"];
+    let rotations = ["yaw", "pitch", "roll", "rotate", "rotate_inv", "vec", "quat"];
+    Unary::ALL.into_iter().skip(1).map(Unary::name).chain(others).chain(rotations)
 }

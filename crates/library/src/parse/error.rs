@@ -31,11 +31,7 @@ pub enum ParseErrorKind {
         found: String,
     },
     /// A name that is neither a column nor an alias.
-    #[error(
-        "unknown column or alias `{name}`{}{}",
-        suggestion(nearest),
-        topic_hint(name)
-    )]
+    #[error("unknown column or alias `{name}`{}{}", suggestion(nearest), topic_hint(name))]
     UnknownName {
         /// The name.
         name: String,
@@ -61,10 +57,7 @@ pub enum ParseErrorKind {
         found: usize,
     },
     /// A vector or a quaternion whose components are not there.
-    #[error(
-        "`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}",
-        suggestion(nearest)
-    )]
+    #[error("`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}", suggestion(nearest))]
     NoComponents {
         /// The common beginning of the names.
         prefix: String,
@@ -91,14 +84,7 @@ pub enum ParseErrorKind {
 
 impl ParseError {
     pub(super) fn new(text: &str, position: usize, kind: ParseErrorKind) -> Self {
-        Self {
-            detail: Box::new(Detail {
-                text: text.to_owned(),
-                position,
-                alias: None,
-                kind,
-            }),
-        }
+        Self { detail: Box::new(Detail { text: text.to_owned(), position, alias: None, kind }) }
     }
 
     /// The byte of the text where the parser stopped.
@@ -131,29 +117,14 @@ impl std::error::Error for ParseError {}
 
 impl fmt::Display for ParseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Detail {
-            text,
-            position,
-            alias,
-            kind,
-        } = &*self.detail;
+        let Detail { text, position, alias, kind } = &*self.detail;
         let (before, after) = text.split_at(*position);
         let column = before.chars().count();
         // A long text is shown around the place.
         let skipped = column.saturating_sub(40);
-        let shown: String = before
-            .chars()
-            .skip(skipped)
-            .chain(after.chars().take(40))
-            .collect();
-        let (head, tail) = (
-            if skipped > 0 { "..." } else { "" },
-            if after.chars().nth(40).is_some() {
-                "..."
-            } else {
-                ""
-            },
-        );
+        let shown: String = before.chars().skip(skipped).chain(after.chars().take(40)).collect();
+        let (head, tail) =
+            (if skipped > 0 { "..." } else { "" }, if after.chars().nth(40).is_some() { "..." } else { "" });
         match alias {
             Some(alias) => write!(f, "in the alias `{alias}` = `{head}{shown}{tail}`")?,
             None => write!(f, "in `{head}{shown}{tail}`")?,
@@ -163,11 +134,7 @@ impl fmt::Display for ParseError {
 }
 
 fn suggestion(nearest: &[String]) -> String {
-    if nearest.is_empty() {
-        String::new()
-    } else {
-        format!("; did you mean `{}`?", nearest.join("`, `"))
-    }
+    if nearest.is_empty() { String::new() } else { format!("; did you mean `{}`?", nearest.join("`, `")) }
 }
 
 fn topic_hint(name: &str) -> &'static str {

@@ -2,11 +2,7 @@
 
 /// Whether a name can be written without backticks.
 pub(crate) fn is_bare_name(name: &str) -> bool {
-    let length = if name.starts_with('/') {
-        topic_length(name)
-    } else {
-        identifier_length(name)
-    };
+    let length = if name.starts_with('/') { topic_length(name) } else { identifier_length(name) };
     length > 0 && length == name.len() && constant(name).is_none()
 }
 
@@ -26,11 +22,7 @@ pub(super) fn identifier_length(text: &str) -> usize {
     if !text.starts_with(|c: char| c.is_alphabetic() || c == '_') {
         return 0;
     }
-    let word = |from: usize| {
-        text[from..]
-            .find(|c| !is_word(c))
-            .map_or(text.len(), |length| from + length)
-    };
+    let word = |from: usize| text[from..].find(|c| !is_word(c)).map_or(text.len(), |length| from + length);
     let mut at = word(0);
     loop {
         let part = word((at + 1).min(text.len()));

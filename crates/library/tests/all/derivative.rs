@@ -42,17 +42,12 @@ fn tame(expr: &Expr, x: f64, y: f64) -> Option<f64> {
         };
         let singular = match (part.node(), arguments) {
             (Node::Unary(Unary::Asin | Unary::Acos, _), [x]) => x.abs() > 1.0 - 1e-6,
-            (Node::Unary(Unary::Sqrt | Unary::Log, _), [x])
-            | (Node::Binary(Binary::Pow, ..), [x, _]) => *x < 1e-6,
+            (Node::Unary(Unary::Sqrt | Unary::Log, _), [x]) | (Node::Binary(Binary::Pow, ..), [x, _]) => *x < 1e-6,
             // The cut, where the sign of a zero counts.
             (Node::Binary(Binary::Atan2, ..), [y, _]) => y.abs() < 1e-6,
             _ => false,
         };
-        largest.set(if value.is_finite() && !singular {
-            largest.get().max(value.abs())
-        } else {
-            f64::INFINITY
-        });
+        largest.set(if value.is_finite() && !singular { largest.get().max(value.abs()) } else { f64::INFINITY });
         value
     });
     (largest.get() < 100.0).then_some(value)
@@ -61,16 +56,8 @@ fn tame(expr: &Expr, x: f64, y: f64) -> Option<f64> {
 #[test]
 fn derivatives_agree_with_central_differences() {
     let compared = Cell::new(0);
-    let mut runner = TestRunner::new(ProptestConfig {
-        failure_persistence: None,
-        ..ProptestConfig::with_cases(6000)
-    });
-    let inputs = (
-        smooth(),
-        -2.0..2.0f64,
-        -2.0..2.0f64,
-        prop::sample::select(&["x", "y"][..]),
-    );
+    let mut runner = TestRunner::new(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(6000) });
+    let inputs = (smooth(), -2.0..2.0f64, -2.0..2.0f64, prop::sample::select(&["x", "y"][..]));
     runner
         .run(&inputs, |(expr, x, y, name)| {
             let quotient = |h: f64| {
@@ -84,7 +71,15 @@ fn derivatives_agree_with_central_differences() {
             if (coarse - fine).abs() > 1e-5 * (1.0 + fine.abs()) {
                 return Ok(());
             }
-            let leaf = |n: &str, lag: i32| if lag != 0 { 0.75 } else if n == "x" { x } else { y };
+            let leaf = |n: &str, lag: i32| {
+                if lag != 0 {
+                    0.75
+                } else if n == "x" {
+                    x
+                } else {
+                    y
+                }
+            };
             let exact = expr.derivative(name).value(leaf, |_| 0.0);
             compared.set(compared.get() + 1);
             prop_assert!(

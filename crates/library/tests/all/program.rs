@@ -2,8 +2,7 @@
 
 use fleetfoot_data::{Column, Halo, MemorySource, ScalarBuffer, Source};
 use fleetfoot_library::{
-    Expr, Leaf, Library, Program, Scope, Scratch, backward_difference, central_difference,
-    forward_difference,
+    Expr, Leaf, Library, Program, Scope, Scratch, backward_difference, central_difference, forward_difference,
 };
 use proptest::prelude::*;
 
@@ -14,26 +13,14 @@ const NAMES: [&str; 3] = ["x", "y", "z"];
 /// An episode of uneven stamps with a few missing values.
 fn recording(rows: usize) -> MemorySource {
     let mut source = MemorySource::new(NAMES.iter().map(|&name| Column::float(name)).collect());
-    let stamps: Vec<i64> = (0..rows as i64)
-        .map(|row| 5_000_000_000 + row * 2_000_000 + row * row % 7 * 1000)
-        .collect();
+    let stamps: Vec<i64> = (0..rows as i64).map(|row| 5_000_000_000 + row * 2_000_000 + row * row % 7 * 1000).collect();
     let column = |phase: f64| -> ScalarBuffer<f64> {
         (0..rows)
-            .map(|row| {
-                if row % 97 == 13 {
-                    f64::NAN
-                } else {
-                    3.0 * (phase * (row as f64 + 0.3)).sin()
-                }
-            })
+            .map(|row| if row % 97 == 13 { f64::NAN } else { 3.0 * (phase * (row as f64 + 0.3)).sin() })
             .collect::<Vec<_>>()
             .into()
     };
-    source.push(
-        "run",
-        stamps.into(),
-        vec![column(0.37), column(1.1), column(0.011)],
-    );
+    source.push("run", stamps.into(), vec![column(0.37), column(1.1), column(0.011)]);
     source
 }
 
@@ -120,22 +107,10 @@ fn a_lag_never_crosses_the_border_of_an_episode() {
     let scope = Scope::new(NAMES);
     let exprs = ["lag(x, 3) + y", "lead(y, 2)"].map(|text| Expr::parse(text, &scope).unwrap());
     let program = Program::compile(&exprs, &NAMES).unwrap();
-    assert_eq!(
-        program.halo(),
-        Halo {
-            before: 3,
-            after: 2
-        }
-    );
-    for (core, wanted) in [
-        (0..50, 3..48),
-        (10..20, 0..10),
-        (0..10, 3..10),
-        (45..50, 0..3),
-        (1..3, 0..0),
-        (48..50, 0..0),
-        (7..7, 0..0),
-    ] {
+    assert_eq!(program.halo(), Halo { before: 3, after: 2 });
+    for (core, wanted) in
+        [(0..50, 3..48), (10..20, 0..10), (0..10, 3..10), (45..50, 0..3), (1..3, 0..0), (48..50, 0..0), (7..7, 0..0)]
+    {
         let block = source.read(0, core.clone(), program.halo()).unwrap();
         assert_eq!(program.valid_rows(&block), wanted, "{core:?}");
     }
@@ -145,10 +120,7 @@ fn a_lag_never_crosses_the_border_of_an_episode() {
 fn common_parts_are_computed_once() {
     let scope = Scope::new(NAMES);
     let compile = |texts: &[&str]| {
-        let exprs: Vec<Expr> = texts
-            .iter()
-            .map(|text| Expr::parse(text, &scope).unwrap())
-            .collect();
+        let exprs: Vec<Expr> = texts.iter().map(|text| Expr::parse(text, &scope).unwrap()).collect();
         Program::compile(&exprs, &NAMES).unwrap()
     };
     let program = compile(&["sin(x*y) + 1", "cos(z)*sin(y*x)", "sin(x*y)"]);
@@ -156,30 +128,20 @@ fn common_parts_are_computed_once() {
     assert_eq!((program.instructions(), program.registers()), (5, 1));
     // x^2, x^3, x^4, x^7 = x^3*x^4.
     assert_eq!(compile(&["x^7"]).instructions(), 4);
-    assert_eq!(
-        compile(&["x^2", "x^3", "x^4", "x^5", "x^6", "x^7"]).instructions(),
-        6
-    );
+    assert_eq!(compile(&["x^2", "x^3", "x^4", "x^5", "x^6", "x^7"]).instructions(), 6);
     // x^1024 by squaring.
     assert_eq!(compile(&["x^1024"]).instructions(), 10);
     assert_eq!(compile(&["2*pi*x + sin(1)"]).instructions(), 2);
     assert_eq!(compile(&["x", "x", "3"]).instructions(), 3);
     // A chain needs one register besides the one that is read.
     let program = compile(&["sin(cos(sin(cos(x + y) + z) + x) + y)"]);
-    assert!(
-        program.registers() <= 2,
-        "{} registers",
-        program.registers()
-    );
+    assert!(program.registers() <= 2, "{} registers", program.registers());
 }
 
 #[test]
 fn unknown_columns_are_named() {
     let error = Program::compile(&[Expr::column("velocty")], &["velocity", "current"]).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "there is no column `velocty`; did you mean `velocity`?"
-    );
+    assert_eq!(error.to_string(), "there is no column `velocty`; did you mean `velocity`?");
     assert!(Program::compile(&[Expr::column("q").sin() + Expr::column("r")], &[]).is_err());
 }
 
@@ -187,41 +149,25 @@ fn unknown_columns_are_named() {
 fn finite_differences_use_the_stamps() {
     // An angle that turns at 3 rad/s, wrapped, at uneven stamps.
     let rate = 3.0;
-    let stamps: Vec<i64> = (0..2000i64)
-        .map(|row| row * 10_000_000 + (row * 7919 % 13) * 300_000)
-        .collect();
+    let stamps: Vec<i64> = (0..2000i64).map(|row| row * 10_000_000 + (row * 7919 % 13) * 300_000).collect();
     let angle: Vec<f64> = stamps
         .iter()
-        .map(|&stamp| {
-            Expr::number(rate * stamp as f64 * 1e-9)
-                .wrap()
-                .value(|_, _| 0.0, |_| 0.0)
-        })
+        .map(|&stamp| Expr::number(rate * stamp as f64 * 1e-9).wrap().value(|_, _| 0.0, |_| 0.0))
         .collect();
-    assert!(
-        angle.windows(2).any(|pair| pair[1] < pair[0]),
-        "the angle wraps"
-    );
+    assert!(angle.windows(2).any(|pair| pair[1] < pair[0]), "the angle wraps");
     let mut source = MemorySource::new(vec![Column::float("a")]);
     source.push("run", stamps.into(), vec![angle.into()]);
     let a = Expr::column("a");
     for difference in [forward_difference, central_difference, backward_difference] {
-        let program =
-            Program::compile(&[difference(&a, true), difference(&a, false)], &["a"]).unwrap();
+        let program = Program::compile(&[difference(&a, true), difference(&a, false)], &["a"]).unwrap();
         let block = source.read(0, 0..2000, program.halo()).unwrap();
         let rows = program.valid_rows(&block);
         assert!(rows.len() >= 1998);
         let n = rows.len();
         let mut out = vec![0.0; 2 * n];
         program.evaluate_block(&block, rows, &mut out, n, &mut Scratch::new());
-        assert!(
-            out[..n].iter().all(|slope| (slope - rate).abs() < 1e-9),
-            "wrapped"
-        );
-        assert!(
-            out[n..].iter().any(|slope| (slope - rate).abs() > 1.0),
-            "not wrapped"
-        );
+        assert!(out[..n].iter().all(|slope| (slope - rate).abs() < 1e-9), "wrapped");
+        assert!(out[n..].iter().any(|slope| (slope - rate).abs() > 1.0), "not wrapped");
     }
 }
 
@@ -233,13 +179,8 @@ fn many_outputs_and_few_rows_give_the_same_bits() {
     let library = Library::polynomial(&variables, 6).unwrap();
     let program = library.compile(&names).unwrap();
     let rows = 1037;
-    let data: Vec<Vec<f64>> = (0..6)
-        .map(|c| {
-            (0..rows)
-                .map(|row| ((row * (2 * c + 3)) as f64 * 0.1).sin() * 1.5)
-                .collect()
-        })
-        .collect();
+    let data: Vec<Vec<f64>> =
+        (0..6).map(|c| (0..rows).map(|row| ((row * (2 * c + 3)) as f64 * 0.1).sin() * 1.5).collect()).collect();
     let leaves: Vec<&[f64]> = program
         .leaves()
         .iter()
@@ -256,14 +197,9 @@ fn many_outputs_and_few_rows_give_the_same_bits() {
         let values: Vec<f64> = leaves.iter().map(|leaf| leaf[row]).collect();
         program.evaluate_row(&values, &mut single, &mut scratch);
         for (j, expr) in library.functions().iter().enumerate() {
-            let column = |name: &str, _: i32| {
-                data[names.iter().position(|&known| known == name).unwrap()][row]
-            };
+            let column = |name: &str, _: i32| data[names.iter().position(|&known| known == name).unwrap()][row];
             let wanted = naive(expr, &column, &|_| f64::NAN);
-            assert!(
-                same(out[j * rows + row], wanted) && same(single[j], wanted),
-                "{expr} in row {row}"
-            );
+            assert!(same(out[j * rows + row], wanted) && same(single[j], wanted), "{expr} in row {row}");
         }
     }
 }

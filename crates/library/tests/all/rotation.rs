@@ -43,8 +43,7 @@ fn half_turn(axis: usize, angle: f64) -> [f64; 4] {
 /// Columns in the three manners of naming, and a topic.
 fn scope() -> Scope {
     Scope::new([
-        "q.x", "q.y", "q.z", "q.w", "v_x", "v_y", "v_z", "/imu.ax", "/imu.ay", "/imu.az", "px",
-        "py", "pz", "pw",
+        "q.x", "q.y", "q.z", "q.w", "v_x", "v_y", "v_z", "/imu.ax", "/imu.ay", "/imu.az", "px", "py", "pz", "pw",
     ])
 }
 
@@ -93,9 +92,7 @@ fn a_quarter_turn_of_pitch_keeps_its_digits() {
     for away in [0.0, 1e-9, 1e-6] {
         let q = half_turn(1, PI / 2.0 - away);
         let column = |name: &str, _: i32| q["wxyz".find(&name[2..]).unwrap()];
-        let pitch = Expr::parse("pitch(q)", &scope())
-            .unwrap()
-            .value(column, |_| 0.0);
+        let pitch = Expr::parse("pitch(q)", &scope()).unwrap().value(column, |_| 0.0);
         assert!((pitch - (PI / 2.0 - away)).abs() < 1e-15, "{pitch}");
     }
 }

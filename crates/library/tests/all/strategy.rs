@@ -30,11 +30,7 @@ pub(crate) fn expressions(names: &'static [&'static str]) -> impl Strategy<Value
 }
 
 /// The value by the definition, without sharing: `column(name, lag)` and `time(lag)` are the leaves.
-pub(crate) fn naive(
-    expr: &Expr,
-    column: &dyn Fn(&str, i32) -> f64,
-    time: &dyn Fn(i32) -> f64,
-) -> f64 {
+pub(crate) fn naive(expr: &Expr, column: &dyn Fn(&str, i32) -> f64, time: &dyn Fn(i32) -> f64) -> f64 {
     let of = |x: &Expr| naive(x, column, time);
     match expr.node() {
         Node::Number(value) => *value,
@@ -110,11 +106,7 @@ fn pair(x: f64, k: u32) -> (f64, f64) {
         return (x, x * x);
     }
     let (low, high) = pair(x, k / 2);
-    if k.is_multiple_of(2) {
-        (low * low, low * high)
-    } else {
-        (low * high, high * high)
-    }
+    if k.is_multiple_of(2) { (low * low, low * high) } else { (low * high, high * high) }
 }
 
 /// Equality of bits, all NaN being one.

@@ -23,10 +23,8 @@ const NAMES: [&str; 14] = [
 ];
 
 fn parse(text: &str) -> Result<Expr, ParseError> {
-    let columns = [
-        "x", "y", "vx", "vy", "yaw", "q.x", "q.y", "q.z", "q.w", "/a.x", "/b.y", "/a-b.x",
-        "odd name", "u[0]",
-    ];
+    let columns =
+        ["x", "y", "vx", "vy", "yaw", "q.x", "q.y", "q.z", "q.w", "/a.x", "/b.y", "/a-b.x", "odd name", "u[0]"];
     Expr::parse(text, &Scope::new(columns))
 }
 
@@ -41,9 +39,7 @@ fn value(text: &str) -> f64 {
         "u[0]" => 19.0,
         _ => panic!("{name}"),
     };
-    parse(text)
-        .unwrap()
-        .value(column, |lag| 100.0 - 0.5 * f64::from(lag))
+    parse(text).unwrap().value(column, |lag| 100.0 - 0.5 * f64::from(lag))
 }
 
 proptest! {
@@ -114,18 +110,13 @@ fn topic_fields_take_what_touches_them() {
     assert_eq!(parse("/a.x / 2").unwrap().to_string(), "/a.x / 2");
     assert_eq!(parse("y / 2").unwrap().to_string(), "y/2");
     let error = parse("/a.x-/b.y").unwrap_err();
-    assert!(
-        error.to_string().contains("need a space in front"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("need a space in front"), "{error}");
 }
 
 #[test]
 fn lags_reach_the_leaves() {
     assert_eq!(
-        parse("lag(x*time() + sin(lead(x, 3)), 2)")
-            .unwrap()
-            .to_string(),
+        parse("lag(x*time() + sin(lead(x, 3)), 2)").unwrap().to_string(),
         "lag(x, 2)*lag(time(), 2) + sin(lead(x, 1))"
     );
     assert_eq!(parse("lag(x, -1)"), parse("lead(x, 1)"));
@@ -134,50 +125,19 @@ fn lags_reach_the_leaves() {
     for difference in ["forward(x)", "backward(x)", "central(x)"] {
         assert_eq!(value(difference), 2.0, "{difference}");
     }
-    assert_eq!(
-        parse("central(y)"),
-        parse("(lead(y, 1) - lag(y, 1))/(lead(time(), 1) - lag(time(), 1))")
-    );
-    assert_eq!(
-        parse("forward(y)"),
-        parse("(lead(y, 1) - y)/(lead(time(), 1) - time())")
-    );
-    for bad in [
-        "lag(x)",
-        "lag(x, 0.5)",
-        "lag(x, y)",
-        "lag(x, 1e9)",
-        "lag(x, nan)",
-        "lag(x, 1, 2)",
-    ] {
-        assert!(
-            matches!(
-                parse(bad).unwrap_err().kind(),
-                ParseErrorKind::Expected { .. }
-            ),
-            "{bad}"
-        );
+    assert_eq!(parse("central(y)"), parse("(lead(y, 1) - lag(y, 1))/(lead(time(), 1) - lag(time(), 1))"));
+    assert_eq!(parse("forward(y)"), parse("(lead(y, 1) - y)/(lead(time(), 1) - time())"));
+    for bad in ["lag(x)", "lag(x, 0.5)", "lag(x, y)", "lag(x, 1e9)", "lag(x, nan)", "lag(x, 1, 2)"] {
+        assert!(matches!(parse(bad).unwrap_err().kind(), ParseErrorKind::Expected { .. }), "{bad}");
     }
 }
 
 #[test]
 fn errors_name_the_place_and_the_mend() {
     for (text, position, parts) in [
-        (
-            "vx*cso(yaw)",
-            3,
-            &["unknown function `cso`", "`cos`", "character 4"][..],
-        ),
-        (
-            "vx*cos(yaq)",
-            7,
-            &["unknown column or alias `yaq`", "`yaw`"],
-        ),
-        (
-            "vx*",
-            3,
-            &["expected a number, a column, a function or `(`", "the end"],
-        ),
+        ("vx*cso(yaw)", 3, &["unknown function `cso`", "`cos`", "character 4"][..]),
+        ("vx*cos(yaq)", 7, &["unknown column or alias `yaq`", "`yaw`"]),
+        ("vx*", 3, &["expected a number, a column, a function or `(`", "the end"]),
         ("(vx", 3, &["expected an operator or `)`", "the end"]),
         ("vx vy", 3, &["expected an operator or the end", "`v`"]),
         ("vx + )", 5, &["found `)`"]),
@@ -204,16 +164,9 @@ fn errors_name_the_place_and_the_mend() {
             }
         }
     }
-    let long = format!(
-        "{} + vq + {}",
-        "vx + ".repeat(1000) + "vx",
-        "vy*".repeat(1000) + "vy"
-    );
+    let long = format!("{} + vq + {}", "vx + ".repeat(1000) + "vx", "vy*".repeat(1000) + "vy");
     let message = parse(&long).unwrap_err().to_string();
-    assert!(
-        message.len() < 250 && message.contains("character 5006") && message.contains("vq"),
-        "{message}"
-    );
+    assert!(message.len() < 250 && message.contains("character 5006") && message.contains("vq"), "{message}");
 }
 
 #[test]
@@ -239,10 +192,7 @@ fn aliases_use_each_other_in_any_order() {
         ])
         .unwrap();
     let resolved = |text| Expr::parse(text, &scope).unwrap().to_string();
-    assert_eq!(
-        resolved("speed"),
-        "sqrt((vx*0.01)^2 + (/odom.x - `motor current (A)`)^2)"
-    );
+    assert_eq!(resolved("speed"), "sqrt((vx*0.01)^2 + (/odom.x - `motor current (A)`)^2)");
     assert_eq!(
         scope.resolve("heading"),
         Expr::parse("yaw(/imu.orientation)", &scope).map_err(|error| error.kind().clone())
@@ -250,20 +200,10 @@ fn aliases_use_each_other_in_any_order() {
     assert_eq!(resolved("qw"), "/imu.orientation.w");
 
     let before = scope.clone();
-    let error = scope
-        .define_all([("a", "b + 1"), ("b", "c"), ("c", "2*a")])
-        .unwrap_err();
-    assert!(
-        matches!(error.kind(), ParseErrorKind::Circular { .. }),
-        "{error}"
-    );
-    let error = scope
-        .define_all([("good", "vx"), ("bad", "vx + vq")])
-        .unwrap_err();
-    assert!(
-        error.alias() == Some("bad") && error.to_string().contains("in the alias `bad`"),
-        "{error}"
-    );
+    let error = scope.define_all([("a", "b + 1"), ("b", "c"), ("c", "2*a")]).unwrap_err();
+    assert!(matches!(error.kind(), ParseErrorKind::Circular { .. }), "{error}");
+    let error = scope.define_all([("good", "vx"), ("bad", "vx + vq")]).unwrap_err();
+    assert!(error.alias() == Some("bad") && error.to_string().contains("in the alias `bad`"), "{error}");
     assert_eq!(scope.resolve("good"), before.resolve("good"));
     // Its own name is a column, which must be there.
     assert!(scope.define_all([("new", "2*new")]).is_err());
@@ -271,32 +211,19 @@ fn aliases_use_each_other_in_any_order() {
 
 #[test]
 fn hostile_texts_are_errors() {
-    let too_deep =
-        |text: String| matches!(parse(&text).unwrap_err().kind(), ParseErrorKind::TooDeep);
+    let too_deep = |text: String| matches!(parse(&text).unwrap_err().kind(), ParseErrorKind::TooDeep);
     assert!(too_deep("(".repeat(100_000)));
-    assert!(too_deep(format!(
-        "{}x{}",
-        "(".repeat(100_000),
-        ")".repeat(100_000)
-    )));
+    assert!(too_deep(format!("{}x{}", "(".repeat(100_000), ")".repeat(100_000))));
     assert!(too_deep("-".repeat(100_000) + "x"));
     assert!(too_deep("x^".repeat(100_000) + "x"));
     assert!(too_deep("sin(".repeat(100_000)));
     assert!(too_deep("rotate(q, ".repeat(50_000)));
     assert!(parse(&format!("{}x{}", "(".repeat(150), ")".repeat(150))).is_ok());
-    assert_eq!(
-        parse(&"x+".repeat(1_000_000)).unwrap_err().kind(),
-        &ParseErrorKind::TooLarge
-    );
+    assert_eq!(parse(&"x+".repeat(1_000_000)).unwrap_err().kind(), &ParseErrorKind::TooLarge);
     // Every alias doubles the one before: 2^64 terms in 64 lines.
     let mut scope = Scope::new(["a0"]);
-    let doubling: Vec<_> = (1..=64)
-        .map(|i| (format!("a{i}"), format!("a{} + a{}", i - 1, i - 1)))
-        .collect();
-    assert_eq!(
-        scope.define_all(doubling).unwrap_err().kind(),
-        &ParseErrorKind::TooLarge
-    );
+    let doubling: Vec<_> = (1..=64).map(|i| (format!("a{i}"), format!("a{} + a{}", i - 1, i - 1))).collect();
+    assert_eq!(scope.define_all(doubling).unwrap_err().kind(), &ParseErrorKind::TooLarge);
 }
 
 /// Everything that walks a tree does so without the call stack.
@@ -326,18 +253,8 @@ fn long_chains_need_no_stack() {
         assert!(doubled("x") != doubled("y"));
         assert!(Program::compile(&[doubled("x").derivative("x")], &["x"]).is_ok());
         // As deep as the grammar allows, in the costliest way.
-        let parse = |n: usize| {
-            Expr::parse(
-                &format!("{}x{}", "-min(1, ".repeat(n), ")".repeat(n)),
-                &scope,
-            )
-        };
+        let parse = |n: usize| Expr::parse(&format!("{}x{}", "-min(1, ".repeat(n), ")".repeat(n)), &scope);
         assert!(parse(99).is_ok() && parse(101).is_err());
     };
-    std::thread::Builder::new()
-        .stack_size(512 * 1024)
-        .spawn(work)
-        .unwrap()
-        .join()
-        .unwrap();
+    std::thread::Builder::new().stack_size(512 * 1024).spawn(work).unwrap().join().unwrap();
 }

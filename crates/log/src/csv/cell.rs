@@ -12,9 +12,7 @@ pub(super) enum Cell {
 }
 
 /// Words for a missing value, in lower case.
-const MISSING_WORDS: [&str; 11] = [
-    "nan", "null", "none", "na", "n/a", "#n/a", "nil", "-", "?", "-nan", "nat",
-];
+const MISSING_WORDS: [&str; 11] = ["nan", "null", "none", "na", "n/a", "#n/a", "nil", "-", "?", "-nan", "nat"];
 
 /// Reads a number; `decimal_comma` accepts `1,5`.
 pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
@@ -22,24 +20,14 @@ pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
     if cell.is_empty() {
         return Cell::Missing;
     }
-    if let Some(value) = std::str::from_utf8(cell)
-        .ok()
-        .and_then(|text| text.parse::<f64>().ok())
-    {
-        return if value.is_finite() {
-            Cell::Number(value)
-        } else {
-            Cell::Missing
-        };
+    if let Some(value) = std::str::from_utf8(cell).ok().and_then(|text| text.parse::<f64>().ok()) {
+        return if value.is_finite() { Cell::Number(value) } else { Cell::Missing };
     }
     if is_missing_word(cell) {
         return Cell::Missing;
     }
     if decimal_comma && cell.iter().filter(|&&byte| byte == b',').count() == 1 {
-        let mended: Vec<u8> = cell
-            .iter()
-            .map(|&byte| if byte == b',' { b'.' } else { byte })
-            .collect();
+        let mended: Vec<u8> = cell.iter().map(|&byte| if byte == b',' { b'.' } else { byte }).collect();
         return number(&mended, false);
     }
     Cell::Other
@@ -52,10 +40,7 @@ pub(super) fn is_missing(cell: &[u8]) -> bool {
 }
 
 fn is_missing_word(cell: &[u8]) -> bool {
-    cell.len() <= 4
-        && MISSING_WORDS
-            .iter()
-            .any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
+    cell.len() <= 4 && MISSING_WORDS.iter().any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
 }
 
 /// Reads a truth value: `true`/`false`, `yes`/`no`.
@@ -73,9 +58,7 @@ pub(super) fn boolean(cell: &[u8]) -> Option<bool> {
 
 /// Whether a number is written as a whole one.
 pub(super) fn is_whole(cell: &[u8]) -> bool {
-    !cell
-        .iter()
-        .any(|byte| matches!(byte, b'.' | b'e' | b'E' | b','))
+    !cell.iter().any(|byte| matches!(byte, b'.' | b'e' | b'E' | b','))
 }
 
 #[cfg(test)]
@@ -84,20 +67,11 @@ mod tests {
 
     #[test]
     fn cells() {
-        for (text, value) in [
-            ("1.5", 1.5),
-            (" -2e3 ", -2000.0),
-            ("+7", 7.0),
-            (".5", 0.5),
-            ("5.", 5.0),
-            ("1E-3", 1e-3),
-        ] {
+        for (text, value) in [("1.5", 1.5), (" -2e3 ", -2000.0), ("+7", 7.0), (".5", 0.5), ("5.", 5.0), ("1E-3", 1e-3)]
+        {
             assert_eq!(number(text.as_bytes(), false), Cell::Number(value));
         }
-        for text in [
-            "", "  ", "nan", "NaN", "NAN", "inf", "-Inf", "infinity", "null", "None", "N/A",
-            "1e999", "-",
-        ] {
+        for text in ["", "  ", "nan", "NaN", "NAN", "inf", "-Inf", "infinity", "null", "None", "N/A", "1e999", "-"] {
             assert_eq!(number(text.as_bytes(), false), Cell::Missing, "{text}");
         }
         for text in ["x", "1.2.3", "0x1f", "1,5", "12 V", "\u{ff11}"] {
@@ -106,10 +80,7 @@ mod tests {
         assert_eq!(number(b"1,5", true), Cell::Number(1.5));
         assert_eq!(number(b"1,000,5", true), Cell::Other);
         assert_eq!(number(b"\xff\xfe", false), Cell::Other);
-        assert_eq!(
-            (boolean(b"True"), boolean(b" no"), boolean(b"1")),
-            (Some(true), Some(false), None)
-        );
+        assert_eq!((boolean(b"True"), boolean(b" no"), boolean(b"1")), (Some(true), Some(false), None));
         assert!(is_whole(b"-12") && !is_whole(b"1e3"));
     }
 }

@@ -57,19 +57,12 @@ struct Misfit {
 }
 
 /// Decodes all rows.
-pub(super) fn decode(
-    mut plan: Plan<'_>,
-    stream: Box<dyn Read>,
-    budget: &Arc<Budget>,
-) -> Result<Decoded, Error> {
+pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Budget>) -> Result<Decoded, Error> {
     let bytes = std::mem::take(&mut plan.head.bytes);
     let (input, watch) = Watched::new(Cursor::new(bytes).chain(stream));
     let mut rows = reader(input, plan.head.delimiter);
-    let mut columns: Vec<Decoder> = plan
-        .fields
-        .iter()
-        .map(|&field| Decoder::new(field, plan.head.sorts[field]))
-        .collect();
+    let mut columns: Vec<Decoder> =
+        plan.fields.iter().map(|&field| Decoder::new(field, plan.head.sorts[field])).collect();
     let mut store = StoreBuilder::new(plan.path, columns.len(), budget.clone());
     let mut values = vec![f64::NAN; columns.len()];
     let (mut record, mut number, mut notes) = (csv::ByteRecord::new(), 0u64, Vec::new());
@@ -77,9 +70,7 @@ pub(super) fn decode(
     let mut header = plan.head.has_header;
     loop {
         watch.row();
-        let more = rows
-            .read_byte_record(&mut record)
-            .map_err(|problem| plan.csv_error(problem, number))?;
+        let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
         if !more {
             break;
         }
@@ -93,9 +84,7 @@ pub(super) fn decode(
                 continue;
             }
             let found = record.len();
-            let last = !rows
-                .read_byte_record(&mut record)
-                .map_err(|problem| plan.csv_error(problem, number))?;
+            let last = !rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
             if last && found < expected && !watch.ends_with_line() {
                 notes.push("the last line was cut off and is left out".into());
                 break;
@@ -115,30 +104,16 @@ pub(super) fn decode(
         }
     }
     check_categories(&plan, &columns)?;
-    let columns = columns
-        .into_iter()
-        .map(|decoder| decoder.finish(&plan.head))
-        .collect();
-    Ok(Decoded {
-        store: store.finish()?,
-        columns,
-        notes,
-    })
+    let columns = columns.into_iter().map(|decoder| decoder.finish(&plan.head)).collect();
+    Ok(Decoded { store: store.finish()?, columns, notes })
 }
 
 fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
-    match columns
-        .iter()
-        .find(|decoder| decoder.codes.len() > MAX_CATEGORIES)
-    {
+    match columns.iter().find(|decoder| decoder.codes.len() > MAX_CATEGORIES) {
         None => Ok(()),
         Some(decoder) => {
             let column = plan.head.columns[decoder.field].name.clone();
-            Err(Error::TooManyCategories {
-                path: plan.path.into(),
-                column,
-                limit: MAX_CATEGORIES,
-            })
+            Err(Error::TooManyCategories { path: plan.path.into(), column, limit: MAX_CATEGORIES })
         }
     }
 }
@@ -164,11 +139,7 @@ impl Plan<'_> {
             Cell::Number(value) if !date => Ok(stamp::from_f64(value, unit)),
             _ => Err(Misfit {
                 field,
-                expected: if date {
-                    "a date such as 2011-07-23 13:23:09"
-                } else {
-                    "a time in numbers"
-                },
+                expected: if date { "a date such as 2011-07-23 13:23:09" } else { "a time in numbers" },
             }),
         }
     }
@@ -203,12 +174,7 @@ impl Plan<'_> {
             csv::ErrorKind::Io(source) => source,
             _ => std::io::Error::other(text),
         };
-        read_error(
-            self.path,
-            self.compression,
-            format!("after row {row}"),
-            source,
-        )
+        read_error(self.path, self.compression, format!("after row {row}"), source)
     }
 }
 
@@ -226,13 +192,7 @@ struct Decoder {
 
 impl Decoder {
     fn new(field: usize, sort: Sort) -> Self {
-        Self {
-            field,
-            sort,
-            whole: true,
-            any: false,
-            codes: HashMap::new(),
-        }
+        Self { field, sort, whole: true, any: false, codes: HashMap::new() }
     }
 
     fn cell(&mut self, cell: &[u8], decimal_comma: bool) -> Result<f64, Misfit> {
@@ -279,10 +239,7 @@ impl Decoder {
     }
 
     fn misfit(&self, expected: &'static str) -> Misfit {
-        Misfit {
-            field: self.field,
-            expected,
-        }
+        Misfit { field: self.field, expected }
     }
 
     fn finish(self, head: &Head) -> TableColumn {
@@ -291,26 +248,14 @@ impl Decoder {
             Sort::Number | Sort::Date | Sort::Unknown => ColumnKind::Float,
             Sort::Boolean => ColumnKind::Boolean,
             Sort::Text => {
-                let mut names: Vec<(usize, Vec<u8>)> = self
-                    .codes
-                    .into_iter()
-                    .map(|(text, code)| (code, text))
-                    .collect();
+                let mut names: Vec<(usize, Vec<u8>)> =
+                    self.codes.into_iter().map(|(text, code)| (code, text)).collect();
                 names.sort_unstable();
                 ColumnKind::Category(
-                    names
-                        .into_iter()
-                        .map(|(_, text)| String::from_utf8_lossy(&text).into_owned())
-                        .collect(),
+                    names.into_iter().map(|(_, text)| String::from_utf8_lossy(&text).into_owned()).collect(),
                 )
             }
         };
-        TableColumn {
-            column: Column {
-                kind,
-                ..head.columns[self.field].clone()
-            },
-            empty: !self.any,
-        }
+        TableColumn { column: Column { kind, ..head.columns[self.field].clone() }, empty: !self.any }
     }
 }

@@ -49,20 +49,11 @@ pub(super) struct Head {
 }
 
 /// Reads the beginning of a file; the stream stands behind [`Head::bytes`] afterwards.
-pub(super) fn read(
-    path: &Path,
-    compression: Compression,
-    stream: &mut dyn Read,
-) -> Result<Head, Error> {
+pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read) -> Result<Head, Error> {
     let mut bytes = Vec::with_capacity(HEAD);
     let failed = stream.take(HEAD as u64).read_to_end(&mut bytes).err();
     if let Some(source) = failed {
-        return Err(read_error(
-            path,
-            compression,
-            "its beginning".into(),
-            source,
-        ));
+        return Err(read_error(path, compression, "its beginning".into(), source));
     }
     let complete = bytes.len() < HEAD;
     check_text(path, &bytes)?;
@@ -75,34 +66,19 @@ pub(super) fn read(
     let mut records = parse(&bytes, delimiter, SAMPLE + 1, complete);
     if records.is_empty() {
         let problem = "its first line is longer than 256 KiB".into();
-        return Err(Error::WrongFormat {
-            path: path.into(),
-            problem,
-            mend: "check that it is delimited text",
-        });
+        return Err(Error::WrongFormat { path: path.into(), problem, mend: "check that it is delimited text" });
     }
     let first = records.remove(0);
     let decimal_comma = delimiter != b',' && writes_comma(&records);
     let has_header = first.iter().any(|cell| {
-        !is_missing(cell)
-            && number(cell, decimal_comma) == Cell::Other
-            && stamp::parse_date(cell).is_none()
+        !is_missing(cell) && number(cell, decimal_comma) == Cell::Other && stamp::parse_date(cell).is_none()
     });
     let mut notes = Vec::new();
     let columns = if has_header {
-        first
-            .iter()
-            .enumerate()
-            .map(|(i, cell)| header_column(i, cell))
-            .collect()
+        first.iter().enumerate().map(|(i, cell)| header_column(i, cell)).collect()
     } else {
-        notes.push(format!(
-            "no header: the columns are called c0 to c{}",
-            first.len().saturating_sub(1)
-        ));
-        (0..first.len())
-            .map(|i| Column::float(format!("c{i}")))
-            .collect::<Vec<_>>()
+        notes.push(format!("no header: the columns are called c0 to c{}", first.len().saturating_sub(1)));
+        (0..first.len()).map(|i| Column::float(format!("c{i}"))).collect::<Vec<_>>()
     };
     if decimal_comma {
         notes.push("numbers are written with a decimal comma".into());
@@ -111,14 +87,8 @@ pub(super) fn read(
         records.insert(0, first);
     }
     records.truncate(SAMPLE);
-    let sorts = (0..columns.len())
-        .map(|c| {
-            sort(
-                records.iter().filter_map(|record| record.get(c)),
-                decimal_comma,
-            )
-        })
-        .collect();
+    let sorts =
+        (0..columns.len()).map(|c| sort(records.iter().filter_map(|record| record.get(c)), decimal_comma)).collect();
     Ok(Head {
         bytes,
         skipped: begin as u64,
@@ -140,12 +110,8 @@ impl Head {
             .zip(&self.sorts)
             .enumerate()
             .map(|(c, (column, sort))| {
-                let cells = || {
-                    self.sample
-                        .iter()
-                        .filter_map(move |record| record.get(c))
-                        .filter(|cell| !is_missing(cell))
-                };
+                let cells =
+                    || self.sample.iter().filter_map(move |record| record.get(c)).filter(|cell| !is_missing(cell));
                 let kind = match sort {
                     Sort::Number if cells().all(is_whole) => CandidateKind::Integer,
                     Sort::Number => CandidateKind::Float,
@@ -155,8 +121,9 @@ impl Head {
                     _ => CandidateKind::Other,
                 };
                 let value = |cell: &[u8]| match (sort, number(cell, self.decimal_comma)) {
-                    (Sort::Date, _) => stamp::parse_date(cell.trim_ascii())
-                        .map_or(f64::NAN, |stamp| stamp as f64 * 1e-9),
+                    (Sort::Date, _) => {
+                        stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, |stamp| stamp as f64 * 1e-9)
+                    }
                     (_, Cell::Number(value)) => value,
                     _ => f64::NAN,
                 };
@@ -172,11 +139,7 @@ impl Head {
 
     /// What a column is, as far as the first rows tell.
     pub(super) fn kind(&self, c: usize) -> ColumnKind {
-        let mut cells = self
-            .sample
-            .iter()
-            .filter_map(|record| record.get(c))
-            .filter(|cell| !is_missing(cell));
+        let mut cells = self.sample.iter().filter_map(|record| record.get(c)).filter(|cell| !is_missing(cell));
         match self.sorts[c] {
             Sort::Number if cells.all(is_whole) => ColumnKind::Integer,
             Sort::Number | Sort::Date | Sort::Unknown => ColumnKind::Float,
@@ -188,32 +151,16 @@ impl Head {
 
 /// Refuses what is no text, and says what it seems to be.
 fn check_text(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let wrong = |problem: &str, mend| {
-        Err(Error::WrongFormat {
-            path: path.into(),
-            problem: problem.into(),
-            mend,
-        })
-    };
+    let wrong = |problem: &str, mend| Err(Error::WrongFormat { path: path.into(), problem: problem.into(), mend });
     match bytes {
         [] => wrong("the file is empty", "record or copy it again"),
-        [b'P', b'A', b'R', b'1', ..] => wrong(
-            "this is a Parquet file, not text",
-            "rename it to end in .parquet",
-        ),
-        [0x1f, 0x8b, ..] => wrong(
-            "this is gzip inside",
-            "rename it to end in .gz, or decompress it",
-        ),
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => wrong(
-            "this is Zstandard inside",
-            "rename it to end in .zst, or decompress it",
-        ),
+        [b'P', b'A', b'R', b'1', ..] => wrong("this is a Parquet file, not text", "rename it to end in .parquet"),
+        [0x1f, 0x8b, ..] => wrong("this is gzip inside", "rename it to end in .gz, or decompress it"),
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => wrong("this is Zstandard inside", "rename it to end in .zst, or decompress it"),
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => wrong("the text is UTF-16", "save it as UTF-8"),
-        _ if bytes.contains(&0) => wrong(
-            "it holds zero bytes, so it is no text",
-            "give it the extension of what it is",
-        ),
+        _ if bytes.contains(&0) => {
+            wrong("it holds zero bytes, so it is no text", "give it the extension of what it is")
+        }
         _ => Ok(()),
     }
 }
@@ -221,17 +168,10 @@ fn check_text(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 /// Skips a byte order mark, blank lines and comment lines; a comment right above the rows that has as many fields as they is their header.
 /// Returns where the header or the first row begins.
 fn skip_preamble(bytes: &[u8]) -> usize {
-    let mut at = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
-        3
-    } else {
-        0
-    };
+    let mut at = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) { 3 } else { 0 };
     let mut comment = None;
     while at < bytes.len() {
-        let line = bytes[at..]
-            .split_inclusive(|&byte| byte == b'\n')
-            .next()
-            .unwrap_or_default();
+        let line = bytes[at..].split_inclusive(|&byte| byte == b'\n').next().unwrap_or_default();
         let text = line.trim_ascii();
         if text.first() == Some(&b'#') {
             comment = Some((at, text));
@@ -239,10 +179,7 @@ fn skip_preamble(bytes: &[u8]) -> usize {
             if let Some((start, header)) = comment
                 && is_header_of(header, text)
             {
-                let marks = bytes[start..]
-                    .iter()
-                    .take_while(|&&byte| matches!(byte, b'#' | b' ' | b'\t'))
-                    .count();
+                let marks = bytes[start..].iter().take_while(|&&byte| matches!(byte, b'#' | b' ' | b'\t')).count();
                 return start + marks;
             }
             break;
@@ -259,9 +196,7 @@ fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
         let count = fields(row, delimiter);
         count > 1
             && fields(comment, delimiter) == count
-            && row
-                .split(|&byte| byte == delimiter)
-                .all(|cell| number(cell, delimiter != b',') != Cell::Other)
+            && row.split(|&byte| byte == delimiter).all(|cell| number(cell, delimiter != b',') != Cell::Other)
     })
 }
 
@@ -269,22 +204,10 @@ fn header_column(index: usize, cell: &[u8]) -> Column {
     // A header that is not UTF-8 is Latin-1: its degree signs and micros are then right.
     let text = match std::str::from_utf8(cell) {
         Ok(text) => text.trim().to_owned(),
-        Err(_) => cell
-            .iter()
-            .map(|&byte| char::from(byte))
-            .collect::<String>()
-            .trim()
-            .to_owned(),
+        Err(_) => cell.iter().map(|&byte| char::from(byte)).collect::<String>().trim().to_owned(),
     };
     let unit = split_unit(&text).1.map(str::to_owned);
-    Column {
-        unit,
-        ..Column::float(if text.is_empty() {
-            format!("c{index}")
-        } else {
-            text
-        })
-    }
+    Column { unit, ..Column::float(if text.is_empty() { format!("c{index}") } else { text }) }
 }
 
 /// The delimiter with which the first rows have the same number of fields, and the most of them.
@@ -292,17 +215,10 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> u8 {
     let mut best = (0, b',');
     for delimiter in [b',', b';', b'\t', b'|'] {
         let records = parse(bytes, delimiter, 20, complete);
-        let Some(fields) = records
-            .first()
-            .map(csv::ByteRecord::len)
-            .filter(|&fields| fields > 1)
-        else {
+        let Some(fields) = records.first().map(csv::ByteRecord::len).filter(|&fields| fields > 1) else {
             continue;
         };
-        let agreeing = records
-            .iter()
-            .filter(|record| record.len() == fields)
-            .count();
+        let agreeing = records.iter().filter(|record| record.len() == fields).count();
         let score = agreeing * 1000 / records.len() * 10_000 + fields.min(9999);
         if score > best.0 {
             best = (score, delimiter);
@@ -313,19 +229,9 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> u8 {
 
 /// Complete rows at the beginning of some bytes.
 fn parse(bytes: &[u8], delimiter: u8, limit: usize, complete: bool) -> Vec<csv::ByteRecord> {
-    let end = if complete {
-        bytes.len()
-    } else {
-        bytes
-            .iter()
-            .rposition(|&byte| byte == b'\n')
-            .map_or(0, |at| at + 1)
-    };
-    let mut records: Vec<_> = super::reader(&bytes[..end], delimiter)
-        .into_byte_records()
-        .map_while(Result::ok)
-        .take(limit)
-        .collect();
+    let end = if complete { bytes.len() } else { bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1) };
+    let mut records: Vec<_> =
+        super::reader(&bytes[..end], delimiter).into_byte_records().map_while(Result::ok).take(limit).collect();
     // An unfinished last row of an unfinished file tells nothing.
     if complete && bytes.last() != Some(&b'\n') && records.len() > 2 && records.len() < limit {
         let last = records.len() - 1;
@@ -337,20 +243,11 @@ fn parse(bytes: &[u8], delimiter: u8, limit: usize, complete: bool) -> Vec<csv::
 }
 
 fn writes_comma(records: &[csv::ByteRecord]) -> bool {
-    let cells = || {
-        records
-            .iter()
-            .flat_map(|record| record.iter())
-            .filter(|cell| !is_missing(cell))
-    };
+    let cells = || records.iter().flat_map(|record| record.iter()).filter(|cell| !is_missing(cell));
     let with = cells()
-        .filter(|cell| {
-            number(cell, false) == Cell::Other && matches!(number(cell, true), Cell::Number(_))
-        })
+        .filter(|cell| number(cell, false) == Cell::Other && matches!(number(cell, true), Cell::Number(_)))
         .count();
-    let point = cells()
-        .filter(|cell| cell.contains(&b'.') && matches!(number(cell, false), Cell::Number(_)))
-        .count();
+    let point = cells().filter(|cell| cell.contains(&b'.') && matches!(number(cell, false), Cell::Number(_))).count();
     with > point
 }
 

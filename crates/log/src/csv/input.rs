@@ -15,17 +15,11 @@ const MAX_ROW: usize = 64 << 20;
 
 /// Opens a file and decompresses it.
 pub(super) fn open(path: &Path, compression: Compression) -> Result<Box<dyn Read>, Error> {
-    let io = |source| Error::Io {
-        path: path.into(),
-        action: "read",
-        source,
-    };
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
     let file = File::open(path).map_err(io)?;
     Ok(match compression {
         Compression::None => Box::new(file),
-        Compression::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(
-            BufReader::with_capacity(1 << 16, file),
-        )),
+        Compression::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(1 << 16, file))),
         Compression::Zstd => Box::new(zstd::Decoder::new(file).map_err(io)?),
     })
 }
@@ -58,13 +52,7 @@ impl Watch {
 impl<R: Read> Watched<R> {
     pub(super) fn new(inner: R) -> (Self, Watch) {
         let shared = Watch::default();
-        (
-            Self {
-                inner,
-                shared: shared.clone(),
-            },
-            shared,
-        )
+        (Self { inner, shared: shared.clone() }, shared)
     }
 }
 
@@ -85,33 +73,17 @@ impl<R: Read> Read for Watched<R> {
 }
 
 /// What went wrong while reading, as far as the operating system and the decompressors tell.
-pub(super) fn read_error(
-    path: &Path,
-    compression: Compression,
-    place: String,
-    source: io::Error,
-) -> Error {
+pub(super) fn read_error(path: &Path, compression: Compression, place: String, source: io::Error) -> Error {
     let mend = match (compression, source.kind()) {
         (Compression::None, io::ErrorKind::InvalidData) => {
             "close the quote, or give the file the extension of what it is"
         }
         (Compression::None, _) => {
-            return Error::Io {
-                path: path.into(),
-                action: "read",
-                source,
-            };
+            return Error::Io { path: path.into(), action: "read", source };
         }
-        _ => {
-            "the compressed file is cut or damaged: copy it again, or save what is left with `zcat` or `zstdcat`"
-        }
+        _ => "the compressed file is cut or damaged: copy it again, or save what is left with `zcat` or `zstdcat`",
     };
-    Error::Damaged {
-        path: path.into(),
-        place,
-        problem: source.to_string(),
-        mend,
-    }
+    Error::Damaged { path: path.into(), place, problem: source.to_string(), mend }
 }
 
 /// The line, from 1, of the row that begins at `offset` or after the blank and comment lines there. Reads the file again: only for messages.
@@ -121,10 +93,7 @@ pub(super) fn line_of(path: &Path, compression: Compression, offset: u64) -> u64
     };
     let mut line = 1;
     let mut bytes = BufReader::with_capacity(1 << 16, input).bytes();
-    for byte in bytes
-        .by_ref()
-        .take(usize::try_from(offset).unwrap_or(usize::MAX))
-    {
+    for byte in bytes.by_ref().take(usize::try_from(offset).unwrap_or(usize::MAX)) {
         line += u64::from(matches!(byte, Ok(b'\n')));
     }
     let mut comment = false;

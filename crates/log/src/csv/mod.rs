@@ -32,17 +32,8 @@ pub(crate) struct Description {
 pub(crate) fn describe(path: &Path, compression: Compression) -> Result<Description, Error> {
     let (head, _) = head::open(path, compression)?;
     let clock = time_column::choose(&head.candidates(), &TimeSpec::Auto);
-    let columns = (0..head.columns.len())
-        .map(|c| Column {
-            kind: head.kind(c),
-            ..head.columns[c].clone()
-        })
-        .collect();
-    Ok(Description {
-        columns,
-        clock,
-        notes: head.notes,
-    })
+    let columns = (0..head.columns.len()).map(|c| Column { kind: head.kind(c), ..head.columns[c].clone() }).collect();
+    Ok(Description { columns, clock, notes: head.notes })
 }
 
 /// Decodes the selected columns of a file.
@@ -53,63 +44,30 @@ pub(crate) fn open(
     budget: &Arc<Budget>,
 ) -> Result<Opened, Error> {
     let (head, stream) = head::open(path, compression)?;
-    let fields = selection
-        .columns
-        .iter()
-        .map(|name| find(path, &head, name))
-        .collect::<Result<Vec<_>, _>>()?;
+    let fields = selection.columns.iter().map(|name| find(path, &head, name)).collect::<Result<Vec<_>, _>>()?;
     let clock = find_clock(path, &head, &selection.time)?;
-    let time = clock.as_ref().map(|clock| TimeField {
-        field: clock.column,
-        unit: clock.unit,
-        sort: head.sorts[clock.column],
-    });
+    let time =
+        clock.as_ref().map(|clock| TimeField { field: clock.column, unit: clock.unit, sort: head.sorts[clock.column] });
     let mut notes = head.notes.clone();
     notes.extend(clock.as_ref().and_then(|clock| clock.assumed.clone()));
-    let assumed_unit = clock
-        .as_ref()
-        .filter(|clock| clock.assumed.is_some())
-        .map(|clock| clock.unit);
+    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
     let time_column = clock.map(|clock| head.columns[clock.column].name.clone());
-    let plan = Plan {
-        path,
-        compression,
-        head,
-        fields,
-        time,
-    };
+    let plan = Plan { path, compression, head, fields, time };
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
-    let table = CsvTable {
-        store: decoded.store,
-        columns: decoded.columns,
-        has_time: time_column.is_some(),
-    };
-    Ok(Opened {
-        table: Box::new(table),
-        assumed_unit,
-        time_column,
-        notes,
-    })
+    let table = CsvTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes })
 }
 
 fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {
     let mut matching = (0..head.columns.len()).filter(|&c| head.columns[c].name == name);
     let Some(first) = matching.next() else {
         let nearest = nearest(name, head.columns.iter().map(|column| column.name.as_str()));
-        return Err(Error::MissingColumn {
-            path: path.into(),
-            column: name.into(),
-            nearest,
-        });
+        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
     };
     match matching.count() {
         0 => Ok(first),
-        more => Err(Error::AmbiguousColumn {
-            path: path.into(),
-            column: name.into(),
-            count: more + 1,
-        }),
+        more => Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 }),
     }
 }
 
@@ -124,15 +82,8 @@ fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>
     match time_column::choose(&head.candidates(), spec) {
         Some(clock) => Ok(Some(clock)),
         None => {
-            let names: Vec<&str> = head
-                .columns
-                .iter()
-                .map(|column| column.name.as_str())
-                .collect();
-            Err(Error::NoTimeColumn {
-                path: path.into(),
-                columns: list(&names),
-            })
+            let names: Vec<&str> = head.columns.iter().map(|column| column.name.as_str()).collect();
+            Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
         }
     }
 }
@@ -169,11 +120,7 @@ impl Table for CsvTable {
     }
 
     fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        if self.has_time {
-            self.store.stamps(rows)
-        } else {
-            Ok(Vec::new().into())
-        }
+        if self.has_time { self.store.stamps(rows) } else { Ok(Vec::new().into()) }
     }
 
     fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {

@@ -20,10 +20,7 @@ impl Buffers {
         length: usize,
         fill: impl FnOnce(&mut [u8]) -> Result<(), E>,
     ) -> Result<Bytes, E> {
-        let mut buffer = Lent {
-            bytes: self.take(length),
-            home: self.clone(),
-        };
+        let mut buffer = Lent { bytes: self.take(length), home: self.clone() };
         fill(&mut buffer.bytes[..length])?;
         Ok(Bytes::from_owner(buffer).slice(..length))
     }
@@ -31,14 +28,8 @@ impl Buffers {
     fn take(&self, length: usize) -> Vec<u8> {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         // The smallest that is large enough, and not far too large.
-        let fits = idle
-            .iter()
-            .enumerate()
-            .filter(|(_, buffer)| (length..=4 * length).contains(&buffer.len()));
-        match fits
-            .min_by_key(|(_, buffer)| buffer.len())
-            .map(|(at, _)| at)
-        {
+        let fits = idle.iter().enumerate().filter(|(_, buffer)| (length..=4 * length).contains(&buffer.len()));
+        match fits.min_by_key(|(_, buffer)| buffer.len()).map(|(at, _)| at) {
             Some(at) => idle.swap_remove(at),
             None => {
                 drop(idle);
@@ -93,10 +84,7 @@ mod tests {
         drop(first);
         let third = buffers.filled(60, fill(3)).unwrap();
         assert_eq!(&third[..], [3; 60]);
-        assert!(
-            buffers.idle.lock().unwrap().is_empty(),
-            "the first buffer was taken again"
-        );
+        assert!(buffers.idle.lock().unwrap().is_empty(), "the first buffer was taken again");
         assert!(buffers.filled(10, |_| Err(())).is_err());
         drop((second, third));
         assert_eq!(buffers.idle.lock().unwrap().len(), 3);

@@ -10,8 +10,8 @@ use bytes::Bytes;
 use parquet::{
     column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader},
     data_type::{
-        BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type,
-        Int64Type, Int96Type,
+        BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
+        Int96Type,
     },
     errors::{ParquetError, Result},
     file::{
@@ -57,18 +57,13 @@ impl ChunkReader for FileBytes {
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
-        if start
-            .checked_add(length as u64)
-            .is_none_or(|end| end > self.length)
-        {
+        if start.checked_add(length as u64).is_none_or(|end| end > self.length) {
             return Err(ParquetError::EOF(format!(
                 "{length} bytes at {start} lie outside the file of {} bytes",
                 self.length
             )));
         }
-        Ok(self
-            .buffers
-            .filled(length, |buffer| read_exact_at(&self.file, buffer, start))?)
+        Ok(self.buffers.filled(length, |buffer| read_exact_at(&self.file, buffer, start))?)
     }
 }
 
@@ -100,9 +95,7 @@ impl Read for HeaderReader {
 
 fn read_some_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
     let left = file.metadata()?.len().saturating_sub(offset);
-    let count = usize::try_from(left)
-        .unwrap_or(usize::MAX)
-        .min(buffer.len());
+    let count = usize::try_from(left).unwrap_or(usize::MAX).min(buffer.len());
     read_exact_at(file, &mut buffer[..count], offset)?;
     Ok(count)
 }
@@ -121,14 +114,8 @@ enum Values {
     Int96(ColumnReaderImpl<Int96Type>, Vec<parquet::data_type::Int96>),
     Float(ColumnReaderImpl<FloatType>, Vec<f32>),
     Double(ColumnReaderImpl<DoubleType>, Vec<f64>),
-    Bytes(
-        ColumnReaderImpl<ByteArrayType>,
-        Vec<parquet::data_type::ByteArray>,
-    ),
-    Fixed(
-        ColumnReaderImpl<FixedLenByteArrayType>,
-        Vec<parquet::data_type::FixedLenByteArray>,
-    ),
+    Bytes(ColumnReaderImpl<ByteArrayType>, Vec<parquet::data_type::ByteArray>),
+    Fixed(ColumnReaderImpl<FixedLenByteArrayType>, Vec<parquet::data_type::FixedLenByteArray>),
 }
 
 impl ChunkDecoder {
@@ -150,15 +137,9 @@ impl ChunkDecoder {
             ColumnReader::FloatColumnReader(reader) => Values::Float(reader, Vec::new()),
             ColumnReader::DoubleColumnReader(reader) => Values::Double(reader, Vec::new()),
             ColumnReader::ByteArrayColumnReader(reader) => Values::Bytes(reader, Vec::new()),
-            ColumnReader::FixedLenByteArrayColumnReader(reader) => {
-                Values::Fixed(reader, Vec::new())
-            }
+            ColumnReader::FixedLenByteArrayColumnReader(reader) => Values::Fixed(reader, Vec::new()),
         };
-        Ok(Self {
-            values,
-            levels: Vec::new(),
-            full_level,
-        })
+        Ok(Self { values, levels: Vec::new(), full_level })
     }
 
     /// Skips rows.
@@ -177,77 +158,44 @@ impl ChunkDecoder {
     }
 
     /// Appends the next rows, converted.
-    pub(super) fn read<W: Word>(
-        &mut self,
-        rows: usize,
-        rule: &Rule,
-        out: &mut Vec<W>,
-    ) -> Result<()> {
-        let Self {
-            values,
-            levels,
-            full_level,
-        } = self;
+    pub(super) fn read<W: Word>(&mut self, rows: usize, rule: &Rule, out: &mut Vec<W>) -> Result<()> {
+        let Self { values, levels, full_level } = self;
         let full = *full_level;
         match values {
             Values::Bool(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| {
-                    W::from_int(i64::from(value), rule)
-                })
+                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(i64::from(value), rule))
             }
             Values::Int32(reader, buffer) => {
                 let unsigned = matches!(rule.meaning, Meaning::Integer { unsigned: true });
                 let widen = |value: i32| {
-                    if unsigned {
-                        i64::from(value as u32)
-                    } else {
-                        i64::from(value)
-                    }
+                    if unsigned { i64::from(value as u32) } else { i64::from(value) }
                 };
-                pull(reader, rows, full, levels, buffer, out, |&value| {
-                    W::from_int(widen(value), rule)
-                })
+                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(widen(value), rule))
             }
             Values::Int64(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| {
-                    W::from_int(value, rule)
-                })
+                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(value, rule))
             }
             Values::Int96(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |value| {
-                    W::from_int(int96_nanoseconds(value), rule)
-                })
+                pull(reader, rows, full, levels, buffer, out, |value| W::from_int(int96_nanoseconds(value), rule))
             }
             Values::Float(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| {
-                    W::from_float(f64::from(value), rule)
-                })
+                pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(f64::from(value), rule))
             }
             Values::Double(reader, buffer) => match W::as_doubles(out) {
                 Some(doubles) => pull_doubles(reader, rows, full, levels, doubles),
-                None => pull(reader, rows, full, levels, buffer, out, |&value| {
-                    W::from_float(value, rule)
-                }),
+                None => pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(value, rule)),
             },
             Values::Bytes(reader, buffer) => match rule.meaning {
-                Meaning::Decimal { scale } => {
-                    pull(reader, rows, full, levels, buffer, out, |value| {
-                        W::from_float(decimal_bytes(value.data(), scale), rule)
-                    })
-                }
-                _ => pull(reader, rows, full, levels, buffer, out, |value| {
-                    W::from_text(value.data(), rule)
+                Meaning::Decimal { scale } => pull(reader, rows, full, levels, buffer, out, |value| {
+                    W::from_float(decimal_bytes(value.data(), scale), rule)
                 }),
+                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_text(value.data(), rule)),
             },
             Values::Fixed(reader, buffer) => match rule.meaning {
-                Meaning::Decimal { scale } => {
-                    pull(reader, rows, full, levels, buffer, out, |value| {
-                        W::from_float(decimal_bytes(value.data(), scale), rule)
-                    })
-                }
-                _ => pull(reader, rows, full, levels, buffer, out, |value| {
-                    W::from_float(half(value.data()), rule)
+                Meaning::Decimal { scale } => pull(reader, rows, full, levels, buffer, out, |value| {
+                    W::from_float(decimal_bytes(value.data(), scale), rule)
                 }),
+                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_float(half(value.data()), rule)),
             },
         }
     }
@@ -270,10 +218,7 @@ fn enough(found: usize, wanted: usize) -> Result<()> {
     if found == wanted {
         Ok(())
     } else {
-        Err(ParquetError::EOF(format!(
-            "{} rows are missing",
-            wanted.saturating_sub(found)
-        )))
+        Err(ParquetError::EOF(format!("{} rows are missing", wanted.saturating_sub(found))))
     }
 }
 
@@ -289,21 +234,18 @@ fn pull<T: DataType, W: Word>(
 ) -> Result<()> {
     buffer.clear();
     levels.clear();
-    let (read, present, _) =
-        reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, buffer)?;
+    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, buffer)?;
     enough(read, rows)?;
     if present == read {
         out.extend(buffer.iter().map(convert));
         return Ok(());
     }
     let mut values = buffer.iter();
-    out.extend(levels.iter().map(|&level| {
-        if level == full_level {
-            values.next().map_or(W::NONE, &convert)
-        } else {
-            W::NONE
-        }
-    }));
+    out.extend(levels.iter().map(
+        |&level| {
+            if level == full_level { values.next().map_or(W::NONE, &convert) } else { W::NONE }
+        },
+    ));
     Ok(())
 }
 
@@ -317,8 +259,7 @@ fn pull_doubles(
 ) -> Result<()> {
     let start = out.len();
     levels.clear();
-    let (read, present, _) =
-        reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, out)?;
+    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, out)?;
     enough(read, rows)?;
     if present == read {
         return Ok(());

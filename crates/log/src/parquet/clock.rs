@@ -45,41 +45,19 @@ fn bare_candidate(leaf: &Leaf) -> Candidate {
         Meaning::Time { .. } => CandidateKind::Time,
         _ => CandidateKind::Other,
     };
-    Candidate {
-        name: leaf.name.clone(),
-        unit: leaf.unit.clone(),
-        kind,
-        sample: Vec::new(),
-    }
+    Candidate { name: leaf.name.clone(), unit: leaf.unit.clone(), kind, sample: Vec::new() }
 }
 
 /// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.
 fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
-    let rule = Rule {
-        meaning: leaf.meaning.clone(),
-        unit: TimeUnit::Seconds,
-        names: Vec::new(),
-    };
+    let rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
     if leaf.meaning == Meaning::Text {
         let mut stamps: Vec<i64> = Vec::new();
-        first_rows(file, leaf, |decoder, rows| {
-            decoder.read(rows, &rule, &mut stamps)
-        });
-        return stamps
-            .iter()
-            .map(|&stamp| {
-                if stamp == MISSING {
-                    f64::NAN
-                } else {
-                    stamp as f64 * 1e-9
-                }
-            })
-            .collect();
+        first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut stamps));
+        return stamps.iter().map(|&stamp| if stamp == MISSING { f64::NAN } else { stamp as f64 * 1e-9 }).collect();
     }
     let mut values: Vec<f64> = Vec::new();
-    first_rows(file, leaf, |decoder, rows| {
-        decoder.read(rows, &rule, &mut values)
-    });
+    first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut values));
     values
 }
 
@@ -87,11 +65,7 @@ fn sample_dates(file: &ParquetFile, leaf: &Leaf) -> bool {
     let (mut dates, mut others) = (0, 0);
     first_rows(file, leaf, |decoder, rows| {
         decoder.texts(rows.min(8), |text| {
-            *if stamp::parse_date(text.trim_ascii()).is_some() {
-                &mut dates
-            } else {
-                &mut others
-            } += 1
+            *if stamp::parse_date(text.trim_ascii()).is_some() { &mut dates } else { &mut others } += 1
         })
     });
     dates > others

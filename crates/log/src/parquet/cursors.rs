@@ -95,19 +95,8 @@ impl Cursors {
         state.next += 1;
         let id = state.next;
         let from = rows.start;
-        state.reads.push(Read {
-            id,
-            file,
-            rows,
-            done: 0,
-        });
-        Turn {
-            cursors: self,
-            id,
-            file,
-            from,
-            keep: keep.max(TAIL),
-        }
+        state.reads.push(Read { id, file, rows, done: 0 });
+        Turn { cursors: self, id, file, from, keep: keep.max(TAIL) }
     }
 }
 
@@ -115,28 +104,15 @@ impl Turn<'_> {
     /// The best decoder for the row `row` of a row group that begins at `group_start`, for the `order`-th column of this read.
     ///
     /// Waits for a read that is about to leave its decoder there.
-    pub(super) fn take(
-        &self,
-        order: usize,
-        key: Key,
-        group_start: usize,
-        row: usize,
-    ) -> Option<Cursor> {
+    pub(super) fn take(&self, order: usize, key: Key, group_start: usize, row: usize) -> Option<Cursor> {
         let mut state = self.cursors.lock();
         while state.reads.iter().any(|read| {
-            let ahead = read.file == self.file
-                && read.rows.start < self.from
-                && read.done <= order
-                && read.id != self.id;
-            let reaches = read.rows.end > group_start
-                && (self.from..=self.from + self.keep).contains(&read.rows.end);
+            let ahead =
+                read.file == self.file && read.rows.start < self.from && read.done <= order && read.id != self.id;
+            let reaches = read.rows.end > group_start && (self.from..=self.from + self.keep).contains(&read.rows.end);
             ahead && reaches
         }) {
-            state = self
-                .cursors
-                .changed
-                .wait(state)
-                .unwrap_or_else(PoisonError::into_inner);
+            state = self.cursors.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         let usable = |cursor: &Cursor| cursor.row - cursor.tail.len() <= row;
         let best = state

@@ -15,16 +15,8 @@ const MAX_LENGTH: u64 = 1 << 30;
 
 /// Reads and checks the bytes of the footer of a file of `length` bytes.
 pub(super) fn read(path: &Path, file: &File, length: u64) -> Result<Vec<u8>, Error> {
-    let io = |source| Error::Io {
-        path: path.into(),
-        action: "read",
-        source,
-    };
-    let wrong = |problem: &str, mend| Error::WrongFormat {
-        path: path.into(),
-        problem: problem.into(),
-        mend,
-    };
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
+    let wrong = |problem: &str, mend| Error::WrongFormat { path: path.into(), problem: problem.into(), mend };
     if length == 0 {
         return Err(wrong("the file is empty", "record or copy it again"));
     }
@@ -42,10 +34,7 @@ pub(super) fn read(path: &Path, file: &File, length: u64) -> Result<Vec<u8>, Err
         }
     }
     let truncated = || {
-        wrong(
-            "the file ends early: its footer is missing",
-            "copy it again, or let the program that writes it finish",
-        )
+        wrong("the file ends early: its footer is missing", "copy it again, or let the program that writes it finish")
     };
     if length < 12 {
         return Err(truncated());
@@ -59,10 +48,7 @@ pub(super) fn read(path: &Path, file: &File, length: u64) -> Result<Vec<u8>, Err
         _ => return Err(truncated()),
     }
     if size > length - 12 || size > MAX_LENGTH {
-        return Err(damaged(
-            path,
-            &format!("it claims {size} bytes in a file of {length}"),
-        ));
+        return Err(damaged(path, &format!("it claims {size} bytes in a file of {length}")));
     }
     let mut bytes = vec![0; size as usize];
     read_exact_at(file, &mut bytes, length - 8 - size).map_err(io)?;
@@ -84,11 +70,7 @@ fn check(bytes: &[u8]) -> Result<(), &'static str> {
     let mut walk = Walk { bytes };
     let mut last = 0;
     while let Some((kind, id)) = walk.field(&mut last)? {
-        if id == 2 && kind == 9 {
-            walk.schema()?
-        } else {
-            walk.skip(kind, 0)?
-        }
+        if id == 2 && kind == 9 { walk.schema()? } else { walk.skip(kind, 0)? }
     }
     Ok(())
 }
@@ -145,11 +127,7 @@ impl Walk<'_> {
     /// The element type and the length of a list.
     fn list(&mut self) -> Result<(u8, u64), &'static str> {
         let head = self.byte()?;
-        let count = if head >> 4 == 15 {
-            self.varint()?
-        } else {
-            u64::from(head >> 4)
-        };
+        let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
         if count > self.bytes.len() as u64 {
             return Err("a list in it is longer than it");
         }
@@ -173,11 +151,7 @@ impl Walk<'_> {
                 let (element, count) = self.list()?;
                 for _ in 0..count {
                     // Truth values take a byte in a list, and none in a structure.
-                    if element <= 2 {
-                        self.byte().map(drop)?
-                    } else {
-                        self.skip(element, depth + 1)?
-                    }
+                    if element <= 2 { self.byte().map(drop)? } else { self.skip(element, depth + 1)? }
                 }
                 Ok(())
             }
@@ -244,10 +218,7 @@ mod tests {
     fn schemas_that_lie_or_nest_without_end_are_refused() {
         // One element with 1000 children (zigzag varint 2000) in a list of one.
         let lying = [0x29, 0x1c, 0x55, 0xd0, 0x0f, 0x00, 0x00];
-        assert_eq!(
-            check(&lying),
-            Err("its schema claims more columns than it lists")
-        );
+        assert_eq!(check(&lying), Err("its schema claims more columns than it lists"));
         let mut deep = vec![0x29, 0xfc, 0xe8, 0x07];
         for _ in 0..1000 {
             deep.extend([0x55, 0x02, 0x00]);
@@ -258,9 +229,7 @@ mod tests {
 
     #[test]
     fn cut_footers_are_refused() {
-        let whole = [
-            0x15, 0x02, 0x29, 0x1c, 0x48, 0x01, b'm', 0x15, 0x00, 0x00, 0x16, 0x00, 0x00,
-        ];
+        let whole = [0x15, 0x02, 0x29, 0x1c, 0x48, 0x01, b'm', 0x15, 0x00, 0x00, 0x16, 0x00, 0x00];
         assert_eq!(check(&whole), Ok(()));
         for end in 0..whole.len() {
             assert!(check(&whole[..end]).is_err(), "{end}");

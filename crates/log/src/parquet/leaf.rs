@@ -58,12 +58,7 @@ pub(super) fn leaves(schema: &SchemaDescriptor, arrow: Option<&Fields>) -> Vec<L
         .map(|index| {
             let descriptor = schema.column(index);
             let unit = arrow.and_then(|fields| unit(fields, descriptor.path().parts()));
-            Leaf {
-                index,
-                name: descriptor.path().string(),
-                unit,
-                meaning: meaning(&descriptor),
-            }
+            Leaf { index, name: descriptor.path().string(), unit, meaning: meaning(&descriptor) }
         })
         .collect()
 }
@@ -72,11 +67,7 @@ fn unit(fields: &Fields, path: &[String]) -> Option<String> {
     let (first, rest) = path.split_first()?;
     let field = fields.iter().find(|field| field.name() == first)?;
     match (rest.is_empty(), field.data_type()) {
-        (true, _) => field
-            .metadata()
-            .get("unit")
-            .or_else(|| field.metadata().get("units"))
-            .cloned(),
+        (true, _) => field.metadata().get("unit").or_else(|| field.metadata().get("units")).cloned(),
         (false, DataType::Struct(children)) => unit(children, rest),
         _ => None,
     }
@@ -88,11 +79,8 @@ fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
     }
     let logical = descriptor.logical_type_ref();
     let converted = descriptor.converted_type();
-    let decimal = || Meaning::Decimal {
-        scale: descriptor.type_scale().max(0),
-    };
-    let is_decimal =
-        matches!(logical, Some(LogicalType::Decimal(_))) || converted == ConvertedType::DECIMAL;
+    let decimal = || Meaning::Decimal { scale: descriptor.type_scale().max(0) };
+    let is_decimal = matches!(logical, Some(LogicalType::Decimal(_))) || converted == ConvertedType::DECIMAL;
     match descriptor.physical_type() {
         Physical::BOOLEAN => Meaning::Boolean,
         Physical::FLOAT | Physical::DOUBLE => Meaning::Float,
@@ -101,8 +89,9 @@ fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
         Physical::INT32 | Physical::INT64 => whole(logical, converted),
         Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY if is_decimal => decimal(),
         Physical::BYTE_ARRAY => match (logical, converted) {
-            (Some(LogicalType::String | LogicalType::Enum), _)
-            | (None, ConvertedType::UTF8 | ConvertedType::ENUM) => Meaning::Text,
+            (Some(LogicalType::String | LogicalType::Enum), _) | (None, ConvertedType::UTF8 | ConvertedType::ENUM) => {
+                Meaning::Text
+            }
             (Some(other), _) => Meaning::Unsupported(format!("{other:?}")),
             _ => Meaning::Unsupported("binary".into()),
         },
@@ -115,32 +104,17 @@ fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
 
 fn whole(logical: Option<&LogicalType>, converted: ConvertedType) -> Meaning {
     match logical {
-        Some(LogicalType::Date) => Meaning::Time {
-            nanoseconds: 86_400_000_000_000,
-        },
-        Some(LogicalType::Timestamp(kind)) => Meaning::Time {
-            nanoseconds: nanoseconds(&kind.unit),
-        },
-        Some(LogicalType::Time(kind)) => Meaning::Time {
-            nanoseconds: nanoseconds(&kind.unit),
-        },
-        Some(LogicalType::Integer(kind)) => Meaning::Integer {
-            unsigned: !kind.is_signed,
-        },
+        Some(LogicalType::Date) => Meaning::Time { nanoseconds: 86_400_000_000_000 },
+        Some(LogicalType::Timestamp(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit) },
+        Some(LogicalType::Time(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit) },
+        Some(LogicalType::Integer(kind)) => Meaning::Integer { unsigned: !kind.is_signed },
         _ => match converted {
-            ConvertedType::DATE => Meaning::Time {
-                nanoseconds: 86_400_000_000_000,
-            },
-            ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS => Meaning::Time {
-                nanoseconds: 1_000_000,
-            },
-            ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS => {
-                Meaning::Time { nanoseconds: 1_000 }
+            ConvertedType::DATE => Meaning::Time { nanoseconds: 86_400_000_000_000 },
+            ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS => Meaning::Time { nanoseconds: 1_000_000 },
+            ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS => Meaning::Time { nanoseconds: 1_000 },
+            ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64 => {
+                Meaning::Integer { unsigned: true }
             }
-            ConvertedType::UINT_8
-            | ConvertedType::UINT_16
-            | ConvertedType::UINT_32
-            | ConvertedType::UINT_64 => Meaning::Integer { unsigned: true },
             _ => Meaning::Integer { unsigned: false },
         },
     }
@@ -199,13 +173,8 @@ impl Word for f64 {
             // Seconds, split so that the fraction keeps its digits as far as f64 goes.
             Meaning::Time { nanoseconds } => {
                 let per_second = (1_000_000_000 / nanoseconds).max(1);
-                let seconds = if nanoseconds > 1_000_000_000 {
-                    nanoseconds / 1_000_000_000
-                } else {
-                    1
-                };
-                (value / per_second) as f64 * seconds as f64
-                    + (value % per_second) as f64 / per_second as f64
+                let seconds = if nanoseconds > 1_000_000_000 { nanoseconds / 1_000_000_000 } else { 1 };
+                (value / per_second) as f64 * seconds as f64 + (value % per_second) as f64 / per_second as f64
             }
             _ => value as f64,
         }
@@ -216,9 +185,7 @@ impl Word for f64 {
     }
 
     fn from_text(text: &[u8], rule: &Rule) -> Self {
-        rule.names
-            .binary_search_by(|name| name.as_bytes().cmp(text))
-            .map_or(f64::NAN, |code| code as f64)
+        rule.names.binary_search_by(|name| name.as_bytes().cmp(text)).map_or(f64::NAN, |code| code as f64)
     }
 }
 
@@ -242,8 +209,7 @@ impl Word for i64 {
             Meaning::Time { nanoseconds } => value.checked_mul(nanoseconds).unwrap_or(MISSING),
             Meaning::Integer { unsigned: true } if value < 0 => MISSING,
             Meaning::Decimal { scale } => {
-                stamp::parse_decimal(format!("{value}e-{scale}").as_bytes(), rule.unit)
-                    .unwrap_or(MISSING)
+                stamp::parse_decimal(format!("{value}e-{scale}").as_bytes(), rule.unit).unwrap_or(MISSING)
             }
             _ => stamp::from_i64(value, rule.unit),
         }
@@ -255,9 +221,7 @@ impl Word for i64 {
 
     fn from_text(text: &[u8], rule: &Rule) -> Self {
         let text = text.trim_ascii();
-        stamp::parse_date(text)
-            .or_else(|| stamp::parse_decimal(text, rule.unit))
-            .unwrap_or(MISSING)
+        stamp::parse_date(text).or_else(|| stamp::parse_decimal(text, rule.unit)).unwrap_or(MISSING)
     }
 }
 
@@ -276,11 +240,7 @@ pub(super) fn decimal_bytes(bytes: &[u8], scale: i32) -> f64 {
     let negative = bytes.first().is_some_and(|&first| first & 0x80 != 0);
     let mut value = if negative { -1.0f64 } else { 0.0 };
     if bytes.len() <= 16 {
-        let exact = bytes
-            .iter()
-            .fold(if negative { -1i128 } else { 0 }, |value, &byte| {
-                value << 8 | i128::from(byte)
-            });
+        let exact = bytes.iter().fold(if negative { -1i128 } else { 0 }, |value, &byte| value << 8 | i128::from(byte));
         return exact as f64 / 10f64.powi(scale);
     }
     for &byte in bytes {
@@ -300,11 +260,7 @@ pub(super) fn half(bytes: &[u8]) -> f64 {
         31 => f64::NAN,
         _ => (1.0 + fraction / 1024.0) * 2f64.powi(exponent - 15),
     };
-    if bits >> 15 == 1 {
-        -magnitude
-    } else {
-        magnitude
-    }
+    if bits >> 15 == 1 { -magnitude } else { magnitude }
 }
 
 #[cfg(test)]
@@ -339,11 +295,8 @@ mod tests {
 
     #[test]
     fn times_as_seconds_and_as_stamps() {
-        let rule = |nanoseconds| Rule {
-            meaning: Meaning::Time { nanoseconds },
-            unit: TimeUnit::Seconds,
-            names: Vec::new(),
-        };
+        let rule =
+            |nanoseconds| Rule { meaning: Meaning::Time { nanoseconds }, unit: TimeUnit::Seconds, names: Vec::new() };
         assert_eq!(f64::from_int(1_500, &rule(1_000_000)), 1.5);
         assert_eq!(f64::from_int(2, &rule(86_400_000_000_000)), 172_800.0);
         assert_eq!(i64::from_int(1_500, &rule(1_000_000)), 1_500_000_000);

@@ -64,11 +64,7 @@ pub(crate) struct ParquetFile {
 impl ParquetFile {
     /// Opens the file again, and makes sure that it is still the same.
     fn reopen(&self) -> Result<Arc<FileBytes>, Error> {
-        let io = |source| Error::Io {
-            path: self.path.clone(),
-            action: "read",
-            source,
-        };
+        let io = |source| Error::Io { path: self.path.clone(), action: "read", source };
         let file = File::open(&self.path).map_err(io)?;
         let now = file.metadata().map_err(io)?;
         if now.len() != self.length || now.modified().ok() != self.modified {
@@ -79,11 +75,7 @@ impl ParquetFile {
                 mend: "wait until it is written, and start again",
             });
         }
-        Ok(Arc::new(FileBytes {
-            file: Arc::new(file),
-            length: self.length,
-            buffers: self.buffers.clone(),
-        }))
+        Ok(Arc::new(FileBytes { file: Arc::new(file), length: self.length, buffers: self.buffers.clone() }))
     }
 
     fn group_rows(&self, group: usize) -> usize {
@@ -91,24 +83,11 @@ impl ParquetFile {
     }
 
     /// A decoder of a leaf at the beginning of a row group.
-    fn decoder(
-        &self,
-        file: &Arc<FileBytes>,
-        leaf: usize,
-        group: usize,
-    ) -> Result<ChunkDecoder, Error> {
+    fn decoder(&self, file: &Arc<FileBytes>, leaf: usize, group: usize) -> Result<ChunkDecoder, Error> {
         let chunk = self.metadata.row_group(group).column(leaf);
         let descriptor = self.metadata.file_metadata().schema_descr().column(leaf);
         let pages = open::page_locations(&self.metadata, group, leaf);
-        self.guarded(leaf, group, || {
-            ChunkDecoder::new(
-                file.clone(),
-                chunk,
-                descriptor,
-                self.group_rows(group),
-                pages,
-            )
-        })
+        self.guarded(leaf, group, || ChunkDecoder::new(file.clone(), chunk, descriptor, self.group_rows(group), pages))
     }
 
     /// Runs a decoder; what fails in it, or panics on bytes that it did not foresee, becomes an error that names the place.
@@ -123,13 +102,7 @@ impl ParquetFile {
             Ok(Err(error)) => error.to_string(),
             Err(_) => "its pages cannot be decoded".into(),
         };
-        let name = self
-            .metadata
-            .file_metadata()
-            .schema_descr()
-            .column(leaf)
-            .path()
-            .string();
+        let name = self.metadata.file_metadata().schema_descr().column(leaf).path().string();
         Err(Error::Damaged {
             path: self.path.clone(),
             place: format!("column `{name}`, row group {group}"),
@@ -173,11 +146,7 @@ impl ParquetTable {
             let end = start + self.file.group_rows(group);
             let to = rows.end.min(end);
             if at < to {
-                let key = Key {
-                    file: self.number,
-                    leaf: *leaf,
-                    group,
-                };
+                let key = Key { file: self.number, leaf: *leaf, group };
                 let mut cursor = match turn.take(order, key, start, at - start) {
                     Some(cursor) => cursor,
                     None => Cursor {
@@ -187,13 +156,7 @@ impl ParquetTable {
                     },
                 };
                 self.file.guarded(*leaf, group, || {
-                    advance(
-                        &mut cursor,
-                        at - start..to - start,
-                        rule,
-                        turn.keep,
-                        &mut out,
-                    )
+                    advance(&mut cursor, at - start..to - start, rule, turn.keep, &mut out)
                 })?;
                 if cursor.row == end - start {
                     cursor.decoder = None;
@@ -208,10 +171,7 @@ impl ParquetTable {
     }
 
     fn handle(&self) -> Handle<'_> {
-        Handle {
-            file: &self.file,
-            open: OnceLock::new(),
-        }
+        Handle { file: &self.file, open: OnceLock::new() }
     }
 }
 
@@ -228,16 +188,11 @@ fn advance<W: Word>(
     if at < cursor.row {
         let tail_start = cursor.row - cursor.tail.len();
         let to = rows.end.min(cursor.row);
-        out.extend(
-            cursor.tail[at - tail_start..to - tail_start]
-                .iter()
-                .map(|&bits| W::from_bits(bits)),
-        );
+        out.extend(cursor.tail[at - tail_start..to - tail_start].iter().map(|&bits| W::from_bits(bits)));
         at = to;
     }
     if at < rows.end {
-        let decoder = (cursor.decoder.as_mut())
-            .ok_or_else(|| ParquetError::EOF("the row group is through".into()))?;
+        let decoder = (cursor.decoder.as_mut()).ok_or_else(|| ParquetError::EOF("the row group is through".into()))?;
         if at > cursor.row {
             decoder.skip(at - cursor.row)?;
         }
@@ -245,11 +200,7 @@ fn advance<W: Word>(
         cursor.row = rows.end;
         let produced = &out[before..];
         cursor.tail.clear();
-        cursor.tail.extend(
-            produced[produced.len().saturating_sub(keep)..]
-                .iter()
-                .map(|&word| word.to_bits()),
-        );
+        cursor.tail.extend(produced[produced.len().saturating_sub(keep)..].iter().map(|&word| word.to_bits()));
     }
     Ok(())
 }
@@ -267,11 +218,7 @@ impl Table for ParquetTable {
         let mut pieces = Vec::new();
         for (group, &start) in self.starts.iter().enumerate() {
             let end = start + self.file.group_rows(group);
-            pieces.extend(
-                (start..end)
-                    .step_by(PIECE)
-                    .map(|from| from..(from + PIECE).min(end)),
-            );
+            pieces.extend((start..end).step_by(PIECE).map(|from| from..(from + PIECE).min(end)));
         }
         pieces
     }
@@ -293,18 +240,9 @@ impl Table for ParquetTable {
         };
         let mut columns = Vec::with_capacity(self.leaves.len());
         for (order, leaf) in self.leaves.iter().enumerate() {
-            columns.push(ScalarBuffer::from(self.column::<f64>(
-                &turn,
-                &handle,
-                order + 1,
-                leaf,
-                rows.clone(),
-            )?));
+            columns.push(ScalarBuffer::from(self.column::<f64>(&turn, &handle, order + 1, leaf, rows.clone())?));
         }
-        Ok(TableRows {
-            time: time.into(),
-            columns,
-        })
+        Ok(TableRows { time: time.into(), columns })
     }
 }
 

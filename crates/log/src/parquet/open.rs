@@ -27,8 +27,7 @@ use super::{
     leaf::{Leaf, Meaning, Rule, leaves},
 };
 use crate::{
-    Error, Selection, TimeSpec, TimeUnit, error::nearest, recording::Opened, table::TableColumn,
-    time_column::Clock,
+    Error, Selection, TimeSpec, TimeUnit, error::nearest, recording::Opened, table::TableColumn, time_column::Clock,
 };
 
 /// Different texts that a category may have.
@@ -58,29 +57,14 @@ pub(crate) fn describe(path: &Path) -> Result<Description, Error> {
                 Meaning::Unsupported(kind) => Err(kind.clone()),
                 _ => Ok(()),
             };
-            (
-                Column {
-                    name: leaf.name.clone(),
-                    unit: leaf.unit.clone(),
-                    kind: leaf.kind(),
-                },
-                support,
-            )
+            (Column { name: leaf.name.clone(), unit: leaf.unit.clone(), kind: leaf.kind() }, support)
         })
         .collect();
-    Ok(Description {
-        rows,
-        columns,
-        clock,
-    })
+    Ok(Description { rows, columns, clock })
 }
 
 /// Opens a file for reading the selected columns.
-pub(crate) fn open(
-    path: &Path,
-    selection: &Selection,
-    cursors: &Arc<Cursors>,
-) -> Result<Opened, Error> {
+pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -> Result<Opened, Error> {
     let (file, all) = load(path, &cursors.buffers)?;
     let (rows, starts) = check_rows(&file)?;
     let mut columns = Vec::with_capacity(selection.columns.len());
@@ -88,11 +72,7 @@ pub(crate) fn open(
     for name in &selection.columns {
         let leaf = find(path, &all, name)?;
         check_chunks(&file, leaf)?;
-        let mut rule = Rule {
-            meaning: leaf.meaning.clone(),
-            unit: TimeUnit::Seconds,
-            names: Vec::new(),
-        };
+        let mut rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
         let mut kind = leaf.kind();
         let mut empty = false;
         if leaf.meaning == Meaning::Text {
@@ -100,25 +80,12 @@ pub(crate) fn open(
             empty = rule.names.is_empty();
             kind = ColumnKind::Category(rule.names.clone());
         }
-        columns.push(TableColumn {
-            column: Column {
-                name: name.clone(),
-                unit: leaf.unit.clone(),
-                kind,
-            },
-            empty,
-        });
+        columns.push(TableColumn { column: Column { name: name.clone(), unit: leaf.unit.clone(), kind }, empty });
         wanted.push((leaf.index, rule));
     }
     let (time, clock) = open_clock(&file, &all, &selection.time)?;
-    let assumed_unit = clock
-        .as_ref()
-        .filter(|clock| clock.assumed.is_some())
-        .map(|clock| clock.unit);
-    let notes = clock
-        .iter()
-        .filter_map(|clock| clock.assumed.clone())
-        .collect();
+    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
+    let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
     let time_column = clock.map(|clock| all[clock.column].name.clone());
     let table = ParquetTable {
         file,
@@ -130,21 +97,12 @@ pub(crate) fn open(
         time,
         leaves: wanted,
     };
-    Ok(Opened {
-        table: Box::new(table),
-        assumed_unit,
-        time_column,
-        notes,
-    })
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes })
 }
 
 type TimeRule = Option<(usize, Rule)>;
 
-fn open_clock(
-    file: &ParquetFile,
-    all: &[Leaf],
-    spec: &TimeSpec,
-) -> Result<(TimeRule, Option<Clock>), Error> {
+fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(TimeRule, Option<Clock>), Error> {
     if matches!(spec, TimeSpec::Uniform { .. }) {
         return Ok((None, None));
     }
@@ -154,92 +112,52 @@ fn open_clock(
     }
     let Some(clock) = find_clock(file, all, spec) else {
         let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
-        return Err(Error::NoTimeColumn {
-            path: file.path.clone(),
-            columns: list(&names),
-        });
+        return Err(Error::NoTimeColumn { path: file.path.clone(), columns: list(&names) });
     };
     let leaf = &all[clock.column];
     check_chunks(file, leaf)?;
-    let rule = Rule {
-        meaning: leaf.meaning.clone(),
-        unit: clock.unit,
-        names: Vec::new(),
-    };
+    let rule = Rule { meaning: leaf.meaning.clone(), unit: clock.unit, names: Vec::new() };
     Ok((Some((leaf.index, rule)), Some(clock)))
 }
 
 /// A few names for a message.
 pub(crate) fn list(names: &[&str]) -> String {
-    let shown = names
-        .iter()
-        .take(12)
-        .map(|name| format!("`{name}`"))
-        .collect::<Vec<_>>()
-        .join(", ");
-    if names.len() > 12 {
-        format!("{shown} and {} more", names.len() - 12)
-    } else {
-        shown
-    }
+    let shown = names.iter().take(12).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
 }
 
 fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {
     let mut matching = all.iter().filter(|leaf| leaf.name == name);
     let Some(leaf) = matching.next() else {
         let nearest = nearest(name, all.iter().map(|leaf| leaf.name.as_str()));
-        return Err(Error::MissingColumn {
-            path: path.into(),
-            column: name.into(),
-            nearest,
-        });
+        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
     };
     let more = matching.count();
     if more > 0 {
-        return Err(Error::AmbiguousColumn {
-            path: path.into(),
-            column: name.into(),
-            count: more + 1,
-        });
+        return Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 });
     }
     match &leaf.meaning {
-        Meaning::Unsupported(kind) => Err(Error::UnsupportedColumn {
-            path: path.into(),
-            column: name.into(),
-            kind: kind.clone(),
-        }),
+        Meaning::Unsupported(kind) => {
+            Err(Error::UnsupportedColumn { path: path.into(), column: name.into(), kind: kind.clone() })
+        }
         _ => Ok(leaf),
     }
 }
 
 fn load(path: &Path, buffers: &Arc<Buffers>) -> Result<(ParquetFile, Vec<Leaf>), Error> {
-    let io = |source| Error::Io {
-        path: path.into(),
-        action: "read",
-        source,
-    };
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
     let file = File::open(path).map_err(io)?;
     let info = file.metadata().map_err(io)?;
     let length = info.len();
     let bytes = footer::read(path, &file, length)?;
     let metadata = caught(|| ParquetMetaDataReader::decode_metadata(&bytes))
         .map_err(|problem| damaged(path, "its footer", problem))?;
-    let metadata = Arc::new(with_pages(
-        metadata,
-        &FileBytes {
-            file: Arc::new(file),
-            length,
-            buffers: buffers.clone(),
-        },
-    ));
+    let metadata =
+        Arc::new(with_pages(metadata, &FileBytes { file: Arc::new(file), length, buffers: buffers.clone() }));
     let schema = metadata.file_metadata();
     // The Arrow schema only adds units; a file without a valid one is read without them.
-    let arrow =
-        caught(|| parquet_to_arrow_schema(schema.schema_descr(), schema.key_value_metadata())).ok();
-    let leaves = leaves(
-        schema.schema_descr(),
-        arrow.as_ref().map(|schema| schema.fields()),
-    );
+    let arrow = caught(|| parquet_to_arrow_schema(schema.schema_descr(), schema.key_value_metadata())).ok();
+    let leaves = leaves(schema.schema_descr(), arrow.as_ref().map(|schema| schema.fields()));
     let file = ParquetFile {
         path: path.into(),
         metadata: metadata.clone(),
@@ -272,16 +190,8 @@ fn caught<R>(work: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, String
 }
 
 /// The page locations of a chunk, when they make sense.
-pub(super) fn page_locations(
-    metadata: &ParquetMetaData,
-    group: usize,
-    leaf: usize,
-) -> Option<Vec<PageLocation>> {
-    let pages = metadata
-        .offset_index()?
-        .get(group)?
-        .get(leaf)?
-        .page_locations();
+pub(super) fn page_locations(metadata: &ParquetMetaData, group: usize, leaf: usize) -> Option<Vec<PageLocation>> {
+    let pages = metadata.offset_index()?.get(group)?.get(leaf)?.page_locations();
     let chunk = metadata.row_group(group);
     let (start, length) = chunk.column(leaf).byte_range();
     let end = start.checked_add(length)?;
@@ -295,9 +205,7 @@ pub(super) fn page_locations(
         (offset, row) = (at + size, page.first_row_index);
     }
     let first = pages.first()?;
-    let sound = first.first_row_index == 0
-        && row < chunk.num_rows()
-        && first.offset as u64 - start <= i32::MAX as u64;
+    let sound = first.first_row_index == 0 && row < chunk.num_rows() && first.offset as u64 - start <= i32::MAX as u64;
     sound.then(|| pages.clone())
 }
 
@@ -307,19 +215,10 @@ fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
     let mut rows = 0usize;
     for (number, group) in file.metadata.row_groups().iter().enumerate() {
         starts.push(rows);
-        let own = usize::try_from(group.num_rows())
-            .ok()
-            .filter(|&own| own <= MAX_ROWS);
-        rows = own
-            .and_then(|own| rows.checked_add(own))
-            .filter(|&rows| rows <= MAX_ROWS)
-            .ok_or_else(|| {
-                damaged(
-                    &file.path,
-                    format!("row group {number}"),
-                    format!("it claims {} rows", group.num_rows()),
-                )
-            })?;
+        let own = usize::try_from(group.num_rows()).ok().filter(|&own| own <= MAX_ROWS);
+        rows = own.and_then(|own| rows.checked_add(own)).filter(|&rows| rows <= MAX_ROWS).ok_or_else(|| {
+            damaged(&file.path, format!("row group {number}"), format!("it claims {} rows", group.num_rows()))
+        })?;
     }
     Ok((rows, starts))
 }
@@ -332,28 +231,14 @@ pub(super) fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error>
             return Err(damaged(&file.path, place(), "it is not there"));
         };
         if chunk.num_values() != group.num_rows() {
-            let problem = format!(
-                "{} values in a group of {} rows",
-                chunk.num_values(),
-                group.num_rows()
-            );
+            let problem = format!("{} values in a group of {} rows", chunk.num_values(), group.num_rows());
             return Err(damaged(&file.path, place(), problem));
         }
-        let start = chunk
-            .dictionary_page_offset()
-            .unwrap_or(chunk.data_page_offset());
-        let range = u64::try_from(start)
-            .ok()
-            .zip(u64::try_from(chunk.compressed_size()).ok());
-        if range
-            .and_then(|(start, length)| start.checked_add(length))
-            .is_none_or(|end| end > file.length)
-        {
-            let problem = format!(
-                "{} bytes at {start} lie outside the file of {} bytes",
-                chunk.compressed_size(),
-                file.length
-            );
+        let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset());
+        let range = u64::try_from(start).ok().zip(u64::try_from(chunk.compressed_size()).ok());
+        if range.and_then(|(start, length)| start.checked_add(length)).is_none_or(|end| end > file.length) {
+            let problem =
+                format!("{} bytes at {start} lie outside the file of {} bytes", chunk.compressed_size(), file.length);
             return Err(damaged(&file.path, place(), problem));
         }
     }
@@ -389,11 +274,5 @@ fn collect_texts(file: &ParquetFile, leaf: &Leaf) -> Result<Vec<String>, Error> 
         });
     }
     let texts: Result<Vec<String>, _> = all.into_iter().map(String::from_utf8).collect();
-    texts.map_err(|_| {
-        damaged(
-            &file.path,
-            format!("column `{}`", leaf.name),
-            "its texts are not UTF-8",
-        )
-    })
+    texts.map_err(|_| damaged(&file.path, format!("column `{}`", leaf.name), "its texts are not UTF-8"))
 }

@@ -22,11 +22,7 @@ impl AffineMap {
     /// The map with unit standard deviations on the pilot: modified Gram-Schmidt, each projection done twice.
     pub(super) fn from_pilot(base: &[&[f64]]) -> Self {
         let rows = base.first().map_or(0, |column| column.len()) as f64;
-        let mut map = Self {
-            centre: Vec::new(),
-            slopes: Vec::new(),
-            scale: Vec::new(),
-        };
+        let mut map = Self { centre: Vec::new(), slopes: Vec::new(), scale: Vec::new() };
         let mut whitened: Vec<Vec<f64>> = Vec::new();
         for column in base {
             let rough = column.iter().sum::<f64>() / rows;
@@ -37,11 +33,8 @@ impl AffineMap {
             for _ in 0..2 {
                 for (slope, v) in slopes.iter_mut().zip(&whitened) {
                     let size: f64 = v.iter().map(|v| v * v).sum();
-                    let step = if size > 0.0 {
-                        v.iter().zip(&rest).map(|(v, r)| v * r).sum::<f64>() / size
-                    } else {
-                        0.0
-                    };
+                    let step =
+                        if size > 0.0 { v.iter().zip(&rest).map(|(v, r)| v * r).sum::<f64>() / size } else { 0.0 };
                     *slope += step;
                     rest.iter_mut().zip(v).for_each(|(r, v)| *r -= step * v);
                 }
@@ -54,11 +47,7 @@ impl AffineMap {
             }
             // A constant column: any scale will do, the size of its values suits later rows that may vary.
             if deviation <= f64::EPSILON * centre.abs() || deviation < f64::MIN_POSITIVE {
-                deviation = if centre.abs() > f64::MIN_POSITIVE {
-                    centre.abs()
-                } else {
-                    1.0
-                };
+                deviation = if centre.abs() > f64::MIN_POSITIVE { centre.abs() } else { 1.0 };
             }
             let scale = 1.0 / deviation;
             rest.iter_mut().for_each(|r| *r *= scale);
@@ -97,12 +86,7 @@ impl AffineMap {
     pub(super) fn apply(&self, row: &mut [f64]) {
         for k in 0..row.len() {
             let (done, rest) = row.split_at_mut(k);
-            let along: f64 = self
-                .slopes(k)
-                .iter()
-                .zip(done.iter())
-                .map(|(slope, v)| slope * v)
-                .sum();
+            let along: f64 = self.slopes(k).iter().zip(done.iter()).map(|(slope, v)| slope * v).sum();
             rest[0] = (rest[0] - self.centre[k] - along) * self.scale[k];
         }
     }
@@ -120,8 +104,7 @@ impl AffineMap {
                     *target = *target - Double::from(slope) * other;
                 }
             }
-            form.iter_mut()
-                .for_each(|value| *value = *value * Double::from(self.scale[k]));
+            form.iter_mut().for_each(|value| *value = *value * Double::from(self.scale[k]));
             forms.push(form);
         }
         forms
@@ -134,10 +117,7 @@ impl AffineMap {
             .map(|k| {
                 let mut form = vec![Double::default(); m + 1];
                 form[0] = Double::from(self.centre[k]);
-                self.slopes(k)
-                    .iter()
-                    .enumerate()
-                    .for_each(|(l, &slope)| form[1 + l] = Double::from(slope));
+                self.slopes(k).iter().enumerate().for_each(|(l, &slope)| form[1 + l] = Double::from(slope));
                 form[1 + k] = Double::reciprocal(self.scale[k]);
                 form
             })

@@ -32,20 +32,11 @@ impl Expansion {
         for t in 0..coefficients.ncols() {
             let mut sums = vec![Double::default(); self.functions];
             for i in 0..self.functions {
-                let factor = Double::from(if i == 0 {
-                    intercept[t]
-                } else {
-                    coefficients[(i - 1, t)]
-                });
-                sums.iter_mut()
-                    .zip(self.column(i))
-                    .for_each(|(sum, &value)| *sum += factor * value);
+                let factor = Double::from(if i == 0 { intercept[t] } else { coefficients[(i - 1, t)] });
+                sums.iter_mut().zip(self.column(i)).for_each(|(sum, &value)| *sum += factor * value);
             }
             constant[t] = sums[0].to_f64();
-            sums[1..]
-                .iter()
-                .enumerate()
-                .for_each(|(i, sum)| result[(i, t)] = sum.to_f64());
+            sums[1..].iter().enumerate().for_each(|(i, sum)| result[(i, t)] = sum.to_f64());
         }
         (result, constant)
     }
@@ -95,10 +86,7 @@ pub(super) fn to_monomials(
         if exponent[k] > 1
             && let Some((_, before)) = library.parent(parent)
         {
-            column
-                .iter_mut()
-                .zip(expansion.column(before))
-                .for_each(|(c, &b)| *c = *c - b);
+            column.iter_mut().zip(expansion.column(before)).for_each(|(c, &b)| *c = *c - b);
         }
         expansion.set(i, &column);
     }

@@ -20,10 +20,7 @@ pub(super) fn two_sum(a: f64, b: f64) -> (f64, f64) {
 impl Double {
     fn renormalised(high: f64, low: f64) -> Self {
         let s = high + low;
-        Self {
-            high: s,
-            low: low - (s - high),
-        }
+        Self { high: s, low: low - (s - high) }
     }
 
     pub(super) fn to_f64(self) -> f64 {
@@ -40,10 +37,7 @@ impl Double {
 
 impl From<f64> for Double {
     fn from(value: f64) -> Self {
-        Self {
-            high: value,
-            low: 0.0,
-        }
+        Self { high: value, low: 0.0 }
     }
 }
 
@@ -62,10 +56,7 @@ impl std::ops::Neg for Double {
     type Output = Self;
 
     fn neg(self) -> Self {
-        Self {
-            high: -self.high,
-            low: -self.low,
-        }
+        Self { high: -self.high, low: -self.low }
     }
 }
 
@@ -105,9 +96,8 @@ mod tests {
         let third = Double::reciprocal(3.0);
         let rest = third * Double::from(3.0) - Double::from(1.0);
         assert!(rest.to_f64().abs() < 1e-31, "{rest:?}");
-        let square = (Double::from(1.0) + Double::from(1e-20))
-            * (Double::from(1.0) - Double::from(1e-20))
-            - Double::from(1.0);
+        let square =
+            (Double::from(1.0) + Double::from(1e-20)) * (Double::from(1.0) - Double::from(1e-20)) - Double::from(1.0);
         assert!(square.to_f64().abs() < 1e-31);
     }
 }

@@ -40,9 +40,7 @@ impl Functions {
     /// All functions of the group are stored.
     pub(super) fn stored(list: &Graded, from: usize) -> Self {
         Self {
-            recipes: (0..list.len())
-                .map(|i| recipe(list.exponent(i), from, |e| list.index(e).unwrap_or(0)))
-                .collect(),
+            recipes: (0..list.len()).map(|i| recipe(list.exponent(i), from, |e| list.index(e).unwrap_or(0))).collect(),
             leaves: Vec::new(),
         }
     }
@@ -51,21 +49,13 @@ impl Functions {
     /// when they are needed: a store that misses the first-level cache costs more than six products.
     pub(super) fn with_leaves(list: &Graded, from: usize) -> Self {
         let is_stored = |exponent: &[u8]| {
-            exponent
-                .split_last()
-                .is_none_or(|(&last, rest)| last == 0 || rest.iter().all(|&e| e == 0))
+            exponent.split_last().is_none_or(|(&last, rest)| last == 0 || rest.iter().all(|&e| e == 0))
         };
-        let stored: Vec<usize> = (0..list.len())
-            .filter(|&i| is_stored(list.exponent(i)))
-            .collect();
+        let stored: Vec<usize> = (0..list.len()).filter(|&i| is_stored(list.exponent(i))).collect();
         if stored.len() == list.len() {
             return Self::stored(list, from);
         }
-        let place = |exponent: &[u8]| {
-            list.index(exponent)
-                .and_then(|i| stored.binary_search(&i).ok())
-                .unwrap_or(0)
-        };
+        let place = |exponent: &[u8]| list.index(exponent).and_then(|i| stored.binary_search(&i).ok()).unwrap_or(0);
         let leaf = |i: usize| {
             let exponent = list.exponent(i);
             if is_stored(exponent) {
@@ -76,10 +66,7 @@ impl Functions {
             (place(&rest), place(&last))
         };
         Self {
-            recipes: stored
-                .iter()
-                .map(|&i| recipe(list.exponent(i), from, place))
-                .collect(),
+            recipes: stored.iter().map(|&i| recipe(list.exponent(i), from, place)).collect(),
             leaves: (0..list.len()).map(leaf).collect(),
         }
     }
@@ -103,20 +90,11 @@ impl Functions {
             let (target, _) = S::as_mut_simd_f64s(&mut rest[..TILE]);
             match *recipe {
                 Recipe::One => target.fill(simd.splat_f64s(1.0)),
-                Recipe::Variable(k) => {
-                    target.copy_from_slice(S::as_simd_f64s(&variables[k * STRIDE..][..TILE]).0)
-                }
-                Recipe::Recurrence {
-                    variable,
-                    last,
-                    before,
-                } => {
+                Recipe::Variable(k) => target.copy_from_slice(S::as_simd_f64s(&variables[k * STRIDE..][..TILE]).0),
+                Recipe::Recurrence { variable, last, before } => {
                     let (v, _) = S::as_simd_f64s(&variables[variable * STRIDE..][..TILE]);
-                    for (((target, &v), &last), &before) in
-                        target.iter_mut().zip(v).zip(get(last)).zip(get(before))
-                    {
-                        *target =
-                            simd.mul_add_e_f64s(simd.add_f64s(v, v), last, simd.neg_f64s(before));
+                    for (((target, &v), &last), &before) in target.iter_mut().zip(v).zip(get(last)).zip(get(before)) {
+                        *target = simd.mul_add_e_f64s(simd.add_f64s(v, v), last, simd.neg_f64s(before));
                     }
                 }
                 Recipe::Product(a, b) => {
@@ -140,18 +118,12 @@ impl Functions {
         out: &mut [f64],
     ) {
         let get = |j: usize| &S::as_simd_f64s(&stored[j * STRIDE..][..TILE]).0[..steps];
-        for (&(a, b), out) in self.leaves[start..start + width]
-            .iter()
-            .zip(out.chunks_exact_mut(STRIDE))
-        {
+        for (&(a, b), out) in self.leaves[start..start + width].iter().zip(out.chunks_exact_mut(STRIDE)) {
             let out = &mut S::as_mut_simd_f64s(&mut out[..TILE]).0[..steps];
             if b == 0 {
                 out.copy_from_slice(get(a));
             } else {
-                out.iter_mut()
-                    .zip(get(a))
-                    .zip(get(b))
-                    .for_each(|((out, &a), &b)| *out = simd.mul_f64s(a, b));
+                out.iter_mut().zip(get(a)).zip(get(b)).for_each(|((out, &a), &b)| *out = simd.mul_f64s(a, b));
             }
         }
     }
@@ -175,10 +147,6 @@ fn recipe(exponent: &[u8], from: usize, place: impl Fn(&[u8]) -> usize) -> Recip
     } else if power == 1 {
         Recipe::Variable(from + k)
     } else {
-        Recipe::Recurrence {
-            variable: from + k,
-            last: pure(power - 1),
-            before: pure(power - 2),
-        }
+        Recipe::Recurrence { variable: from + k, last: pure(power - 1), before: pure(power - 2) }
     }
 }

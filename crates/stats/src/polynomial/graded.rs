@@ -41,16 +41,8 @@ impl Graded {
             // No variables: the constant is all there is.
             starts.push(exponents.len().checked_div(variables).unwrap_or(1));
         }
-        let mut list = Self {
-            variables,
-            degree,
-            exponents,
-            starts,
-            lookup: HashMap::new(),
-        };
-        list.lookup = (0..list.len())
-            .map(|i| (list.exponent(i).into(), i))
-            .collect();
+        let mut list = Self { variables, degree, exponents, starts, lookup: HashMap::new() };
+        list.lookup = (0..list.len()).map(|i| (list.exponent(i).into(), i)).collect();
         list
     }
 
@@ -113,16 +105,7 @@ mod tests {
 
     #[test]
     fn counts_are_binomials() {
-        assert_eq!(
-            (
-                count(3, 10),
-                count(3, 5),
-                count(16, 4),
-                count(0, 7),
-                count(1, 9)
-            ),
-            (286, 56, 4845, 1, 10)
-        );
+        assert_eq!((count(3, 10), count(3, 5), count(16, 4), count(0, 7), count(1, 9)), (286, 56, 4845, 1, 10));
         assert_eq!(count(200, 200), usize::MAX);
         for (variables, degree) in [(0, 3), (1, 5), (4, 3), (6, 2)] {
             let list = Graded::new(variables, degree);

@@ -27,11 +27,7 @@ impl Buffer {
         let values = vec![0.0; length + LANES];
         // `align_offset` may decline by a huge answer: then the values are only slower to load.
         let start = values.as_ptr().align_offset(64).min(LANES);
-        Self {
-            values,
-            start,
-            length,
-        }
+        Self { values, start, length }
     }
 
     fn get(&self) -> &[f64] {
@@ -161,16 +157,9 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
         }
         // A row of weight zero counts for nothing, whatever it holds.
         if self.rows.weights.is_some() {
-            let (w, y) = (
-                self.workspace.weights.get(),
-                self.workspace.targets.get_mut(),
-            );
+            let (w, y) = (self.workspace.weights.get(), self.workspace.targets.get_mut());
             for column in y.chunks_exact_mut(STRIDE).chain(v.chunks_exact_mut(STRIDE)) {
-                column
-                    .iter_mut()
-                    .zip(w)
-                    .filter(|(_, w)| **w == 0.0)
-                    .for_each(|(value, _)| *value = 0.0);
+                column.iter_mut().zip(w).filter(|(_, w)| **w == 0.0).for_each(|(value, _)| *value = 0.0);
             }
         }
     }
@@ -183,35 +172,18 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
         program.first.evaluate(simd, v, space.first.get_mut());
         program.second.evaluate(simd, v, space.second.get_mut());
         if self.rows.weights.is_some() || count < steps * S::F64_LANES {
-            space
-                .first
-                .get_mut()
-                .chunks_exact_mut(STRIDE)
-                .for_each(|f| multiply(simd, f, w));
+            space.first.get_mut().chunks_exact_mut(STRIDE).for_each(|f| multiply(simd, f, w));
         }
         let (first, second) = (space.first.get(), space.second.get());
-        let (sums, mut rest) = space
-            .sums
-            .get_mut()
-            .split_at_mut(program.moments.index.len() * S::F64_LANES);
+        let (sums, mut rest) = space.sums.get_mut().split_at_mut(program.moments.index.len() * S::F64_LANES);
         let leaves = space.strip.get_mut();
         let functions = (!program.second.all_stored()).then_some(&program.second);
-        simd.vectorize(Products {
-            tiling: &program.moments,
-            functions,
-            leaves,
-            first,
-            second,
-            sums,
-            steps,
-        });
+        simd.vectorize(Products { tiling: &program.moments, functions, leaves, first, second, sums, steps });
         for (t, pairs) in program.pairs.iter().enumerate() {
             let targets = space.targets.get();
             let weighted = space.weighted.get_mut();
             weighted.copy_from_slice(&first[..weighted.len()]);
-            weighted
-                .chunks_exact_mut(STRIDE)
-                .for_each(|f| multiply(simd, f, &targets[t * STRIDE..][..TILE]));
+            weighted.chunks_exact_mut(STRIDE).for_each(|f| multiply(simd, f, &targets[t * STRIDE..][..TILE]));
             let (sums, others) = rest.split_at_mut(program.cross.index.len() * S::F64_LANES);
             simd.vectorize(Products {
                 tiling: &program.cross,
@@ -240,10 +212,7 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
     #[inline(always)]
     fn flush<S: Simd>(&mut self, simd: S) {
         let (sums, _) = S::as_simd_f64s(self.workspace.sums.get());
-        let (library, moments) = (
-            self.program.cross.index.len(),
-            self.program.moments.index.len(),
-        );
+        let (library, moments) = (self.program.cross.index.len(), self.program.moments.index.len());
         let mut sums = sums.iter().map(|&sum| simd.reduce_sum_f64s(sum));
         let targets = self.program.pairs.len();
         for (&i, sum) in self.program.moments.index.iter().zip(&mut sums) {
@@ -264,17 +233,12 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
 #[inline(always)]
 fn whiten<S: Simd>(simd: S, map: &AffineMap, k: usize, done: &[f64], x: &mut [f64]) {
     let (x, _) = S::as_mut_simd_f64s(x);
-    let (centre, scale) = (
-        simd.splat_f64s(map.centre[k]),
-        simd.splat_f64s(map.scale[k]),
-    );
+    let (centre, scale) = (simd.splat_f64s(map.centre[k]), simd.splat_f64s(map.scale[k]));
     x.iter_mut().for_each(|x| *x = simd.sub_f64s(*x, centre));
     for (l, &slope) in map.slopes(k).iter().enumerate() {
         let (v, _) = S::as_simd_f64s(&done[l * STRIDE..][..TILE]);
         let slope = simd.splat_f64s(-slope);
-        x.iter_mut()
-            .zip(v)
-            .for_each(|(x, &v)| *x = simd.mul_add_e_f64s(slope, v, *x));
+        x.iter_mut().zip(v).for_each(|(x, &v)| *x = simd.mul_add_e_f64s(slope, v, *x));
     }
     x.iter_mut().for_each(|x| *x = simd.mul_f64s(*x, scale));
 }
@@ -282,10 +246,7 @@ fn whiten<S: Simd>(simd: S, map: &AffineMap, k: usize, done: &[f64], x: &mut [f6
 #[inline(always)]
 fn multiply<S: Simd>(simd: S, values: &mut [f64], factors: &[f64]) {
     let ((values, _), (factors, _)) = (S::as_mut_simd_f64s(values), S::as_simd_f64s(factors));
-    values
-        .iter_mut()
-        .zip(factors)
-        .for_each(|(value, &factor)| *value = simd.mul_f64s(*value, factor));
+    values.iter_mut().zip(factors).for_each(|(value, &factor)| *value = simd.mul_f64s(*value, factor));
 }
 
 /// Adds the products of all tiles to their sums.
@@ -311,25 +272,14 @@ impl WithSimd for Products<'_> {
         for strip in &self.tiling.strips {
             let second = match self.functions {
                 Some(functions) => {
-                    functions.strip(
-                        simd,
-                        self.second,
-                        strip.start,
-                        strip.width,
-                        self.steps,
-                        self.leaves,
-                    );
+                    functions.strip(simd, self.second, strip.start, strip.width, self.steps, self.leaves);
                     &*self.leaves
                 }
                 None => &self.second[strip.start * STRIDE..],
             };
             for tile in &strip.tiles {
                 let first = &self.first[tile.first * STRIDE..];
-                let (a, b) = if tile.swapped {
-                    (second, first)
-                } else {
-                    (first, second)
-                };
+                let (a, b) = if tile.swapped { (second, first) } else { (first, second) };
                 let sums = &mut sums[tile.slot..][..tile.rows * tile.columns];
                 macro_rules! shapes {
                     ($(($r:literal, $c:literal)),*) => {
@@ -379,12 +329,9 @@ fn products<S: Simd, const R: usize, const C: usize>(
     sums: &mut [S::f64s],
     steps: usize,
 ) {
-    let a: [&[S::f64s]; R] =
-        std::array::from_fn(|i| &S::as_simd_f64s(&a[i * STRIDE..][..TILE]).0[..steps]);
-    let b: [&[S::f64s]; C] =
-        std::array::from_fn(|j| &S::as_simd_f64s(&b[j * STRIDE..][..TILE]).0[..steps]);
-    let mut local: [[S::f64s; C]; R] =
-        std::array::from_fn(|i| std::array::from_fn(|j| sums[i * C + j]));
+    let a: [&[S::f64s]; R] = std::array::from_fn(|i| &S::as_simd_f64s(&a[i * STRIDE..][..TILE]).0[..steps]);
+    let b: [&[S::f64s]; C] = std::array::from_fn(|j| &S::as_simd_f64s(&b[j * STRIDE..][..TILE]).0[..steps]);
+    let mut local: [[S::f64s; C]; R] = std::array::from_fn(|i| std::array::from_fn(|j| sums[i * C + j]));
     for s in 0..steps {
         let right: [S::f64s; C] = std::array::from_fn(|j| b[j][s]);
         for i in 0..R {

@@ -14,10 +14,7 @@ pub(super) struct ProductTable {
 
 impl ProductTable {
     pub(super) fn new(library: &Graded, moments: &Graded) -> Self {
-        let mut table = Self {
-            offsets: vec![0],
-            terms: Vec::new(),
-        };
+        let mut table = Self { offsets: vec![0], terms: Vec::new() };
         for i in 0..library.len() {
             for j in 0..=i {
                 table.push(library.exponent(i), library.exponent(j), moments);
@@ -37,22 +34,13 @@ impl ProductTable {
             }
         }
         // Every exponent has total degree at most twice the library's, which is what `moments` holds.
-        self.terms.extend(
-            exponents
-                .iter()
-                .filter_map(|exponent| moments.index(exponent))
-                .map(|index| index as u32),
-        );
+        self.terms.extend(exponents.iter().filter_map(|exponent| moments.index(exponent)).map(|index| index as u32));
     }
 
     /// The weighted sum of function i times function j, from the moments.
     pub(super) fn product(&self, i: usize, j: usize, moments: &[f64]) -> f64 {
         let at = i * (i + 1) / 2 + j;
         let terms = &self.terms[self.offsets[at] as usize..self.offsets[at + 1] as usize];
-        terms
-            .iter()
-            .map(|&term| moments[term as usize])
-            .sum::<f64>()
-            / terms.len() as f64
+        terms.iter().map(|&term| moments[term as usize]).sum::<f64>() / terms.len() as f64
     }
 }

@@ -22,11 +22,7 @@ pub struct PolynomialScratch(pub(super) kernel::Workspace);
 
 impl PolynomialMoments {
     pub(super) fn new(sums: usize) -> Self {
-        Self {
-            rows: 0,
-            totals: vec![0.0; sums],
-            lost: vec![0.0; sums],
-        }
+        Self { rows: 0, totals: vec![0.0; sums], lost: vec![0.0; sums] }
     }
 
     /// Rows of positive weight.
@@ -54,26 +50,12 @@ impl PolynomialMoments {
         targets: &[&[f64]],
         weights: Option<&[f64]>,
     ) {
-        let rows = kernel::Rows {
-            base,
-            targets,
-            weights,
-            count: base.first().map_or(0, |column| column.len()),
-        };
-        assert_eq!(
-            (base.len(), targets.len()),
-            (plan.variables(), plan.targets()),
-            "columns of the plan"
-        );
+        let rows = kernel::Rows { base, targets, weights, count: base.first().map_or(0, |column| column.len()) };
+        assert_eq!((base.len(), targets.len()), (plan.variables(), plan.targets()), "columns of the plan");
         let columns = base.iter().chain(targets).chain(weights.as_ref());
-        assert!(
-            columns.into_iter().all(|column| column.len() == rows.count),
-            "columns of one length"
-        );
+        assert!(columns.into_iter().all(|column| column.len() == rows.count), "columns of one length");
         assert_eq!(self.totals.len(), plan.sums(), "moments of this plan");
-        self.rows += weights.map_or(rows.count, |weights| {
-            weights.iter().filter(|&&w| w > 0.0).count()
-        }) as u64;
+        self.rows += weights.map_or(rows.count, |weights| weights.iter().filter(|&&w| w > 0.0).count()) as u64;
         let (totals, lost) = (&mut self.totals, &mut self.lost);
         plan.add_rows(rows, &mut scratch.0, |i, value| {
             let (sum, error) = two_sum(totals[i], value);
@@ -104,11 +86,7 @@ impl PolynomialMoments {
     pub(super) fn total(&self, index: usize) -> f64 {
         let total = self.totals[index] + self.lost[index];
         // An infinite total has a NaN for its lost part.
-        if total.is_nan() {
-            self.totals[index]
-        } else {
-            total
-        }
+        if total.is_nan() { self.totals[index] } else { total }
     }
 
     pub(super) fn values(&self) -> Vec<f64> {

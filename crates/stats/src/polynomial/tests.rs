@@ -12,10 +12,7 @@ struct Noise(u64);
 
 impl Noise {
     fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
@@ -34,10 +31,7 @@ fn correlated(rows: usize, columns: usize, seed: u64, share: f64) -> Vec<Vec<f64
     let mut noise = Noise(seed);
     let mut result: Vec<Vec<f64>> = Vec::new();
     for k in 0..columns {
-        let (scale, offset) = (
-            [1.0, 30.0, 0.02, 400.0][k % 4],
-            [0.3, -20.0, 0.0, 900.0][k % 4],
-        );
+        let (scale, offset) = ([1.0, 30.0, 0.02, 400.0][k % 4], [0.3, -20.0, 0.0, 900.0][k % 4]);
         let rate = 0.013 * (1.0 + 0.37 * k as f64);
         let column: Vec<f64> = (0..rows)
             .map(|row| {
@@ -71,26 +65,14 @@ fn moments_of(
 }
 
 /// Largest difference from the centred weighted product in twice the precision, each entry relative to the sizes of its columns.
-fn gram_error(
-    plan: &PolynomialPlan,
-    gram: &Gram,
-    base: &[&[f64]],
-    targets: &[&[f64]],
-    weights: Option<&[f64]>,
-) -> f64 {
+fn gram_error(plan: &PolynomialPlan, gram: &Gram, base: &[&[f64]], targets: &[&[f64]], weights: Option<&[f64]>) -> f64 {
     let (design, p) = (plan.evaluate(base), plan.functions());
     let rows = base[0].len();
     let value = |row: usize, i: usize| {
-        if i < p {
-            design[(row, i)]
-        } else {
-            targets[i - p][row]
-        }
+        if i < p { design[(row, i)] } else { targets[i - p][row] }
     };
     let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);
-    let total = (0..rows).fold(Double::default(), |sum, row| {
-        sum + Double::from(weight(row))
-    });
+    let total = (0..rows).fold(Double::default(), |sum, row| sum + Double::from(weight(row)));
     let inverse = Double::reciprocal(total.to_f64());
     let d = p + targets.len();
     let product = |i: usize, j: Option<usize>| {
@@ -100,9 +82,7 @@ fn gram_error(
         })
     };
     let firsts: Vec<Double> = (0..d).map(|i| product(i, None)).collect();
-    let sizes: Vec<f64> = (0..d)
-        .map(|i| product(i, Some(i)).to_f64().max(total.to_f64()).sqrt())
-        .collect();
+    let sizes: Vec<f64> = (0..d).map(|i| product(i, Some(i)).to_f64().max(total.to_f64()).sqrt()).collect();
     let mut worst: f64 = 0.0;
     for i in 0..d {
         let mean = (firsts[i] * inverse).to_f64();
@@ -131,22 +111,14 @@ fn the_gram_is_the_direct_product() {
         let plan = PolynomialPlan::from_pilot(&all[..m], &all[m..], degree).unwrap();
         let used = cut(&all, 13..13 + rows);
         let (base, targets) = used.split_at(m);
-        let weights: Vec<f64> = (0..rows)
-            .map(|row| [1.0, 0.25, 0.0, 3.5][row % 4])
-            .collect();
+        let weights: Vec<f64> = (0..rows).map(|row| [1.0, 0.25, 0.0, 3.5][row % 4]).collect();
         for weights in [None, Some(&weights[..])] {
             let moments = moments_of(&plan, base, targets, weights);
             let gram = plan.gram(&moments);
             let error = gram_error(&plan, &gram, base, targets, weights);
-            assert!(
-                error < 2e-14,
-                "m {m} degree {degree} rows {rows}: {error:e}"
-            );
+            assert!(error < 2e-14, "m {m} degree {degree} rows {rows}: {error:e}");
             let counted = weights.map_or(rows, |w| w.iter().filter(|&&w| w > 0.0).count());
-            assert_eq!(
-                (gram.rows, gram.dimension()),
-                (counted as u64, plan.functions() + q)
-            );
+            assert_eq!((gram.rows, gram.dimension()), (counted as u64, plan.functions() + q));
         }
     }
 }
@@ -162,33 +134,14 @@ fn every_instruction_set_gives_the_same_sums() {
         plan.program = program(&plan.library, &plan.moments, plan.degree, 1, registers);
         let mut scratch = plan.scratch();
         let mut totals = vec![0.0; plan.sums()];
-        let rows = Rows {
-            base,
-            targets,
-            weights: None,
-            count: 1333,
-        };
+        let rows = Rows { base, targets, weights: None, count: 1333 };
         let (program, map, target_centre) = (&plan.program, &plan.map, &plan.target_centre);
         let total = |i: usize, value: f64| totals[i] += value;
-        let scalar = AddRows {
-            program,
-            map,
-            target_centre,
-            rows,
-            workspace: &mut scratch.0,
-            total,
-        };
+        let scalar = AddRows { program, map, target_centre, rows, workspace: &mut scratch.0, total };
         pulp::Simd::vectorize(pulp::Scalar, scalar);
         for (i, total) in totals.iter().enumerate() {
-            let size = if i < plan.moments.len() {
-                1333.0
-            } else {
-                1333.0 * 1000.0
-            };
-            assert!(
-                (total - reference.total(i)).abs() < 1e-12 * size,
-                "{registers} {i}"
-            );
+            let size = if i < plan.moments.len() { 1333.0 } else { 1333.0 * 1000.0 };
+            assert!((total - reference.total(i)).abs() < 1e-12 * size, "{registers} {i}");
         }
     }
 }
@@ -204,31 +157,12 @@ fn narrow_vectors_give_the_same_sums() {
     let plan = PolynomialPlan::from_pilot(&base, &[], 6).unwrap();
     let reference = moments_of(&plan, &base, &[], None);
     let (mut scratch, mut totals) = (plan.scratch(), vec![0.0; plan.sums()]);
-    let rows = Rows {
-        base: &base,
-        targets: &[],
-        weights: None,
-        count: 1000,
-    };
+    let rows = Rows { base: &base, targets: &[], weights: None, count: 1000 };
     let (program, map, target_centre) = (&plan.program, &plan.map, &plan.target_centre);
     let total = |i: usize, value: f64| totals[i] += value;
-    pulp::Simd::vectorize(
-        simd,
-        AddRows {
-            program,
-            map,
-            target_centre,
-            rows,
-            workspace: &mut scratch.0,
-            total,
-        },
-    );
+    pulp::Simd::vectorize(simd, AddRows { program, map, target_centre, rows, workspace: &mut scratch.0, total });
     for (i, total) in totals.iter().enumerate() {
-        assert!(
-            (total - reference.total(i)).abs() < 1e-10,
-            "{i}: {total} {}",
-            reference.total(i)
-        );
+        assert!((total - reference.total(i)).abs() < 1e-10, "{i}: {total} {}", reference.total(i));
     }
 }
 
@@ -246,19 +180,10 @@ fn the_condition_foretells_the_loss() {
     assert_eq!(plan.condition(), f64::INFINITY);
     let almost: Vec<f64> = square.iter().map(|s| s + 1e-3 * noise.gaussian()).collect();
     let plan = PolynomialPlan::from_pilot(&[&x, &almost], &[], 2).unwrap();
-    assert!(
-        !plan.is_well_conditioned() && plan.condition() < 1e5,
-        "{}",
-        plan.condition()
-    );
+    assert!(!plan.is_well_conditioned() && plan.condition() < 1e5, "{}", plan.condition());
     // Heavy tails: range scaling would be useless, the best unit is not.
     let tails: Vec<f64> = x.iter().map(|x| x * x * x).collect();
-    assert!(
-        PolynomialPlan::from_pilot(&[&tails], &[], 3)
-            .unwrap()
-            .condition()
-            < 100.0
-    );
+    assert!(PolynomialPlan::from_pilot(&[&tails], &[], 3).unwrap().condition() < 100.0);
 }
 
 #[test]
@@ -266,24 +191,15 @@ fn degenerate_pilots_are_finite_and_infinitely_conditioned() {
     let x: Vec<f64> = (0..50).map(f64::from).collect();
     let constant = vec![4.0; 50];
     let double: Vec<f64> = x.iter().map(|x| 2.0 * x + 1.0).collect();
-    for base in [
-        vec![&x[..], &constant],
-        vec![&x, &double],
-        vec![&constant],
-        vec![&x[..1], &constant[..1]],
-        vec![&[0.0; 9]],
-    ] {
+    for base in
+        [vec![&x[..], &constant], vec![&x, &double], vec![&constant], vec![&x[..1], &constant[..1]], vec![&[0.0; 9]]]
+    {
         let plan = PolynomialPlan::from_pilot(&base, &[], 3).unwrap();
         let moments = moments_of(&plan, &base, &[], None);
         assert!(moments.is_finite());
         assert_eq!(plan.condition(), f64::INFINITY);
         let gram = plan.gram(&moments);
-        assert!(
-            gram.mean
-                .iter()
-                .chain(&gram.scatter)
-                .all(|value| value.is_finite())
-        );
+        assert!(gram.mean.iter().chain(&gram.scatter).all(|value| value.is_finite()));
     }
     let plan = PolynomialPlan::from_pilot(&[&x], &[&double], 2).unwrap();
     let gram = plan.gram(&plan.moments());
@@ -295,24 +211,12 @@ fn degenerate_pilots_are_finite_and_infinitely_conditioned() {
 fn wrong_input_is_refused_with_a_mend() {
     let x = vec![1.0, 2.0];
     let many: Vec<&[f64]> = vec![&x; 17];
-    assert!(matches!(
-        PolynomialPlan::from_pilot(&many, &[], 2),
-        Err(PolynomialError::Shape { variables: 17, .. })
-    ));
-    assert!(matches!(
-        PolynomialPlan::from_pilot(&[&x], &[], 0),
-        Err(PolynomialError::Shape { .. })
-    ));
+    assert!(matches!(PolynomialPlan::from_pilot(&many, &[], 2), Err(PolynomialError::Shape { variables: 17, .. })));
+    assert!(matches!(PolynomialPlan::from_pilot(&[&x], &[], 0), Err(PolynomialError::Shape { .. })));
     let error = PolynomialPlan::from_pilot(&many[..12], &[], 9).unwrap_err();
     assert!(error.to_string().contains("lower the degree"), "{error}");
-    assert!(matches!(
-        PolynomialPlan::from_pilot(&[&x], &[], usize::MAX),
-        Err(PolynomialError::TooLarge { .. })
-    ));
-    assert_eq!(
-        PolynomialPlan::from_pilot(&[&x, &x[..1]], &[], 2).unwrap_err(),
-        PolynomialError::Pilot
-    );
+    assert!(matches!(PolynomialPlan::from_pilot(&[&x], &[], usize::MAX), Err(PolynomialError::TooLarge { .. })));
+    assert_eq!(PolynomialPlan::from_pilot(&[&x, &x[..1]], &[], 2).unwrap_err(), PolynomialError::Pilot);
     let error = PolynomialPlan::from_pilot(&[&x], &[&[0.0, f64::NAN]], 2).unwrap_err();
     assert_eq!(error, PolynomialError::NotFinite { column: 1 });
 }
@@ -326,12 +230,7 @@ fn rows_of_weight_zero_may_hold_anything() {
     for (row, bad) in [(0, f64::NAN), (3, f64::INFINITY), (39, 1e300)] {
         columns.iter_mut().for_each(|column| column[row] = bad);
     }
-    let with_bad = moments_of(
-        &plan,
-        &slices(&columns[..2]),
-        &[&columns[2]],
-        Some(&weights),
-    );
+    let with_bad = moments_of(&plan, &slices(&columns[..2]), &[&columns[2]], Some(&weights));
     let without = moments_of(&plan, &slices(&clean[..2]), &[&clean[2]], Some(&weights));
     assert_eq!(with_bad, without);
     assert!(!moments_of(&plan, &slices(&columns[..2]), &[&columns[2]], None).is_finite());
@@ -375,18 +274,11 @@ fn many_merges_lose_nothing() {
     let mut plain = vec![0.0; plan.sums()];
     for _ in 0..10_000 {
         total.merge(&chunk);
-        plain
-            .iter_mut()
-            .zip(chunk.values())
-            .for_each(|(sum, value)| *sum += value);
+        plain.iter_mut().zip(chunk.values()).for_each(|(sum, value)| *sum += value);
     }
     let error = |value: f64, i: usize| (value / (1e4 * chunk.total(i)) - 1.0).abs();
-    let worst = (0..plan.sums())
-        .map(|i| error(total.total(i), i))
-        .fold(0.0, f64::max);
-    let naive = (0..plan.sums())
-        .map(|i| error(plain[i], i))
-        .fold(0.0, f64::max);
+    let worst = (0..plan.sums()).map(|i| error(total.total(i), i)).fold(0.0, f64::max);
+    let naive = (0..plan.sums()).map(|i| error(plain[i], i)).fold(0.0, f64::max);
     assert!(worst < 4.0 * f64::EPSILON, "{worst:e}");
     assert!(naive > 20.0 * f64::EPSILON, "{naive:e}");
 }

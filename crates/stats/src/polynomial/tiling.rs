@@ -75,13 +75,7 @@ fn best_cut(rows: usize, columns: usize, registers: usize) -> (usize, usize) {
 
 impl Tiling {
     /// All products of total degree at most `degree` of the functions of two groups of variables; `target` is the list of the moments.
-    pub(super) fn staircase(
-        first: &Graded,
-        second: &Graded,
-        degree: usize,
-        target: &Graded,
-        registers: usize,
-    ) -> Self {
+    pub(super) fn staircase(first: &Graded, second: &Graded, degree: usize, target: &Graded, registers: usize) -> Self {
         let mut tiling = Self::default();
         for d in 0..=degree {
             let columns = second.of_degree(d);
@@ -118,11 +112,7 @@ impl Tiling {
     }
 
     fn begin(&mut self, start: usize, width: usize) {
-        self.strips.push(Strip {
-            start,
-            width,
-            tiles: Vec::new(),
-        });
+        self.strips.push(Strip { start, width, tiles: Vec::new() });
     }
 
     /// A tile of `height` functions of the first operand, from `a` on, with the functions of the last strip.
@@ -132,25 +122,11 @@ impl Tiling {
         };
         let (b, width) = (strip.start, strip.width);
         let swapped = height > width;
-        let (rows, columns) = if swapped {
-            (width, height)
-        } else {
-            (height, width)
-        };
-        strip.tiles.push(Tile {
-            first: a,
-            rows,
-            columns,
-            swapped,
-            slot: self.index.len(),
-        });
+        let (rows, columns) = if swapped { (width, height) } else { (height, width) };
+        strip.tiles.push(Tile { first: a, rows, columns, swapped, slot: self.index.len() });
         for i in 0..rows {
             for j in 0..columns {
-                self.index.push(if swapped {
-                    index(a + j, b + i)
-                } else {
-                    index(a + i, b + j)
-                });
+                self.index.push(if swapped { index(a + j, b + i) } else { index(a + i, b + j) });
             }
         }
     }
@@ -158,12 +134,9 @@ impl Tiling {
 
 /// How many variables the first group has: the split with the fewest functions to evaluate.
 pub(super) fn best_split(variables: usize, degree: usize) -> usize {
-    let functions = |split: usize| {
-        graded::count(split, degree).saturating_add(graded::count(variables - split, degree))
-    };
-    (1..=variables)
-        .min_by_key(|&split| functions(split))
-        .unwrap_or(variables)
+    let functions =
+        |split: usize| graded::count(split, degree).saturating_add(graded::count(variables - split, degree));
+    (1..=variables).min_by_key(|&split| functions(split)).unwrap_or(variables)
 }
 
 #[cfg(test)]
@@ -172,28 +145,15 @@ mod tests {
 
     #[test]
     fn a_staircase_covers_every_moment_once() {
-        for (variables, degree, registers) in [
-            (1, 10, 32),
-            (2, 6, 16),
-            (3, 10, 32),
-            (3, 10, 16),
-            (6, 4, 32),
-            (5, 3, 1),
-        ] {
+        for (variables, degree, registers) in [(1, 10, 32), (2, 6, 16), (3, 10, 32), (3, 10, 16), (6, 4, 32), (5, 3, 1)]
+        {
             let split = best_split(variables, degree);
-            let (a, b, all) = (
-                Graded::new(split, degree),
-                Graded::new(variables - split, degree),
-                Graded::new(variables, degree),
-            );
+            let (a, b, all) =
+                (Graded::new(split, degree), Graded::new(variables - split, degree), Graded::new(variables, degree));
             let tiling = Tiling::staircase(&a, &b, degree, &all, registers);
             let mut seen = tiling.index.clone();
             seen.sort_unstable();
-            assert_eq!(
-                seen,
-                (0..all.len()).collect::<Vec<_>>(),
-                "{variables} {degree} {registers}"
-            );
+            assert_eq!(seen, (0..all.len()).collect::<Vec<_>>(), "{variables} {degree} {registers}");
             assert!(
                 tiling
                     .strips

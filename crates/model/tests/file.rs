@@ -1,0 +1,132 @@
+//! Models in files read back bit for bit, whatever their numbers; damage is refused.
+
+use fleetfoot_library::Expr;
+use fleetfoot_model::{
+    Column, Equation, FileError, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel,
+};
+use proptest::prelude::*;
+
+fn model(numbers: &[f64; 12]) -> Model {
+    let n = |i: usize| numbers[i % 12];
+    let column = |name: &str, role| Column {
+        name: name.into(),
+        source: format!("`raw {name}`*2"),
+        unit: None,
+        role,
+        angle: name == "a",
+    };
+    let training = Training {
+        version: "0.1.0".into(),
+        recipe: "[states]\nx = {}\n".into(),
+        seed: u64::MAX,
+        rows: 7,
+        episodes: vec![("00ff".into(), "a \"quoted\" name".into())],
+        target_mean: vec![n(0)],
+        target_covariance: vec![n(1)],
+        target_deviation: vec![n(2)],
+        state_covariance: vec![n(3), n(4), n(5)],
+    };
+    let columns = vec![column("x", Role::State), column("a", Role::State), column("ground", Role::Auxiliary)];
+    let mut model = Model::new("pwa labels:ground+kmeans:2", columns, 0.01, training);
+    let region = |i: usize| Region {
+        name: format!("{i}"),
+        rows: i as u64,
+        mean: vec![n(i), n(i + 1)],
+        covariance: vec![n(i + 2), n(i + 3), n(i + 4)],
+        range: vec![[n(i + 5), n(i + 6)], [n(i + 7), n(i + 8)]],
+        residual_covariance: vec![n(i + 9)],
+        rank: 2,
+        condition: n(i + 10),
+        confounded: vec![vec![0, 1]],
+    };
+    model.libraries = vec![vec![Expr::column("x"), Expr::column("a").cos()]];
+    model.partitions = vec![Partition {
+        specification: "labels:ground+kmeans:2".into(),
+        columns: vec![Expr::column("x"), Expr::column("ground")],
+        centre: vec![n(6), 0.0],
+        scale: vec![1.5, 1.0],
+        rule: Rule::Labels {
+            values: vec![0.0, 3.0],
+            names: vec!["ice".into(), "grass".into()],
+            rules: vec![Rule::voronoi(vec![vec![n(7)], vec![n(8)]]), Rule::Ball { radius: 1.5 }],
+            unseen: UnseenLabel::Pool,
+        },
+        regions: (0..5).map(region).collect(),
+    }];
+    model.latents = vec![Latent {
+        name: "f_x".into(),
+        library: 0,
+        partition: 0,
+        constants: (0..5).map(n).collect(),
+        coefficients: (0..5).map(|i| vec![n(i), n(i + 1)]).collect(),
+    }];
+    let x = Expr::column("x");
+    model.equations = vec![
+        Equation {
+            subject: "x".into(),
+            prediction: Prediction::Next,
+            right: Expr::column("f_x"),
+            target: Some(x.shifted(-1)),
+            unit: Some("m".into()),
+        },
+        Equation { subject: "a".into(), prediction: Prediction::Derivative, right: x.sin(), target: None, unit: None },
+    ];
+    model
+}
+
+/// Any bits, the special ones among them; all NaN are one.
+fn number() -> impl Strategy<Value = f64> {
+    let special = [0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MIN_POSITIVE, 5e-324, f64::MAX, 0.1];
+    prop_oneof![
+        prop::sample::select(special.to_vec()),
+        any::<u64>().prop_map(f64::from_bits).prop_map(|v| if v.is_nan() { f64::NAN } else { v })
+    ]
+}
+
+proptest! {
+    #[test]
+    fn every_number_reads_back_bit_for_bit(numbers in prop::collection::vec(number(), 12)) {
+        let numbers: [f64; 12] = numbers.try_into().expect("twelve");
+        let model = model(&numbers);
+        let text = model.to_json();
+        let again = Model::from_json(&text, "test").expect("it reads back");
+        prop_assert_eq!(again.to_json(), text);
+        let bits = |model: &Model| -> Vec<u64> {
+            let regions = model.partitions[0].regions.iter();
+            regions.flat_map(|r| r.mean.iter().chain(&r.covariance).chain(r.range.iter().flatten())).map(|v| v.to_bits()).collect()
+        };
+        prop_assert_eq!(bits(&again), bits(&model));
+        prop_assert_eq!(&again.equations, &model.equations);
+        prop_assert_eq!(again.hash(), model.hash());
+    }
+}
+
+#[test]
+fn every_truncation_and_every_changed_digit_is_refused() {
+    let text = model(&[0.5; 12]).to_json();
+    for end in (0..text.len()).filter(|&end| text.is_char_boundary(end)).step_by(7) {
+        assert!(Model::from_json(&text[..end], "cut").is_err(), "cut at {end}");
+    }
+    let mut changed = 0;
+    for (at, digit) in text.char_indices().filter(|(_, c)| c.is_ascii_digit()) {
+        let other = if digit == '9' { '8' } else { char::from(digit as u8 + 1) };
+        let edited = format!("{}{other}{}", &text[..at], &text[at + 1..]);
+        assert!(Model::from_json(&edited, "edited").is_err(), "a digit changed at {at} goes unnoticed");
+        changed += 1;
+    }
+    assert!(changed > 200);
+}
+
+#[test]
+fn a_model_that_contradicts_itself_is_refused() {
+    let mut broken = model(&[0.5; 12]);
+    broken.latents[0].constants.pop();
+    let error = Model::from_json(&broken.to_json(), "broken.json").expect_err("four constants for five regions");
+    assert!(matches!(error, FileError::Invalid { .. }) && error.to_string().contains("broken.json"), "{error}");
+    for (text, word) in
+        [("{}", "not a fleetfoot model"), ("[1, 2", "not a fleetfoot model"), ("{\"fleetfoot_model\": 7}", "format 7")]
+    {
+        let error = Model::from_json(text, "x.json").expect_err("not a model").to_string();
+        assert!(error.contains(word) && error.contains("x.json"), "{error}");
+    }
+}
