@@ -19,6 +19,11 @@ pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
     table.trim_fmt()
 }
 
+/// `1 episode`, `2 episodes`.
+pub(crate) fn count(number: usize, thing: &str) -> String {
+    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+}
+
 /// Four significant digits.
 pub(crate) fn number(value: f64) -> String {
     if value.is_nan() {

@@ -24,6 +24,7 @@ mod mahalanobis;
 mod metrics;
 mod predict;
 mod rollout;
+mod rough;
 mod score;
 mod simulator;
 mod starts;

@@ -62,11 +62,11 @@ impl Design {
         out.at_border = (rows.len() - count) as u64;
         out.incomplete = 0;
         out.index.clear();
-        out.values.clear();
+        // What is left of the last tile is overwritten.
+        out.values.resize(count * self.outputs, 0.0);
         if count == 0 {
             return;
         }
-        out.values.resize(count * self.outputs, 0.0);
         self.program.evaluate_block(block, first..last, &mut out.values, count, &mut out.scratch);
         // A sum of x * 0 is 0 unless some x is not finite.
         let mut poison = vec![0.0f64; count];

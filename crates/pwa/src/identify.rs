@@ -11,6 +11,7 @@ use crate::{
     errors::{Errors, Measure},
     fit::{Base, RegionModel, Solver, region_models},
     regions::{Segmentation, segment},
+    residual::padded,
     rows::Rows,
     scan::{Scan, pilot, scan},
     select::{Order, choose, effective_rows, evaluate},
@@ -351,7 +352,7 @@ impl Fit<'_> {
                     fitted,
                     roots.get(&(region as u32)),
                     ranges,
-                    &errors.residuals[region],
+                    errors.residuals.covariance(region),
                     null,
                 )
             })
@@ -404,7 +405,7 @@ impl Fit<'_> {
         fitted: &RegionModel,
         root: Option<&SquareRoot>,
         ranges: &[[f64; 2]],
-        residuals: &(f64, Vec<f64>),
+        residual_covariance: Vec<f64>,
         null: bool,
     ) -> Region {
         let p = if null { 0 } else { self.rows.regressors };
@@ -423,7 +424,7 @@ impl Fit<'_> {
             mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
             covariance,
             range: ranges[..p].to_vec(),
-            residual_covariance: residuals.1.iter().map(|sum| sum / residuals.0).collect(),
+            residual_covariance,
             rank: fitted.rank,
             condition: fitted.condition,
             confounded: if null { Vec::new() } else { fitted.confounded.clone() },
@@ -467,7 +468,8 @@ fn leading(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
     packed
 }
 
-/// Inverse of the Cholesky factor of a packed covariance, q x q by rows. A direction without variance of its own counts as the variable's own variance.
+/// Inverse of the Cholesky factor of a packed covariance: q columns of padded length. A direction without variance of its own counts as the
+/// variable's own variance.
 fn whitening(covariance: &[f64], q: usize) -> Vec<f64> {
     let at = |i: usize, j: usize| covariance[i * (i + 1) / 2 + j];
     let mut factor = vec![0.0; q * q];
@@ -482,12 +484,13 @@ fn whitening(covariance: &[f64], q: usize) -> Vec<f64> {
             };
         }
     }
-    let mut inverse = vec![0.0; q * q];
-    for column in 0..q {
+    let width = padded(q);
+    let mut inverse = vec![0.0; q * width];
+    for (column, values) in inverse.chunks_exact_mut(width).enumerate() {
         for i in column..q {
             let unit = if i == column { 1.0 } else { 0.0 };
-            let dot: f64 = (column..i).map(|k| factor[i * q + k] * inverse[k * q + column]).sum();
-            inverse[i * q + column] = (unit - dot) / factor[i * q + i];
+            let dot: f64 = (column..i).map(|k| factor[i * q + k] * values[k]).sum();
+            values[i] = (unit - dot) / factor[i * q + i];
         }
     }
     inverse

@@ -12,6 +12,7 @@ mod identify;
 mod kmeans;
 mod problem;
 mod regions;
+mod residual;
 mod rows;
 mod scan;
 mod select;

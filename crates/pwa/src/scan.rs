@@ -104,7 +104,7 @@ pub(crate) fn scan(
     progress: &dyn Progress,
 ) -> Result<Scan, Error> {
     let described: Vec<bool> = (0..segmentation.partitions.len())
-        .map(|p| p == 0 || segmentation.candidates.iter().any(|candidate| candidate.full == p))
+        .map(|p| segmentation.candidates.iter().any(|candidate| candidate.full == p))
         .collect();
     let count = |p: usize| segmentation.partitions[p].rule.count();
     let empty_range = vec![[f64::INFINITY, f64::NEG_INFINITY]; rows.regressors];
@@ -187,7 +187,13 @@ impl Part {
                     for (&region, &value) in self.regions.iter().zip(tile.regressor(regressor)) {
                         if let Some(range) = self.ranges[partition].get_mut(region as usize) {
                             let range = &mut range[regressor];
-                            *range = [range[0].min(value), range[1].max(value)];
+                            // Seldom true, so cheaper than writing every time.
+                            if value < range[0] {
+                                range[0] = value;
+                            }
+                            if value > range[1] {
+                                range[1] = value;
+                            }
                         }
                     }
                 }

@@ -11,7 +11,7 @@ use serde_json::json;
 use super::{Context, files, real};
 use crate::{
     args::{FitPwa, RecipeArgs, Select, TimeArgs, Unseen},
-    table::{bytes, number, ratio, table},
+    table::{bytes, count, number, ratio, table},
 };
 
 pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
@@ -100,9 +100,9 @@ fn dry_run(recipe: &Recipe, options: &Options, files: &[std::path::PathBuf], con
         }),
         || {
             format!(
-                "{} files, {} episodes, {} rows\n{} columns read: {}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
-                plan.files,
-                plan.episodes,
+                "{}, {}, {} rows\n{} columns read: {}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
+                count(plan.files, "file"),
+                count(plan.episodes, "episode"),
                 plan.rows,
                 plan.columns.len(),
                 plan.columns.join(", "),
@@ -143,10 +143,10 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     rows.push(sigma);
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     format!(
-        "{} rows of {} episodes ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
+        "{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
          mean absolute error over the null model's, {which}; loss: squared error over variance\n{}",
         found.rows,
-        fitted.episodes,
+        count(fitted.episodes, "episode"),
         number(found.effective_rows),
         found.at_border,
         found.incomplete,

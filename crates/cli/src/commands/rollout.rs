@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
 use crate::{
     args::{Method, Rollout},
-    table::{number, ratio, seconds, table},
+    table::{count, number, ratio, seconds, table},
 };
 
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
@@ -92,9 +92,9 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         .collect();
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     format!(
-        "{} rollouts from {} episodes; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}",
-        rollouts.outcomes.len(),
-        rolled.episodes,
+        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}",
+        count(rollouts.outcomes.len(), "rollout"),
+        count(rolled.episodes, "episode"),
         rollouts.missing,
         rollouts.diverged(),
         rollouts.without_region(),

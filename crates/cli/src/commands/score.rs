@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
 use crate::{
     args::Score,
-    table::{number, ratio, table},
+    table::{count, number, ratio, table},
 };
 
 pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
@@ -77,11 +77,11 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
         .collect();
     let skipped = &scores.skipped;
     let mut text = format!(
-        "{} rows of {} episodes scored; {} at borders, {} with missing values, {} without a finite prediction\n{}\n{}\n\
+        "{} rows of {} scored; {} at borders, {} with missing values, {} without a finite prediction\n{}\n{}\n\
          Mahalanobis score {} (under the covariance of these targets {})\n\
          outside what their region saw in training: {:.1} % of rows; outside all of training: {:.1} %",
         scores.rows,
-        scored.episodes,
+        count(scored.episodes, "episode"),
         skipped.border,
         skipped.missing,
         skipped.non_finite,
