@@ -205,7 +205,7 @@ pub(crate) struct FitPwa {
     #[arg(long, value_enum, default_value = "cv")]
     pub(crate) select: Select,
     /// Folds of cross-validation: whole episodes when there are enough, else spans; 0 for none.
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(0..=100))]
     pub(crate) folds: u16,
     /// Gap between held-out and training rows of one episode.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]

@@ -87,14 +87,16 @@ impl AffineKernel {
             }
             for &b in &lost {
                 let track = &mut tracks[b];
-                self.cells.sketch(simd, &mut track.cell, &track.slots);
+                self.cells.standardise(simd, &mut track.cell, &track.slots);
             }
             for &b in &lost {
-                self.cells.rate(&mut tracks[b].cell);
+                self.cells.score(&mut tracks[b].cell);
             }
             for &b in &lost {
-                let track = &mut tracks[b];
-                self.cells.settle(simd, &mut track.cell, &track.slots);
+                self.cells.choose(simd, &mut tracks[b].cell);
+            }
+            for &b in &lost {
+                self.cells.release(simd, &mut tracks[b].cell);
             }
             for track in tracks.iter_mut().filter(|track| track.end == End::Horizon) {
                 self.step(simd, track, k, limit, method, &mut scratch);
@@ -130,10 +132,10 @@ impl AffineKernel {
             self.refine(simd, track, seconds, scratch);
         }
         for from in (0..self.width).step_by(LANES) {
-            let mut x = load::<f64, LANES>(&track.slots[from..]);
-            let f = load::<f64, LANES>(&scratch.slope[from..]);
-            let keep = load::<f64, LANES>(&self.keep[from..]);
-            let continuous = load::<f64, LANES>(&self.continuous[from..]);
+            let mut x = load::<LANES>(&track.slots[from..]);
+            let f = load::<LANES>(&scratch.slope[from..]);
+            let keep = load::<LANES>(&self.keep[from..]);
+            let continuous = load::<LANES>(&self.continuous[from..]);
             for i in 0..LANES {
                 let gain = if continuous[i] > 0.0 { seconds } else { 1.0 };
                 x[i] = advance(keep[i], gain, x[i], f[i]);
@@ -187,9 +189,9 @@ impl AffineKernel {
             None => affine(matrix, constants, &slots[..self.rows], out),
             Some(terms) => {
                 for from in (0..self.width).step_by(LANES) {
-                    let mut sum = load::<f64, LANES>(&constants[from..]);
+                    let mut sum = load::<LANES>(&constants[from..]);
                     for (row, &term) in matrix.chunks_exact(self.width).zip(terms) {
-                        let (row, feature) = (load::<f64, LANES>(&row[from..]), slots[term as usize]);
+                        let (row, feature) = (load::<LANES>(&row[from..]), slots[term as usize]);
                         for i in 0..LANES {
                             sum[i] = row[i].mul_add(feature, sum[i]);
                         }
@@ -209,9 +211,9 @@ impl AffineKernel {
             let offset = if stage == 3 { seconds } else { seconds * 0.5 };
             copy::<S>(&track.slots, slots);
             for from in (0..self.width).step_by(LANES) {
-                let mut x = load::<f64, LANES>(&track.slots[from..]);
-                let slope = load::<f64, LANES>(&stages[stage - 1][from..]);
-                let continuous = load::<f64, LANES>(&self.continuous[from..]);
+                let mut x = load::<LANES>(&track.slots[from..]);
+                let slope = load::<LANES>(&stages[stage - 1][from..]);
+                let continuous = load::<LANES>(&self.continuous[from..]);
                 for i in 0..LANES {
                     x[i] = offset.mul_add(if continuous[i] > 0.0 { slope[i] } else { 0.0 }, x[i]);
                 }
@@ -219,7 +221,7 @@ impl AffineKernel {
             }
             self.turn(slots);
             if self.cells.has_left(simd, &track.cell, slots) {
-                self.cells.locate(simd, &mut track.cell, slots);
+                self.cells.search(simd, &mut track.cell, slots);
             }
             match self.cells.region(&track.cell) {
                 Some(region) => self.slope(region, slots, &mut stages[stage]),

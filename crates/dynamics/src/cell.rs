@@ -6,8 +6,7 @@ use pulp::Simd;
 use crate::{
     aligned::Aligned,
     compiled::Regions,
-    kernel::{LANES, affine, argmax, copy, load, padded, scaled_square, smallest_lead, standardise},
-    rough::Rough,
+    kernel::{affine, argmax, copy, padded, scaled_square, smallest_lead, standardise},
 };
 
 /// The partition of the fast path: how regions follow from the slots of a trajectory.
@@ -20,10 +19,9 @@ pub(crate) struct Cells {
     /// Centres and scales of the columns; the padding's scale makes it 0.
     centre: Aligned,
     scale: Aligned,
-    /// `1 / scale`.
-    inverse: Aligned,
-    /// Per slot, up to the last one that matters: length of the standardised step that a unit step of the slot makes.
+    /// Per slot: length of the standardised step that a unit step of the slot makes.
     slot_scale: Aligned,
+    slots: usize,
 }
 
 enum CellRule {
@@ -44,7 +42,6 @@ struct Linear {
     nearness: Aligned,
     /// 0, 1, 2, ...
     indices: Aligned,
-    rough: Rough,
     largest_weight: f64,
     largest_offset: f64,
 }
@@ -60,9 +57,6 @@ pub(crate) struct Cell {
     size: f64,
     scores: Aligned,
     top: f64,
-    /// The same in single precision.
-    rough_z: Aligned<f32>,
-    rough_scores: Aligned<f32>,
 }
 
 impl Cells {
@@ -75,8 +69,8 @@ impl Cells {
             consecutive: None,
             centre: Aligned::new(width, 0.0),
             scale: Aligned::new(width, f64::INFINITY),
-            inverse: Aligned::new(width, 0.0),
-            slot_scale: Aligned::new(padded(columns.iter().max().map_or(0, |last| last + 1)), 0.0),
+            slot_scale: Aligned::new(slots, 0.0),
+            slots,
         };
         let Some(regions) = regions else {
             return Some(cells);
@@ -93,9 +87,6 @@ impl Cells {
         cells.consecutive = cells.consecutive.filter(|first| first + width <= slots);
         cells.centre[..columns.len()].copy_from_slice(&regions.centre);
         cells.scale[..columns.len()].copy_from_slice(&regions.scale);
-        for (inverse, scale) in cells.inverse.iter_mut().zip(&regions.scale) {
-            *inverse = 1.0 / scale;
-        }
         for (&slot, &scale) in columns.iter().zip(&regions.scale) {
             cells.slot_scale[slot] = cells.slot_scale[slot].hypot(1.0 / scale);
         }
@@ -113,100 +104,33 @@ impl Cells {
 
     /// A cell that has not been searched yet.
     pub(crate) fn nowhere(&self) -> Cell {
-        let (width, rough) =
-            if let CellRule::Linear(linear) = &self.rule { (linear.width, linear.rough.width()) } else { (0, 0) };
+        let width = if let CellRule::Linear(linear) = &self.rule { linear.width } else { 0 };
         Cell {
             region: 0,
             free_square: -1.0,
-            reference: Aligned::new(self.slot_scale.len(), 0.0),
+            reference: Aligned::new(self.slots, 0.0),
             z: Aligned::new(self.centre.len(), 0.0),
             size: 0.0,
             scores: Aligned::new(width, 0.0),
             top: 0.0,
-            rough_z: Aligned::new(self.centre.len(), 0.0),
-            rough_scores: Aligned::new(rough, 0.0),
         }
     }
 
     /// Whether these slots may lie in another region than the cell's.
     #[inline(always)]
     pub(crate) fn has_left<S: Simd>(&self, simd: S, cell: &Cell, slots: &[f64]) -> bool {
-        let stays =
-            scaled_square(simd, &slots[..self.slot_scale.len()], &cell.reference, &self.slot_scale) < cell.free_square;
+        let stays = scaled_square(simd, slots, &cell.reference, &self.slot_scale) < cell.free_square;
         // So has one whose distance is not a number.
         !stays
     }
 
-    // Finding a region has three stages of long dependency chains. For many trajectories each stage is done for all of them before the next,
-    // so that the processor overlaps their chains.
+    // A search has four stages of long dependency chains. For many trajectories each stage is done for all of them before the next, so that the
+    // processor overlaps their chains.
 
-    /// First stage: standardised columns in single precision.
+    /// First stage of a search: standardised columns.
     #[inline(always)]
-    pub(crate) fn sketch<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        let (CellRule::Linear(_), Some(first)) = (&self.rule, self.consecutive) else {
-            return;
-        };
-        let values = &slots[first..first + self.centre.len()];
-        for from in (0..self.centre.len()).step_by(LANES) {
-            let x = load::<f64, LANES>(&values[from..]);
-            let centre = load::<f64, LANES>(&self.centre[from..]);
-            let inverse = load::<f64, LANES>(&self.inverse[from..]);
-            let z: [f32; LANES] = std::array::from_fn(|i| ((x[i] - centre[i]) * inverse[i]) as f32);
-            cell.rough_z[from..from + LANES].copy_from_slice(&z);
-        }
-        cell.size = scaled_square(simd, values, &self.centre, &self.inverse).sqrt();
-        copy::<S>(&slots[..self.slot_scale.len()], &mut cell.reference);
-    }
-
-    /// Second stage: the regions' scores in single precision.
-    #[inline(always)]
-    pub(crate) fn rate(&self, cell: &mut Cell) {
-        if let (CellRule::Linear(linear), Some(_)) = (&self.rule, self.consecutive) {
-            linear.rough.score(&cell.rough_z[..self.columns.len()], &mut cell.rough_scores);
-        }
-    }
-
-    /// Last stage: the region and its free radius; by a search in double precision where single precision leaves a doubt.
-    #[inline(always)]
-    pub(crate) fn settle<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        if let (CellRule::Linear(linear), Some(_)) = (&self.rule, self.consecutive)
-            && let Some((region, free)) =
-                linear.rough.best(simd, &cell.rough_scores, self.terms(), linear.reach(cell.size))
-        {
-            cell.region = region;
-            cell.free_square = free_square(free, cell.size);
-        } else {
-            self.search(simd, cell, slots);
-        }
-    }
-
-    /// Finds the region of these slots.
-    #[inline(always)]
-    pub(crate) fn locate<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        self.sketch(simd, cell, slots);
-        self.rate(cell);
-        self.settle(simd, cell, slots);
-    }
-
-    /// Roundings of a score.
-    #[inline(always)]
-    fn terms(&self) -> f64 {
-        (self.columns.len() + 4) as f64
-    }
-
-    /// A search in double precision: the rule itself.
-    #[inline(always)]
-    fn search<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        self.standardise(simd, cell, slots);
-        self.score(cell);
-        self.choose(simd, cell);
-        self.release(simd, cell);
-    }
-
-    /// Standardised columns.
-    #[inline(always)]
-    fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        copy::<S>(&slots[..self.slot_scale.len()], &mut cell.reference);
+    pub(crate) fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        copy::<S>(slots, &mut cell.reference);
         let square = match self.consecutive {
             Some(first) => {
                 let values = &slots[first..first + self.centre.len()];
@@ -225,17 +149,17 @@ impl Cells {
         cell.size = square.sqrt();
     }
 
-    /// The regions' scores.
+    /// Second stage: the regions' scores.
     #[inline(always)]
-    fn score(&self, cell: &mut Cell) {
+    pub(crate) fn score(&self, cell: &mut Cell) {
         if let CellRule::Linear(linear) = &self.rule {
             affine(&linear.weights, &linear.offsets, &cell.z[..self.columns.len()], &mut cell.scores);
         }
     }
 
-    /// The region of the scores.
+    /// Third stage: the region.
     #[inline(always)]
-    fn choose<S: Simd>(&self, simd: S, cell: &mut Cell) {
+    pub(crate) fn choose<S: Simd>(&self, simd: S, cell: &mut Cell) {
         match &self.rule {
             CellRule::Whole => cell.region = 0,
             CellRule::Ball { radius } => {
@@ -249,23 +173,36 @@ impl Cells {
         }
     }
 
-    /// The distance in z within which no other region can win.
+    /// Last stage: the distance in z within which no other region can win.
     ///
     /// While z moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
     #[inline(always)]
-    fn release<S: Simd>(&self, simd: S, cell: &mut Cell) {
+    pub(crate) fn release<S: Simd>(&self, simd: S, cell: &mut Cell) {
         let size = cell.size;
-        let terms = self.terms();
+        let terms = (self.columns.len() + 4) as f64;
         let free = match &self.rule {
             CellRule::Whole => f64::INFINITY,
             CellRule::Ball { radius } => (size - radius).abs() - 4.0 * terms * f64::EPSILON * (1.0 + size + radius),
             CellRule::Linear(linear) => {
-                let rounding = f64::MIN_POSITIVE + 4.0 * terms * f64::EPSILON * linear.reach(size);
+                // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
+                let reach = linear.largest_offset + linear.largest_weight * (2.0 * size + 1.0);
+                let rounding = f64::MIN_POSITIVE + 4.0 * terms * f64::EPSILON * reach;
                 let nearness = &linear.nearness[cell.region.min(linear.count - 1) * linear.width..][..linear.width];
                 smallest_lead(simd, cell.top, rounding, &cell.scores, nearness)
             }
         };
-        cell.free_square = free_square(free, size);
+        // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
+        let free = free.min(1.0 + size) * (1.0 - 1e-9);
+        cell.free_square = if free > 0.0 { free * free } else { -1.0 };
+    }
+
+    /// All stages of a search.
+    #[inline(always)]
+    pub(crate) fn search<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        self.standardise(simd, cell, slots);
+        self.score(cell);
+        self.choose(simd, cell);
+        self.release(simd, cell);
     }
 
     /// The region of a cell that was searched for where it is; `None` where a standardised column is not a number.
@@ -275,21 +212,7 @@ impl Cells {
     }
 }
 
-/// Square of the radius within which a state may move, from the distance at which another region may win.
-#[inline(always)]
-fn free_square(free: f64, size: f64) -> f64 {
-    // Beyond 1 + |z| the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
-    let free = free.min(1.0 + size) * (1.0 - 1e-9);
-    if free > 0.0 { free * free } else { -1.0 }
-}
-
 impl Linear {
-    /// Bound on the terms of every score as far as a cell's free radius goes, `|z| + (1 + |z|)`.
-    #[inline(always)]
-    fn reach(&self, size: f64) -> f64 {
-        self.largest_offset + self.largest_weight * (2.0 * size + 1.0)
-    }
-
     fn new(weights: &[Vec<f64>], offsets: &[f64], columns: usize) -> Self {
         let count = offsets.len();
         let width = padded(count);
@@ -300,7 +223,6 @@ impl Linear {
             offsets: Aligned::new(width, f64::NEG_INFINITY),
             nearness: Aligned::new(count * width, 1.0),
             indices: Aligned::from_slice(&(0..width).map(|i| i as f64).collect::<Vec<_>>()),
-            rough: Rough::new(&[], &[], &[], width),
             largest_weight: 0.0,
             largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
         };
@@ -321,7 +243,6 @@ impl Linear {
                 };
             }
         }
-        linear.rough = Rough::new(&linear.weights, &linear.offsets, &linear.nearness, width);
         linear
     }
 }

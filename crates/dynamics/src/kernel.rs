@@ -42,7 +42,7 @@ pub(crate) fn affine(matrix: &[f64], constants: &[f64], features: &[f64], out: &
 #[inline(always)]
 fn panel<const N: usize>(matrix: &[f64], constants: &[f64], features: &[f64], from: usize, out: &mut [f64]) -> usize {
     let width = out.len();
-    let mut sum = load::<f64, N>(&constants[from..from + N]);
+    let mut sum = load::<N>(&constants[from..from + N]);
     for (j, &feature) in features.iter().enumerate() {
         debug_assert!(j * width + from + N <= matrix.len());
         // SAFETY: the matrix has at least `features.len() * width` values (asserted by the only caller), j is below `features.len()`, and
@@ -58,8 +58,8 @@ fn panel<const N: usize>(matrix: &[f64], constants: &[f64], features: &[f64], fr
 
 /// The first `N` values of a slice of at least that length.
 #[inline(always)]
-pub(crate) fn load<T: Copy + Default, const N: usize>(values: &[T]) -> [T; N] {
-    let mut loaded = [T::default(); N];
+pub(crate) fn load<const N: usize>(values: &[f64]) -> [f64; N] {
+    let mut loaded = [0.0; N];
     loaded.copy_from_slice(&values[..N]);
     loaded
 }

@@ -24,7 +24,6 @@ mod mahalanobis;
 mod metrics;
 mod predict;
 mod rollout;
-mod rough;
 mod score;
 mod simulator;
 mod starts;
