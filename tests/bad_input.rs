@@ -204,6 +204,25 @@ fn labels_unseen_in_training() {
 }
 
 #[test]
+fn folds_that_leave_nothing_to_train_on_are_refused() {
+    let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);
+    fit(folder.path(), &["--folds", "10", "--purge", "1.0"]).fails(&["purge", "100 rows", "50 rows"]);
+    fit(folder.path(), &["--folds", "2", "--purge", "3.0"]).fails(&["purge"]);
+    fit(folder.path(), &["--folds", "2", "--purge", "2.5"]).fails(&["no complete row", "--folds 0"]);
+    assert_eq!(fit(folder.path(), &["--folds", "60000"]).code, 2);
+}
+
+#[test]
+fn results_are_not_written_under_a_misleading_name() {
+    let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);
+    fit(folder.path(), &[]).ok();
+    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "pred.csv"]).fails(&["pred.csv", "*.parquet"]);
+    fleetfoot(folder.path(), &["rollout", "model.json", "log.csv", "--horizon", "5", "-o", "r.mcap"])
+        .fails(&["r.mcap", "*.parquet"]);
+    assert!(!folder.path().join("pred.csv").exists());
+}
+
+#[test]
 fn the_same_log_twice_is_refused() {
     let text = robot_csv(400, 0.0);
     let folder = folder(&[("log.csv", &text), ("copy.csv", &text)]);

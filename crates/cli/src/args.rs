@@ -286,8 +286,8 @@ pub(crate) struct Rollout {
     #[arg(long, value_name = "STEPS", default_value_t = 200)]
     pub(crate) horizon: usize,
     /// Number of trajectories.
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    pub(crate) starts: usize,
+    #[arg(long, value_name = "N", default_value = "1000")]
+    pub(crate) starts: std::num::NonZeroUsize,
     /// How derivatives are integrated.
     #[arg(long, value_enum, default_value = "euler")]
     pub(crate) method: Method,

@@ -94,6 +94,7 @@ pub fn predict(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<Written, Error> {
+    require_parquet(output)?;
     let dataset = Dataset::for_model(model, changes, files, progress)?;
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
@@ -141,6 +142,17 @@ pub fn predict(
     )?;
     writer.finish()?;
     Ok(written)
+}
+
+/// A name that promises another format would mislead whoever opens the file.
+fn require_parquet(output: &Path) -> Result<(), Error> {
+    match fleetfoot_log::Format::of(output) {
+        Some(fleetfoot_log::Format::Parquet) => Ok(()),
+        _ => Err(Error::Request(format!(
+            "{}: results are written as Parquet; name the file *.parquet",
+            output.display()
+        ))),
+    }
 }
 
 fn write_predicted(
@@ -197,6 +209,7 @@ pub fn rollout(
     output: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<RolledOut, Error> {
+    output.map_or(Ok(()), require_parquet)?;
     let dataset = Dataset::for_model(model, changes, files, progress)?;
     let view = dataset.view()?;
     progress.stage("rollout");

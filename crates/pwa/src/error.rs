@@ -39,6 +39,29 @@ pub enum Error {
         /// Rows with a missing value.
         incomplete: u64,
     },
+    /// The purge gap swallows whole spans.
+    #[error(
+        "a purge gap of {purge} rows is longer than a held-out span ({span} rows of the longest episode in {folds} folds): no rows would be left \
+         between them; choose fewer folds or a shorter --purge"
+    )]
+    PurgeTooLong {
+        /// Rows of the gap.
+        purge: usize,
+        /// Rows of a span of the longest episode.
+        span: usize,
+        /// Folds.
+        folds: u16,
+    },
+    /// A fold leaves nothing to train on.
+    #[error(
+        "no complete row is left to train on when fold {fold} of {folds} is held out; choose fewer folds (--folds 0 for none)"
+    )]
+    NothingToTrain {
+        /// The fold.
+        fold: u16,
+        /// Folds.
+        folds: u16,
+    },
     /// A target that never changes.
     #[error(
         "the target {target} has the same value {value} in all rows: there is nothing to predict; leave it out, or check its column"

@@ -101,6 +101,7 @@ pub fn identify(
         folds: options.folds,
         purge: options.purge.max(rows.halo().before + rows.halo().after),
     };
+    check_purge(&grid, source)?;
     let chunks = grid.chunks(source.episodes());
     progress.stage("survey");
     let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
@@ -174,6 +175,18 @@ fn plan_hash(problem: &Problem, grid: &Grid, segmentation: &Segmentation, precon
     fleetfoot_stats::plan_hash(&text, preconditioner)
 }
 
+/// A purge gap reaches into the neighbouring spans only, so it must not be longer than a span.
+fn check_purge(grid: &Grid, source: &dyn Source) -> Result<(), Error> {
+    let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
+    let spans = grid.folds > 1 && source.episodes().len() < usize::from(grid.folds);
+    let span = longest / usize::from(grid.folds.max(1));
+    // Spans of a few rows cannot keep even the reach of the lags apart; such data are too few for folds anyway, and the fit says what it has.
+    if spans && grid.purge > span && span > 0 {
+        return Err(Error::PurgeTooLong { purge: grid.purge, span, folds: grid.folds });
+    }
+    Ok(())
+}
+
 fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {
     if survey.complete < rows.regressors as u64 + 2 {
         return Err(Error::TooFewRows {
@@ -212,6 +225,12 @@ impl Fit<'_> {
             incomplete: self.survey.incomplete,
         };
         let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
+        for fold in 0..if self.options.folds > 1 { self.options.folds } else { 0 } {
+            let tested = self.scan.stats.iter().any(|(key, gram)| key.fold.own == fold && gram.weight > 0.0);
+            if tested && solver.base(Some(fold)).is_none_or(|base| base.root.weight <= 0.0) {
+                return Err(Error::NothingToTrain { fold: fold + 1, folds: self.options.folds });
+            }
+        }
         let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
         let mut orders =
             evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);

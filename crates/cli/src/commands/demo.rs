@@ -37,7 +37,7 @@ pub(crate) fn demo(arguments: &Demo, context: &Context) -> Result<(), Error> {
         &Rollout {
             model: data(),
             horizon: 200,
-            starts: 1000,
+            starts: std::num::NonZeroUsize::MIN.saturating_add(999),
             method: crate::args::Method::Euler,
             seed: None,
             output: None,

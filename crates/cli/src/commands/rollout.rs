@@ -21,8 +21,8 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         Method::Rk4 => Integration::Rk4,
     };
     let starts = match arguments.seed {
-        None => Starts::Even(arguments.starts),
-        Some(seed) => Starts::Random { count: arguments.starts, seed },
+        None => Starts::Even(arguments.starts.get()),
+        Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
     };
     let changes = time_changes(&arguments.model.time)?;
     let bar = context.bar();
