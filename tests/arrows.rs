@@ -3,16 +3,17 @@
 use std::{collections::BTreeSet, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 10] = [
+const ARROWS: [(&str, &[&str]); 11] = [
     ("fleetfoot-data", &[]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data"]),
     ("fleetfoot-model", &["data", "library"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
-    ("fleetfoot-log", &["data"]),
+    ("fleetfoot-message", &[]),
+    ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
     ("fleetfoot-sim", &["data", "library", "dynamics"]),
-    ("fleetfoot", &["data", "library", "stats", "model", "dynamics", "log", "pwa", "sim"]),
+    ("fleetfoot", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim"]),
     ("fleetfoot-cli", &["fleetfoot"]),
 ];
 

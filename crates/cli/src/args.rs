@@ -169,6 +169,45 @@ pub(crate) struct TimeArgs {
     /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none.
     #[arg(long, value_name = "SECONDS")]
     pub(crate) max_gap: Option<String>,
+    #[command(flatten)]
+    pub(crate) channels: ChannelArgs,
+}
+
+/// How the channels of a robot's log (MCAP) become rows.
+#[derive(Debug, Args, Default)]
+pub(crate) struct ChannelArgs {
+    /// The clock of a robot's log (default: header where every channel in use has one, else log).
+    #[arg(long, value_enum, value_name = "CLOCK")]
+    pub(crate) stamp: Option<StampArg>,
+    /// The topic whose messages make the rows; the others are joined to it (default: that of the first state).
+    #[arg(long, value_name = "TOPIC", conflicts_with = "rate")]
+    pub(crate) base: Option<String>,
+    /// Rows a second, instead of those of a base topic.
+    #[arg(long, value_name = "HZ")]
+    pub(crate) rate: Option<f64>,
+    /// A topic as the recipe or model calls it, and as these files do; may be repeated.
+    #[arg(long, value_name = "/OURS=/FILE")]
+    pub(crate) rename: Vec<String>,
+    /// Keep decoded columns as Parquet in this folder, and use what is there (default: `.fleetfoot-cache` beside the model, for
+    /// logs of 64 MiB and more).
+    #[arg(long, value_name = "DIR", conflicts_with = "no_cache")]
+    pub(crate) cache: Option<PathBuf>,
+    /// Decode anew, keep nothing.
+    #[arg(long)]
+    pub(crate) no_cache: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StampArg {
+    /// When it was measured: the header's stamp in the message.
+    #[value(alias = "header.stamp")]
+    Header,
+    /// When it was recorded.
+    #[value(alias = "log_time")]
+    Log,
+    /// When it was published.
+    #[value(alias = "publish_time")]
+    Publish,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

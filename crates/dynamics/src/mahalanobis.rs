@@ -36,6 +36,10 @@ impl Mahalanobis {
             if value.is_finite() { value } else { 0.0 }
         });
         let mut whitening = vec![0.0; n * width];
+        // The decomposition refuses to measure its memory for no dimensions at all: a model without regressors has none.
+        if n == 0 {
+            return Self { dimension: 0, width, whitening, zeros: vec![0.0; width] };
+        }
         match standardised.self_adjoint_eigen(Side::Lower) {
             Ok(eigen) => {
                 for k in 0..n {
@@ -88,6 +92,12 @@ impl Mahalanobis {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_dimensions_no_distance() {
+        let metric = Mahalanobis::new(&[], &[]);
+        assert_eq!((metric.dimension(), metric.score(&[])), (0, 0.0));
+    }
 
     #[test]
     fn two_dimensions_by_hand() {

@@ -1,16 +1,19 @@
 //! A set of log files opened for a recipe or for a model.
 
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::{Expr, View};
-use fleetfoot_log::{LabelRule, MaxGap, Recording, Selection, TimeSpec, TimeUnit};
-use fleetfoot_model::{Model, Rule};
+use fleetfoot_log::{
+    Base, ColumnJoin, Estimate, JoinKind, JoinSpec, LabelRule, MaxGap, Recording, Selection, Stamp, TimeSpec, TimeUnit,
+};
+use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 
 use crate::{
     Error, Gap, Recipe,
     labels::Labelled,
     task::{Task, aliases_of_model},
+    wildcard::is_match,
 };
 
 /// Log files as the columns of a recipe or a model.
@@ -24,6 +27,7 @@ pub struct Dataset {
 fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
     let Some(first) = files.first() else { return Err(Error::Request("no file is given".into())) };
     let mut fields: Vec<Column> = fleetfoot_log::inspect(first)?
+        .renamed(&renames(recipe))
         .columns
         .into_iter()
         .map(|info| Column { name: info.name, unit: info.unit, kind: info.kind })
@@ -41,6 +45,11 @@ fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
     Ok(fields)
 }
 
+/// Topics as the recipe calls them, and as the files do.
+fn renames(recipe: &Recipe) -> Vec<(String, String)> {
+    recipe.rename.iter().map(|(own, file)| (own.clone(), file.clone())).collect()
+}
+
 fn label_names(recipe: &Recipe) -> Vec<String> {
     let mut names: Vec<String> = recipe.episodes.iter().flat_map(|rule| rule.labels.keys().cloned()).collect();
     names.sort();
@@ -48,10 +57,114 @@ fn label_names(recipe: &Recipe) -> Vec<String> {
     names
 }
 
+fn max_gap(gap: Option<&Gap>, place: &str) -> Result<MaxGap, Error> {
+    match gap {
+        None => Ok(MaxGap::Auto),
+        Some(Gap::Seconds(seconds)) if *seconds > 0.0 => Ok(MaxGap::Seconds(*seconds)),
+        Some(Gap::Word(word)) if word == "auto" => Ok(MaxGap::Auto),
+        Some(Gap::Word(word)) if word == "none" => Ok(MaxGap::Unlimited),
+        Some(gap) => Err(Error::Request(format!("{place} max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
+    }
+}
+
+/// What the recipe says about the channels of a robot's log.
+fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
+    let time = &recipe.time;
+    let mut join = JoinSpec { cache: recipe.cache.clone(), ..JoinSpec::default() };
+    join.renames = renames(recipe);
+    if let Some(text) = &time.stamp {
+        join.stamp = Some(Stamp::parse(text).ok_or_else(|| {
+            Error::Request(format!("[time] stamp = \"{text}\": write \"header\", \"log\" or \"publish\""))
+        })?);
+    }
+    join.base = match (&time.base, time.rate) {
+        (Some(_), Some(_)) => {
+            return Err(Error::Request("[time] has both `base` and `rate`; the rows come from one of them".into()));
+        }
+        (Some(topic), None) => Some(Base::Channel(topic.clone())),
+        (None, Some(rate)) => Some(Base::Rate(rate)),
+        (None, None) => None,
+    };
+    join.reorder_seconds = time.reorder.unwrap_or(join.reorder_seconds);
+    for (pattern, rule) in &recipe.join {
+        let (table, place) = (rule.table(), format!("[join] {pattern}"));
+        let kind = match table.kind.as_deref() {
+            None => None,
+            Some(text) => Some(JoinKind::parse(text).ok_or_else(|| {
+                Error::Request(format!("{place}: `{text}` is no kind of join; write linear, hold, angle or slerp"))
+            })?),
+        };
+        let rule = ColumnJoin { kind, max_gap: max_gap(table.max_gap.as_ref(), &place)? };
+        for column in columns.iter().filter(|column| is_match(pattern, column)) {
+            join.columns.insert(column.clone(), rule);
+        }
+    }
+    Ok(join)
+}
+
+/// Joins as the roles of the columns ask for: inputs are held, angles go along the shorter arc. What the recipe says stands above.
+fn add_roles(join: &mut JoinSpec, columns: &[ModelColumn], aliases: &[(Column, Expr)]) {
+    let mut rule = |field: &str, kind| {
+        let rule = join.columns.entry(field.to_owned()).or_default();
+        rule.kind = rule.kind.or(Some(kind));
+    };
+    let uses = |role: Role| {
+        aliases
+            .iter()
+            .zip(columns)
+            .filter(move |(_, column)| column.role == role)
+            .flat_map(|((_, expr), _)| expr.columns())
+    };
+    let states: BTreeSet<String> = uses(Role::State).map(|name| name.to_string()).collect();
+    for field in uses(Role::Input).filter(|field| !states.contains(&**field)) {
+        rule(&field, JoinKind::Hold);
+    }
+    for ((_, expression), column) in aliases.iter().zip(columns) {
+        if let Some(field) = expression.as_column()
+            && column.angle
+        {
+            rule(field, JoinKind::Angle);
+        }
+    }
+}
+
+/// The fields that aliases speak of, and how they are read and joined.
+fn full_selection(recipe: &Recipe, model: &[ModelColumn], aliases: &[(Column, Expr)]) -> Result<Selection, Error> {
+    let labels = label_names(recipe);
+    let mut columns: Vec<String> = Vec::new();
+    for (_, expression) in aliases {
+        columns.extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
+    }
+    // The channel of the first column makes the rows unless the recipe says otherwise.
+    let first = columns.first().cloned().map(Base::Channel);
+    columns.sort();
+    columns.dedup();
+    let mut selection = selection(recipe, columns)?;
+    add_roles(&mut selection.join, model, aliases);
+    selection.join.base = selection.join.base.or(first);
+    Ok(selection)
+}
+
+/// What opening robots' logs for a recipe will cost, with the columns and the task; `None` for tables, which are opened to count their rows.
+pub(crate) fn estimate(
+    recipe: &Recipe,
+    labels: &[String],
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<Option<(Task, Vec<String>, Estimate)>, Error> {
+    let fields = fields(recipe, files)?;
+    let recipe = &recipe.expand(&fields)?;
+    let task = Task::resolve(recipe, &fields, labels, 0.0)?;
+    let selection = full_selection(recipe, &task.problem.columns, &task.aliases)?;
+    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
+}
+
 /// What the recipe says about clock and episodes.
 fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> {
     let time = &recipe.time;
     let mut selection = Selection::new(columns);
+    selection.join = join_spec(recipe, &selection.columns)?;
     selection.time = match (&time.column, time.dt) {
         (Some(_), Some(_)) => {
             return Err(Error::Request("[time] has both `column` and `dt`; the stamps come from one of them".into()));
@@ -72,15 +185,7 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
         }
         (None, None) => TimeSpec::Auto,
     };
-    selection.max_gap = match &time.max_gap {
-        None => MaxGap::Auto,
-        Some(Gap::Seconds(seconds)) if *seconds > 0.0 => MaxGap::Seconds(*seconds),
-        Some(Gap::Word(word)) if word == "auto" => MaxGap::Auto,
-        Some(Gap::Word(word)) if word == "none" => MaxGap::Unlimited,
-        Some(gap) => {
-            return Err(Error::Request(format!("[time] max_gap = {gap:?}: write seconds, \"auto\" or \"none\"")));
-        }
-    };
+    selection.max_gap = max_gap(time.max_gap.as_ref(), "[time]")?;
     selection.label_rules = recipe
         .episodes
         .iter()
@@ -104,8 +209,10 @@ impl Dataset {
         files: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<(Self, Task), Error> {
-        let task = Task::resolve(recipe, &fields(recipe, files)?, labels, 0.0)?;
-        let dataset = Self::open(recipe, &task.aliases, files, progress)?;
+        let fields = fields(recipe, files)?;
+        let recipe = &recipe.expand(&fields)?;
+        let task = Task::resolve(recipe, &fields, labels, 0.0)?;
+        let dataset = Self::open(recipe, &task.problem.columns, &task.aliases, files, progress)?;
         let mut task = task;
         task.problem.step = dataset.step();
         Ok((dataset, task))
@@ -125,34 +232,36 @@ impl Dataset {
             recipe.time.unit = changes.time.unit.clone();
             recipe.time.dt = changes.time.dt;
         }
-        if changes.time.max_gap.is_some() {
-            recipe.time.max_gap = changes.time.max_gap.clone();
+        recipe.time.max_gap = changes.time.max_gap.clone().or(recipe.time.max_gap);
+        recipe.time.stamp = changes.time.stamp.clone().or(recipe.time.stamp);
+        recipe.time.reorder = changes.time.reorder.or(recipe.time.reorder);
+        if changes.time.base.is_some() || changes.time.rate.is_some() {
+            recipe.time.base = changes.time.base.clone();
+            recipe.time.rate = changes.time.rate;
         }
+        // Names of files' topics belong to those files; a model knows its own.
+        recipe.rename = changes.rename.clone();
+        recipe.cache = changes.cache.clone();
         if !changes.episodes.is_empty() {
             recipe.episodes = changes.episodes.clone();
         }
         let aliases = aliases_of_model(&model.columns, &fields(&recipe, files)?)?;
-        let mut dataset = Self::open(&recipe, &aliases, files, progress)?;
+        let mut dataset = Self::open(&recipe, &model.columns, &aliases, files, progress)?;
         dataset.recode(model);
         Ok(dataset)
     }
 
     fn open(
         recipe: &Recipe,
+        model: &[ModelColumn],
         aliases: &[(Column, Expr)],
         files: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let labels = label_names(recipe);
-        let mut columns: Vec<String> = Vec::new();
-        for (_, expression) in aliases {
-            columns
-                .extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
-        }
-        columns.sort();
-        columns.dedup();
         progress.stage("open");
-        let recording = fleetfoot_log::open_with_progress(files, &selection(recipe, columns)?, progress)?;
+        let selection = full_selection(recipe, model, aliases)?;
+        let recording = fleetfoot_log::open_with_progress(files, &selection, progress)?;
         let source = Labelled::new(recording, &labels);
         let mut aliases = aliases.to_vec();
         for (column, expression) in &mut aliases {
@@ -192,6 +301,11 @@ impl Dataset {
     /// The episodes.
     pub fn episodes(&self) -> &[Episode] {
         self.source.episodes()
+    }
+
+    /// What must be added to an episode's stamps to get the times of its recording, nanoseconds.
+    pub fn log_offset(&self, episode: usize) -> i64 {
+        self.source.inner().log_offset(episode)
     }
 
     /// What had to be assumed or left out while opening.

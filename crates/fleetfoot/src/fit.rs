@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fleetfoot_data::Progress;
 use fleetfoot_pwa::{Identification, Options, Specification};
 
-use crate::{Dataset, Error, Recipe};
+use crate::{Dataset, Error, Recipe, dataset};
 
 /// What a fit found, and on what.
 #[derive(Debug, Clone)]
@@ -27,10 +27,12 @@ pub struct Fitted {
 pub struct FitPlan {
     /// Files.
     pub files: usize,
-    /// Episodes.
-    pub episodes: usize,
-    /// Rows.
+    /// Episodes; robots' logs are not decoded to count them.
+    pub episodes: Option<usize>,
+    /// Rows; of robots' logs at most, from the counts in the files.
     pub rows: usize,
+    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
+    pub decoded: Option<(u64, bool)>,
     /// Columns that are read.
     pub columns: Vec<String>,
     /// Columns of the regression, the constant left out.
@@ -45,7 +47,7 @@ pub struct FitPlan {
     pub notes: Vec<String>,
 }
 
-/// Opens the files and tells what [`fit_pwa`] would do.
+/// Opens the files and tells what [`fit_pwa`] would do. Robots' logs are not decoded for it.
 pub fn plan_pwa(
     recipe: &Recipe,
     options: &Options,
@@ -53,18 +55,29 @@ pub fn plan_pwa(
     progress: &dyn Progress,
 ) -> Result<FitPlan, Error> {
     let options = with_partitions(recipe, options)?;
-    let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), files, progress)?;
-    let cost = fleetfoot_pwa::cost(&task.problem, &options, dataset.rows());
+    let (task, columns, rows, episodes, decoded, notes) =
+        match dataset::estimate(recipe, &labels(&options), files, progress)? {
+            Some((task, columns, cost)) => {
+                (task, columns, cost.rows as usize, None, Some((cost.decoded_bytes, cost.cached)), Vec::new())
+            }
+            None => {
+                let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), files, progress)?;
+                let (episodes, notes) = (dataset.episodes().len(), dataset.notes().to_vec());
+                (task, dataset.columns(), dataset.rows(), Some(episodes), None, notes)
+            }
+        };
+    let cost = fleetfoot_pwa::cost(&task.problem, &options, rows);
     Ok(FitPlan {
         files: files.len(),
-        episodes: dataset.episodes().len(),
-        rows: dataset.rows(),
-        columns: dataset.columns(),
+        episodes,
+        rows,
+        decoded,
+        columns,
         regressors: task.problem.library.len(),
         targets: task.problem.equations.iter().filter(|equation| equation.target.is_some()).count(),
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
-        notes: dataset.notes().to_vec(),
+        notes,
     })
 }
 

@@ -1,16 +1,34 @@
 //! A commented recipe for a file, to be edited.
 
+mod channels;
+
 use std::fmt::Write;
 
 use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_log::FileInfo;
 
 /// Names that usually stand for angles in radians.
 const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "angle", "azimuth"];
 
-/// The recipe's text: every field listed where it can be uncommented, the time column filled in, quaternions and angles noticed.
+/// The recipe's text: every field listed where it can be uncommented, the clock filled in, quaternions and angles noticed.
 ///
 /// It is valid TOML as it stands, and is completed by uncommenting.
-pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
+pub fn starter_recipe(info: &FileInfo) -> String {
+    let columns: Vec<Column> = info
+        .columns
+        .iter()
+        .filter(|column| column.unsupported.is_none())
+        .map(|column| Column { name: column.name.clone(), unit: column.unit.clone(), kind: column.kind.clone() })
+        .collect();
+    let file = info.path.file_name().unwrap_or_default().to_string_lossy();
+    if info.topics.is_empty() {
+        table_recipe(&file, &columns, info.time.as_ref().map(|time| time.column.as_str()))
+    } else {
+        channels::recipe(&file, &columns, &info.topics)
+    }
+}
+
+fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     let fields: Vec<&Column> = columns.iter().filter(|column| Some(column.name.as_str()) != time).collect();
     let numeric: Vec<&Column> = fields
         .iter()
@@ -18,31 +36,14 @@ pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> Str
         .filter(|column| !matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean))
         .collect();
     let mut out = String::new();
-    let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
-    let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition kmeans:10 -o model.json\n");
-    let _ = writeln!(
-        out,
-        "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions."
-    );
-    let _ = writeln!(out, "[columns]");
+    heading(&mut out, file);
     for prefix in quaternions(columns) {
         for angle in ["yaw", "pitch", "roll"] {
             let _ = writeln!(out, "# {angle} = \"{angle}({prefix})\"");
         }
     }
     let _ = writeln!(out, "# speed = \"sqrt(vx^2 + vy^2)\"\n");
-    let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
-    let _ = writeln!(
-        out,
-        "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine"
-    );
-    let _ = writeln!(
-        out,
-        "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression"
-    );
-    let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
-    let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");
-    let _ = writeln!(out, "[states]");
+    states_heading(&mut out);
     for column in &numeric {
         let details = if is_angle(&column.name) { "{ kind = \"angle\" }" } else { "{}" };
         let _ = writeln!(out, "# {} = {details}{}", key(&column.name), unit(column));
@@ -62,6 +63,45 @@ pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> Str
             let _ = writeln!(out, "# column = \"t\"");
         }
     }
+    model_section(&mut out);
+    let labels: Vec<&str> = fields
+        .iter()
+        .filter(|column| matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean | ColumnKind::Integer))
+        .map(|column| column.name.as_str())
+        .collect();
+    if !labels.is_empty() {
+        let _ = writeln!(out, "# columns that may be labels: {}", labels.join(", "));
+    }
+    episodes_section(&mut out);
+    out
+}
+
+fn heading(out: &mut String, file: &str) {
+    let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
+    let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition kmeans:10 -o model.json\n");
+    let _ = writeln!(
+        out,
+        "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions."
+    );
+    let _ = writeln!(out, "[columns]");
+}
+
+fn states_heading(out: &mut String) {
+    let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
+    let _ = writeln!(
+        out,
+        "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine"
+    );
+    let _ = writeln!(
+        out,
+        "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression"
+    );
+    let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
+    let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");
+    let _ = writeln!(out, "[states]");
+}
+
+fn model_section(out: &mut String) {
     let _ = writeln!(
         out,
         "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n"
@@ -71,17 +111,11 @@ pub fn starter_recipe(file: &str, columns: &[Column], time: Option<&str>) -> Str
     let _ = writeln!(out, "# degree = 1               # of the polynomial library in each region");
     let _ = writeln!(out, "# lags = 0                 # past rows beside the present one");
     let _ = writeln!(out, "# partition = \"kmeans:10\"  # or null, average, zscore:1.5, labels:COLUMN");
-    let labels: Vec<&str> = fields
-        .iter()
-        .filter(|column| matches!(column.kind, ColumnKind::Category(_) | ColumnKind::Boolean | ColumnKind::Integer))
-        .map(|column| column.name.as_str())
-        .collect();
-    if !labels.is_empty() {
-        let _ = writeln!(out, "# columns that may be labels: {}", labels.join(", "));
-    }
+}
+
+fn episodes_section(out: &mut String) {
     let _ = writeln!(out, "\n# Labels for the episodes of matching files, for --partition labels:terrain");
     let _ = writeln!(out, "# [[episodes]]\n# match = \"grass_*\"\n# terrain = \"grass\"");
-    out
 }
 
 /// Common beginnings of fields x, y, z, w.
@@ -132,7 +166,7 @@ mod tests {
     fn it_is_a_recipe_before_and_after_uncommenting() {
         let names = ["t", "q_x", "q_y", "q_z", "q_w", "yaw", "v [m/s]", "odd \"name\""];
         let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
-        let text = starter_recipe("a.csv", &columns, Some("t"));
+        let text = table_recipe("a.csv", &columns, Some("t"));
         let recipe = Recipe::parse(&text, "starter").unwrap();
         assert_eq!(recipe.time.column.as_deref(), Some("t"));
         assert!(text.contains("yaw(q)"));

@@ -9,16 +9,18 @@ mod error;
 mod fit;
 mod init;
 mod labels;
+mod output;
 mod recipe;
 mod run;
 mod task;
+mod wildcard;
 
 pub use dataset::Dataset;
 pub use demo::{DemoFiles, generate as generate_demo};
 pub use error::Error;
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa};
 pub use init::starter_recipe;
-pub use recipe::{EpisodeRule, Gap, Input, InputTable, Kind, ModelSection, Recipe, State, Time};
+pub use recipe::{EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, ModelSection, Recipe, State, Time};
 pub use run::{RolledOut, Scored, Written, predict, rollout, score};
 pub use task::Task;
 
@@ -28,6 +30,7 @@ pub use fleetfoot_data::{
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
+pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe};
 pub use fleetfoot_pwa as pwa;
 pub use fleetfoot_sim as sim;

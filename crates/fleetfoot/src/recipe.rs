@@ -25,12 +25,21 @@ pub struct Recipe {
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
+    /// How fields of other channels than the base are brought to its stamps, by field or wildcard, where their types do not say it right.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub join: IndexMap<String, Join>,
+    /// Topics as this recipe calls them, and as the files do.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub rename: IndexMap<String, String>,
     /// What is predicted, from which functions.
     #[serde(skip_serializing_if = "is_default")]
     pub model: ModelSection,
     /// Labels for the episodes of matching files.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub episodes: Vec<EpisodeRule>,
+    /// Where decoded columns of robot logs are kept; no part of what is written.
+    #[serde(skip)]
+    pub cache: Option<fleetfoot_log::Cache>,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -115,6 +124,53 @@ pub struct Time {
     /// The gap that ends an episode: seconds, `auto` (five median periods) or `none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_gap: Option<Gap>,
+    /// The clock of robot logs: `header`, `log` or `publish`; the headers' where every channel has one, else the log's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<String>,
+    /// The topic whose messages make the rows; that of the first state when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+    /// Rows a second, instead of a base.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// Seconds by which messages may be out of order; 0.05 when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reorder: Option<f64>,
+}
+
+/// How a field is brought to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected \"linear\", \"hold\", \"angle\" or \"slerp\", or a table { kind = ..., max_gap = ... }"
+)]
+pub enum Join {
+    /// The kind.
+    Kind(String),
+    /// With details.
+    Table(JoinTable),
+}
+
+/// Details of a join.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JoinTable {
+    /// `linear`, `hold`, `angle` or `slerp`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// The longest gap that is bridged: seconds, `auto` (five median periods of the channel) or `none`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_gap: Option<Gap>,
+}
+
+impl Join {
+    /// The details, however they were written.
+    pub fn table(&self) -> JoinTable {
+        match self {
+            Self::Kind(kind) => JoinTable { kind: Some(kind.clone()), max_gap: None },
+            Self::Table(table) => table.clone(),
+        }
+    }
 }
 
 /// A gap in seconds, or a word.

@@ -6,10 +6,12 @@ use fleetfoot_data::{Progress, Source, parallel_fold};
 use fleetfoot_dynamics::{
     Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores, Starts,
 };
-use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 use fleetfoot_model::{Model, Rule};
 
-use crate::{Dataset, Error, Recipe};
+use crate::{
+    Dataset, Error, Recipe,
+    output::{self, Place, PredictionsWriter},
+};
 
 /// Rows predicted at once.
 const PREDICT_ROWS: usize = 65_536;
@@ -94,22 +96,12 @@ pub fn predict(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<Written, Error> {
-    require_parquet(output)?;
+    let kind = output::kind(output)?;
     let dataset = Dataset::for_model(model, changes, files, progress)?;
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;
-    let mut columns = vec![WriteColumn::new("episode", WriteKind::Text), WriteColumn::new("time", WriteKind::Stamp)];
-    for (name, equation) in predictor.names().iter().zip(model.fitted()) {
-        for kind in ["measured", "predicted", "residual"] {
-            let column = WriteColumn::new(format!("{name} {kind}"), WriteKind::Float);
-            columns.push(equation.unit.iter().fold(column, |column, unit| column.with_unit(unit)));
-        }
-    }
-    columns.push(WriteColumn::new("region", WriteKind::Integer));
-    columns.push(WriteColumn::new("distance", WriteKind::Float));
-    columns.push(WriteColumn::new("in_domain", WriteKind::Boolean));
-    let mut writer = ParquetWriter::create(output, columns, &write_options(model, files))?;
+    let mut writer = PredictionsWriter::create(kind, output, model, &predictor, files)?;
     let pieces: Vec<(usize, std::ops::Range<usize>)> = view
         .episodes()
         .iter()
@@ -131,7 +123,8 @@ pub fn predict(
             Ok::<_, Error>((episode, block.stamps().to_vec(), predicted))
         },
         |(episode, stamps, predicted)| {
-            write_predicted(&mut writer, &view.episodes()[episode].name, &stamps, &predicted, predictor.names().len())?;
+            let info = Place { episode: &view.episodes()[episode].name, log_offset: dataset.log_offset(episode) };
+            writer.write(&info, &stamps, &predicted)?;
             written.rows += predicted.rows as u64;
             written.predicted +=
                 predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
@@ -142,47 +135,6 @@ pub fn predict(
     )?;
     writer.finish()?;
     Ok(written)
-}
-
-/// A name that promises another format would mislead whoever opens the file.
-fn require_parquet(output: &Path) -> Result<(), Error> {
-    match fleetfoot_log::Format::of(output) {
-        Some(fleetfoot_log::Format::Parquet) => Ok(()),
-        _ => Err(Error::Request(format!(
-            "{}: results are written as Parquet; name the file *.parquet",
-            output.display()
-        ))),
-    }
-}
-
-fn write_predicted(
-    writer: &mut ParquetWriter,
-    episode: &str,
-    stamps: &[i64],
-    predicted: &Predicted,
-    equations: usize,
-) -> Result<(), Error> {
-    let rows = predicted.rows;
-    let names = vec![episode; rows];
-    let regions: Vec<i64> = predicted.region.iter().map(|&r| if r == u32::MAX { -1 } else { i64::from(r) }).collect();
-    let inside: Vec<bool> = predicted.domain.iter().map(|&domain| domain == Domain::Inside).collect();
-    let mut values = vec![Values::Text(&names), Values::Integer(stamps)];
-    for equation in 0..equations {
-        for column in [&predicted.measured, &predicted.predicted, &predicted.residual] {
-            values.push(Values::Float(Predicted::equation(column, rows, equation)));
-        }
-    }
-    values.extend([Values::Integer(&regions), Values::Float(&predicted.distance), Values::Boolean(&inside)]);
-    writer.write(&values)?;
-    Ok(())
-}
-
-fn write_options(model: &Model, files: &[PathBuf]) -> WriteOptions {
-    let metadata = [
-        ("fleetfoot.model".to_owned(), model.hash()),
-        ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-    ];
-    WriteOptions { metadata: metadata.into(), inputs: files.to_vec(), ..WriteOptions::default() }
 }
 
 /// Rollouts, and what to know about the data.
@@ -209,15 +161,16 @@ pub fn rollout(
     output: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<RolledOut, Error> {
-    output.map_or(Ok(()), require_parquet)?;
+    let kind = output.map(output::kind).transpose()?;
     let dataset = Dataset::for_model(model, changes, files, progress)?;
     let view = dataset.view()?;
     progress.stage("rollout");
     let mut options = options.clone();
     options.keep = output.is_some();
     let rollouts = fleetfoot_dynamics::rollout(model, &view, starts, &options, progress)?;
-    if let Some(path) = output {
-        write_trajectories(model, &view, &rollouts, files, path)?;
+    if let (Some(path), Some(kind)) = (output, kind) {
+        let offset = |episode| dataset.log_offset(episode);
+        output::write_trajectories(kind, path, model, &view, &offset, &rollouts, files)?;
     }
     Ok(RolledOut {
         rollouts,
@@ -225,51 +178,4 @@ pub fn rollout(
         in_sample: dataset.in_sample(model),
         notes: dataset.notes().to_vec(),
     })
-}
-
-fn write_trajectories(
-    model: &Model,
-    view: &dyn Source,
-    rollouts: &Rollouts,
-    files: &[PathBuf],
-    path: &Path,
-) -> Result<(), Error> {
-    let mut columns = vec![
-        WriteColumn::new("trajectory", WriteKind::Integer),
-        WriteColumn::new("episode", WriteKind::Text),
-        WriteColumn::new("row", WriteKind::Integer),
-        WriteColumn::new("step", WriteKind::Integer),
-        WriteColumn::new("seconds", WriteKind::Float).with_unit("s"),
-    ];
-    for state in &rollouts.states {
-        let unit = model.column(state).and_then(|column| model.columns[column].unit.as_ref());
-        let column = WriteColumn::new(state, WriteKind::Float);
-        columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str())));
-    }
-    columns.push(WriteColumn::new("region", WriteKind::Integer));
-    let mut writer = ParquetWriter::create(path, columns, &write_options(model, files))?;
-    for (index, trajectory) in rollouts.trajectories.iter().enumerate() {
-        let rows = trajectory.steps() + 1;
-        let numbers = vec![index as i64; rows];
-        let names = vec![view.episodes()[trajectory.start.episode].name.as_str(); rows];
-        let at: Vec<i64> = (0..rows).map(|step| (trajectory.start.row + step) as i64).collect();
-        let steps: Vec<i64> = (0..rows as i64).collect();
-        let states: Vec<Vec<f64>> = (0..rollouts.states.len())
-            .map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect())
-            .collect();
-        // The last state was reached; no step was made from it.
-        let regions: Vec<i64> = trajectory.regions.iter().map(|&region| i64::from(region)).chain([-1]).collect();
-        let mut values = vec![
-            Values::Integer(&numbers),
-            Values::Text(&names),
-            Values::Integer(&at),
-            Values::Integer(&steps),
-            Values::Float(&trajectory.time),
-        ];
-        values.extend(states.iter().map(|state| Values::Float(state)));
-        values.push(Values::Integer(&regions));
-        writer.write(&values)?;
-    }
-    writer.finish()?;
-    Ok(())
 }

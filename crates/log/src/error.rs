@@ -188,6 +188,16 @@ pub enum Error {
         /// The cell, shortened.
         text: String,
     },
+    /// A topic of a robot's log whose messages cannot be read.
+    #[error("{}: topic {topic}: {problem}; leave it out, or record it again", path.display())]
+    UnusableTopic {
+        /// The recording.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Why.
+        problem: String,
+    },
     /// The same data twice in one recording.
     #[error("{first} and {second} hold the same data: remove one, or a fit counts it twice")]
     Duplicate {
@@ -209,6 +219,105 @@ pub enum Error {
         path: PathBuf,
         /// What does not fit.
         problem: String,
+    },
+    /// A column of a topic that the log does not have.
+    #[error(
+        "{} has no topic for the column `{column}`{}",
+        path.display(),
+        hint(nearest, "the nearest topic is (--rename maps topics)", "list its topics with `info`")
+    )]
+    MissingTopic {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// A topic that is spelled similarly.
+        nearest: Option<String>,
+    },
+    /// A column's name that is no way into a message.
+    #[error("{}: the column `{column}` names no field of a message: {problem}; write /topic.field.part, /topic.array[3] or /topic.array[name]", path.display())]
+    BadField {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Messages that cannot be read, or not as asked.
+    #[error("{}: {topic}{}: {problem}", path.display(), if type_name.is_empty() { String::new() } else { format!(" ({type_name})") })]
+    Topic {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// The type of its messages.
+        type_name: String,
+        /// What is wrong, and the mend.
+        problem: String,
+    },
+    /// Header stamps asked of messages without a header.
+    #[error(
+        "{}: the messages of {topic} have no header stamp: take the log's or the publisher's clock for all channels (stamp = \"log\" or \"publish\"), or leave the topic out",
+        path.display()
+    )]
+    NoHeader {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+    },
+    /// Another clock than the messages' asked of a robot's log.
+    #[error("{}: a robot's log has its own clock, not {asked}: choose one of its stamps (stamp = \"header\", \"log\" or \"publish\"), and rate = HZ for even rows", path.display())]
+    NoSuchClock {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for.
+        asked: String,
+    },
+    /// Two channels without a moment in common.
+    #[error(
+        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), or another channel",
+        path.display(), crate::join::describe_range(*first_range), crate::join::describe_range(*second_range)
+    )]
+    NoOverlap {
+        /// The file.
+        path: PathBuf,
+        /// What does not overlap: `stamps` or `log times`.
+        what: &'static str,
+        /// A channel.
+        first: String,
+        /// Its first and last, nanoseconds.
+        first_range: (i64, i64),
+        /// The other channel.
+        second: String,
+        /// Its first and last, nanoseconds.
+        second_range: (i64, i64),
+    },
+    /// A rate that is no number of rows a second.
+    #[error("the rate must be a number of rows a second from 1e-6 to 1e6, not {hz}")]
+    BadRate {
+        /// The value.
+        hz: f64,
+    },
+    /// A rate that asks for far more rows than there are samples.
+    #[error(
+        "{}: {hz} rows a second would be {rows} rows for at most {samples} samples of a channel, as the stamps of {name} run over {}: take a lower rate, another clock (stamp = \"log\", \"publish\" or \"header\"), or the stamps of a channel",
+        path.display(), crate::join::describe_range(*range)
+    )]
+    GridTooLong {
+        /// The file.
+        path: PathBuf,
+        /// The channel.
+        name: String,
+        /// Rows a second.
+        hz: f64,
+        /// Rows there would be.
+        rows: usize,
+        /// Samples of the longest channel.
+        samples: usize,
+        /// First and last stamp of the longest run, nanoseconds.
+        range: (i64, i64),
     },
     /// The user stopped the work.
     #[error(transparent)]

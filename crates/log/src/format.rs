@@ -2,8 +2,18 @@
 
 use std::path::Path;
 
+use crate::{Error, rosbag2};
+
 /// What is readable, for messages.
-pub(crate) const KNOWN: &str = ".parquet, .csv, .tsv, .txt, and the text ones with .gz or .zst";
+pub(crate) const KNOWN: &str =
+    ".mcap, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
+
+/// What to do with a ROS 1 bag.
+pub(crate) const CONVERT_BAG: &str =
+    "convert it: `mcap convert in.bag out.mcap`, or `rosbags-convert --src in.bag --dst out --dst-storage mcap`";
+
+/// What to do with a rosbag2 database.
+pub(crate) const CONVERT_DB3: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
 
 /// A readable file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,9 +23,13 @@ pub enum Format {
     Parquet,
     /// Delimited text.
     Csv(Compression),
+    /// A robot's log in one MCAP file.
+    Mcap(Compression),
+    /// A folder of MCAP files with the `metadata.yaml` of rosbag2: one recording.
+    Rosbag2,
 }
 
-/// How a text file is compressed.
+/// How a whole file is compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Compression {
@@ -28,8 +42,11 @@ pub enum Compression {
 }
 
 impl Format {
-    /// The format that a file's name tells.
+    /// The format that a file's name tells; for a folder, its `metadata.yaml`.
     pub fn of(path: &Path) -> Option<Self> {
+        if rosbag2::is_bag(path) {
+            return Some(Self::Rosbag2);
+        }
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
         let (stem, compression) = match name.rsplit_once('.') {
             Some((stem, "gz")) => (stem, Compression::Gzip),
@@ -39,8 +56,20 @@ impl Format {
         match (stem.rsplit_once('.')?.1, compression) {
             ("parquet" | "pq", Compression::None) => Some(Self::Parquet),
             ("csv" | "tsv" | "txt", compression) => Some(Self::Csv(compression)),
+            ("mcap", compression) => Some(Self::Mcap(compression)),
             _ => None,
         }
+    }
+
+    /// Why a robot's log in another format cannot be read, and how to convert it; `None` for all other files.
+    pub(crate) fn foreign(path: &Path) -> Option<Error> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        let (problem, mend) = match extension.as_str() {
+            "bag" => ("ROS 1 bags are not read", CONVERT_BAG),
+            "db3" => ("rosbag2 databases (sqlite3) are not read", CONVERT_DB3),
+            _ => return None,
+        };
+        Some(Error::WrongFormat { path: path.into(), problem: problem.into(), mend })
     }
 
     /// A word for people.
@@ -50,6 +79,10 @@ impl Format {
             Self::Csv(Compression::None) => "CSV",
             Self::Csv(Compression::Gzip) => "CSV (gzip)",
             Self::Csv(Compression::Zstd) => "CSV (zstd)",
+            Self::Mcap(Compression::None) => "MCAP",
+            Self::Mcap(Compression::Gzip) => "MCAP (gzip)",
+            Self::Mcap(Compression::Zstd) => "MCAP (zstd)",
+            Self::Rosbag2 => "rosbag2 (MCAP)",
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot_data::{ColumnKind, Halo, Progress, Source, parallel_fold};
+use fleetfoot_data::{ColumnKind, Halo, Progress, Silent, Source, parallel_fold};
 
 use crate::{
-    ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, csv, open_with_progress, parquet,
+    ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, TopicInfo, channels, csv,
+    open_with_progress, parquet,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -23,8 +24,10 @@ pub struct FileInfo {
     pub bytes: u64,
     /// Rows, when the file tells them or the values were scanned.
     pub rows: Option<usize>,
-    /// Its columns, in the order of the file.
+    /// Its columns, in the order of the file; of a robot's log, the fields found in some of its messages, or in all when the values were scanned.
     pub columns: Vec<ColumnInfo>,
+    /// The topics of a robot's log; empty for tables.
+    pub topics: Vec<TopicInfo>,
     /// The column that is taken as the clock when none is named.
     pub time: Option<TimeInfo>,
     /// Rates and gaps; only when the values were scanned and there is a clock.
@@ -33,6 +36,30 @@ pub struct FileInfo {
     pub episodes: Option<usize>,
     /// What a person should know.
     pub notes: Vec<String>,
+}
+
+impl FileInfo {
+    /// The same with topics called as [`crate::JoinSpec::renames`] asks.
+    #[must_use]
+    pub fn renamed(mut self, renames: &[(String, String)]) -> Self {
+        if renames.is_empty() {
+            return self;
+        }
+        let names = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), renames);
+        let plain = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), &[]);
+        self.columns.retain_mut(|column| match plain.locate(&column.name) {
+            None => true,
+            Some((topic, rest)) => {
+                let name = names.of(topic).map(|name| format!("{name}{rest}"));
+                name.map(|name| column.name = name).is_some()
+            }
+        });
+        let kept: Vec<Option<String>> =
+            (0..self.topics.len()).map(|topic| names.of(topic).map(str::to_owned)).collect();
+        let mut kept = kept.into_iter();
+        self.topics.retain_mut(|topic| kept.next().flatten().map(|name| topic.name = name).is_some());
+        self
+    }
 }
 
 /// A column of a file.
@@ -85,9 +112,11 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
     let Some(format) = Format::of(path) else {
         return Err(Error::UnknownFormat { path: path.into() });
     };
-    let bytes =
-        std::fs::metadata(path).map_err(|source| Error::Io { path: path.into(), action: "read", source })?.len();
+    let bytes = size(path)?;
     let (columns, clock, rows, notes) = match format {
+        Format::Mcap(_) | Format::Rosbag2 => {
+            return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?));
+        }
         Format::Parquet => {
             let found = parquet::describe(path)?;
             (found.columns, found.clock, Some(found.rows), Vec::new())
@@ -112,11 +141,45 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
             statistics: None,
         })
         .collect();
-    Ok(FileInfo { path: path.into(), format, bytes, rows, columns, time, clock: None, episodes: None, notes })
+    let topics = Vec::new();
+    Ok(FileInfo { path: path.into(), format, bytes, rows, columns, topics, time, clock: None, episodes: None, notes })
+}
+
+/// Bytes of a file, or of all files of a recording's folder.
+fn size(path: &Path) -> Result<u64, Error> {
+    let io = |source| Error::Io { path: path.into(), action: "read", source };
+    let own = std::fs::metadata(path).map_err(io)?;
+    if !own.is_dir() {
+        return Ok(own.len());
+    }
+    let mut bytes = 0;
+    for entry in std::fs::read_dir(path).map_err(io)? {
+        bytes += entry.and_then(|entry| entry.metadata()).map_err(io)?.len();
+    }
+    Ok(bytes)
+}
+
+fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Description) -> FileInfo {
+    FileInfo {
+        path: path.into(),
+        format,
+        bytes,
+        rows: None,
+        columns: found.columns,
+        topics: found.topics,
+        time: None,
+        clock: None,
+        episodes: None,
+        notes: found.notes,
+    }
 }
 
 /// As [`inspect`], and reads all rows once: ranges of the values, rates, gaps, backward stamps. Memory stays bounded.
 pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<FileInfo, Error> {
+    let path = path.as_ref();
+    if let Some(format @ (Format::Mcap(_) | Format::Rosbag2)) = Format::of(path) {
+        return Ok(log_info(path, format, size(path)?, channels::statistics(path, format, progress)?));
+    }
     let mut info = inspect(path)?;
     let time = match &info.time {
         Some(time) => TimeSpec::Column { name: time.column.clone(), unit: Some(time.unit) },

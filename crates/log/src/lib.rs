@@ -2,25 +2,33 @@
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
-//! they are asked for. [`ParquetWriter`] and [`write_atomic`] put results on disk, whole or not at all.
+//! they are asked for. [`ParquetWriter`], [`McapWriter`] and [`write_atomic`] put results on disk, whole or not at all.
 //!
 //! Parquet is read in place. Text is decoded once into columns, in memory up to a budget and in an unnamed temporary file
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
 //! range of rows; everything else (episodes, identities, categories over several files) is common to all formats.
 
 mod atomic;
+mod channels;
 mod column_set;
 mod csv;
 mod error;
+mod estimate;
 mod file_io;
 mod format;
 mod index;
 mod inspect;
+mod join;
+mod join_spec;
+mod mcap;
+mod mcap_writer;
 mod naming;
 mod notes;
+mod overlay;
 mod parquet;
 mod paths;
 mod recording;
+mod rosbag2;
 mod row_mask;
 mod selection;
 mod stamp;
@@ -28,14 +36,22 @@ mod steps;
 mod store;
 mod table;
 mod time_column;
+mod topic_info;
 mod writer;
 
 pub use atomic::{AtomicFile, write_atomic};
+pub use channels::{MessageRow, Messages};
 pub use error::Error;
+pub use estimate::{Estimate, estimate};
 pub use format::{Compression, Format};
 pub use index::ClockSummary;
 pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, inspect_values};
+pub use join::JoinKind;
+pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp};
+pub use mcap_writer::{ChannelId, McapOptions, McapWriter};
+pub use overlay::{Overlay, SeriesId};
 pub use paths::paths;
 pub use recording::{Recording, open, open_with_progress};
 pub use selection::{LabelRule, MaxGap, Selection, TimeSpec, TimeUnit};
+pub use topic_info::{HeaderOffset, TopicInfo};
 pub use writer::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions, refuse_input};

@@ -6,12 +6,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Format, error::nearest};
+use crate::{Error, Format, error::nearest, rosbag2};
 
 /// Folders inside folders are followed this deep: a loop of links ends here.
 const MAX_DEPTH: usize = 32;
 
 /// The files that arguments name: files, glob patterns (`runs/**/*.csv`) and folders (recursively, files of known formats).
+///
+/// A rosbag2 folder, named or met on the way, is one recording: its own path is in the answer and its files are not.
 ///
 /// The answer is sorted and each file appears once, so that the order of the arguments does not matter. A named file of an unknown
 /// format is an error, and so is an argument that matches nothing; both say what to do.
@@ -20,15 +22,15 @@ pub fn paths<P: AsRef<Path>>(arguments: impl IntoIterator<Item = P>) -> Result<V
     for argument in arguments {
         let argument = argument.as_ref();
         if argument.is_dir() {
-            let mut inside = BTreeSet::new();
+            let mut inside = Found::default();
             collect_folder(argument, 0, &mut inside)?;
-            if inside.is_empty() {
-                return Err(Error::EmptyFolder { path: argument.into() });
+            if inside.files.is_empty() {
+                return Err(inside.foreign.unwrap_or_else(|| Error::EmptyFolder { path: argument.into() }));
             }
-            files.append(&mut inside);
+            files.append(&mut inside.files);
         } else if argument.exists() {
             if Format::of(argument).is_none() {
-                return Err(Error::UnknownFormat { path: argument.into() });
+                return Err(Format::foreign(argument).unwrap_or_else(|| Error::UnknownFormat { path: argument.into() }));
             }
             files.insert(argument.to_path_buf());
         } else {
@@ -47,8 +49,26 @@ pub(crate) fn distinct(files: BTreeSet<PathBuf>) -> Vec<PathBuf> {
     files.into_iter().filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone()))).collect()
 }
 
-fn collect_folder(folder: &Path, depth: usize, files: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
+/// What a folder holds.
+#[derive(Default)]
+struct Found {
+    files: BTreeSet<PathBuf>,
+    /// The first log in a format that must be converted. A converted copy often lies beside it, so that it is an error only alone.
+    foreign: Option<Error>,
+}
+
+fn collect_folder(folder: &Path, depth: usize, found: &mut Found) -> Result<(), Error> {
     if depth > MAX_DEPTH {
+        return Ok(());
+    }
+    if rosbag2::is_bag(folder) {
+        match rosbag2::files(folder) {
+            Err(error @ Error::WrongFormat { .. }) if depth > 0 => found.foreign = found.foreign.take().or(Some(error)),
+            Err(error) => return Err(error),
+            Ok(_) => {
+                found.files.insert(folder.into());
+            }
+        }
         return Ok(());
     }
     let error = |source: io::Error| Error::Io { path: folder.into(), action: "list", source };
@@ -59,9 +79,11 @@ fn collect_folder(folder: &Path, depth: usize, files: &mut BTreeSet<PathBuf>) ->
             continue;
         }
         if path.is_dir() {
-            collect_folder(&path, depth + 1, files)?;
+            collect_folder(&path, depth + 1, found)?;
         } else if Format::of(&path).is_some() {
-            files.insert(path);
+            found.files.insert(path);
+        } else if found.foreign.is_none() {
+            found.foreign = Format::foreign(&path);
         }
     }
     Ok(())
@@ -77,23 +99,27 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
     let options = glob::MatchOptions { require_literal_leading_dot: true, ..glob::MatchOptions::new() };
     let matches = glob::glob_with(&pattern, options)
         .map_err(|problem| Error::Pattern { pattern: pattern.clone(), problem: problem.to_string() })?;
-    let (mut found, mut unknown) = (BTreeSet::new(), None);
+    let (mut found, mut unknown) = (Found::default(), None);
     for path in matches {
         let path =
             path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
-            collect_folder(&path, 0, &mut found)?;
+            collect_folder(&path, 1, &mut found)?;
         } else if Format::of(&path).is_some() {
-            found.insert(path);
+            found.files.insert(path);
         } else {
+            found.foreign = found.foreign.take().or_else(|| Format::foreign(&path));
             unknown = Some(path);
         }
     }
+    let Found { files: mut found, foreign } = found;
     // A pattern such as `runs/*` may catch notes beside the logs; only when it catches nothing else is that an error.
     match (found.is_empty(), unknown) {
         (false, _) => files.append(&mut found),
-        (true, Some(path)) => return Err(Error::UnknownFormat { path }),
-        (true, None) => return Err(missing()),
+        (true, unknown) => {
+            let unknown = || unknown.map_or_else(missing, |path| Error::UnknownFormat { path });
+            return Err(foreign.unwrap_or_else(unknown));
+        }
     }
     Ok(())
 }
@@ -143,6 +169,43 @@ mod tests {
             paths([root.join("sub"), root.join("a.parquet")]).unwrap(),
             paths([root.join("a.parquet"), root.join("sub")]).unwrap()
         );
+    }
+
+    #[test]
+    fn a_rosbag2_folder_is_one_recording_and_other_bags_name_the_conversion() {
+        let folder = folder(&[
+            "runs/bag/a.mcap",
+            "runs/bag/b.mcap",
+            "runs/c.mcap",
+            "old/x.bag",
+            "old/y.bag",
+            "db/z.db3",
+            "both/x.bag",
+            "both/x.mcap",
+        ]);
+        let root = folder.path();
+        let metadata =
+            "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths: [b.mcap, a.mcap]\n";
+        fs::write(root.join("runs/bag/metadata.yaml"), metadata).unwrap();
+        assert_eq!(paths([root.join("runs")]).unwrap(), [root.join("runs/bag"), root.join("runs/c.mcap")]);
+        assert_eq!(paths([root.join("runs/*")]).unwrap(), [root.join("runs/bag"), root.join("runs/c.mcap")]);
+        assert_eq!(paths([root.join("runs/bag")]).unwrap(), [root.join("runs/bag")]);
+        assert_eq!(paths([root.join("both")]).unwrap(), [root.join("both/x.mcap")]);
+        for (argument, command) in [
+            ("old", "mcap convert"),
+            ("old/x.bag", "mcap convert"),
+            ("old/*", "mcap convert"),
+            ("db/z.db3", "ros2 bag convert"),
+        ] {
+            let message = paths([root.join(argument)]).unwrap_err().to_string();
+            assert!(message.contains(command), "{argument}: {message}");
+        }
+        let sqlite = "rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n  relative_file_paths: [z.db3]\n";
+        fs::write(root.join("db/metadata.yaml"), sqlite).unwrap();
+        assert!(paths([root.join("db")]).unwrap_err().to_string().contains("sqlite3"));
+        // A bag whose file is missing is an error wherever it lies.
+        fs::remove_file(root.join("runs/bag/b.mcap")).unwrap();
+        assert!(paths([root]).unwrap_err().to_string().contains("b.mcap does not exist"));
     }
 
     #[test]

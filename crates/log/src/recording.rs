@@ -14,7 +14,7 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec,
+    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
@@ -65,6 +65,7 @@ struct RecordedFile {
     table: Box<dyn Table>,
     mask: RowMask,
     clock: ClockSummary,
+    log_offset: i64,
     /// For each column: this file's category codes to the recording's.
     recode: Vec<Option<Vec<f64>>>,
 }
@@ -76,6 +77,8 @@ pub(crate) struct Opened {
     pub assumed_unit: Option<crate::TimeUnit>,
     pub time_column: Option<String>,
     pub notes: Vec<String>,
+    /// What must be added to the stamps to get the log's, nanoseconds.
+    pub log_offset: i64,
 }
 
 /// Opens files as one recording. See [`open_with_progress`].
@@ -104,14 +107,14 @@ pub fn open_with_progress<P: AsRef<Path>>(
     let cache = Arc::new(parquet::Cursors::new(selection.columns.len() + 1));
 
     progress.stage("opening files");
-    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache))?;
+    let inner = Quiet { outer: progress };
+    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache, &inner))?;
     agree_on_units(&paths, &opened)?;
     let tables: Vec<_> =
         paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
     let ColumnSet { columns, recode } = column_set::join(&tables)?;
 
     progress.stage("finding episodes");
-    let inner = Quiet { outer: progress };
     let indices = parallel_map(paths.len(), progress, |i| index_file(&paths[i], &opened[i], &selection, &inner))?;
 
     let mut recording = Recording {
@@ -133,7 +136,14 @@ pub fn open_with_progress<P: AsRef<Path>>(
         told.add_file(&path, &opened.notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
-        recording.files.push(RecordedFile { path, table: opened.table, mask, clock, recode });
+        recording.files.push(RecordedFile {
+            path,
+            table: opened.table,
+            mask,
+            clock,
+            log_offset: opened.log_offset,
+            recode,
+        });
     }
     recording.notes = told.finish();
     recording.add_episodes(spans, &selection.label_rules, progress)?;
@@ -170,10 +180,14 @@ fn open_file(
     selection: &Selection,
     budget: &Arc<Budget>,
     cache: &Arc<parquet::Cursors>,
+    progress: &dyn Progress,
 ) -> Result<Opened, Error> {
     match Format::of(path) {
         Some(Format::Parquet) => parquet::open(path, selection, cache),
         Some(Format::Csv(compression)) => csv::open(path, compression, selection, budget),
+        Some(format @ (Format::Mcap(_) | Format::Rosbag2)) => {
+            channels::open(path, format, selection, budget, cache, progress)
+        }
         None => Err(Error::UnknownFormat { path: path.into() }),
     }
 }
@@ -245,6 +259,11 @@ impl Recording {
     /// The files, in the order of their episodes, with what their stamps look like.
     pub fn files(&self) -> impl Iterator<Item = (&Path, &ClockSummary)> {
         self.files.iter().map(|file| (file.path.as_path(), &file.clock))
+    }
+
+    /// What must be added to an episode's stamps to get the times at which a robot's log recorded them, nanoseconds; 0 for tables.
+    pub fn log_offset(&self, episode: usize) -> i64 {
+        self.files[self.places[episode].file].log_offset
     }
 
     fn add_episodes(

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::JoinSpec;
+
 /// What to read, and how to find the episodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
@@ -15,8 +17,10 @@ pub struct Selection {
     pub label_rules: Vec<LabelRule>,
     /// Accept the same data twice (a fit would count it twice).
     pub allow_duplicates: bool,
-    /// Bytes of decoded text columns that are kept in memory, over all files; beyond it they go to an unnamed temporary file.
+    /// Bytes of decoded columns that are kept in memory, over all files; beyond it they go to an unnamed temporary file.
     pub memory_budget: usize,
+    /// How the channels of a robot's log become one table.
+    pub join: JoinSpec,
 }
 
 impl Selection {
@@ -35,6 +39,7 @@ impl Default for Selection {
             label_rules: Vec::new(),
             allow_duplicates: false,
             memory_budget: 256 << 20,
+            join: JoinSpec::default(),
         }
     }
 }

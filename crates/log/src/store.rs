@@ -33,6 +33,10 @@ impl Budget {
     fn take(&self, bytes: usize) -> bool {
         self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes)).is_ok()
     }
+
+    fn give_back(&self, bytes: usize) {
+        self.left.fetch_add(bytes, Ordering::Relaxed);
+    }
 }
 
 /// Columns of `f64` with a stamp a row, appended row by row and read by range.
@@ -44,6 +48,16 @@ pub(crate) struct ColumnStore {
     rows: usize,
     segments: Vec<Segment>,
     spill: Option<File>,
+    budget: Arc<Budget>,
+    /// Bytes taken off the budget.
+    held: usize,
+}
+
+impl Drop for ColumnStore {
+    /// What was decoded on the way to something else makes room for it.
+    fn drop(&mut self) {
+        self.budget.give_back(self.held);
+    }
 }
 
 #[derive(Debug)]
@@ -144,7 +158,6 @@ fn spill_error(path: &Path, source: io::Error) -> Error {
 /// Fills a [`ColumnStore`].
 pub(crate) struct StoreBuilder {
     store: ColumnStore,
-    budget: Arc<Budget>,
     time: Vec<i64>,
     values: Vec<Vec<f64>>,
     spilled: u64,
@@ -153,8 +166,9 @@ pub(crate) struct StoreBuilder {
 impl StoreBuilder {
     /// A store of `columns` columns of the file `source`.
     pub(crate) fn new(source: &Path, columns: usize, budget: Arc<Budget>) -> Self {
-        let store = ColumnStore { source: source.into(), columns, rows: 0, segments: Vec::new(), spill: None };
-        Self { store, budget, time: Vec::new(), values: vec![Vec::new(); columns], spilled: 0 }
+        let store =
+            ColumnStore { source: source.into(), columns, rows: 0, segments: Vec::new(), spill: None, budget, held: 0 };
+        Self { store, time: Vec::new(), values: vec![Vec::new(); columns], spilled: 0 }
     }
 
     /// Adds a row, with one value a column.
@@ -174,7 +188,8 @@ impl StoreBuilder {
         let (time, values) =
             (std::mem::take(&mut self.time), self.values.iter_mut().map(std::mem::take).collect::<Vec<_>>());
         let bytes = 8 * rows * (1 + values.len());
-        let segment = if self.budget.take(bytes) {
+        let segment = if self.store.budget.take(bytes) {
+            self.store.held += bytes;
             let shrink = |mut column: Vec<f64>| {
                 column.shrink_to_fit();
                 column.into()

@@ -36,7 +36,7 @@ pub(crate) struct TableRows {
 }
 
 /// A selected column as this file has it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TableColumn {
     /// Name, unit and kind.
     pub column: Column,

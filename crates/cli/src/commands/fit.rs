@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     Error, Fitted, Gap, Input, InputTable, Kind, Recipe, dynamics, fit_pwa,
-    log::write_atomic,
+    log::{Cache, Stamp, write_atomic},
     model::UnseenLabel,
     pwa::{Options, Selection, Shrinkage},
 };
@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::{Context, files, real};
 use crate::{
-    args::{FitPwa, RecipeArgs, Select, TimeArgs, Unseen},
+    args::{ChannelArgs, FitPwa, RecipeArgs, Select, StampArg, TimeArgs, Unseen},
     table::{bytes, count, number, ratio, table},
 };
 
@@ -22,6 +22,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
+    recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     refuse_overwriting(&arguments.output, &files)?;
     let options = options(arguments)?;
@@ -92,17 +93,23 @@ fn dry_run(recipe: &Recipe, options: &Options, files: &[std::path::PathBuf], con
     } else {
         "all rows".to_owned()
     };
+    let decoded = match plan.decoded {
+        None => String::new(),
+        Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
+        Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
+    };
     context.print(
         &json!({
-            "files": plan.files, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns,
+            "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes),
+            "cached": plan.decoded.map(|(_, cached)| cached), "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns,
             "regressors": plan.regressors, "targets": plan.targets, "passes": 3,
             "clustered_rows": plan.clustered_rows, "memory_bytes": plan.memory,
         }),
         || {
             format!(
-                "{}, {}, {} rows\n{} columns read: {}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
+                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
                 count(plan.files, "file"),
-                count(plan.episodes, "episode"),
+                plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
                 plan.rows,
                 plan.columns.len(),
                 plan.columns.join(", "),
@@ -229,7 +236,36 @@ pub(crate) fn apply_time(recipe: &mut Recipe, time: &TimeArgs) -> Result<(), Err
     if let Some(gap) = &time.max_gap {
         recipe.time.max_gap = Some(gap.parse().map_or_else(|_| Gap::Word(gap.clone()), Gap::Seconds));
     }
+    apply_channels(recipe, &time.channels)
+}
+
+fn apply_channels(recipe: &mut Recipe, channels: &ChannelArgs) -> Result<(), Error> {
+    if let Some(stamp) = channels.stamp {
+        let stamp = match stamp {
+            StampArg::Header => Stamp::Header,
+            StampArg::Log => Stamp::Log,
+            StampArg::Publish => Stamp::Publish,
+        };
+        recipe.time.stamp = Some(stamp.name().to_owned());
+    }
+    if channels.base.is_some() || channels.rate.is_some() {
+        recipe.time.base = channels.base.clone();
+        recipe.time.rate = channels.rate;
+    }
+    for text in &channels.rename {
+        let (ours, file) = pair("--rename", text)?;
+        recipe.rename.insert(ours, file);
+    }
     Ok(())
+}
+
+/// Where decoded columns of robot logs are kept: where the user says, else beside the model when there is much to decode.
+pub(crate) fn cache(channels: &ChannelArgs, model: &std::path::Path) -> Option<Cache> {
+    match &channels.cache {
+        _ if channels.no_cache => None,
+        Some(folder) => Some(Cache { folder: folder.clone(), least_bytes: 0 }),
+        None => Some(Cache { folder: model.with_file_name(".fleetfoot-cache"), least_bytes: 64 << 20 }),
+    }
 }
 
 fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {

@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     ColumnKind, Error,
-    log::{FileInfo, inspect, inspect_values},
+    log::{FileInfo, TopicInfo, inspect, inspect_values},
 };
 use serde_json::json;
 
@@ -35,7 +35,70 @@ fn kind(kind: &ColumnKind) -> String {
     }
 }
 
+/// A robot's log: its topics, and its fields when they were scanned.
+fn log_to_text(info: &FileInfo) -> String {
+    let start = info.topics.iter().filter_map(|topic| topic.start).min();
+    let end = info.topics.iter().filter_map(|topic| topic.end).max();
+    let long = start.zip(end).map(|(start, end)| format!(", {} long", seconds((end - start) as f64 * 1e-9)));
+    let messages: Option<u64> = info.topics.iter().map(|topic| topic.messages).sum();
+    let count = messages.map(|messages| format!(", {messages} messages")).unwrap_or_default();
+    let mut text = format!(
+        "{}: {}, {}{count}{}, {} topics, {} fields",
+        info.path.display(),
+        info.format.name(),
+        bytes(info.bytes),
+        long.unwrap_or_default(),
+        info.topics.len(),
+        info.columns.len()
+    );
+    let header = ["topic", "type", "encoding", "messages", "rate (Hz)", "gaps", "longest (s)", "log - header (s)"];
+    let rows = info.topics.iter().map(topic_row).collect();
+    text.push('\n');
+    text.push_str(&table(&header, rows));
+    for topic in &info.topics {
+        if let Some(problem) = &topic.problem {
+            text.push_str(&format!("\n  {} cannot be read: {problem}", topic.name));
+        }
+    }
+    if info.columns.iter().any(|column| column.statistics.is_some()) {
+        text.push('\n');
+        text.push_str(&columns_table(info));
+    } else {
+        text.push_str("\n  fields: `fleetfoot init` lists them, --values their ranges");
+    }
+    for note in &info.notes {
+        text.push_str(&format!("\n  note: {note}"));
+    }
+    text
+}
+
+fn topic_row(topic: &TopicInfo) -> Vec<String> {
+    let encoding = match topic.schema_encoding.as_str() {
+        "" => topic.message_encoding.clone(),
+        schema => format!("{}, {schema}", topic.message_encoding),
+    };
+    let offset = match &topic.header_offset {
+        None => String::new(),
+        Some(offset) if offset.zero => "headers are zero".into(),
+        Some(offset) if (offset.first - offset.last).abs() < 1e-3 * offset.first.abs().max(1.0) => number(offset.first),
+        Some(offset) => format!("{} .. {}", number(offset.first), number(offset.last)),
+    };
+    vec![
+        topic.name.clone(),
+        topic.type_name.clone(),
+        encoding,
+        topic.messages.map(|count| count.to_string()).unwrap_or_default(),
+        topic.rate.map(number).unwrap_or_default(),
+        topic.gaps.map(|gaps| gaps.to_string()).unwrap_or_default(),
+        topic.largest_gap.map(number).unwrap_or_default(),
+        offset,
+    ]
+}
+
 fn to_text(info: &FileInfo) -> String {
+    if !info.topics.is_empty() {
+        return log_to_text(info);
+    }
     let rows = info.rows.map_or("rows not counted (--values counts)".into(), |rows| format!("{rows} rows"));
     let mut text = format!(
         "{}: {}, {}, {rows}, {} columns",
@@ -61,6 +124,15 @@ fn to_text(info: &FileInfo) -> String {
             info.episodes.unwrap_or(1)
         ));
     }
+    text.push('\n');
+    text.push_str(&columns_table(info));
+    for note in &info.notes {
+        text.push_str(&format!("\n  note: {note}"));
+    }
+    text
+}
+
+fn columns_table(info: &FileInfo) -> String {
     let scanned = info.columns.iter().any(|column| column.statistics.is_some());
     let header: &[&str] = if scanned {
         &["column", "kind", "unit", "min", "mean", "max", "missing"]
@@ -80,12 +152,18 @@ fn to_text(info: &FileInfo) -> String {
             row
         })
         .collect();
-    text.push('\n');
-    text.push_str(&table(header, rows));
-    for note in &info.notes {
-        text.push_str(&format!("\n  note: {note}"));
-    }
-    text
+    table(header, rows)
+}
+
+fn topic_json(topic: &TopicInfo) -> serde_json::Value {
+    json!({
+        "name": topic.name, "type": topic.type_name, "message_encoding": topic.message_encoding,
+        "schema_encoding": topic.schema_encoding, "messages": topic.messages, "start": topic.start, "end": topic.end,
+        "rate": topic.rate.map(real), "gaps": topic.gaps, "largest_gap": topic.largest_gap.map(real),
+        "header_offset": topic.header_offset.as_ref().map(|offset| json!({
+            "first": real(offset.first), "last": real(offset.last), "zero": offset.zero })),
+        "problem": topic.problem,
+    })
 }
 
 fn to_json(info: &FileInfo) -> serde_json::Value {
@@ -102,6 +180,7 @@ fn to_json(info: &FileInfo) -> serde_json::Value {
             "statistics": column.statistics.map(|s| json!({
                 "count": s.count, "missing": s.missing, "min": real(s.min), "mean": real(s.mean), "max": real(s.max) })),
         })).collect::<Vec<_>>(),
+        "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(),
         "notes": info.notes,
     })
 }

@@ -7,18 +7,7 @@ use crate::args::Init;
 
 pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
     let info = fleetfoot::log::inspect(&arguments.file)?;
-    let columns: Vec<fleetfoot::Column> = info
-        .columns
-        .iter()
-        .filter(|column| column.unsupported.is_none())
-        .map(|column| fleetfoot::Column {
-            name: column.name.clone(),
-            unit: column.unit.clone(),
-            kind: column.kind.clone(),
-        })
-        .collect();
-    let name = arguments.file.file_name().unwrap_or_default().to_string_lossy();
-    let text = starter_recipe(&name, &columns, info.time.as_ref().map(|time| time.column.as_str()));
+    let text = starter_recipe(&info);
     match &arguments.output {
         None => write_out(&text),
         Some(path) if path.exists() && !arguments.force => {

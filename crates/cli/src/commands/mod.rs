@@ -67,10 +67,11 @@ pub(crate) fn read_model(path: &Path) -> Result<Model, Error> {
     Ok(Model::read(path)?)
 }
 
-/// Changes of the clock alone, as a recipe.
-pub(crate) fn time_changes(time: &crate::args::TimeArgs) -> Result<Recipe, Error> {
+/// What the caller says about the clock and the channels of a model's data, as a recipe.
+pub(crate) fn time_changes(data: &crate::args::ModelData) -> Result<Recipe, Error> {
     let mut recipe = Recipe::default();
-    fit::apply_time(&mut recipe, time)?;
+    fit::apply_time(&mut recipe, &data.time)?;
+    recipe.cache = fit::cache(&data.time.channels, &data.model);
     Ok(recipe)
 }
 

@@ -10,7 +10,7 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
     let bar = context.bar();
-    let written = fleetfoot::predict(&model, &time_changes(&arguments.model.time)?, &files, &arguments.output, &bar);
+    let written = fleetfoot::predict(&model, &time_changes(&arguments.model)?, &files, &arguments.output, &bar);
     bar.finish();
     let written = written?;
     let path = arguments.output.display();

@@ -24,7 +24,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         None => Starts::Even(arguments.starts.get()),
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
     };
-    let changes = time_changes(&arguments.model.time)?;
+    let changes = time_changes(&arguments.model)?;
     let bar = context.bar();
     let rolled = fleetfoot::rollout(&model, &changes, &files, &starts, &options, arguments.output.as_deref(), &bar);
     bar.finish();

@@ -16,7 +16,7 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
     let bar = context.bar();
-    let scored = fleetfoot::score(&model, &time_changes(&arguments.model.time)?, &files, &bar);
+    let scored = fleetfoot::score(&model, &time_changes(&arguments.model)?, &files, &bar);
     bar.finish();
     let scored = scored?;
     context.notes(&scored.notes);

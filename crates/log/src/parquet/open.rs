@@ -63,6 +63,13 @@ pub(crate) fn describe(path: &Path) -> Result<Description, Error> {
     Ok(Description { rows, columns, clock })
 }
 
+/// A text stored in a file's metadata.
+pub(crate) fn key_value(path: &Path, key: &str) -> Result<Option<String>, Error> {
+    let (file, _) = load(path, &Arc::default())?;
+    let pairs = file.metadata.file_metadata().key_value_metadata();
+    Ok(pairs.and_then(|pairs| pairs.iter().find(|pair| pair.key == key)).and_then(|pair| pair.value.clone()))
+}
+
 /// Opens a file for reading the selected columns.
 pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -> Result<Opened, Error> {
     let (file, all) = load(path, &cursors.buffers)?;
@@ -97,7 +104,7 @@ pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -
         time,
         leaves: wanted,
     };
-    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes })
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes, log_offset: 0 })
 }
 
 type TimeRule = Option<(usize, Rule)>;

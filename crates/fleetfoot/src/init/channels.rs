@@ -1,0 +1,185 @@
+//! A recipe for a robot's log: fields by topic with short names, a block for each odometry, and how channels are joined.
+
+use std::{collections::BTreeMap, fmt::Write};
+
+use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_log::TopicInfo;
+
+use super::{episodes_section, heading, key, model_section, quaternions, states_heading, text};
+
+/// Ends of an odometry's fields and the names that they get, with what the model makes of them.
+const ODOMETRY: [(&str, &str); 4] = [
+    ("x", "pose.pose.position.x"),
+    ("y", "pose.pose.position.y"),
+    ("v", "twist.twist.linear.x"),
+    ("w", "twist.twist.angular.z"),
+];
+
+pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> String {
+    let mut out = String::new();
+    heading(&mut out, file);
+    columns_section(&mut out, columns, topics);
+    let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
+    states_heading(&mut out);
+    for topic in topics.iter().filter(|topic| is_odometry(topic)) {
+        odometry_states(&mut out, &topic.name);
+    }
+    let _ = writeln!(out, "\n# What is given from outside; held between messages.");
+    let _ = writeln!(out, "[inputs]");
+    for topic in topics.iter().filter(|topic| topic.name.contains("cmd") || topic.name.contains("command")) {
+        for (number, field) in
+            columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name)).enumerate()
+        {
+            let _ = writeln!(out, "# u{number} = {}", text(&field.name));
+        }
+    }
+    let _ = writeln!(out, "\n# One clock for all channels, and the channel whose messages make the rows.");
+    let _ = writeln!(out, "[time]");
+    let _ = writeln!(
+        out,
+        "# stamp = \"header\"         # or log, publish (default: header where every channel in use has one)"
+    );
+    let base = topics.iter().find(|topic| is_odometry(topic)).or(topics.iter().max_by_key(|topic| topic.messages));
+    if let Some(topic) = base {
+        let name = text(&topic.name);
+        let _ = writeln!(
+            out,
+            "# base = {name}   # or rate = 100; the others are joined to it (default: the first state's)"
+        );
+    }
+    model_section(&mut out);
+    let _ = writeln!(
+        out,
+        "\n# How other channels come to the rows' stamps, where the default is wrong: measured numbers linearly, inputs"
+    );
+    let _ = writeln!(
+        out,
+        "# and whole numbers held, quaternions by slerp, never across a gap of more than five of their periods."
+    );
+    let _ = writeln!(out, "# [join]\n# \"/gripper.state\" = {{ kind = \"hold\", max_gap = \"none\" }}");
+    episodes_section(&mut out);
+    out
+}
+
+fn columns_section(out: &mut String, columns: &[Column], topics: &[TopicInfo]) {
+    let fields: Vec<&Column> = columns.iter().filter(|column| is_signal(column)).collect();
+    let names = short_names(&fields);
+    for topic in topics {
+        let rate = topic.rate.map(|rate| format!(", {rate:.4} Hz")).unwrap_or_default();
+        let count = topic.messages.map(|count| format!(", {count} messages{rate}")).unwrap_or_default();
+        let _ = writeln!(out, "# {} ({}{count})", topic.name, topic.type_name);
+        if let Some(problem) = &topic.problem {
+            let _ = writeln!(out, "#   cannot be read: {}", problem.replace('\n', " "));
+        }
+        let own: Vec<(&Column, &String)> = fields
+            .iter()
+            .zip(&names)
+            .filter(|(field, _)| of_topic(&topic.name, &field.name))
+            .map(|(field, name)| (*field, name))
+            .collect();
+        // What is said once is no signal.
+        if topic.messages.is_some_and(|count| count < 2) && !own.is_empty() {
+            let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
+            continue;
+        }
+        for (field, name) in own {
+            let odometry =
+                ODOMETRY.iter().find(|(_, end)| is_odometry(topic) && field.name == format!("{}.{end}", topic.name));
+            let name = odometry.map_or(name.as_str(), |(name, _)| name);
+            let _ = writeln!(out, "# {} = {}", key(name), text(&field.name));
+        }
+        for (number, prefix) in quaternions(columns).iter().filter(|prefix| of_topic(&topic.name, prefix)).enumerate() {
+            let end = if number > 0 { number.to_string() } else { String::new() };
+            let _ = writeln!(out, "# yaw{end} = \"yaw({prefix})\"   # and pitch(...), roll(...)");
+        }
+    }
+}
+
+fn of_topic(topic: &str, field: &str) -> bool {
+    field.strip_prefix(topic).is_some_and(|rest| rest.starts_with(['.', '[']))
+}
+
+fn is_odometry(topic: &TopicInfo) -> bool {
+    topic.type_name.ends_with("/Odometry")
+}
+
+/// The usual states of an odometry: the pose follows from speeds and heading, the speeds are fitted.
+fn odometry_states(out: &mut String, topic: &str) {
+    let _ = writeln!(out, "# of {topic}: where it is follows from speed and heading; how the speeds change is fitted");
+    let _ = writeln!(out, "# x = {{ known = \"v*cos(yaw)\", regressor = false }}");
+    let _ = writeln!(out, "# y = {{ known = \"v*sin(yaw)\", regressor = false }}");
+    let _ = writeln!(out, "# yaw = {{ known = \"w\", kind = \"angle\", regressor = false }}");
+    let _ = writeln!(out, "# v = {{}}\n# w = {{}}");
+}
+
+/// What may be a state or an input: no text, no stamp of a header, no covariance.
+fn is_signal(column: &Column) -> bool {
+    let stamp = [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec"];
+    !matches!(column.kind, ColumnKind::Category(_))
+        && !column.name.contains("covariance")
+        && !column.name.contains(".header.")
+        && !stamp.iter().any(|end| column.name.ends_with(end))
+}
+
+/// For each field the shortest end of its name that no other field shares, as one word.
+fn short_names(fields: &[&Column]) -> Vec<String> {
+    let parts: Vec<Vec<&str>> = fields
+        .iter()
+        .map(|field| field.name.split(['/', '.', '[', ']']).filter(|part| !part.is_empty()).collect())
+        .collect();
+    let word = |parts: &[&str], count: usize| {
+        let joined = parts[parts.len().saturating_sub(count)..].join("_");
+        joined.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect::<String>()
+    };
+    let mut names: Vec<String> = vec![String::new(); fields.len()];
+    for count in 1..=parts.iter().map(Vec::len).max().unwrap_or(0) {
+        let mut uses: BTreeMap<String, usize> = BTreeMap::new();
+        parts.iter().for_each(|parts| *uses.entry(word(parts, count)).or_default() += 1);
+        for (name, parts) in names.iter_mut().zip(&parts).filter(|(name, _)| name.is_empty()) {
+            let candidate = word(parts, count);
+            // A letter alone says too little, and is what an odometry's states are called.
+            if (uses[&candidate] == 1 && candidate.len() > 1) || count >= parts.len() {
+                *name = candidate;
+            }
+        }
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Recipe;
+
+    #[test]
+    fn an_odometry_is_ready_to_be_uncommented() {
+        let ends = ["pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "twist.twist.angular.z"];
+        let mut columns: Vec<Column> = ends.iter().map(|end| Column::float(format!("/odom.{end}"))).collect();
+        columns.extend(["x", "y", "z", "w"].map(|end| Column::float(format!("/odom.pose.pose.orientation.{end}"))));
+        columns.push(Column::float("/odom.pose.covariance[0]"));
+        columns.push(Column::float("/joint_states.position[left]"));
+        let mut topic = TopicInfo::default();
+        (topic.name, topic.type_name, topic.messages) = ("/odom".into(), "nav_msgs/msg/Odometry".into(), Some(9));
+        let out = recipe("run.mcap", &columns, &[topic]);
+        assert!(Recipe::parse(&out, "starter").unwrap().states.is_empty());
+        let uncommented: String = out
+            .lines()
+            .map(|line| match line.strip_prefix("# ") {
+                Some(rest) if ["x =", "y =", "v =", "w =", "yaw ="].iter().any(|name| rest.starts_with(name)) => rest,
+                _ => line,
+            })
+            .flat_map(|line| [line, "\n"])
+            .collect();
+        let recipe = Recipe::parse(&uncommented, "uncommented").unwrap();
+        assert_eq!(recipe.states.keys().collect::<Vec<_>>(), ["x", "y", "yaw", "v", "w"]);
+        assert_eq!(recipe.columns["v"], "/odom.twist.twist.linear.x");
+        assert_eq!(recipe.columns["yaw"], "yaw(/odom.pose.pose.orientation)");
+        assert!(!out.contains("covariance"));
+    }
+
+    #[test]
+    fn short_names_are_the_shortest_that_differ() {
+        let columns = ["/a.linear.x", "/a.angular.x", "/b.position[left]"].map(Column::float);
+        assert_eq!(short_names(&columns.iter().collect::<Vec<_>>()), ["linear_x", "angular_x", "left"]);
+    }
+}

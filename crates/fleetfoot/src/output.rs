@@ -1,0 +1,52 @@
+//! Predictions and trajectories as files: tables (Parquet), or messages that viewers draw over the recording (MCAP).
+
+mod predictions;
+mod trajectories;
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions};
+use fleetfoot_model::Model;
+
+pub(crate) use predictions::{Place, PredictionsWriter};
+pub(crate) use trajectories::write_trajectories;
+
+use crate::Error;
+
+/// What is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Parquet,
+    Mcap,
+}
+
+/// The kind that a file's name promises: another one would mislead whoever opens the file.
+pub(crate) fn kind(output: &Path) -> Result<Kind, Error> {
+    match Format::of(output) {
+        Some(Format::Parquet) => Ok(Kind::Parquet),
+        Some(Format::Mcap(Compression::None)) => Ok(Kind::Mcap),
+        _ => Err(Error::Request(format!(
+            "{}: results are written as Parquet or MCAP; name the file *.parquet or *.mcap",
+            output.display()
+        ))),
+    }
+}
+
+fn metadata(model: &Model) -> BTreeMap<String, String> {
+    let pairs = [
+        ("fleetfoot.model".to_owned(), model.hash()),
+        ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    pairs.into()
+}
+
+fn parquet_options(model: &Model, files: &[PathBuf]) -> WriteOptions {
+    WriteOptions { metadata: metadata(model), inputs: files.to_vec(), ..WriteOptions::default() }
+}
+
+fn mcap_options(model: &Model, files: &[PathBuf]) -> McapOptions {
+    McapOptions { metadata: metadata(model), inputs: files.to_vec(), ..McapOptions::default() }
+}

@@ -1,0 +1,211 @@
+//! Decoded columns kept as Parquet, so that the next command on the same files need not decode again.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
+
+use crate::{
+    Cache, Error, ParquetWriter, Selection, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions, parquet,
+    table::{Table, TableColumn, TableRows},
+};
+
+/// Changes with what is stored and with how it is computed from the same file: an older cache is not read.
+const VERSION: &str = "fleetfoot decoded columns 1";
+/// The column of the stamps; no field of a message has a name with a space.
+const STAMP: &str = "stamp of the row";
+/// The metadata's key.
+const META: &str = "fleetfoot.decoded";
+
+/// What is stored beside the columns.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Meta {
+    pub columns: Vec<TableColumn>,
+    pub notes: Vec<String>,
+    /// What must be added to the stamps to get the log's, nanoseconds.
+    pub log_offset: i64,
+}
+
+/// A place in the cache for the columns of one recording.
+pub(super) struct Slot {
+    path: PathBuf,
+}
+
+/// The place for these files read this way; `None` when they are not to be kept. Reads the files once, for their hash.
+pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Slot>, Error> {
+    let Some(Cache { folder, least_bytes }) = &selection.join.cache else { return Ok(None) };
+    let mut bytes = 0;
+    for file in files {
+        let io = |source| Error::Io { path: file.clone(), action: "read", source };
+        bytes += fs::metadata(file).map_err(io)?.len();
+    }
+    if bytes < *least_bytes {
+        return Ok(None);
+    }
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(VERSION.as_bytes()).update(env!("CARGO_PKG_VERSION").as_bytes());
+    for file in files {
+        let mut own = blake3::Hasher::new();
+        fs::File::open(file)
+            .and_then(|mut opened| std::io::copy(&mut opened, &mut own))
+            .map_err(|source| Error::Io { path: file.clone(), action: "read", source })?;
+        hasher.update(own.finalize().as_bytes());
+    }
+    let join = &selection.join;
+    let asked =
+        (&selection.columns, &join.stamp, &join.base, &join.columns, join.reorder_seconds.to_bits(), &join.renames);
+    hasher.update(format!("{asked:?}").as_bytes());
+    let name = format!("{}.parquet", &hasher.finalize().to_hex()[..32]);
+    Ok(Some(Slot { path: folder.join(name) }))
+}
+
+impl Slot {
+    /// Whether something is stored.
+    pub(super) fn exists(&self) -> bool {
+        self.path.exists()
+    }
+
+    /// What is stored, when it is there and whole.
+    pub(super) fn load(&self, cursors: &Arc<parquet::Cursors>) -> Option<(Box<dyn Table>, Meta)> {
+        let meta = parquet::key_value(&self.path, META).ok()??;
+        let meta = Meta::parse(&meta)?;
+        let names = meta.columns.iter().map(|column| column.column.name.clone());
+        let selection = Selection {
+            time: TimeSpec::Column { name: STAMP.into(), unit: Some(TimeUnit::Nanoseconds) },
+            ..Selection::new(names)
+        };
+        let opened = parquet::open(&self.path, &selection, cursors).ok()?;
+        let table = CachedTable { inner: opened.table, columns: meta.columns.clone() };
+        Some((Box::new(table), meta))
+    }
+
+    /// Begins to store columns of these names.
+    pub(super) fn create(&self, columns: &[Column], inputs: &[PathBuf], meta: &Meta) -> Result<SlotWriter, Error> {
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).map_err(|source| Error::Io {
+            path: folder.into(),
+            action: "keep decoded columns in",
+            source,
+        })?;
+        let mut written = vec![WriteColumn::new(STAMP, WriteKind::Stamp)];
+        written.extend(columns.iter().map(|column| WriteColumn::new(&column.name, WriteKind::Float)));
+        let options = WriteOptions {
+            metadata: BTreeMap::from([(META.to_owned(), meta.to_text())]),
+            inputs: inputs.to_vec(),
+            ..WriteOptions::default()
+        };
+        Ok(SlotWriter { writer: ParquetWriter::create(&self.path, written, &options)? })
+    }
+}
+
+/// Stores rows.
+pub(super) struct SlotWriter {
+    writer: ParquetWriter,
+}
+
+impl SlotWriter {
+    pub(super) fn push(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
+        let mut values = vec![Values::Integer(stamps)];
+        values.extend(columns.iter().map(|column| Values::Float(column)));
+        self.writer.write(&values)
+    }
+
+    pub(super) fn finish(self) -> Result<(), Error> {
+        self.writer.finish()
+    }
+}
+
+/// Stored columns, with their kinds.
+struct CachedTable {
+    inner: Box<dyn Table>,
+    columns: Vec<TableColumn>,
+}
+
+impl Table for CachedTable {
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+
+    fn columns(&self) -> &[TableColumn] {
+        &self.columns
+    }
+
+    fn pieces(&self) -> Vec<std::ops::Range<usize>> {
+        self.inner.pieces()
+    }
+
+    fn stamps(&self, rows: std::ops::Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        self.inner.stamps(rows)
+    }
+
+    fn values(&self, rows: std::ops::Range<usize>, keep: usize) -> Result<TableRows, Error> {
+        self.inner.values(rows, keep)
+    }
+}
+
+impl Meta {
+    fn to_text(&self) -> String {
+        let columns: Vec<serde_json::Value> = self
+            .columns
+            .iter()
+            .map(|TableColumn { column, empty }| {
+                let (kind, names) = match &column.kind {
+                    ColumnKind::Float => ("float", None),
+                    ColumnKind::Integer => ("integer", None),
+                    ColumnKind::Boolean => ("boolean", None),
+                    ColumnKind::Category(names) => ("category", Some(names)),
+                };
+                serde_json::json!({ "name": column.name, "kind": kind, "names": names, "empty": empty })
+            })
+            .collect();
+        serde_json::json!({ "columns": columns, "notes": self.notes, "log_offset": self.log_offset }).to_string()
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let value: serde_json::Value = serde_json::from_str(text).ok()?;
+        let strings = |value: &serde_json::Value| -> Option<Vec<String>> {
+            value.as_array()?.iter().map(|text| text.as_str().map(str::to_owned)).collect()
+        };
+        let columns = value["columns"]
+            .as_array()?
+            .iter()
+            .map(|column| {
+                let kind = match column["kind"].as_str()? {
+                    "float" => ColumnKind::Float,
+                    "integer" => ColumnKind::Integer,
+                    "boolean" => ColumnKind::Boolean,
+                    _ => ColumnKind::Category(strings(&column["names"])?),
+                };
+                let column_of = Column { name: column["name"].as_str()?.to_owned(), unit: None, kind };
+                Some(TableColumn { column: column_of, empty: column["empty"].as_bool()? })
+            })
+            .collect::<Option<_>>()?;
+        Some(Self { columns, notes: strings(&value["notes"])?, log_offset: value["log_offset"].as_i64()? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_beside_the_columns_comes_back() {
+        let column = |name: &str, kind| TableColumn { column: Column { name: name.into(), unit: None, kind }, empty: false };
+        let meta = Meta {
+            columns: vec![
+                column("/a.x", ColumnKind::Float),
+                column("/a.s", ColumnKind::Category(vec!["up".into(), "\"odd\"".into()])),
+                column("/a.n", ColumnKind::Integer),
+                column("/a.b", ColumnKind::Boolean),
+            ],
+            notes: vec!["one".into()],
+            log_offset: -1_700_000_000_123_456_789,
+        };
+        assert_eq!(Meta::parse(&meta.to_text()), Some(meta));
+        assert_eq!(Meta::parse("{}"), None);
+    }
+}

@@ -1,0 +1,203 @@
+//! From the messages of a log to series of numbers: piece by piece in parallel, put together in the order of the file.
+
+use std::{path::Path, sync::Arc};
+
+use fleetfoot_data::{Progress, parallel_fold};
+use fleetfoot_message::{Row, Texts};
+
+use super::{
+    plan::{Plan, TopicPlan},
+    sample::having,
+};
+use crate::{
+    Error, Stamp,
+    join::{Series, SeriesBuilder},
+    mcap::{Container, Damage},
+    store::Budget,
+};
+
+/// The series of a log, one for each group of fields, and what happened on the way.
+pub(super) struct Decoded {
+    pub series: Vec<Series>,
+    /// For each topic in use, its fields.
+    pub fields: Vec<FieldTexts>,
+    pub damage: Damage,
+    /// For each topic in use, messages that could not be decoded, and why the first could not.
+    pub failed: Vec<(u64, String)>,
+}
+
+/// What the fields of a topic held, and the texts by their codes.
+#[derive(Default)]
+pub(super) struct FieldTexts {
+    pub texts: Texts,
+    /// For each field, whether texts were met, and whether numbers.
+    pub met: Vec<Met>,
+}
+
+/// What a field held.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Met {
+    pub text: bool,
+    pub number: bool,
+}
+
+/// What one piece of the file gives of a topic.
+struct TopicPart {
+    groups: Vec<Samples>,
+    texts: Texts,
+    met: Vec<Met>,
+    failed: (u64, String),
+}
+
+/// Samples of a group, in the order of the file; values row by row.
+#[derive(Default)]
+struct Samples {
+    stamps: Vec<i64>,
+    logs: Vec<i64>,
+    values: Vec<f64>,
+}
+
+/// Decodes all wanted fields of a log. Memory holds a few pieces a thread, and what the budget allows of the series.
+pub(super) fn decode(
+    path: &Path,
+    container: &Container,
+    plan: &Plan,
+    window: i64,
+    budget: &Arc<Budget>,
+    progress: &dyn Progress,
+) -> Result<Decoded, Error> {
+    let wanted: Vec<usize> = plan.topics.iter().map(|topic| topic.topic).collect();
+    let pieces = having(container, &wanted);
+    let mut sink = Sink::new(path, plan, window, budget);
+    progress.stage("decoding messages");
+    parallel_fold(
+        pieces.len(),
+        progress,
+        |i| decode_piece(container, pieces[i], plan, &wanted),
+        |parts| sink.take(parts),
+    )?;
+    sink.finish(container)
+}
+
+fn decode_piece(container: &Container, piece: usize, plan: &Plan, wanted: &[usize]) -> Result<Vec<TopicPart>, Error> {
+    let mut rows: Vec<Row> = plan.topics.iter().map(|topic| Row::new(topic.extract.as_ref())).collect();
+    let mut topics: Vec<TopicPart> = plan.topics.iter().map(TopicPart::new).collect();
+    container.read_piece(piece, wanted, &mut |topic, log_time, publish_time, data| {
+        let Some(used) = wanted.iter().position(|&own| own == topic) else { return Ok(()) };
+        let (own, row) = (&plan.topics[used], &mut rows[used]);
+        match own.extract.extract(data, row) {
+            Ok(()) => topics[used].add(own, row, log_time, publish_time, plan.stamp),
+            Err(error) => {
+                let (count, first) = &mut topics[used].failed;
+                *count += 1;
+                if first.is_empty() {
+                    *first = error.to_string();
+                }
+            }
+        }
+        Ok(())
+    })?;
+    for (topic, row) in topics.iter_mut().zip(rows) {
+        topic.texts = row.texts;
+    }
+    Ok(topics)
+}
+
+impl TopicPart {
+    fn new(plan: &TopicPlan) -> Self {
+        Self {
+            groups: plan.extract.groups().iter().map(|_| Samples::default()).collect(),
+            texts: Texts::default(),
+            met: vec![Met::default(); plan.fields.len()],
+            failed: (0, String::new()),
+        }
+    }
+
+    fn add(&mut self, plan: &TopicPlan, row: &Row, log_time: i64, publish_time: i64, stamp: Stamp) {
+        for (g, group) in plan.extract.groups().iter().enumerate().filter(|(g, _)| row.present[*g]) {
+            let samples = &mut self.groups[g];
+            samples.stamps.push(match stamp {
+                Stamp::Header => row.stamps[g],
+                Stamp::Log => log_time,
+                Stamp::Publish => publish_time,
+            });
+            samples.logs.push(log_time);
+            for &slot in &group.slots {
+                let value = row.values[slot];
+                samples.values.push(value);
+                let met = &mut self.met[slot];
+                met.text |= row.is_text[slot];
+                met.number |= !row.is_text[slot] & !value.is_nan();
+            }
+        }
+    }
+}
+
+/// Puts the parts together.
+struct Sink<'a> {
+    plan: &'a Plan,
+    builders: Vec<SeriesBuilder>,
+    fields: Vec<FieldTexts>,
+    failed: Vec<(u64, String)>,
+    row: Vec<f64>,
+}
+
+impl<'a> Sink<'a> {
+    fn new(path: &Path, plan: &'a Plan, window: i64, budget: &Arc<Budget>) -> Self {
+        let mut builders = Vec::new();
+        for topic in &plan.topics {
+            for group in topic.extract.groups() {
+                let name = match &group.key {
+                    Some(key) => super::names::column(&topic.name, &key.to_string()),
+                    None => topic.name.clone(),
+                };
+                builders.push(SeriesBuilder::new(path, &name, group.slots.len(), window, budget.clone()));
+            }
+        }
+        let fields = plan
+            .topics
+            .iter()
+            .map(|topic| FieldTexts { met: vec![Met::default(); topic.fields.len()], ..FieldTexts::default() })
+            .collect();
+        let failed = vec![(0, String::new()); plan.topics.len()];
+        Self { plan, builders, fields, failed, row: Vec::new() }
+    }
+
+    fn take(&mut self, parts: Vec<TopicPart>) -> Result<(), Error> {
+        for (t, part) in parts.into_iter().enumerate() {
+            let plan = &self.plan.topics[t];
+            let fields = &mut self.fields[t];
+            for (all, own) in fields.met.iter_mut().zip(&part.met) {
+                all.text |= own.text;
+                all.number |= own.number;
+            }
+            let codes: Vec<f64> = part.texts.names().iter().map(|name| fields.texts.code(name)).collect();
+            self.failed[t].0 += part.failed.0;
+            if self.failed[t].1.is_empty() {
+                self.failed[t].1 = part.failed.1;
+            }
+            for (g, (group, samples)) in plan.extract.groups().iter().zip(&part.groups).enumerate() {
+                let builder = &mut self.builders[plan.first_series + g];
+                let width = group.slots.len();
+                for (at, (&stamp, &log)) in samples.stamps.iter().zip(&samples.logs).enumerate() {
+                    self.row.clear();
+                    self.row.extend_from_slice(&samples.values[at * width..(at + 1) * width]);
+                    for (value, _) in self.row.iter_mut().zip(&group.slots).filter(|(_, slot)| part.met[**slot].text) {
+                        *value = codes.get(*value as usize).copied().filter(|_| *value >= 0.0).unwrap_or(f64::NAN);
+                    }
+                    builder.push(stamp, log, &self.row)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self, container: &Container) -> Result<Decoded, Error> {
+        Ok(Decoded {
+            series: self.builders.into_iter().map(SeriesBuilder::finish).collect::<Result<_, _>>()?,
+            fields: self.fields,
+            damage: container.damage(),
+            failed: self.failed,
+        })
+    }
+}

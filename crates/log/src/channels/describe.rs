@@ -1,0 +1,166 @@
+//! What a robot's log holds, for people: topics, and the fields found in some or all of its messages.
+
+use std::path::Path;
+
+use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
+use fleetfoot_message::{Codec, FieldInfo, FieldKind, FieldTree};
+
+use super::{
+    names,
+    sample::{Headers, Sample, sample},
+};
+use crate::{
+    ColumnInfo, ColumnStatistics, Error, Format, HeaderOffset, TopicInfo,
+    mcap::{Container, Topic},
+};
+
+/// What a log holds.
+pub(crate) struct Description {
+    pub columns: Vec<ColumnInfo>,
+    pub topics: Vec<TopicInfo>,
+    pub notes: Vec<String>,
+}
+
+/// Describes a log by its indexes and some of its messages.
+pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
+    let container = Container::open(path, format, progress)?;
+    let (topics, samples, mut notes) = look(&container, progress)?;
+    let mut columns = Vec::new();
+    for (topic, sample) in container.topics().iter().zip(&samples) {
+        columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, false)));
+        notes.extend(skipped(topic, &sample.tree));
+    }
+    tell_damage(&container, &mut notes);
+    Ok(Description { columns, topics, notes })
+}
+
+/// As [`describe`], from all messages: the range of every field.
+pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
+    let container = Container::open(path, format, progress)?;
+    let (topics, samples, mut notes) = look(&container, progress)?;
+    let codecs: Vec<Option<&dyn Codec>> =
+        samples.iter().map(|sample| sample.codec.as_ref().ok().map(AsRef::as_ref)).collect();
+    let wanted: Vec<usize> =
+        (0..codecs.len()).filter(|&t| codecs[t].is_some() && container.topics()[t].problem.is_none()).collect();
+    let mut trees: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
+    progress.stage("reading messages");
+    parallel_fold(
+        container.pieces().len(),
+        progress,
+        |piece| {
+            let mut own: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
+            container.read_piece(piece, &wanted, &mut |topic, _, _, data| {
+                match codecs[topic].map(|codec| codec.value(data)) {
+                    Some(Ok(value)) => own[topic].0.add(&value),
+                    _ => own[topic].1 += 1,
+                }
+                Ok(())
+            })?;
+            Ok::<_, Error>(own)
+        },
+        |own| {
+            for (all, (tree, failed)) in trees.iter_mut().zip(own) {
+                all.0.merge(tree);
+                all.1 += failed;
+            }
+            Ok(())
+        },
+    )?;
+    let mut columns = Vec::new();
+    for (topic, (tree, failed)) in container.topics().iter().zip(&trees) {
+        columns.extend(tree.fields().iter().map(|field| column(topic, field, true)));
+        notes.extend(skipped(topic, tree));
+        if *failed > 0 {
+            notes.push(format!("{}: {failed} messages cannot be decoded", topic.name));
+        }
+    }
+    tell_damage(&container, &mut notes);
+    Ok(Description { columns, topics, notes })
+}
+
+fn tell_damage(container: &Container, notes: &mut Vec<String>) {
+    let damage = container.damage();
+    if !damage.is_empty() {
+        notes.push(damage.to_string());
+    }
+}
+
+fn skipped(topic: &Topic, tree: &FieldTree) -> Vec<String> {
+    let told = |(path, longest): (String, usize)| {
+        let name = names::column(&topic.name, &path);
+        format!("{name}: up to {longest} elements, not listed; name the wanted ones, e.g. {name}[0]")
+    };
+    tree.skipped().into_iter().map(told).collect()
+}
+
+fn column(topic: &Topic, field: &FieldInfo, scanned: bool) -> ColumnInfo {
+    let kind = match field.kind {
+        FieldKind::Integer => ColumnKind::Integer,
+        FieldKind::Boolean => ColumnKind::Boolean,
+        FieldKind::Text => ColumnKind::Category(if scanned { field.texts.clone() } else { Vec::new() }),
+        _ => ColumnKind::Float,
+    };
+    let statistics = (scanned && field.kind != FieldKind::Text).then(|| ColumnStatistics {
+        count: field.count as usize,
+        missing: field.missing as usize,
+        min: field.min,
+        mean: field.mean,
+        max: field.max,
+    });
+    ColumnInfo { name: names::column(&topic.name, &field.path), unit: None, kind, unsupported: None, statistics }
+}
+
+/// Topics, a sample of each, and notes.
+type Looked = (Vec<TopicInfo>, Vec<Sample>, Vec<String>);
+
+fn look(container: &Container, progress: &dyn Progress) -> Result<Looked, Error> {
+    let info = container.summary_info(progress)?;
+    let all: Vec<usize> = (0..container.topics().len()).collect();
+    let samples = sample(container, &all, progress)?;
+    let topics = container
+        .topics()
+        .iter()
+        .zip(&info.topics)
+        .zip(&samples)
+        .map(|((topic, times), sample)| {
+            let problem = topic.problem.clone().or_else(|| match (&sample.codec, &sample.failed) {
+                (Err(problem), _) => Some(problem.to_string()),
+                (_, Some(problem)) => Some(problem.clone()),
+                _ => None,
+            });
+            let seconds = |nanoseconds: i64| nanoseconds as f64 * 1e-9;
+            let header_offset = match sample.headers(&any_field(sample)) {
+                Headers::Filled { first, last } => {
+                    Some(HeaderOffset { first: seconds(first), last: seconds(last), zero: false })
+                }
+                Headers::Zero => Some(HeaderOffset { first: f64::NAN, last: f64::NAN, zero: true }),
+                Headers::None | Headers::Unknown => None,
+            };
+            TopicInfo {
+                name: topic.name.clone(),
+                type_name: topic.type_name.clone(),
+                message_encoding: topic.message_encoding.clone(),
+                schema_encoding: topic.schema.as_ref().map(|schema| schema.encoding.clone()).unwrap_or_default(),
+                messages: Some(times.count),
+                start: times.first,
+                end: times.last,
+                rate: times.rate,
+                gaps: times.gaps,
+                largest_gap: times.largest_gap,
+                header_offset,
+                problem,
+            }
+        })
+        .collect();
+    Ok((topics, samples, info.notes))
+}
+
+/// A field whose header tells the stamp of a message.
+fn any_field(sample: &Sample) -> Vec<fleetfoot_message::FieldPath> {
+    sample.tree.fields().iter().find_map(|field| field.path.parse().ok()).into_iter().collect()
+}
+
+/// The topics of a log.
+pub(super) fn topic_infos(container: &Container, progress: &dyn Progress) -> Result<Vec<TopicInfo>, Error> {
+    Ok(look(container, progress)?.0)
+}

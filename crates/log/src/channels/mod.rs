@@ -1,0 +1,324 @@
+//! Robots' logs (MCAP): channels of messages become one table of rows on one clock.
+//!
+//! A log is opened in four steps: some messages tell which fields there are ([`sample`]), the selected columns become fields of topics
+//! ([`plan`]), all messages are decoded in parallel into series ([`decode`]), and the series are joined on the stamps of the base
+//! ([`crate::join`]) into rows, which are kept like those of a text file, or as Parquet in a cache.
+
+mod cache;
+mod decode;
+mod describe;
+mod messages;
+mod names;
+mod plan;
+mod sample;
+
+pub(crate) use describe::{Description, describe, statistics};
+pub use messages::{MessageRow, Messages};
+pub(crate) use names::Names;
+
+use std::{collections::BTreeSet, ops::Range, path::{Path, PathBuf}, sync::Arc};
+
+use fleetfoot_data::{Column, ColumnKind, Progress, ScalarBuffer};
+
+use crate::{
+    Error, Estimate, Format, Selection, Stamp, TimeSpec,
+    error::nearest,
+    join::join,
+    mcap::Container,
+    parquet::{self, MAX_CATEGORIES},
+    recording::Opened,
+    store::{Budget, ColumnStore, StoreBuilder},
+    table::{Table, TableColumn, TableRows},
+};
+use cache::{Meta, SlotWriter};
+use decode::{Decoded, decode};
+use plan::{Plan, plan};
+
+/// Opens a log: decodes the selected columns, or finds them in the cache.
+pub(crate) fn open(
+    path: &Path,
+    format: Format,
+    selection: &Selection,
+    budget: &Arc<Budget>,
+    cursors: &Arc<parquet::Cursors>,
+    progress: &dyn Progress,
+) -> Result<Opened, Error> {
+    refuse_other_clocks(path, selection)?;
+    let container = Container::open(path, format, progress)?;
+    let files: Vec<PathBuf> = container.paths().map(Path::to_path_buf).collect();
+    let slot = cache::slot(&files, selection)?;
+    if let Some((table, meta)) = slot.as_ref().and_then(|slot| slot.load(cursors)) {
+        return Ok(opened(table, meta));
+    }
+    let plan = plan(path, &container, selection, progress)?;
+    let window = (selection.join.reorder_seconds * 1e9).round() as i64;
+    let decoded = decode(path, &container, &plan, window, budget, progress)?;
+    check(path, &plan, &decoded)?;
+    let mut notes = plan.notes.clone();
+    notes.extend(container.notes());
+    notes.extend(tell(&plan, &decoded));
+    let (columns, codes) = categories(path, &plan, &decoded)?;
+    let log_offset = match plan.base {
+        crate::join::Base::Series(series) => decoded.series[series].offset,
+        crate::join::Base::Rate(_) => decoded.series.iter().find_map(|series| series.offset),
+    };
+    let meta = Meta { columns, notes, log_offset: log_offset.unwrap_or(0) };
+    let table: Box<dyn Table> = match slot {
+        None => {
+            let mut output = Output::Store(StoreBuilder::new(path, meta.columns.len(), budget.clone()));
+            join_into(&mut output, &plan, &decoded, &codes, progress)?;
+            drop(decoded);
+            Box::new(JoinedTable { store: output.into_store()?, columns: meta.columns.clone() })
+        }
+        Some(slot) => {
+            let columns: Vec<Column> = meta.columns.iter().map(|column| column.column.clone()).collect();
+            let mut output = Output::Cache(slot.create(&columns, &files, &meta)?);
+            join_into(&mut output, &plan, &decoded, &codes, progress)?;
+            output.into_cache()?;
+            slot.load(cursors).map(|(table, _)| table).ok_or_else(|| Error::Damaged {
+                path: path.into(),
+                place: "its decoded columns in the cache".into(),
+                problem: "they cannot be read back".into(),
+                mend: "free some space, name another folder with --cache, or give --no-cache",
+            })?
+        }
+    };
+    Ok(opened(table, meta))
+}
+
+/// What [`open`] will cost, from the indexes and a few messages.
+pub(crate) fn estimate(
+    path: &Path,
+    format: Format,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Estimate, Error> {
+    refuse_other_clocks(path, selection)?;
+    let container = Container::open(path, format, progress)?;
+    let plan = plan(path, &container, selection, progress)?;
+    let info = container.summary_info(progress)?;
+    let rows = match plan.base {
+        crate::join::Base::Series(series) => {
+            let base = plan.topics.iter().rev().find(|topic| topic.first_series <= series);
+            base.map_or(0, |base| info.topics[base.topic].count)
+        }
+        crate::join::Base::Rate(hz) => {
+            let span = |topic: &plan::TopicPlan| {
+                let times = &info.topics[topic.topic];
+                times.last.zip(times.first).map_or(0.0, |(last, first)| (last - first) as f64 * 1e-9)
+            };
+            (plan.topics.iter().map(span).fold(f64::INFINITY, f64::min) * hz) as u64 + 1
+        }
+    };
+    let mut bytes = 0;
+    for file in container.paths() {
+        let io = |source| Error::Io { path: file.into(), action: "read", source };
+        bytes += std::fs::metadata(file).map_err(io)?.len();
+    }
+    let files: Vec<PathBuf> = container.paths().map(Path::to_path_buf).collect();
+    let cached = cache::slot(&files, selection)?.is_some_and(|slot| slot.exists());
+    Ok(Estimate { bytes, rows, decoded_bytes: rows.saturating_mul(8 * (1 + plan.columns.len() as u64)), cached })
+}
+
+fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
+    let Meta { notes, log_offset, .. } = meta;
+    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, log_offset }
+}
+
+/// Stamps are the messages': a column or a fixed step would join what does not belong together.
+fn refuse_other_clocks(path: &Path, selection: &Selection) -> Result<(), Error> {
+    let window = selection.join.reorder_seconds;
+    if !(0.0..=3600.0).contains(&window) {
+        return Err(Error::BadSeconds { what: "reordering window", seconds: window });
+    }
+    match &selection.time {
+        TimeSpec::Auto => Ok(()),
+        TimeSpec::Column { name, .. } => Err(Error::NoSuchClock { path: path.into(), asked: format!("the column `{name}`") }),
+        TimeSpec::Uniform { .. } => Err(Error::NoSuchClock { path: path.into(), asked: "a fixed period".into() }),
+    }
+}
+
+/// Every series must have samples on the chosen clock.
+fn check(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(), Error> {
+    for (topic, (failed, why)) in plan.topics.iter().zip(&decoded.failed) {
+        let count = topic.extract.groups().len();
+        for series in &decoded.series[topic.first_series..topic.first_series + count] {
+            if !series.runs.is_empty() {
+                continue;
+            }
+            let counts = &series.counts;
+            let problem = if counts.samples == 0 && *failed > 0 {
+                format!("none of its {failed} messages can be decoded: {why}")
+            } else if counts.samples == 0 && series.name != topic.name {
+                let keys: BTreeSet<&str> =
+                    topic.seen.iter().filter_map(|info| info.path.rfind(']').map(|end| &info.path[..=end])).collect();
+                let inside = names::inside(series.name.strip_prefix(&topic.name).unwrap_or_default());
+                match nearest(inside, keys.iter().copied()) {
+                    Some(key) => format!("no message has {inside}; the nearest is {key}"),
+                    None => format!("no message has {inside}; look at its keys with `info --values`"),
+                }
+            } else if counts.samples == 0 {
+                "it has no messages: choose another topic".to_owned()
+            } else if plan.stamp == Stamp::Header {
+                "its header stamps are not filled in: take the log's clock for all channels (stamp = \"log\")".to_owned()
+            } else {
+                format!("its {} stamps are all zero: take another clock (stamp = \"log\" or \"header\")", plan.stamp.name())
+            };
+            return Err(Error::Topic { path: path.into(), topic: topic.name.clone(), type_name: String::new(), problem });
+        }
+    }
+    Ok(())
+}
+
+/// What was left out, in sentences.
+fn tell(plan: &Plan, decoded: &Decoded) -> Vec<String> {
+    let mut notes = Vec::new();
+    if !decoded.damage.is_empty() {
+        notes.push(decoded.damage.to_string());
+    }
+    for (topic, (failed, why)) in plan.topics.iter().zip(&decoded.failed).filter(|(_, (failed, _))| *failed > 0) {
+        notes.push(format!("{}: {failed} messages cannot be decoded and are left out ({why})", topic.name));
+    }
+    for series in &decoded.series {
+        let counts = &series.counts;
+        for (count, what) in [
+            (counts.zero_stamps, "messages with a stamp of zero"),
+            (counts.missing, "messages without a usable stamp"),
+            (counts.repeated, "messages with the stamp of another"),
+            (counts.stray, "messages far out of order"),
+        ] {
+            if count > 0 {
+                notes.push(format!("{}: {count} {what} left out", series.name));
+            }
+        }
+    }
+    notes
+}
+
+/// For each column, the codes of its sorted texts by those of their first appearance.
+type Codes = Vec<Option<Vec<f64>>>;
+
+/// The columns with the names of their categories.
+fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableColumn>, Codes), Error> {
+    let (mut columns, mut codes) = (Vec::new(), Vec::new());
+    for planned in &plan.columns {
+        let fields = &decoded.fields[planned.topic];
+        let met = fields.met[planned.slot];
+        if met.text && met.number {
+            return Err(Error::BadField {
+                path: path.into(),
+                column: planned.column.name.clone(),
+                problem: "it is a text in some messages and a number in others".into(),
+            });
+        }
+        let mut column = planned.column.clone();
+        let mut own = None;
+        if met.text {
+            let names = fields.texts.names();
+            if names.len() > MAX_CATEGORIES {
+                return Err(Error::TooManyCategories { path: path.into(), column: column.name, limit: MAX_CATEGORIES });
+            }
+            let mut order: Vec<usize> = (0..names.len()).collect();
+            order.sort_by(|&a, &b| names[a].cmp(&names[b]));
+            let mut places = vec![f64::NAN; names.len()];
+            order.iter().enumerate().for_each(|(place, &code)| places[code] = place as f64);
+            column.kind = ColumnKind::Category(order.iter().map(|&code| names[code].clone()).collect());
+            own = Some(places);
+        } else if matches!(column.kind, ColumnKind::Category(_)) && met.number {
+            column.kind = ColumnKind::Float;
+        }
+        columns.push(TableColumn { column, empty: !met.text && !met.number });
+        codes.push(own);
+    }
+    Ok((columns, codes))
+}
+
+/// Joins the series and hands the rows to `output`.
+fn join_into(
+    output: &mut Output,
+    plan: &Plan,
+    decoded: &Decoded,
+    codes: &Codes,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let joins: Vec<_> = plan.columns.iter().map(|column| column.join.clone()).collect();
+    progress.stage("joining channels");
+    join(&decoded.series, &joins, plan.base, progress, |stamps, values| {
+        if codes.iter().all(Option::is_none) {
+            return output.push(stamps, values);
+        }
+        let recoded: Vec<Vec<f64>> =
+            values.iter().zip(codes).map(|(values, codes)| recode(values, codes.as_deref())).collect();
+        output.push(stamps, &recoded)
+    })?;
+    Ok(())
+}
+
+fn recode(values: &[f64], codes: Option<&[f64]>) -> Vec<f64> {
+    let Some(codes) = codes else { return values.to_vec() };
+    let place = |&code: &f64| if code >= 0.0 { codes.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN };
+    values.iter().map(place).collect()
+}
+
+enum Output {
+    Store(StoreBuilder),
+    Cache(SlotWriter),
+}
+
+impl Output {
+    fn into_store(self) -> Result<ColumnStore, Error> {
+        match self {
+            Self::Store(builder) => builder.finish(),
+            Self::Cache(_) => Err(Error::NoFiles),
+        }
+    }
+
+    fn into_cache(self) -> Result<(), Error> {
+        match self {
+            Self::Cache(writer) => writer.finish(),
+            Self::Store(_) => Ok(()),
+        }
+    }
+
+    fn push(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
+        match self {
+            Self::Cache(writer) => writer.push(stamps, columns),
+            Self::Store(builder) => {
+                let mut row = vec![0.0; columns.len()];
+                for (at, &stamp) in stamps.iter().enumerate() {
+                    row.iter_mut().zip(columns).for_each(|(value, column)| *value = column[at]);
+                    builder.push(stamp, &row)?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Joined rows.
+struct JoinedTable {
+    store: ColumnStore,
+    columns: Vec<TableColumn>,
+}
+
+impl Table for JoinedTable {
+    fn rows(&self) -> usize {
+        self.store.rows()
+    }
+
+    fn columns(&self) -> &[TableColumn] {
+        &self.columns
+    }
+
+    fn pieces(&self) -> Vec<Range<usize>> {
+        self.store.pieces()
+    }
+
+    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        self.store.stamps(rows)
+    }
+
+    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
+        self.store.values(rows)
+    }
+}

@@ -1,0 +1,80 @@
+//! Columns of a robot's log by name: which topic, and what in its messages.
+
+/// The topics of a log, as columns call them.
+pub(crate) struct Names {
+    /// Name and index, the longest names first: a topic may be the beginning of another.
+    topics: Vec<(String, usize)>,
+}
+
+impl Names {
+    /// Names of a file's topics after renaming. `renames` are pairs of what columns say and what the file says; a pair that ends in slashes
+    /// renames a namespace. A renamed topic hides one of the file that has that name.
+    pub(crate) fn new<'a>(topics: impl Iterator<Item = &'a str>, renames: &[(String, String)]) -> Self {
+        let mut all: Vec<(String, usize, bool)> = topics
+            .enumerate()
+            .map(|(index, topic)| match renames.iter().find_map(|(ours, file)| rename(topic, ours, file)) {
+                Some(ours) => (ours, index, true),
+                None => (topic.to_owned(), index, false),
+            })
+            .collect();
+        let renamed: Vec<String> = all.iter().filter(|(.., renamed)| *renamed).map(|(name, ..)| name.clone()).collect();
+        all.retain(|(name, _, is_renamed)| *is_renamed || !renamed.contains(name));
+        all.sort_by(|a, b| b.0.len().cmp(&a.0.len()).then_with(|| a.0.cmp(&b.0)));
+        Self { topics: all.into_iter().map(|(name, index, _)| (name, index)).collect() }
+    }
+
+    /// The topic of a column, and the rest of the name, which begins with a dot or a bracket, or is empty.
+    pub(crate) fn locate<'a>(&self, column: &'a str) -> Option<(usize, &'a str)> {
+        self.topics.iter().find_map(|(name, index)| {
+            let rest = column.strip_prefix(name.as_str())?;
+            (rest.is_empty() || rest.starts_with(['.', '['])).then_some((*index, rest))
+        })
+    }
+
+    /// The name of a topic, by its index in the file.
+    pub(crate) fn of(&self, index: usize) -> Option<&str> {
+        self.topics.iter().find(|(_, own)| *own == index).map(|(name, _)| name.as_str())
+    }
+
+    /// All names.
+    pub(super) fn all(&self) -> impl Iterator<Item = &str> {
+        self.topics.iter().map(|(name, _)| name.as_str())
+    }
+}
+
+fn rename(topic: &str, ours: &str, file: &str) -> Option<String> {
+    if topic == file {
+        return Some(ours.to_owned());
+    }
+    (file.ends_with('/') && ours.ends_with('/'))
+        .then(|| topic.strip_prefix(file).map(|rest| format!("{ours}{rest}")))
+        .flatten()
+}
+
+/// The path of a field within its message: what follows the topic, without the dot.
+pub(super) fn inside(rest: &str) -> &str {
+    rest.strip_prefix('.').unwrap_or(rest)
+}
+
+/// A column's name from its topic and the path within the message.
+pub(super) fn column(topic: &str, path: &str) -> String {
+    if path.starts_with('[') { format!("{topic}{path}") } else { format!("{topic}.{path}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_topic_wins_and_renames_hide() {
+        let renames = [("/odom".to_owned(), "/robot2/odom".to_owned()), ("/a/".to_owned(), "/b/".to_owned())];
+        let names = Names::new(["/odom", "/robot2/odom", "/imu", "/imu.raw", "/b/c"].into_iter(), &renames);
+        assert_eq!(names.locate("/odom.twist.linear.x"), Some((1, ".twist.linear.x")));
+        assert_eq!(names.locate("/imu.raw.x"), Some((3, ".x")));
+        assert_eq!(names.locate("/imu.x"), Some((2, ".x")));
+        assert_eq!(names.locate("/a/c[1]"), Some((4, "[1]")));
+        assert_eq!(names.locate("/imux"), None);
+        assert_eq!(names.of(4), Some("/a/c"));
+        assert_eq!(names.of(0), None);
+    }
+}

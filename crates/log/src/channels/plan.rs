@@ -1,0 +1,363 @@
+//! What is decoded of a robot's log, and how it is joined.
+
+use std::path::Path;
+
+use fleetfoot_data::{Column, ColumnKind, Progress};
+use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, SchemaError, Step};
+
+use super::{
+    names::{Names, inside},
+    sample::{Headers, Sample, sample},
+};
+use crate::{
+    Base, Error, JoinKind, MaxGap, Selection, Stamp,
+    error::nearest,
+    join::{Base as JoinBase, JoinColumn},
+    mcap::Container,
+};
+
+/// What is decoded and how it is joined.
+pub(super) struct Plan {
+    pub topics: Vec<TopicPlan>,
+    pub stamp: Stamp,
+    pub columns: Vec<PlannedColumn>,
+    pub base: JoinBase,
+    /// What had to be assumed.
+    pub notes: Vec<String>,
+}
+
+/// A topic in use.
+pub(super) struct TopicPlan {
+    /// Its index in the container.
+    pub topic: usize,
+    /// Its name as columns call it.
+    pub name: String,
+    pub fields: Vec<FieldPath>,
+    pub extract: Box<dyn Extract>,
+    /// The first of its groups among all series: a group of fields is a series.
+    pub first_series: usize,
+    /// Keys and fields that were seen, for messages.
+    pub seen: Vec<FieldInfo>,
+}
+
+/// A selected column.
+pub(super) struct PlannedColumn {
+    pub column: Column,
+    pub join: JoinColumn,
+    /// The topic among [`Plan::topics`] and the field in it, where the texts are numbered.
+    pub topic: usize,
+    pub slot: usize,
+}
+
+/// A column while its topic is being collected.
+struct Asked {
+    topic: usize,
+    path: FieldPath,
+}
+
+/// Finds the topics and fields of the selected columns.
+pub(super) fn plan(
+    path: &Path,
+    container: &Container,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Plan, Error> {
+    let names = Names::new(container.topics().iter().map(|topic| topic.name.as_str()), &selection.join.renames);
+    let mut asked = Vec::new();
+    for column in &selection.columns {
+        asked.push(ask(path, &names, column)?);
+    }
+    let base = base_topic(path, &names, selection, &asked)?;
+    let mut used: Vec<usize> = asked.iter().map(|asked| asked.topic).chain(base.as_ref().map(|base| base.0)).collect();
+    used.sort_unstable();
+    used.dedup();
+    for &topic in &used {
+        container.topic(&container.topics()[topic].name)?;
+    }
+    let samples = sample(container, &used, progress)?;
+    let mut builder = Builder { path, container, names, used, samples, fields: Vec::new() };
+    builder.fields = builder.used.iter().map(|_| Vec::new()).collect();
+    builder.plan(selection, &asked, base)
+}
+
+fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
+    let Some((topic, rest)) = names.locate(column) else {
+        return Err(Error::MissingTopic {
+            path: path.into(),
+            column: column.into(),
+            nearest: nearest(column.split('.').next().unwrap_or(column), names.all()),
+        });
+    };
+    match inside(rest).parse() {
+        Ok(path) => Ok(Asked { topic, path }),
+        Err(problem) => Err(Error::BadField { path: path.into(), column: column.into(), problem: problem.to_string() }),
+    }
+}
+
+/// The topic and the rest of the name of the base, when the rows come from a topic.
+type BaseTopic = Option<(usize, String)>;
+
+fn base_topic(path: &Path, names: &Names, selection: &Selection, asked: &[Asked]) -> Result<BaseTopic, Error> {
+    match &selection.join.base {
+        Some(Base::Rate(_)) => Ok(None),
+        Some(Base::Channel(name)) => match names.locate(name) {
+            Some((topic, rest)) => Ok(Some((topic, inside(rest).to_owned()))),
+            None => Err(Error::MissingTopic {
+                path: path.into(),
+                column: name.clone(),
+                nearest: nearest(name, names.all()),
+            }),
+        },
+        None => Ok(asked.first().map(|first| (first.topic, first.path.to_string()))),
+    }
+}
+
+struct Builder<'a> {
+    path: &'a Path,
+    container: &'a Container,
+    names: Names,
+    /// Topics in use, by their index in the container.
+    used: Vec<usize>,
+    samples: Vec<Sample>,
+    /// Fields of each topic in use.
+    fields: Vec<Vec<FieldPath>>,
+}
+
+impl Builder<'_> {
+    fn plan(mut self, selection: &Selection, asked: &[Asked], base: BaseTopic) -> Result<Plan, Error> {
+        let seen: Vec<Vec<FieldInfo>> = self.samples.iter().map(|sample| sample.tree.fields()).collect();
+        let mut slots = Vec::new();
+        for (asked, name) in asked.iter().zip(&selection.columns) {
+            slots.push(self.place(asked, name, &seen, selection));
+        }
+        if let Some((topic, _)) = &base {
+            self.base_needs_a_field(*topic, &seen)?;
+        }
+        let mut notes = Vec::new();
+        let stamp = self.stamp(selection, &mut notes)?;
+        let (mut topics, mut series) = (Vec::new(), 0);
+        for (u, seen) in seen.into_iter().enumerate() {
+            let extract = self.compile(u)?;
+            let first_series = series;
+            series += extract.groups().len();
+            topics.push(TopicPlan {
+                topic: self.used[u],
+                name: self.name(u),
+                fields: self.fields[u].clone(),
+                extract,
+                first_series,
+                seen,
+            });
+        }
+        let columns = slots
+            .into_iter()
+            .zip(&selection.columns)
+            .map(|(slot, name)| slot.finish(name, &topics, selection))
+            .collect();
+        let base = match (&selection.join.base, base) {
+            (Some(Base::Rate(hz)), _) => JoinBase::Rate(*hz),
+            (_, Some((topic, rest))) => JoinBase::Series(self.base_series(topic, &rest, &topics)),
+            (_, None) => JoinBase::Series(0),
+        };
+        if let JoinBase::Series(series) = base
+            && topics.len() > 1
+            && let Some(topic) = topics.iter().rev().find(|topic| topic.first_series <= series)
+        {
+            notes.push(format!("the rows are the messages of {}; other channels are joined to them", topic.name));
+        }
+        Ok(Plan { topics, stamp, columns, base, notes })
+    }
+
+    fn name(&self, used: usize) -> String {
+        let topic = self.used[used];
+        self.names.of(topic).unwrap_or(&self.container.topics()[topic].name).to_owned()
+    }
+
+    /// Puts a column's field, and for a quaternion all four, among the fields of its topic.
+    fn place(&mut self, asked: &Asked, name: &str, seen: &[Vec<FieldInfo>], selection: &Selection) -> Slot {
+        let used = self.used.iter().position(|&topic| topic == asked.topic).unwrap_or_default();
+        let info = like(&seen[used], &asked.path);
+        let rule = selection.join.columns.get(name).copied().unwrap_or_default();
+        let float = info.is_none_or(|info| info.kind == FieldKind::Float);
+        let kind = rule.kind.unwrap_or(match info {
+            Some(info) if info.quaternion => JoinKind::Slerp,
+            _ if float => JoinKind::Linear,
+            _ => JoinKind::Hold,
+        });
+        let slot = self.field(used, &asked.path);
+        let quaternion = (kind == JoinKind::Slerp).then(|| components(&asked.path)).flatten();
+        Slot {
+            used,
+            slot,
+            kind: if quaternion.is_none() && kind == JoinKind::Slerp { JoinKind::Linear } else { kind },
+            gap: rule.max_gap,
+            quaternion: quaternion.map(|(paths, component)| (paths.map(|path| self.field(used, &path)), component)),
+            field: info.map_or(FieldKind::Float, |info| info.kind),
+        }
+    }
+
+    fn field(&mut self, used: usize, path: &FieldPath) -> usize {
+        let fields = &mut self.fields[used];
+        fields.iter().position(|own| own == path).unwrap_or_else(|| {
+            fields.push(path.clone());
+            fields.len() - 1
+        })
+    }
+
+    /// A base of which no column is selected is decoded for its stamps: any field of it will do.
+    fn base_needs_a_field(&mut self, topic: usize, seen: &[Vec<FieldInfo>]) -> Result<(), Error> {
+        let used = self.used.iter().position(|&own| own == topic).unwrap_or_default();
+        if self.fields[used].is_empty() {
+            let any = seen[used].iter().find_map(|info| info.path.parse::<FieldPath>().ok());
+            let Some(any) = any else { return Err(self.unreadable(used)) };
+            self.fields[used].push(any);
+        }
+        Ok(())
+    }
+
+    fn compile(&self, used: usize) -> Result<Box<dyn Extract>, Error> {
+        let sample = &self.samples[used];
+        let topic = &self.container.topics()[self.used[used]];
+        let refuse = |problem: &SchemaError| Error::Topic {
+            path: self.path.into(),
+            topic: self.name(used),
+            type_name: topic.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+            problem: problem.to_string(),
+        };
+        let codec = sample.codec.as_ref().map_err(refuse)?;
+        codec.compile(&self.fields[used]).map_err(|problem| refuse(&problem))
+    }
+
+    /// A topic without a message that could be decoded.
+    fn unreadable(&self, used: usize) -> Error {
+        let sample = &self.samples[used];
+        let problem = match (&sample.codec, &sample.failed) {
+            (Err(problem), _) => problem.to_string(),
+            (_, Some(problem)) => problem.clone(),
+            _ => "it has no messages; choose another topic".to_owned(),
+        };
+        let topic = &self.container.topics()[self.used[used]];
+        Error::Topic {
+            path: self.path.into(),
+            topic: self.name(used),
+            type_name: topic.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+            problem,
+        }
+    }
+
+    /// The clock: the one asked for, else the headers' where all have one, else the log's.
+    fn stamp(&self, selection: &Selection, notes: &mut Vec<String>) -> Result<Stamp, Error> {
+        let headers: Vec<Headers> =
+            self.samples.iter().zip(&self.fields).map(|(sample, fields)| sample.headers(fields)).collect();
+        let without = |wanted: Headers| headers.iter().position(|&own| own == wanted).map(|used| self.name(used));
+        match selection.join.stamp {
+            Some(Stamp::Header) => match without(Headers::None) {
+                Some(topic) => Err(Error::NoHeader { path: self.path.into(), topic }),
+                None => Ok(Stamp::Header),
+            },
+            Some(stamp) => Ok(stamp),
+            None => {
+                let why = match (without(Headers::None), without(Headers::Zero)) {
+                    (Some(topic), _) => format!("{topic} has no header"),
+                    (_, Some(topic)) => format!("the headers of {topic} are not filled in"),
+                    _ => return Ok(Stamp::Header),
+                };
+                notes.push(format!("stamps are the log's: {why}"));
+                Ok(Stamp::Log)
+            }
+        }
+    }
+
+    /// The series of the base: the group whose key the name has, else the first of the topic.
+    fn base_series(&self, topic: usize, rest: &str, topics: &[TopicPlan]) -> usize {
+        let used = self.used.iter().position(|&own| own == topic).unwrap_or_default();
+        let groups = topics[used].extract.groups();
+        let keyed = groups.iter().position(|group| {
+            group.key.as_ref().is_some_and(|key| {
+                let key = key.to_string();
+                rest.strip_prefix(&key).is_some_and(|more| more.is_empty() || more.starts_with(['.', '[']))
+            })
+        });
+        let plain = groups.iter().position(|group| group.key.is_none());
+        topics[used].first_series + keyed.or(plain).unwrap_or(0)
+    }
+}
+
+/// Where a column's values come from, before topics are compiled.
+struct Slot {
+    used: usize,
+    slot: usize,
+    kind: JoinKind,
+    gap: MaxGap,
+    /// The fields x, y, z, w, and which of them this is.
+    quaternion: Option<([usize; 4], usize)>,
+    field: FieldKind,
+}
+
+impl Slot {
+    fn finish(self, name: &str, topics: &[TopicPlan], selection: &Selection) -> PlannedColumn {
+        let topic = &topics[self.used];
+        let groups = topic.extract.groups();
+        let find = |slot: usize| {
+            groups.iter().enumerate().find_map(|(group, own)| {
+                own.slots.iter().position(|&field| field == slot).map(|column| (group, column))
+            })
+        };
+        let (group, column) = find(self.slot).unwrap_or_default();
+        let quaternion = self.quaternion.map(|(slots, component)| {
+            (slots.map(|slot| find(slot).map_or(column, |(_, column)| column)), component)
+        });
+        // Between samples there are no whole numbers and no truth values.
+        let held = self.kind == JoinKind::Hold
+            || selection.join.columns.get(name).and_then(|rule| rule.kind).is_none() && self.field != FieldKind::Float;
+        let kind = match self.field {
+            FieldKind::Integer if held => ColumnKind::Integer,
+            FieldKind::Boolean if held => ColumnKind::Boolean,
+            FieldKind::Text => ColumnKind::Category(Vec::new()),
+            _ => ColumnKind::Float,
+        };
+        PlannedColumn {
+            column: Column { name: name.to_owned(), unit: None, kind },
+            join: JoinColumn {
+                series: topic.first_series + group,
+                column,
+                kind: self.kind,
+                gap: self.gap,
+                quaternion: quaternion.map(|(columns, _)| columns),
+                component: quaternion.map_or(0, |(_, component)| component),
+            },
+            topic: self.used,
+            slot: self.slot,
+        }
+    }
+}
+
+/// The field of this path, or one that differs only in keys and places.
+fn like<'a>(seen: &'a [FieldInfo], path: &FieldPath) -> Option<&'a FieldInfo> {
+    let text = path.to_string();
+    seen.iter().find(|info| info.path == text).or_else(|| {
+        seen.iter().find(|info| {
+            info.path.parse::<FieldPath>().is_ok_and(|own| {
+                own.steps.len() == path.steps.len()
+                    && own.steps.iter().zip(&path.steps).all(|(a, b)| match (a, b) {
+                        (Step::Field(a), Step::Field(b)) => a == b,
+                        (Step::Field(_), _) | (_, Step::Field(_)) => false,
+                        _ => true,
+                    })
+            })
+        })
+    })
+}
+
+/// The four components of the quaternion that a path is one of, and which.
+fn components(path: &FieldPath) -> Option<([FieldPath; 4], usize)> {
+    let (last, parent) = path.steps.split_last()?;
+    let letters = ["x", "y", "z", "w"];
+    let component = letters.iter().position(|letter| matches!(last, Step::Field(name) if &**name == *letter))?;
+    let sibling = |letter: &str| {
+        let mut steps = parent.to_vec();
+        steps.push(Step::Field(letter.into()));
+        FieldPath { steps }
+    };
+    Some((letters.map(sibling), component))
+}

@@ -1,0 +1,149 @@
+//! Some messages of each topic: what fields they have, and whether their headers are filled in.
+
+use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_message::{Codec, FieldPath, FieldTree, MISSING, Row, SchemaError, codec};
+
+use crate::{Error, mcap::Container};
+
+/// Messages of a topic that are looked at in one piece of the file.
+const MESSAGES: usize = 64;
+/// Bytes of messages of a topic that are looked at in one piece; the first message whatever its size.
+const BYTES: usize = 1 << 20;
+/// Further pieces that are searched for topics that were not met where they were expected.
+const SEARCH: usize = 64;
+
+/// What some messages of a topic tell.
+pub(super) struct Sample {
+    /// Its decoder, or why there is none.
+    pub codec: Result<Box<dyn Codec>, SchemaError>,
+    /// The fields that were seen.
+    pub tree: FieldTree,
+    /// The messages, in the order of the file.
+    pub messages: Vec<Message>,
+    /// The first message that could not be decoded: why.
+    pub failed: Option<String>,
+}
+
+/// A message, and when it was recorded.
+pub(super) struct Message {
+    pub log_time: i64,
+    pub data: Vec<u8>,
+}
+
+/// Looks at messages of these topics at the beginning, in the middle and at the end of the file. One sample a topic, in their order.
+pub(super) fn sample(container: &Container, topics: &[usize], progress: &dyn Progress) -> Result<Vec<Sample>, Error> {
+    let pieces = places(container, topics);
+    let mut found: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
+    for part in parallel_map(pieces.len(), progress, |i| look(container, pieces[i], topics))? {
+        for (all, own) in found.iter_mut().zip(part) {
+            all.extend(own);
+        }
+    }
+    let rest = (0..container.pieces().len()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
+    for piece in rest {
+        let missing: Vec<usize> = (0..topics.len()).filter(|&t| found[t].is_empty()).collect();
+        if missing.is_empty() || missing.iter().all(|&t| container.topics()[topics[t]].count == Some(0)) {
+            break;
+        }
+        let wanted: Vec<usize> = missing.iter().map(|&t| topics[t]).collect();
+        for (&t, own) in missing.iter().zip(look(container, piece, &wanted)?) {
+            found[t].extend(own);
+        }
+    }
+    Ok(topics.iter().zip(found).map(|(&topic, messages)| judge(container, topic, messages)).collect())
+}
+
+/// The pieces that may have messages of one of these topics.
+pub(super) fn having(container: &Container, topics: &[usize]) -> Vec<usize> {
+    (0..container.pieces().len()).filter(|&piece| container.wanted_messages(piece, topics) != Some(0)).collect()
+}
+
+/// The pieces to look at: for each topic the first, the middle and the last that has it.
+fn places(container: &Container, topics: &[usize]) -> Vec<usize> {
+    let mut places = Vec::new();
+    for &topic in topics {
+        let having = having(container, &[topic]);
+        if let (Some(first), Some(last)) = (having.first(), having.last()) {
+            places.extend([*first, having[having.len() / 2], *last]);
+        }
+    }
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+/// The first messages of each topic in a piece.
+fn look(container: &Container, piece: usize, topics: &[usize]) -> Result<Vec<Vec<Message>>, Error> {
+    let mut found: Vec<(usize, Vec<Message>)> = topics.iter().map(|_| (0, Vec::new())).collect();
+    container.read_piece(piece, topics, &mut |topic, log_time, _, data| {
+        if let Some(place) = topics.iter().position(|&own| own == topic) {
+            let (bytes, messages) = &mut found[place];
+            if messages.is_empty() || (messages.len() < MESSAGES && *bytes + data.len() <= BYTES) {
+                *bytes += data.len();
+                messages.push(Message { log_time, data: data.to_vec() });
+            }
+        }
+        Ok(())
+    })?;
+    Ok(found.into_iter().map(|(_, messages)| messages).collect())
+}
+
+fn judge(container: &Container, topic: usize, messages: Vec<Message>) -> Sample {
+    let topic = &container.topics()[topic];
+    let schema = topic.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]));
+    let codec = codec(&topic.message_encoding, schema);
+    let (mut tree, mut failed) = (FieldTree::default(), None);
+    if let Ok(codec) = &codec {
+        for message in &messages {
+            match codec.value(&message.data) {
+                Ok(value) => tree.add(&value),
+                Err(error) => failed = failed.or(Some(error.to_string())),
+            }
+        }
+    }
+    Sample { codec, tree, messages, failed }
+}
+
+/// What the headers of some messages say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Headers {
+    /// No message was decoded.
+    Unknown,
+    /// There is no header.
+    None,
+    /// All stamps are zero.
+    Zero,
+    /// Log stamp minus header stamp of the first and of the last message, nanoseconds.
+    Filled { first: i64, last: i64 },
+}
+
+impl Sample {
+    /// What the headers around some fields say.
+    pub(super) fn headers(&self, fields: &[FieldPath]) -> Headers {
+        let Ok(Ok(extract)) = self.codec.as_ref().map(|codec| codec.compile(fields)) else {
+            return Headers::Unknown;
+        };
+        let mut row = Row::new(extract.as_ref());
+        let mut answer = Headers::Unknown;
+        for message in &self.messages {
+            if extract.extract(&message.data, &mut row).is_err() {
+                continue;
+            }
+            for (&stamp, _) in row.stamps.iter().zip(&row.present).filter(|(_, present)| **present) {
+                answer = match (stamp, answer) {
+                    (MISSING, _) | (_, Headers::None) => Headers::None,
+                    (0, Headers::Unknown) => Headers::Zero,
+                    (0, answer) => answer,
+                    (stamp, Headers::Filled { first, .. }) => {
+                        Headers::Filled { first, last: message.log_time.saturating_sub(stamp) }
+                    }
+                    (stamp, _) => {
+                        let offset = message.log_time.saturating_sub(stamp);
+                        Headers::Filled { first: offset, last: offset }
+                    }
+                };
+            }
+        }
+        answer
+    }
+}

@@ -1,0 +1,44 @@
+//! What opening a recording will cost, told before it is opened.
+
+use std::path::Path;
+
+use fleetfoot_data::Progress;
+
+use crate::{Error, Format, Selection, channels};
+
+/// What opening robots' logs will cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Estimate {
+    /// Bytes of the files.
+    pub bytes: u64,
+    /// Rows at most, from the counts in the files.
+    pub rows: u64,
+    /// Bytes of the decoded columns; the cache holds them compressed.
+    pub decoded_bytes: u64,
+    /// The decoded columns are in the cache already.
+    pub cached: bool,
+}
+
+/// What it will cost to open robots' logs: from their indexes and a few messages. `None` when a file is another kind of recording, whose
+/// rows are counted by opening it.
+///
+/// # Errors
+/// Files that cannot be read, and columns that they do not have.
+pub fn estimate<P: AsRef<Path>>(
+    paths: &[P],
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Option<Estimate>, Error> {
+    let mut total = Estimate { cached: true, ..Estimate::default() };
+    for path in paths {
+        let path = path.as_ref();
+        let Some(format @ (Format::Mcap(_) | Format::Rosbag2)) = Format::of(path) else { return Ok(None) };
+        let own = channels::estimate(path, format, selection, progress)?;
+        total.bytes += own.bytes;
+        total.rows = total.rows.saturating_add(own.rows);
+        total.decoded_bytes = total.decoded_bytes.saturating_add(own.decoded_bytes);
+        total.cached &= own.cached;
+    }
+    Ok((!paths.is_empty()).then_some(total))
+}

@@ -1,0 +1,96 @@
+//! How the channels of a robot's log become one table.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use crate::{MaxGap, join::JoinKind};
+
+/// How the channels of a robot's log become one table of rows: which clock, which rows, and what stands between two samples.
+///
+/// Tables (CSV, Parquet) are one channel already; for them all of this is idle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JoinSpec {
+    /// The one clock of all channels; found when not given: the headers' where every channel has one, else the log's.
+    pub stamp: Option<Stamp>,
+    /// What makes the rows; the channel of the first column when not given.
+    pub base: Option<Base>,
+    /// How single columns are joined, by their names; by their types when not given.
+    pub columns: BTreeMap<String, ColumnJoin>,
+    /// Samples whose stamps are out of order by less than these seconds are put in order; what jumps back further begins an episode.
+    pub reorder_seconds: f64,
+    /// Topics as the columns call them, and as the files do.
+    pub renames: Vec<(String, String)>,
+    /// A folder for decoded columns as Parquet, so that the next command need not decode again.
+    pub cache: Option<Cache>,
+}
+
+impl Default for JoinSpec {
+    fn default() -> Self {
+        Self {
+            stamp: None,
+            base: None,
+            columns: BTreeMap::new(),
+            reorder_seconds: 0.05,
+            renames: Vec::new(),
+            cache: None,
+        }
+    }
+}
+
+/// Which of a message's three stamps counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stamp {
+    /// When it was measured: `header.stamp`, `stamp` or `timestamp` inside the message.
+    Header,
+    /// When it was recorded.
+    Log,
+    /// When it was published.
+    Publish,
+}
+
+impl Stamp {
+    /// `header`, `log` or `publish`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Header => "header",
+            Self::Log => "log",
+            Self::Publish => "publish",
+        }
+    }
+
+    /// Reads `header`, `header.stamp`, `log`, `log_time`, `publish`, `publish_time`.
+    pub fn parse(text: &str) -> Option<Self> {
+        match text.trim().to_lowercase().as_str() {
+            "header" | "header.stamp" => Some(Self::Header),
+            "log" | "log_time" => Some(Self::Log),
+            "publish" | "publish_time" => Some(Self::Publish),
+            _ => None,
+        }
+    }
+}
+
+/// What makes the rows of a joined table.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Base {
+    /// Every sample of this topic (`/odom`), or of the field's group (`/tf.transforms[base_link]`).
+    Channel(String),
+    /// This many rows a second, while all channels have samples.
+    Rate(f64),
+}
+
+/// How a column's samples become values at the rows' stamps.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ColumnJoin {
+    /// The kind; by the field's type when not given: `linear` for real numbers, `slerp` for quaternions, `hold` for all else.
+    pub kind: Option<JoinKind>,
+    /// The longest gap that is bridged; five median periods of the channel when not given. Unlimited: a value holds until the next, whenever that comes.
+    pub max_gap: MaxGap,
+}
+
+/// Where decoded columns are kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cache {
+    /// The folder; made when needed.
+    pub folder: PathBuf,
+    /// Files smaller than this together are decoded anew each time.
+    pub least_bytes: u64,
+}

@@ -1,0 +1,195 @@
+//! Schemas and channels: which topic a message belongs to, and what its bytes mean.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
+use fleetfoot_data::{Progress, parallel_map};
+use mcap::records::op;
+
+use super::{
+    chunk,
+    layout::{Layout, Piece},
+    record::{Fields, for_each_record},
+};
+use crate::Error;
+
+/// Contradictions that are told of a file.
+const MAX_NOTES: usize = 5;
+
+/// What describes a message type.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct SchemaRecord {
+    /// The message type, e.g. `nav_msgs/msg/Odometry`.
+    pub(crate) name: String,
+    /// e.g. `ros2msg`.
+    pub(crate) encoding: String,
+    /// The text or descriptor.
+    pub(crate) data: Arc<[u8]>,
+}
+
+/// A channel record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct ChannelRecord {
+    /// 0 for a channel without a schema.
+    pub(super) schema: u16,
+    pub(super) topic: String,
+    pub(super) encoding: String,
+}
+
+/// All that a file says about its channels.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Definitions {
+    pub(super) schemas: BTreeMap<u16, SchemaRecord>,
+    pub(super) channels: BTreeMap<u16, ChannelRecord>,
+    /// Contradictions, each once.
+    pub(super) notes: BTreeSet<String>,
+}
+
+impl Definitions {
+    /// Adds a schema or channel record; others are passed over. The first definition of an id stays.
+    pub(super) fn add(&mut self, opcode: u8, body: &[u8]) {
+        match opcode {
+            op::SCHEMA => self.add_schema(body),
+            op::CHANNEL => self.add_channel(body),
+            _ => Some(()),
+        };
+    }
+
+    fn add_schema(&mut self, body: &[u8]) -> Option<()> {
+        let mut fields = Fields(body);
+        let (id, name, encoding, data) = (fields.u16()?, fields.bytes()?, fields.bytes()?, fields.bytes()?);
+        match self.schemas.get(&id) {
+            // The usual case, without allocating.
+            Some(own) if own.name.as_bytes() == name && own.encoding.as_bytes() == encoding && *own.data == *data => {}
+            _ => self.insert_schema(id, SchemaRecord { name: text(name), encoding: text(encoding), data: data.into() }),
+        }
+        Some(())
+    }
+
+    fn add_channel(&mut self, body: &[u8]) -> Option<()> {
+        let mut fields = Fields(body);
+        let (id, schema, topic, encoding) = (fields.u16()?, fields.u16()?, fields.bytes()?, fields.bytes()?);
+        match self.channels.get(&id) {
+            Some(own)
+                if own.schema == schema && own.topic.as_bytes() == topic && own.encoding.as_bytes() == encoding => {}
+            _ => self.insert_channel(id, ChannelRecord { schema, topic: text(topic), encoding: text(encoding) }),
+        }
+        Some(())
+    }
+
+    fn insert_schema(&mut self, id: u16, schema: SchemaRecord) {
+        match self.schemas.get(&id) {
+            None => {
+                self.schemas.insert(id, schema);
+            }
+            Some(own) if *own == schema => {}
+            Some(own) => {
+                let note = format!(
+                    "schema {id} is defined twice, as `{}` and differently as `{}`: the first is used",
+                    own.name, schema.name
+                );
+                self.note(note);
+            }
+        }
+    }
+
+    fn insert_channel(&mut self, id: u16, channel: ChannelRecord) {
+        match self.channels.get(&id) {
+            None => {
+                self.channels.insert(id, channel);
+            }
+            Some(own) if *own == channel => {}
+            Some(own) => {
+                let note = format!(
+                    "channel {id} is defined twice, as {} and differently as {}: the first is used",
+                    own.topic, channel.topic
+                );
+                self.note(note);
+            }
+        }
+    }
+
+    fn note(&mut self, note: String) {
+        if self.notes.len() < MAX_NOTES {
+            self.notes.insert(note);
+        }
+    }
+
+    /// Adds what a later part of the file says.
+    pub(super) fn merge(&mut self, later: Self) {
+        later.schemas.into_iter().for_each(|(id, schema)| self.insert_schema(id, schema));
+        later.channels.into_iter().for_each(|(id, channel)| self.insert_channel(id, channel));
+        later.notes.into_iter().for_each(|note| self.note(note));
+    }
+
+    /// Adds the records outside chunks.
+    pub(super) fn add_top_level(&mut self, file: &[u8], layout: &Layout) {
+        for (opcode, body) in &layout.definitions {
+            self.add(*opcode, file.get(body.clone()).unwrap_or_default());
+        }
+    }
+
+    fn has_schema_of(&self, channel: &ChannelRecord) -> bool {
+        channel.schema == 0 || self.schemas.contains_key(&channel.schema)
+    }
+
+    /// Whether every channel that the pieces are known to use is defined, and every schema that a channel names.
+    pub(super) fn explain(&self, pieces: &[Piece]) -> bool {
+        let mut used = pieces.iter().filter_map(|piece| piece.counts.as_ref()).flatten();
+        used.all(|(channel, _)| self.channels.contains_key(channel))
+            && self.channels.values().all(|own| self.has_schema_of(own))
+    }
+
+    /// Looks into chunks for definitions that are nowhere else.
+    ///
+    /// A channel is defined before its first message. Where indexes tell in which chunk that is, only those chunks are decompressed;
+    /// when that does not explain every channel, all are.
+    pub(super) fn scan(&mut self, file: &[u8], pieces: &[Piece], progress: &dyn Progress) -> Result<(), Error> {
+        let known = self.channels.iter().filter(|(_, own)| self.has_schema_of(own));
+        let mut seen: BTreeSet<u16> = known.map(|(&id, _)| id).collect();
+        let firsts: Option<Vec<usize>> = pieces.iter().enumerate().try_fold(Vec::new(), |mut firsts, (i, piece)| {
+            let fresh = piece.counts.as_ref()?.iter().filter(|(channel, _)| seen.insert(*channel)).count();
+            firsts.extend((fresh > 0).then_some(i));
+            Some(firsts)
+        });
+        if let Some(firsts) = firsts {
+            self.scan_pieces(file, pieces, &firsts, progress)?;
+            if self.explain(pieces) {
+                return Ok(());
+            }
+        }
+        self.scan_pieces(file, pieces, &(0..pieces.len()).collect::<Vec<_>>(), progress)
+    }
+
+    fn scan_pieces(
+        &mut self,
+        file: &[u8],
+        pieces: &[Piece],
+        which: &[usize],
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        progress.stage("looking for channels");
+        let found = parallel_map(which.len(), progress, |i| {
+            let mut own = Self::default();
+            if let Some(piece) = which.get(i).and_then(|&i| pieces.get(i)) {
+                // A chunk that is damaged is counted when its messages are read.
+                let _ = chunk::with_records(file, piece, |records| {
+                    for_each_record(records, |record| {
+                        own.add(record.opcode, record.body);
+                        Ok::<_, std::convert::Infallible>(())
+                    })
+                });
+            }
+            Ok::<_, Error>(own)
+        })?;
+        found.into_iter().for_each(|later| self.merge(later));
+        Ok(())
+    }
+}
+
+/// Names are UTF-8; what is not is shown as far as it is.
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}

@@ -1,0 +1,115 @@
+//! The records of a piece, decompressed.
+
+use std::{cell::Cell, io::Read};
+
+use lz4_flex::frame::FrameDecoder;
+use zstd::zstd_safe::{DCtx, get_error_name};
+
+use super::{
+    layout::{Piece, PieceKind},
+    record::Chunk,
+};
+
+/// A chunk that says it is larger is refused: writers make chunks of a megabyte or so.
+const MAX_CHUNK: u64 = 1 << 30;
+
+/// Bytes that a thread keeps for its next chunk.
+const KEPT: usize = 64 << 20;
+
+/// How chunks may be compressed, for messages.
+pub(super) const KNOWN: &str = "zstd, lz4 or nothing";
+
+/// Whether chunks compressed in this way can be read.
+pub(super) fn is_known(compression: &[u8]) -> bool {
+    matches!(compression, b"" | b"zstd" | b"lz4")
+}
+
+/// What a thread needs to decompress, kept from chunk to chunk.
+#[derive(Default)]
+struct Scratch {
+    bytes: Vec<u8>,
+    zstd: Option<DCtx<'static>>,
+}
+
+thread_local! {
+    // Taken while in use: work that a callback starts on the same thread gets its own.
+    static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
+}
+
+/// Hands the records of a piece to `use_records`, or says why the piece is lost.
+pub(super) fn with_records<R>(file: &[u8], piece: &Piece, use_records: impl FnOnce(&[u8]) -> R) -> Result<R, String> {
+    let bytes = file.get(piece.bytes.clone()).ok_or("it leaves the file")?;
+    if piece.kind == PieceKind::Records {
+        return Ok(use_records(bytes));
+    }
+    let chunk = Chunk::parse(bytes).ok_or("a chunk whose lengths do not fit")?;
+    if chunk.compression.is_empty() {
+        check(&chunk, chunk.data)?;
+        return Ok(use_records(chunk.data));
+    }
+    let mut scratch = SCRATCH.take().unwrap_or_default();
+    let answer = scratch.decompress(&chunk).and_then(|()| {
+        check(&chunk, &scratch.bytes)?;
+        Ok(use_records(&scratch.bytes))
+    });
+    if scratch.bytes.capacity() > KEPT {
+        scratch.bytes = Vec::new();
+    }
+    SCRATCH.set(Some(scratch));
+    answer
+}
+
+fn check(chunk: &Chunk<'_>, records: &[u8]) -> Result<(), String> {
+    if records.len() as u64 != chunk.uncompressed_size {
+        return Err(format!("a chunk of {} bytes where its head says {}", records.len(), chunk.uncompressed_size));
+    }
+    if chunk.crc != 0 && crc32fast::hash(records) != chunk.crc {
+        return Err("a chunk whose checksum is wrong".into());
+    }
+    Ok(())
+}
+
+impl Scratch {
+    /// Fills `bytes` with the records of a chunk.
+    fn decompress(&mut self, chunk: &Chunk<'_>) -> Result<(), String> {
+        if chunk.uncompressed_size > MAX_CHUNK {
+            return Err(format!("a chunk that says it has {} bytes, more than {MAX_CHUNK}", chunk.uncompressed_size));
+        }
+        let size = usize::try_from(chunk.uncompressed_size).map_err(|_| "a chunk that is too large")?;
+        self.bytes.clear();
+        match chunk.compression {
+            b"zstd" => self.zstd(chunk.data, size),
+            b"lz4" => self.lz4(chunk.data, size),
+            other => Err(format!("a chunk compressed by `{}`", String::from_utf8_lossy(other))),
+        }
+    }
+
+    /// In one go, which needs no window and no second copy. The room grows with what was really decompressed, never at once to what the
+    /// chunk says it has; a chunk that compresses unusually well is begun again with more room, which the thread then keeps.
+    fn zstd(&mut self, data: &[u8], size: usize) -> Result<(), String> {
+        let context = match &mut self.zstd {
+            Some(context) => context,
+            none => none.insert(DCtx::try_create().ok_or("no memory for zstd")?),
+        };
+        let mut room = self.bytes.capacity().max(data.len().saturating_mul(8)).max(1 << 16).min(size);
+        loop {
+            self.bytes.clear();
+            self.bytes.try_reserve_exact(room).map_err(|_| "no memory for a chunk")?;
+            match context.decompress(&mut self.bytes, data) {
+                Ok(_) => return Ok(()),
+                Err(code) if get_error_name(code).contains("too small") && room < size => {
+                    room = room.saturating_mul(4).min(size);
+                }
+                Err(code) => return Err(format!("a chunk that zstd cannot decompress ({})", get_error_name(code))),
+            }
+        }
+    }
+
+    fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
+        let room = data.len().saturating_mul(8).max(1 << 16).min(size);
+        self.bytes.try_reserve(room).map_err(|_| "no memory for a chunk")?;
+        let decoder = FrameDecoder::new(data);
+        let read = decoder.take((size as u64).saturating_add(1)).read_to_end(&mut self.bytes);
+        read.map(|_| ()).map_err(|error| format!("a chunk that lz4 cannot decompress ({error})"))
+    }
+}

@@ -1,0 +1,177 @@
+//! The bytes of a file, mapped into memory.
+
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Write},
+    ops::Deref,
+    path::Path,
+};
+
+use mcap::MAGIC;
+use memmap2::Mmap;
+
+use crate::{Compression, Error};
+
+/// Bytes that a compressed file may grow to, whatever its size.
+const FREE_GROWTH: u64 = 1 << 30;
+
+/// Beyond [`FREE_GROWTH`], how many times its size a compressed file may grow: robots' logs shrink by 2 to 50.
+const MAX_RATIO: u64 = 1000;
+
+/// A whole MCAP file in memory, page by page as it is read.
+#[derive(Debug)]
+pub(super) struct Map {
+    bytes: Mmap,
+    /// Why the bytes end before the file does, for a compressed file that is cut.
+    pub(super) cut: Option<String>,
+}
+
+impl Deref for Map {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Map {
+    /// Maps a file; a compressed one is first unpacked into an unnamed temporary file.
+    pub(super) fn open(path: &Path, compression: Compression) -> Result<Self, Error> {
+        let io = |source| Error::Io { path: path.into(), action: "read", source };
+        let file = File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        if length == 0 {
+            let mend = "leave it out, or copy it again: the recorder may not have closed it";
+            return Err(Error::WrongFormat { path: path.into(), problem: "the file is empty".into(), mend });
+        }
+        let (file, cut) = match compression {
+            Compression::None => (file, None),
+            _ => unpack(path, file, compression, FREE_GROWTH.max(length.saturating_mul(MAX_RATIO)))?,
+        };
+        // SAFETY: a mapping is undefined behaviour only if the file changes or shrinks under it. An unpacked copy has no name, so that nobody can
+        // change it. A log that is still being written grows at its end, beyond the length that is mapped here. A log that somebody
+        // truncates or rewrites while it is read is out of our hands, as for every reader that maps files; nothing here keeps a
+        // parsed invariant across two reads of the same bytes: each length is checked where it is used.
+        let bytes = unsafe { Mmap::map(&file) }.map_err(|source| Error::Io {
+            path: path.into(),
+            action: "map into memory",
+            source,
+        })?;
+        if !bytes.starts_with(MAGIC) {
+            return Err(wrong_magic(path, &bytes));
+        }
+        Ok(Self { bytes, cut })
+    }
+}
+
+/// Unpacks a file as far as it is sound, to at most `limit` bytes; the second answer is why it ends early.
+fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Result<(File, Option<String>), Error> {
+    let read = |source| Error::Io { path: path.into(), action: "read", source };
+    let keep = |source| Error::Io {
+        path: path.into(),
+        action: "keep it unpacked in a temporary file (TMPDIR says where)",
+        source,
+    };
+    let input = BufReader::with_capacity(1 << 16, file);
+    let mut input: Box<dyn Read> = match compression {
+        Compression::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(input)),
+        _ => Box::new(zstd::Decoder::with_buffer(input).map_err(read)?),
+    };
+    let mut unpacked = tempfile::tempfile().map_err(keep)?;
+    let mut buffer = vec![0; 1 << 20];
+    let (mut total, mut cut) = (0_u64, None);
+    loop {
+        let count = match input.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(count) => count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => {
+                cut = Some(format!("the compressed file is cut or damaged after {total} unpacked bytes ({error})"));
+                break;
+            }
+        };
+        total += count as u64;
+        if total > limit {
+            let problem = format!("it unpacks to more than {limit} bytes");
+            let mend = "this is no log; unpack it by hand if it really is one";
+            return Err(Error::WrongFormat { path: path.into(), problem, mend });
+        }
+        unpacked.write_all(buffer.get(..count).unwrap_or_default()).map_err(keep)?;
+    }
+    if total == 0 {
+        let problem = cut.unwrap_or_else(|| "nothing is packed in it".into());
+        return Err(Error::WrongFormat { path: path.into(), problem, mend: "copy it again" });
+    }
+    Ok((unpacked, cut))
+}
+
+/// Says what a file looks like that is not MCAP.
+fn wrong_magic(path: &Path, bytes: &[u8]) -> Error {
+    let looks: [(&[u8], &str, &'static str); 7] = [
+        (b"#ROSBAG V", "a ROS 1 bag", crate::format::CONVERT_BAG),
+        (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", crate::format::CONVERT_DB3),
+        (b"PAR1", "Parquet", "give it the extension .parquet"),
+        (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "give it the extension .mcap.zst"),
+        (&[0x1f, 0x8b], "compressed by gzip", "give it the extension .mcap.gz"),
+        (b"PK\x03\x04", "a zip archive", "unpack it"),
+        (b"\x89HDF", "HDF5", "convert it to Parquet or CSV"),
+    ];
+    let start = bytes.get(..bytes.len().min(512)).unwrap_or_default();
+    let found = looks.iter().find(|(magic, ..)| start.starts_with(magic));
+    let text = start.iter().all(|&byte| byte >= 0x20 || matches!(byte, b'\t' | b'\n' | b'\r'));
+    let (what, mend) = match found {
+        Some((_, what, mend)) => (format!("it is {what}"), *mend),
+        None if MAGIC.starts_with(start) => ("only the first bytes are there".to_owned(), "copy it again"),
+        None if text => ("it is text".to_owned(), "give it the extension of what it is (.csv, .tsv)"),
+        None if start.iter().all(|&byte| byte == 0) => {
+            ("it begins with zeros, as after a loss of power or a broken copy".to_owned(), "copy it again")
+        }
+        None => ("its first bytes are not MCAP's".to_owned(), "give it the extension of what it is, or copy it again"),
+    };
+    Error::WrongFormat { path: path.into(), problem: format!("this is no MCAP file: {what}"), mend }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_files_are_recognised_by_their_first_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        for (bytes, word) in [
+            (&b""[..], "empty"),
+            (b"#ROSBAG V2.0\n", "ROS 1 bag"),
+            (b"SQLite format 3\0....", "SQLite"),
+            (b"PAR1....PAR1", "Parquet"),
+            (b"\x1f\x8b\x08", "gzip"),
+            (&[0x28, 0xb5, 0x2f, 0xfd, 0], "zstd"),
+            (b"t,x,y\n1,2,3\n", "text"),
+            (&[0; 40], "zeros"),
+            (&MAGIC[..4], "first bytes"),
+            (&[1, 2, 3], "first bytes"),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            let message = Map::open(&path, Compression::None).unwrap_err().to_string();
+            assert!(message.contains("run.mcap") && message.contains(word), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_compressed_file_is_unpacked_as_far_as_it_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap.zst");
+        // Two frames, so that the cut leaves a whole one.
+        let mut bytes = zstd::encode_all(MAGIC, 3).unwrap();
+        let second = zstd::encode_all(&[7_u8; 1000][..], 3).unwrap();
+        bytes.extend(&second);
+        std::fs::write(&path, &bytes).unwrap();
+        let map = Map::open(&path, Compression::Zstd).unwrap();
+        assert_eq!((map.len(), map.cut.as_deref()), (1008, None));
+        std::fs::write(&path, &bytes[..bytes.len() - 3]).unwrap();
+        let map = Map::open(&path, Compression::Zstd).unwrap();
+        assert!(map.len() >= 8 && map.cut.is_some());
+        let file = File::open(&path).unwrap();
+        assert!(unpack(&path, file, Compression::Zstd, 7).unwrap_err().to_string().contains("more than 7 bytes"));
+    }
+}

@@ -1,0 +1,168 @@
+//! Folders that rosbag2 writes: a `metadata.yaml` and the files that it names.
+
+use std::{
+    fs::{self, File},
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use serde::Deserialize;
+
+use crate::{Compression, Error, Format, format::CONVERT_DB3};
+
+/// The file that makes a folder a rosbag2 recording.
+const METADATA: &str = "metadata.yaml";
+
+/// The key under which everything stands.
+const KEY: &[u8] = b"rosbag2_bagfile_information";
+
+/// Bytes of metadata that are read; real ones have a few kilobytes per topic.
+const MAX_METADATA: u64 = 16 << 20;
+
+#[derive(Deserialize)]
+struct Metadata {
+    rosbag2_bagfile_information: Information,
+}
+
+#[derive(Deserialize)]
+struct Information {
+    #[serde(default)]
+    storage_identifier: String,
+    #[serde(default)]
+    relative_file_paths: Vec<String>,
+    #[serde(default)]
+    compression_mode: Option<String>,
+}
+
+/// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
+pub(crate) fn is_bag(folder: &Path) -> bool {
+    let path = folder.join(METADATA);
+    path.is_file()
+        && File::open(path).is_ok_and(|file| {
+            let mut start = Vec::new();
+            // The key is the first of the document; comments may stand before it.
+            file.take(1 << 16).read_to_end(&mut start).is_ok() && start.windows(KEY.len()).any(|window| window == KEY)
+        })
+}
+
+/// The MCAP files of a rosbag2 folder, in the order of its metadata, with how they are compressed.
+pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error> {
+    let path = folder.join(METADATA);
+    let damaged =
+        |place: &str, problem: String, mend| Error::Damaged { path: path.clone(), place: place.into(), problem, mend };
+    let io = |source| Error::Io { path: path.clone(), action: "read", source };
+    let mut text = String::new();
+    File::open(&path).map_err(io)?.take(MAX_METADATA).read_to_string(&mut text).map_err(io)?;
+    let metadata: Metadata = serde_saphyr::from_str(&text).map_err(|error| {
+        let problem = error.to_string().lines().next().unwrap_or_default().to_owned();
+        damaged(
+            "the text",
+            problem,
+            "mend it, remove it (the files are then read one by one), or make it anew with `ros2 bag reindex`",
+        )
+    })?;
+    let information = metadata.rosbag2_bagfile_information;
+    if !matches!(information.storage_identifier.as_str(), "mcap" | "") {
+        let problem = format!("a rosbag2 recording stored as {}, which is not read", information.storage_identifier);
+        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
+    }
+    if information.compression_mode.is_some_and(|mode| mode.eq_ignore_ascii_case("message")) {
+        let problem = "each of its messages is compressed by itself, which is not read".into();
+        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
+    }
+    if information.relative_file_paths.is_empty() {
+        return Err(damaged(
+            "relative_file_paths",
+            "it names no file".into(),
+            "make it anew with `ros2 bag reindex`, or remove it",
+        ));
+    }
+    information
+        .relative_file_paths
+        .iter()
+        .map(|name| {
+            let file = locate(folder, name).ok_or_else(|| {
+                let problem = format!("{name} does not exist");
+                damaged("relative_file_paths", problem, "copy the file beside it, or remove its line from the list")
+            })?;
+            match Format::of(&file) {
+                Some(Format::Mcap(compression)) => Ok((file, compression)),
+                _ => Err(Format::foreign(&file).unwrap_or(Error::UnknownFormat { path: file })),
+            }
+        })
+        .collect()
+}
+
+/// Finds a file of the list. The first versions of rosbag2 put the folder's own name before it; and a file may have been compressed or
+/// unpacked since.
+fn locate(folder: &Path, name: &str) -> Option<PathBuf> {
+    let base = Path::new(name).file_name()?.to_str()?;
+    let mut names = vec![name.to_owned(), base.to_owned()];
+    for ending in [".zstd", ".zst"] {
+        names.push(format!("{base}{ending}"));
+        names.extend(base.strip_suffix(ending).map(str::to_owned));
+    }
+    names.into_iter().map(|name| folder.join(name)).find(|path| fs::metadata(path).is_ok_and(|data| data.is_file()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bag(names: &[&str], information: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            fs::write(folder.path().join(name), "x").unwrap();
+        }
+        let text = format!("rosbag2_bagfile_information:\n  version: 5\n{information}");
+        fs::write(folder.path().join(METADATA), text).unwrap();
+        folder
+    }
+
+    fn message(folder: &tempfile::TempDir) -> String {
+        files(folder.path()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn files_come_in_the_order_of_the_metadata() {
+        let information = "  storage_identifier: mcap\n  relative_file_paths:\n    - run/b_1.mcap\n    - a_0.mcap.zstd\n    - c.mcap\n  \
+                           compression_format: zstd\n  compression_mode: FILE\n  topics_with_message_count: []\n";
+        let folder = bag(&["a_0.mcap.zstd", "b_1.mcap", "c.mcap.zstd", "unlisted.mcap"], information);
+        let names: Vec<_> = files(folder.path())
+            .unwrap()
+            .into_iter()
+            .map(|(path, how)| (path.file_name().unwrap().to_owned(), how))
+            .collect();
+        let expected =
+            [("b_1.mcap", Compression::None), ("a_0.mcap.zstd", Compression::Zstd), ("c.mcap.zstd", Compression::Zstd)];
+        assert_eq!(names, expected.map(|(name, how)| (name.into(), how)));
+        assert_eq!(Format::of(folder.path()), Some(Format::Rosbag2));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_told_with_the_mend() {
+        let folder = bag(&["a.db3"], "  storage_identifier: sqlite3\n  relative_file_paths: [a.db3]\n");
+        let text = message(&folder);
+        assert!(text.contains("sqlite3") && text.contains("ros2 bag convert"), "{text}");
+        let folder = bag(&[], "  storage_identifier: mcap\n  relative_file_paths: [a.mcap]\n");
+        let text = message(&folder);
+        assert!(text.contains("metadata.yaml") && text.contains("a.mcap does not exist"), "{text}");
+        let folder = bag(
+            &["a.mcap"],
+            "  storage_identifier: mcap\n  compression_mode: MESSAGE\n  relative_file_paths: [a.mcap]\n",
+        );
+        assert!(message(&folder).contains("by itself"));
+        assert!(message(&bag(&[], "  storage_identifier: mcap\n")).contains("names no file"));
+        for broken in ["  relative_file_paths: [a\n", "  relative_file_paths: {a: 1}\n", "\t- x", "  a: *b\n"] {
+            assert!(matches!(files(bag(&[], broken).path()), Err(Error::Damaged { .. })), "{broken}");
+        }
+    }
+
+    #[test]
+    fn metadata_of_something_else_makes_no_bag() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(METADATA), "title: my runs\n").unwrap();
+        assert!(!is_bag(folder.path()));
+        assert_eq!(Format::of(folder.path()), None);
+    }
+}

@@ -1,0 +1,43 @@
+//! What a robot's log says of a topic.
+
+/// A topic of a robot's log. Times are the log's: when messages were recorded.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct TopicInfo {
+    /// Its name.
+    pub name: String,
+    /// The type of its messages, e.g. `nav_msgs/msg/Odometry`; empty without a schema.
+    pub type_name: String,
+    /// How its messages are encoded, e.g. `cdr`.
+    pub message_encoding: String,
+    /// How its schema is written, e.g. `ros2msg`; empty without a schema.
+    pub schema_encoding: String,
+    /// Messages, when the file tells.
+    pub messages: Option<u64>,
+    /// Stamp of the first message, nanoseconds.
+    pub start: Option<i64>,
+    /// Stamp of the last message, nanoseconds.
+    pub end: Option<i64>,
+    /// Messages a second: the inverse of the median period where the file has an index, else the mean.
+    pub rate: Option<f64>,
+    /// Gaps longer than five median periods, where the file has an index.
+    pub gaps: Option<usize>,
+    /// The longest gap, seconds, where the file has an index.
+    pub largest_gap: Option<f64>,
+    /// What must be added to the headers' stamps to get the log's, seconds, from the first and the last messages; `None` without headers.
+    pub header_offset: Option<HeaderOffset>,
+    /// Why its messages cannot be read.
+    pub problem: Option<String>,
+}
+
+/// How the clock of the headers stands to the clock of the log.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct HeaderOffset {
+    /// Log stamp minus header stamp of the first message, seconds.
+    pub first: f64,
+    /// Log stamp minus header stamp of the last message looked at, seconds. Another value than the first: the clocks run apart.
+    pub last: f64,
+    /// All header stamps looked at are zero: they were never filled in.
+    pub zero: bool,
+}

@@ -1,0 +1,121 @@
+//! What other people's decoders find in log files: the lines of `tests/peers/columns.py`.
+
+use std::{
+    collections::BTreeMap,
+    ffi::{OsStr, OsString},
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+/// What a decoder tells of a topic.
+#[derive(Debug, Default)]
+pub(crate) struct Topic {
+    pub(crate) name: String,
+    /// Messages that were decoded.
+    pub(crate) messages: usize,
+    /// Messages that could not be decoded.
+    pub(crate) undecoded: u64,
+    pub(crate) log_time: Vec<i64>,
+    pub(crate) publish_time: Vec<i64>,
+    /// Paths within the message with one value a message, NaN where a message has none.
+    pub(crate) columns: Vec<(String, Vec<f64>)>,
+}
+
+/// What a decoder tells of a file.
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) topics: Vec<Topic>,
+    /// What ended the reading, where the file is damaged.
+    pub(crate) damage: Option<String>,
+}
+
+/// The interpreter with the packages that decode logs, or a word about why a test does nothing.
+pub(crate) fn python() -> Option<OsString> {
+    let Some(python) = std::env::var_os("FLEETFOOT_PYTHON") else {
+        eprintln!("skipped: FLEETFOOT_PYTHON does not name a Python with the packages of tests/peers/README.md");
+        return None;
+    };
+    let packages = "import mcap_ros1.writer, mcap_ros2.writer, mcap_protobuf.writer, zstandard, lz4";
+    match Command::new(&python).args(["-c", packages]).output() {
+        Ok(output) if output.status.success() => Some(python),
+        Ok(output) => {
+            let reason = String::from_utf8_lossy(&output.stderr);
+            eprintln!("skipped: {} lacks a package: {}", python.display(), reason.trim());
+            None
+        }
+        Err(problem) => {
+            eprintln!("skipped: {} does not run: {problem}", python.display());
+            None
+        }
+    }
+}
+
+/// The logs of every kind that other writers write.
+pub(crate) fn write_logs(python: &OsStr) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    run(python, "write_logs.py", &[folder.path().as_os_str()]);
+    folder
+}
+
+/// What the decoders tell of some files, by the names of the files; `long` arrays too when asked for.
+pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, Told> {
+    let option: &[&OsStr] = if long { &[OsStr::new("--long")] } else { &[] };
+    let arguments: Vec<&OsStr> = option.iter().copied().chain(files.iter().map(|file| file.as_os_str())).collect();
+    let mut told: BTreeMap<String, Told> = BTreeMap::new();
+    for line in run(python, "read_logs.py", &arguments).lines() {
+        let json: serde_json::Value = serde_json::from_str(line).unwrap();
+        let file = told.entry(json["file"].as_str().unwrap().to_owned()).or_default();
+        match json["damage"].as_str() {
+            Some(damage) => file.damage = Some(damage.to_owned()),
+            None => take(&mut file.topics, &json),
+        }
+    }
+    told
+}
+
+/// The truth that the writer left beside a file, where it did.
+pub(crate) fn truth(file: &Path) -> Option<Vec<Topic>> {
+    let mut path = file.as_os_str().to_owned();
+    path.push(".truth.jsonl");
+    let text = fs::read_to_string(path).ok()?;
+    let mut topics = Vec::new();
+    text.lines().for_each(|line| take(&mut topics, &serde_json::from_str(line).unwrap()));
+    Some(topics)
+}
+
+fn run(python: &OsStr, script: &str, arguments: &[&OsStr]) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers").join(script);
+    let output = Command::new(python).arg(script).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn take(topics: &mut Vec<Topic>, json: &serde_json::Value) {
+    let name = json["topic"].as_str().unwrap();
+    let times = |key: &str| json[key].as_array().unwrap().iter().map(|time| time.as_i64().unwrap()).collect();
+    if json["messages"].is_number() {
+        topics.push(Topic {
+            name: name.to_owned(),
+            messages: json["messages"].as_u64().unwrap() as usize,
+            undecoded: json["undecoded"].as_u64().unwrap(),
+            log_time: times("log_time"),
+            publish_time: times("publish_time"),
+            columns: Vec::new(),
+        });
+    } else if json["values"].is_array() {
+        let topic = topics.iter_mut().find(|topic| topic.name == name).unwrap();
+        let inside = json["name"].as_str().unwrap().strip_prefix(name).unwrap();
+        topic.columns.push((inside.strip_prefix('.').unwrap_or(inside).to_owned(), values(&json["values"])));
+    }
+}
+
+/// The numbers of a line. The workspace's JSON parser gives the nearest `f64` of any decimal.
+fn values(json: &serde_json::Value) -> Vec<f64> {
+    let number = |value: &serde_json::Value| match value {
+        serde_json::Value::Null => f64::NAN,
+        serde_json::Value::String(text) => text.parse().unwrap(),
+        value => value.as_f64().unwrap(),
+    };
+    json.as_array().unwrap().iter().map(number).collect()
+}

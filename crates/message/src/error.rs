@@ -1,0 +1,67 @@
+//! Why a schema or a message cannot be used.
+
+/// A message's bytes do not fit its schema.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("at byte {offset} of the message: {problem}")]
+pub struct DecodeError {
+    /// Where, counted from the message's first byte.
+    pub offset: usize,
+    /// What is wrong.
+    pub problem: String,
+}
+
+impl DecodeError {
+    /// A problem at a place.
+    pub fn new(offset: usize, problem: impl Into<String>) -> Self {
+        Self { offset, problem: problem.into() }
+    }
+}
+
+/// A schema cannot be understood, or does not have what is asked of it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SchemaError {
+    /// The text or the descriptor is not what its encoding says.
+    #[error("the {encoding} schema `{name}` cannot be understood: {problem}")]
+    Malformed {
+        /// The schema's encoding, e.g. `ros2msg`.
+        encoding: String,
+        /// The message type.
+        name: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// An encoding of messages or schemas that is not known.
+    #[error(
+        "messages encoded as `{message}` with a schema encoded as `{schema}` cannot be read; readable are cdr with ros2msg or ros2idl, ros1 with ros1msg, \
+         protobuf with protobuf, json"
+    )]
+    UnknownEncoding {
+        /// The message encoding of the channel.
+        message: String,
+        /// The encoding of its schema.
+        schema: String,
+    },
+    /// The message encoding needs a schema and the channel has none.
+    #[error("messages encoded as `{message}` need a schema, and this channel has none")]
+    NoSchema {
+        /// The message encoding of the channel.
+        message: String,
+    },
+    /// A wanted field that the type does not have.
+    #[error("there is no field `{path}`{}", nearest.as_ref().map(|name| format!("; the nearest is `{name}`")).unwrap_or_default())]
+    NoField {
+        /// The wanted field.
+        path: String,
+        /// A field of the type that is spelled similarly.
+        nearest: Option<String>,
+    },
+    /// A wanted field that is not a number, a truth value or a text.
+    #[error("`{path}` is {kind}: name one of its parts")]
+    NotAValue {
+        /// The wanted field.
+        path: String,
+        /// What it is, with an article.
+        kind: String,
+    },
+}

@@ -1,0 +1,84 @@
+//! Whether a message type has the fields that are wanted.
+
+use super::types::{FieldType, Form, MessageType};
+use crate::{
+    FieldPath, SchemaError, Step,
+    keys::{KEY_FIELDS, NAME_ARRAYS},
+};
+
+/// Steps of a path: as deep as messages are decoded, with an element between each two.
+const MAX_STEPS: usize = 128;
+/// Bytes of names that are compared letter by letter.
+const MAX_NAME: usize = 128;
+
+/// What a part of a path leads to.
+#[derive(Clone, Copy)]
+enum Place<'a> {
+    Message(&'a MessageType),
+    /// A repeated field, and the message that has it.
+    List(&'a FieldType, &'a MessageType),
+    Bytes,
+    Value,
+}
+
+/// Checks that a path leads from a message of the first of some types to a number, truth value or text.
+pub(super) fn check(types: &[MessageType], path: &FieldPath) -> Result<(), SchemaError> {
+    let missing = |nearest| SchemaError::NoField { path: path.to_string(), nearest };
+    let Some(root) = types.first().filter(|_| path.steps.len() <= MAX_STEPS) else { return Err(missing(None)) };
+    let mut place = Place::Message(root);
+    for (done, step) in path.steps.iter().enumerate() {
+        let until = |last: Option<Step>| {
+            let steps: Vec<Step> = path.steps.iter().take(done).cloned().chain(last).collect();
+            (!steps.is_empty()).then(|| FieldPath { steps }.to_string())
+        };
+        place = match (place, step) {
+            (Place::Message(own), Step::Field(name)) => match own.field(name) {
+                Some(field) if field.is_list => Place::List(field, own),
+                Some(field) => single(types, field),
+                None => return Err(missing(nearest(own, name).and_then(|name| until(Some(Step::Field(name.into())))))),
+            },
+            (Place::List(field, _), Step::Index(_)) => single(types, field),
+            (Place::List(field, own), Step::Key(_)) if is_keyed(types, field, own) => single(types, field),
+            (Place::List(..), Step::Key(_)) => return Err(missing(until(Some(Step::Index(0))))),
+            (Place::Bytes, Step::Index(_)) => Place::Value,
+            _ => return Err(missing(until(None))),
+        };
+    }
+    let kind = match place {
+        Place::Value => return Ok(()),
+        Place::Message(own) => format!("a message `{}`", own.name),
+        Place::List(..) => "an array".to_owned(),
+        Place::Bytes => "an array of bytes".to_owned(),
+    };
+    Err(SchemaError::NotAValue { path: path.to_string(), kind })
+}
+
+/// What a field, or an element of it, is.
+fn single<'a>(types: &'a [MessageType], field: &FieldType) -> Place<'a> {
+    match field.form {
+        Form::Message(place) => types.get(place).map_or(Place::Value, Place::Message),
+        Form::Bytes => Place::Bytes,
+        _ => Place::Value,
+    }
+}
+
+/// Whether the elements of a repeated field have names: texts in themselves, else an array of texts beside.
+fn is_keyed(types: &[MessageType], field: &FieldType, around: &MessageType) -> bool {
+    let is_key = |key: &FieldType| key.form == Form::Text && !key.is_list;
+    let has_key = |own: &MessageType| KEY_FIELDS.iter().filter_map(|name| own.field(name)).any(is_key);
+    if matches!(single(types, field), Place::Message(own) if has_key(own)) {
+        return true;
+    }
+    let mut names = NAME_ARRAYS
+        .iter()
+        .filter_map(|name| around.field(name))
+        .filter(|names| names.form == Form::Text && names.is_list);
+    names.next().is_some_and(|names| names.name != field.name)
+}
+
+/// The field that is spelled most like a name.
+fn nearest<'a>(own: &'a MessageType, name: &str) -> Option<&'a str> {
+    let names = own.fields.iter().map(|field| &*field.name).filter(|other| name.len().max(other.len()) <= MAX_NAME);
+    let distances = names.map(|other| (strsim::levenshtein(&name.to_lowercase(), &other.to_lowercase()), other));
+    distances.min().filter(|(distance, _)| *distance <= name.len().div_ceil(2)).map(|(_, name)| name)
+}

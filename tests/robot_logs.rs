@@ -1,0 +1,237 @@
+//! Robots' logs (MCAP) from the command line: from a log with several channels to a model, its predictions drawn over the log, and the
+//! messages for what does not fit together.
+
+use std::fs;
+
+use fleetfoot::{
+    log::{McapOptions, McapWriter},
+    message::write::{Header, JointState, Odometry, Time, Twist},
+};
+
+include!("runner.rs");
+
+/// Nanoseconds of the first message's log time, and what the simulated clock of the headers is behind it.
+const LOG_START: i64 = 1_790_000_000_000_000_000;
+const OFFSET: i64 = LOG_START - 5_000_000_000;
+/// Rate of change of the speeds towards the commanded ones, 1/s.
+const GAINS: [f64; 2] = [2.0, 5.0];
+
+/// What a log is written with.
+#[derive(Clone, Copy)]
+struct Robot {
+    prefix: &'static str,
+    seconds: usize,
+    seed: u64,
+    zero_headers: bool,
+}
+
+const ROBOT: Robot = Robot { prefix: "", seconds: 60, seed: 1, zero_headers: false };
+
+/// A robot whose speeds follow commands, as `/odom` at 50 Hz with headers in simulated seconds, `/cmd_vel` at 10 Hz without headers, and
+/// `/joint_states` with wheels whose order changes.
+fn write_log(path: &Path, robot: Robot) {
+    let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
+    let odom = writer.channel::<Odometry<'_>>(&format!("{}/odom", robot.prefix)).unwrap();
+    let command = writer.channel::<Twist>(&format!("{}/cmd_vel", robot.prefix)).unwrap();
+    let joints = writer.channel::<JointState<'_>>(&format!("{}/joint_states", robot.prefix)).unwrap();
+    let (mut x, mut y, mut yaw, mut speeds) = (0.0, 0.0, 0.0_f64, [0.0, 0.0]);
+    let (mut goal, mut random) = ([0.0, 0.0], robot.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    let mut uniform = move || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    };
+    for step in 0..robot.seconds * 50 {
+        let log = LOG_START + step as i64 * 20_000_000;
+        if step % 5 == 0 {
+            goal = [uniform(), 2.0 * uniform()];
+            writer
+                .write(command, log, log, &Twist { linear: [goal[0], 0.0, 0.0], angular: [0.0, 0.0, goal[1]] })
+                .unwrap();
+        }
+        let stamp = if robot.zero_headers { 0 } else { log - OFFSET };
+        let header = Header { stamp: Time::from_nanoseconds(stamp).unwrap(), frame_id: "odom" };
+        let mut message = Odometry { header, child_frame_id: "base_link", ..Odometry::default() };
+        message.pose.position = [x, y, 0.0];
+        message.pose.orientation = [0.0, 0.0, (yaw / 2.0).sin(), (yaw / 2.0).cos()];
+        message.twist = Twist { linear: [speeds[0], 0.0, 0.0], angular: [0.0, 0.0, speeds[1]] };
+        writer.write(odom, log, log, &message).unwrap();
+        let (left, right) = (speeds[0] - 0.1 * speeds[1], speeds[0] + 0.1 * speeds[1]);
+        let (name, velocity) =
+            if step % 2 == 0 { (["left", "right"], [left, right]) } else { (["right", "left"], [right, left]) };
+        writer
+            .write(joints, log, log, &JointState { header, name: &name, velocity: &velocity, ..JointState::default() })
+            .unwrap();
+        // Forward differences of these are exactly the law.
+        (x, y, yaw) = (x + 0.02 * speeds[0] * yaw.cos(), y + 0.02 * speeds[0] * yaw.sin(), yaw + 0.02 * speeds[1]);
+        for (speed, (goal, gain)) in speeds.iter_mut().zip(goal.iter().zip(GAINS)) {
+            *speed += 0.02 * gain * (goal - *speed);
+        }
+    }
+    writer.finish().unwrap();
+}
+
+const RECIPE: &str = r#"
+[columns]
+x = "/odom.pose.pose.position.x"
+y = "/odom.pose.pose.position.y"
+yaw = "yaw(/odom.pose.pose.orientation)"
+v = "/odom.twist.twist.linear.x"
+w = "/odom.twist.twist.angular.z"
+[states]
+x = { known = "v*cos(yaw)", regressor = false }
+y = { known = "v*sin(yaw)", regressor = false }
+yaw = { known = "w", kind = "angle", regressor = false }
+v = { derivative = "forward" }
+w = { derivative = "forward" }
+[inputs]
+uv = "/cmd_vel.linear.x"
+uw = "/cmd_vel.angular.z"
+"#;
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_log(&folder.path().join("run.mcap"), ROBOT);
+    write_log(&folder.path().join("test.mcap"), Robot { seed: 2, seconds: 30, ..ROBOT });
+    fs::write(folder.path().join("robot.toml"), RECIPE).unwrap();
+    folder
+}
+
+#[test]
+fn from_a_robots_log_to_messages_drawn_over_it() {
+    let folder = folder();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+
+    let info = run(&["info", "run.mcap", "--json"]).json();
+    let topics = info[0]["topics"].as_array().unwrap();
+    let odom = topics.iter().find(|topic| topic["name"] == "/odom").unwrap();
+    assert_eq!((odom["messages"].as_u64(), odom["type"].as_str()), (Some(3000), Some("nav_msgs/msg/Odometry")));
+    assert!((odom["rate"].as_f64().unwrap() - 50.0).abs() < 1e-6);
+    assert!((odom["header_offset"]["first"].as_f64().unwrap() - OFFSET as f64 * 1e-9).abs() < 1e-3);
+    let values = run(&["info", "run.mcap", "--values"]).out;
+    assert!(values.contains("/joint_states.velocity[left]") && values.contains("/cmd_vel.linear.x"), "{values}");
+
+    let starter = run(&["init", "run.mcap"]).out;
+    assert!(
+        starter.contains("# v = \"/odom.twist.twist.linear.x\"") && starter.contains("/cmd_vel.angular.z"),
+        "{starter}"
+    );
+
+    let plan = run(&["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "--dry-run", "--json"]).json();
+    assert_eq!((plan["rows"].as_u64(), plan["cached"].as_bool()), (Some(3000), Some(false)));
+
+    // The commands have no header, so that the log's clock is taken, and the user is told.
+    let fit = run(&["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "-o", "model.json"]);
+    assert!(fit.err.contains("/cmd_vel has no header"), "{}", fit.err);
+    let model = run(&["show", "model.json", "--json"]).json();
+    let text = model.to_string();
+    let score = run(&["score", "model.json", "test.mcap", "--json"]).json();
+    for target in 0..2 {
+        let r2 = score["targets"][target]["r2"].as_f64().or(score["targets"][target]["r2"][0].as_f64()).unwrap();
+        assert!(r2 > 1.0 - 1e-9, "{r2} {text}");
+    }
+
+    let rollout = run(&[
+        "rollout",
+        "model.json",
+        "test.mcap",
+        "--horizon",
+        "40",
+        "--starts",
+        "20",
+        "-o",
+        "rollout.mcap",
+        "--json",
+    ]);
+    assert!(rollout.json()["model"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap() < 1e-9);
+    run(&["predict", "model.json", "test.mcap", "-o", "predicted.mcap"]);
+    // What was written is a log itself, in the time of the recording.
+    let info = run(&["info", "predicted.mcap", "--json"]).json();
+    let predicted = info[0]["topics"].as_array().unwrap().iter().find(|t| t["name"] == "/fleetfoot/predicted").unwrap();
+    // The last command came at 29.9 s: what is held ends there.
+    assert_eq!(predicted["messages"], 1496);
+    assert_eq!(predicted["start"].as_i64(), Some(LOG_START));
+    let values = run(&["info", "rollout.mcap", "--values"]).out;
+    assert!(values.contains("/fleetfoot/rollout/0.position[yaw]"), "{values}");
+}
+
+#[test]
+fn clocks_are_not_mixed_and_the_mend_is_told() {
+    let folder = folder();
+    let fit = |arguments: &[&str]| {
+        let mut all = vec!["fit", "pwa", "run.mcap", "-p", "average"];
+        all.extend(arguments);
+        fleetfoot(folder.path(), &all)
+    };
+    fit(&["-c", "robot.toml", "--stamp", "header"]).fails(&["/cmd_vel", "no header stamp", "log"]);
+    fit(&["-c", "robot.toml", "--time", "t"]).fails(&["its own clock", "header"]);
+    fit(&["-c", "robot.toml", "--dt", "0.1"]).fails(&["its own clock", "rate"]);
+    fit(&["--states", "/odom.twist.twist.linear.x,/odom.twist.twist.linaer.y"]).fails(&["linear.y"]);
+    fit(&["--states", "/odomm.twist.twist.linear.x"]).fails(&["/odom"]);
+    fit(&["--states", "/joint_states.velocity[lefft]"]).fails(&["left"]);
+
+    write_log(&folder.path().join("zero.mcap"), Robot { zero_headers: true, seconds: 5, ..ROBOT });
+    let states = ["--states", "/odom.twist.twist.linear.x"];
+    let mut zero = vec!["fit", "pwa", "zero.mcap", "-p", "average", "--stamp", "header"];
+    zero.extend(states);
+    fleetfoot(folder.path(), &zero).fails(&["/odom", "not filled in", "log"]);
+    zero.truncate(5);
+    zero.extend(states);
+    let told = fleetfoot(folder.path(), &zero).ok();
+    assert!(told.err.contains("headers of /odom are not filled in"), "{}", told.err);
+}
+
+#[test]
+fn wildcards_renames_rates_and_the_cache() {
+    let folder = folder();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let recipe = "[columns]\nwheel = \"/joint_states.velocity[*]\"\n[states]\nwheel = {}\n";
+    fs::write(folder.path().join("wheels.toml"), recipe).unwrap();
+    let fit = run(&[
+        "fit",
+        "pwa",
+        "-c",
+        "wheels.toml",
+        "run.mcap",
+        "-p",
+        "average",
+        "--stamp",
+        "header",
+        "--cache",
+        "kept",
+        "--json",
+        "-o",
+        "wheels.json",
+    ]);
+    let targets = fit.json()["targets"].to_string();
+    assert!(targets.contains("wheel[left]") && targets.contains("wheel[right]"), "{targets}");
+    let kept = || fs::read_dir(folder.path().join("kept")).unwrap().count();
+    assert_eq!(kept(), 1);
+    let again = run(&["score", "wheels.json", "run.mcap", "--cache", "kept", "--json"]).json();
+    assert_eq!(kept(), 1);
+    assert_eq!(again, run(&["score", "wheels.json", "run.mcap", "--no-cache", "--json"]).json());
+
+    // The same robot under another name.
+    write_log(&folder.path().join("second.mcap"), Robot { prefix: "/robot2", seed: 3, seconds: 20, ..ROBOT });
+    fleetfoot(folder.path(), &["score", "wheels.json", "second.mcap"]).fails(&["/joint_states"]);
+    let renamed =
+        run(&["score", "wheels.json", "second.mcap", "--rename", "/joint_states=/robot2/joint_states", "--json"])
+            .json();
+    assert_eq!(renamed["rows"], 998);
+
+    let even = run(&[
+        "fit",
+        "pwa",
+        "-c",
+        "robot.toml",
+        "run.mcap",
+        "-p",
+        "average",
+        "--rate",
+        "25",
+        "-o",
+        "even.json",
+        "--json",
+    ]);
+    let rows = even.json()["rows"].as_u64().unwrap();
+    assert!((1490..=1500).contains(&rows), "{rows}");
+}
