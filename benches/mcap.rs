@@ -15,6 +15,7 @@ use std::{
     cell::RefCell,
     error::Error,
     fs::File,
+    ops::Range,
     path::{Path, PathBuf},
     process::Command,
     sync::atomic::{AtomicBool, AtomicU64, Ordering},
@@ -26,8 +27,8 @@ use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, parallel_ma
 use fleetfoot_log::{McapOptions, McapWriter, Messages, Selection, inspect, open};
 use fleetfoot_message::write::{Header, Imu, Time};
 use mcap::{
-    read::LinearReader,
-    records::{ChunkHeader, Record},
+    Summary, parse_record,
+    records::{ChunkHeader, Record, op},
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -40,7 +41,7 @@ const PERIOD: i64 = 1_000_000;
 const RATE_STEP: f64 = 4000.0 / 65_536.0 * std::f64::consts::PI / 180.0;
 const ACCELERATION_STEP: f64 = 32.0 * 9.80665 / 65_536.0;
 /// Messages that the peer decodes at most: its rate does not depend on how many there are.
-const PEER_MESSAGES: usize = 50_000;
+const PEER_MESSAGES: usize = 20_000;
 const CHUNK: usize = 65_536;
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
@@ -106,7 +107,7 @@ fn rates_and_accelerations() -> Vec<String> {
 struct Log {
     path: PathBuf,
     bytes: memmap2::Mmap,
-    chunks: Vec<(ChunkHeader, std::ops::Range<usize>)>,
+    chunks: Vec<(ChunkHeader, Range<usize>)>,
     messages: u64,
 }
 
@@ -115,18 +116,18 @@ impl Log {
         let file = File::open(&path)?;
         // SAFETY: nobody writes to the file while the bench runs.
         let bytes = unsafe { memmap2::Mmap::map(&file) }?;
-        let start = bytes.as_ptr() as usize;
-        let (mut chunks, mut messages) = (Vec::new(), 0);
-        for record in LinearReader::new(&bytes)? {
-            match record? {
-                Record::Chunk { header, data } => {
-                    let at = data.as_ptr() as usize - start;
-                    chunks.push((header, at..at + data.len()));
-                }
-                Record::Statistics(statistics) => messages = statistics.message_count,
-                _ => {}
-            }
+        let summary = Summary::read(&bytes)?.ok_or("a log without a summary")?;
+        let mut chunks = Vec::new();
+        for index in &summary.chunk_indexes {
+            // Behind the opcode and the length of the record.
+            let start = usize::try_from(index.chunk_start_offset)? + 9;
+            let end = usize::try_from(index.chunk_start_offset + index.chunk_length)?;
+            let Record::Chunk { header, data } = parse_record(op::CHUNK, &bytes[start..end])? else {
+                return Err("an index that points to no chunk".into());
+            };
+            chunks.push((header, end - data.len()..end));
         }
+        let messages = summary.stats.map_or(0, |statistics| statistics.message_count);
         Ok(Self { path, bytes, chunks, messages })
     }
 
@@ -222,7 +223,7 @@ fn against_peer(log: &Log, folder: &Path, repeats: usize) -> Result<()> {
     println!("all 37 numbers, one thread                 {best:9.3} s  {:9.3} million messages/s", 1e-6 * rate);
     let out = folder.join("peer.f64");
     let count = PEER_MESSAGES.to_string();
-    match peer("mcap.py", &[&log.path, Path::new(&count), &out]) {
+    match peer("imu_messages.py", &[&log.path, Path::new(&count), &out]) {
         Err(reason) => println!("  mcap-ros2-support                        absent: {reason}"),
         Ok(answer) => {
             let number = |key: &str| answer[key].as_f64().unwrap_or(f64::NAN);

@@ -236,3 +236,91 @@ fn quadrotor_on_the_bench() {
     let rollout = run(&["rollout", "model.json", "test.csv", "--horizon", "20", "--starts", "300", "--json"]);
     assert!(last_over_best_baseline(&rollout) < 1.0);
 }
+
+/// A wheeled robot's ROS 2 log: odometry, with headers in simulated seconds and log times of 2026.
+#[test]
+fn turtlebot_from_its_own_log() {
+    let Some(file) = data("mcap/nav2_turtlebot.mcap") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = file.to_str().unwrap();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let info = run(&["info", file, "--json"]).json();
+    let counts: Vec<_> = info[0]["topics"].as_array().unwrap().iter().map(|topic| topic["messages"].as_u64()).collect();
+    assert_eq!(counts, [Some(135), Some(2639), Some(5422), Some(1)]);
+
+    // What the starter offers for an odometry is a recipe once it is uncommented.
+    let starter = run(&["init", file]).out;
+    let wanted = ["x =", "y =", "yaw =", "v =", "w ="];
+    let mut section = String::new();
+    let recipe: String = starter
+        .lines()
+        .map(|line| {
+            if line.starts_with("# /") {
+                section = line.to_owned();
+            }
+            let rest = line.strip_prefix("# ").unwrap_or(line);
+            let taken = wanted.iter().any(|name| rest.starts_with(name))
+                && (section.starts_with("# /odom ") || !rest.contains("\"/") && !rest.contains("(/"));
+            format!("{}\n", if taken { rest } else { line })
+        })
+        .collect();
+    fs::write(folder.path().join("robot.toml"), &recipe).unwrap();
+    let fit = run(&[
+        "fit",
+        "pwa",
+        "-c",
+        "robot.toml",
+        file,
+        "-p",
+        "null,average,kmeans:2",
+        "--predict",
+        "next",
+        "--lags",
+        "5",
+        "--json",
+    ])
+    .json();
+    assert_eq!((fit["rows"].as_u64(), fit["episodes"].as_u64()), (Some(2627), Some(2)), "{recipe}");
+    let chosen = fit["chosen"].as_u64().unwrap();
+    for speed in 0..2 {
+        let error = value(&fit, &format!("/candidates/{chosen}/mae_over_null/{speed}"));
+        assert!(error < 0.05, "held-out error of speed {speed}: {error} of the null model's");
+    }
+    let score = run(&["score", "model.json", file, "--json"]);
+    assert!(score.err.contains("in-sample"), "{}", score.err);
+    let rollout =
+        run(&["rollout", "model.json", file, "--horizon", "30", "--starts", "200", "-o", "r.mcap", "--json"]).json();
+    assert!(last_over_best_baseline(&rollout) < 0.9, "{rollout:#}");
+    // Drawn over the recording: its time, not the simulation's.
+    let written = run(&["info", "r.mcap", "--json"]).json();
+    let start = |info: &serde_json::Value, topic: &str| {
+        let topics = info[0]["topics"].as_array().unwrap();
+        topics.iter().find(|own| own["name"] == topic).unwrap()["start"].as_i64().unwrap()
+    };
+    let apart = start(&written, "/fleetfoot/rollout/0") - start(&info, "/odom");
+    assert!((0..2_000_000_000).contains(&apart), "{apart} ns");
+}
+
+/// Logs with texts, services, one-shot messages and an encoding that nobody knows: read, or refused with a reason.
+#[test]
+fn odd_logs_are_read_or_refused() {
+    let Some(file) = data("mcap/wrong_rmw_test_0.mcap") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mcap = file.parent().unwrap();
+    for entry in fs::read_dir(mcap).unwrap() {
+        let path = entry.unwrap().path();
+        let info = fleetfoot(folder.path(), &["info", "--values", path.to_str().unwrap()]).ok();
+        assert!(!info.err.contains("panicked"), "{}", info.err);
+    }
+    let fit = |file: &str, state: &str, more: &[&str]| {
+        let path = mcap.join(file);
+        let mut arguments = vec!["fit", "pwa", path.to_str().unwrap(), "-p", "average", "--states", state];
+        arguments.extend(more);
+        fleetfoot(folder.path(), &arguments)
+    };
+    fit("wrong_rmw_test_0.mcap", "/test_topic.float64_value", &[]).fails(&["wrong_format"]);
+    fit("only_services.mcap", "/add_two_ints/_service_event.info.stamp.sec", &[])
+        .fails(&["AddTwoInts_Event", "missing"]);
+    fit("nav2_turtlebot.mcap", "/odom.twist.twist.linear.x", &["--time", "t"]).fails(&["its own clock"]);
+    fit("array_msgs_0.mcap", "/one_shot/imu.linear_acceleration.x", &["--stamp", "header"]).fails(&["not filled in"]);
+}

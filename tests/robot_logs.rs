@@ -177,6 +177,9 @@ fn clocks_are_not_mixed_and_the_mend_is_told() {
     zero.truncate(5);
     zero.extend(states);
     let told = fleetfoot(folder.path(), &zero).ok();
+    // One file would go by its headers, the other by the log's clock.
+    zero.insert(3, "run.mcap");
+    fleetfoot(folder.path(), &zero).fails(&["run.mcap", "zero.mcap", "header", "stamp = \"log\""]);
     assert!(told.err.contains("headers of /odom are not filled in"), "{}", told.err);
 }
 

@@ -1,101 +1,10 @@
 //! Schemas, field names and messages of all encodings, none of them to be trusted.
 //!
-//! An input is: one byte for the encodings, the lengths of the schema and of the fields (16 bits each, little-endian), the schema, the fields
-//! (the name of the type, then a path a line), and the message.
-//!
-//! Nothing may panic, hang or allocate beyond measure, and the two decoders must agree: what the whole message holds is what the compiled
-//! extractor finds.
+//! What is done with them stands in `body/cdr.rs`, which the tests share.
 
 #![no_main]
 
-use fleetfoot_message::{Codec, FieldPath, Row, Step, Value, codec};
-use libfuzzer_sys::fuzz_target;
+#[path = "body/cdr.rs"]
+mod body;
 
-/// Message encodings with the schema encodings that go with them.
-const ENCODINGS: [(&str, Option<&str>); 6] = [
-    ("cdr", Some("ros2msg")),
-    ("cdr", Some("ros2idl")),
-    ("ros1", Some("ros1msg")),
-    ("protobuf", Some("protobuf")),
-    ("json", None),
-    ("json", Some("jsonschema")),
-];
-/// More wanted fields than these only cost time.
-const MAX_FIELDS: usize = 64;
-
-struct Input<'a> {
-    encoding: (&'static str, Option<&'static str>),
-    schema: &'a [u8],
-    type_name: &'a str,
-    fields: Vec<FieldPath>,
-    message: &'a [u8],
-}
-
-impl<'a> Input<'a> {
-    fn split(data: &'a [u8]) -> Option<Self> {
-        let (&[kind, a, b, c, d], rest) = data.split_first_chunk()?;
-        let (schema, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes([a, b])))?;
-        let (fields, message) = rest.split_at_checked(usize::from(u16::from_le_bytes([c, d])))?;
-        let mut lines = std::str::from_utf8(fields).ok()?.lines();
-        Some(Self {
-            encoding: ENCODINGS[usize::from(kind) % ENCODINGS.len()],
-            schema,
-            type_name: lines.next().unwrap_or_default(),
-            fields: lines.take(MAX_FIELDS).filter_map(|line| line.parse().ok()).collect(),
-            message,
-        })
-    }
-
-    fn codec(&self) -> Option<Box<dyn Codec>> {
-        let (message, schema) = self.encoding;
-        codec(message, schema.map(|schema| (self.type_name, schema, self.schema))).ok()
-    }
-}
-
-/// What a path without names leads to: `None` where it leads nowhere, or into what is not decoded for people.
-fn follow<'a>(mut value: &'a Value, path: &FieldPath) -> Option<&'a Value> {
-    for step in &path.steps {
-        value = match (step, value) {
-            (Step::Field(name), value) => value.field(name)?,
-            (Step::Index(place), Value::Array(items)) => items.get(*place)?,
-            _ => return None,
-        };
-    }
-    Some(value)
-}
-
-/// Extracts the fields one message after another, and compares them with the whole message.
-fn compare(codec: &dyn Codec, fields: &[FieldPath], message: &[u8]) {
-    let whole = codec.value(message);
-    let Ok(extract) = codec.compile(fields) else { return };
-    let mut row = Row::new(&*extract);
-    assert_eq!(row.values.len(), fields.len(), "every wanted field is in exactly one group");
-    // The second time the row holds the answers of the first.
-    for _ in 0..2 {
-        let result = extract.extract(message, &mut row);
-        assert_eq!(
-            (row.values.len(), row.present.len(), row.stamps.len()),
-            (fields.len(), extract.groups().len(), extract.groups().len())
-        );
-        let Ok(whole) = &whole else { continue };
-        if let Err(error) = result {
-            panic!("the message as a whole is sound, but: {error}");
-        }
-        for (path, &found) in fields.iter().zip(&row.values) {
-            if let Some(expected) = follow(whole, path).and_then(Value::number) {
-                assert!(
-                    found == expected || (found.is_nan() && expected.is_nan()),
-                    "{path} is {expected}, and was extracted as {found}"
-                );
-            }
-        }
-    }
-}
-
-fuzz_target!(|data: &[u8]| {
-    let Some(input) = Input::split(data) else { return };
-    let Some(codec) = input.codec() else { return };
-    compare(&*codec, &input.fields, input.message);
-    // An extractor is used for many messages, also after one that was broken off.
-    compare(&*codec, &input.fields, &input.message[..input.message.len() / 2]);
-});
+libfuzzer_sys::fuzz_target!(|data: &[u8]| body::run(data));

@@ -3,9 +3,10 @@
 use std::{collections::BTreeSet, path::PathBuf};
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
-use fleetfoot_library::{Expr, View};
+use fleetfoot_library::{Expr, ParseErrorKind, View};
 use fleetfoot_log::{
-    Base, ColumnJoin, Estimate, JoinKind, JoinSpec, LabelRule, MaxGap, Recording, Selection, Stamp, TimeSpec, TimeUnit,
+    Base, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, MaxGap, Recording, Selection, Stamp, TimeSpec,
+    TimeUnit, TopicInfo,
 };
 use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 
@@ -23,12 +24,13 @@ pub struct Dataset {
     recodings: Vec<(String, Vec<f64>)>,
 }
 
-/// The fields of the first file, and the labels that the recipe gives to episodes.
-fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
+/// The fields of the first file, and the labels that the recipe gives to episodes; and what the file says of its topics.
+fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<(Vec<Column>, FileInfo), Error> {
     let Some(first) = files.first() else { return Err(Error::Request("no file is given".into())) };
-    let mut fields: Vec<Column> = fleetfoot_log::inspect(first)?
-        .renamed(&renames(recipe))
+    let info = fleetfoot_log::inspect(first)?.renamed(&renames(recipe));
+    let mut fields: Vec<Column> = info
         .columns
+        .clone()
         .into_iter()
         .map(|info| Column { name: info.name, unit: info.unit, kind: info.kind })
         .collect();
@@ -42,7 +44,30 @@ fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<Vec<Column>, Error> {
         }
         fields.push(Column::float(label));
     }
-    Ok(fields)
+    Ok((fields, info))
+}
+
+/// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
+fn explained(error: Error, info: &FileInfo) -> Error {
+    let name = match &error {
+        Error::UnknownColumn { name, .. } => name.clone(),
+        Error::Expression { source, .. } => match source.kind() {
+            ParseErrorKind::UnknownName { name, .. } => name.clone(),
+            _ => return error,
+        },
+        _ => return error,
+    };
+    let of_name = |topic: &&TopicInfo| {
+        name.trim().strip_prefix(topic.name.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
+    };
+    let Some(topic) = info.topics.iter().filter(of_name).max_by_key(|topic| topic.name.len()) else { return error };
+    let problem = match (&topic.problem, topic.messages) {
+        (Some(problem), _) => problem.clone(),
+        (None, Some(0)) => "it has no messages: choose another topic".to_owned(),
+        _ => return error,
+    };
+    let place = info.path.display();
+    Error::Request(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
 }
 
 /// Topics as the recipe calls them, and as the files do.
@@ -152,9 +177,9 @@ pub(crate) fn estimate(
     files: &[PathBuf],
     progress: &dyn Progress,
 ) -> Result<Option<(Task, Vec<String>, Estimate)>, Error> {
-    let fields = fields(recipe, files)?;
+    let (fields, info) = fields(recipe, files)?;
     let recipe = &recipe.expand(&fields)?;
-    let task = Task::resolve(recipe, &fields, labels, 0.0)?;
+    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, &info))?;
     let selection = full_selection(recipe, &task.problem.columns, &task.aliases)?;
     let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
@@ -209,9 +234,9 @@ impl Dataset {
         files: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<(Self, Task), Error> {
-        let fields = fields(recipe, files)?;
+        let (fields, info) = fields(recipe, files)?;
         let recipe = &recipe.expand(&fields)?;
-        let task = Task::resolve(recipe, &fields, labels, 0.0)?;
+        let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, &info))?;
         let dataset = Self::open(recipe, &task.problem.columns, &task.aliases, files, progress)?;
         let mut task = task;
         task.problem.step = dataset.step();
@@ -245,7 +270,8 @@ impl Dataset {
         if !changes.episodes.is_empty() {
             recipe.episodes = changes.episodes.clone();
         }
-        let aliases = aliases_of_model(&model.columns, &fields(&recipe, files)?)?;
+        let (fields, info) = fields(&recipe, files)?;
+        let aliases = aliases_of_model(&model.columns, &fields).map_err(|error| explained(error, &info))?;
         let mut dataset = Self::open(&recipe, &model.columns, &aliases, files, progress)?;
         dataset.recode(model);
         Ok(dataset)

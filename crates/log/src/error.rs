@@ -267,6 +267,21 @@ pub enum Error {
         /// The topic.
         topic: String,
     },
+    /// Logs whose channels have different clocks.
+    #[error(
+        "{} goes by the stamps of its {first_is}, {} by those of its {second_is}: choose one for all (stamp = \"log\", \"publish\" or \"header\")",
+        first.display(), second.display()
+    )]
+    ClocksDisagree {
+        /// A file.
+        first: PathBuf,
+        /// Its clock.
+        first_is: &'static str,
+        /// Another file.
+        second: PathBuf,
+        /// Its clock.
+        second_is: &'static str,
+    },
     /// Another clock than the messages' asked of a robot's log.
     #[error("{}: a robot's log has its own clock, not {asked}: choose one of its stamps (stamp = \"header\", \"log\" or \"publish\"), and rate = HZ for even rows", path.display())]
     NoSuchClock {

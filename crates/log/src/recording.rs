@@ -77,6 +77,8 @@ pub(crate) struct Opened {
     pub assumed_unit: Option<crate::TimeUnit>,
     pub time_column: Option<String>,
     pub notes: Vec<String>,
+    /// Which of its messages' stamps were taken, of a robot's log.
+    pub stamp: Option<crate::Stamp>,
     /// What must be added to the stamps to get the log's, nanoseconds.
     pub log_offset: i64,
 }
@@ -110,6 +112,7 @@ pub fn open_with_progress<P: AsRef<Path>>(
     let inner = Quiet { outer: progress };
     let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache, &inner))?;
     agree_on_units(&paths, &opened)?;
+    agree_on_clocks(&paths, &opened)?;
     let tables: Vec<_> =
         paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
     let ColumnSet { columns, recode } = column_set::join(&tables)?;
@@ -214,6 +217,23 @@ fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Logs that were left to choose their clock must have chosen the same.
+fn agree_on_clocks(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
+    let mut chosen = paths.iter().zip(opened).filter_map(|(path, opened)| Some((path, opened.stamp?)));
+    let Some((first, stamp)) = chosen.next() else {
+        return Ok(());
+    };
+    match chosen.find(|(_, other)| *other != stamp) {
+        None => Ok(()),
+        Some((second, other)) => Err(Error::ClocksDisagree {
+            first: first.clone(),
+            first_is: stamp.name(),
+            second: second.clone(),
+            second_is: other.name(),
+        }),
+    }
 }
 
 fn index_file(

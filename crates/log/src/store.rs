@@ -18,6 +18,9 @@ use crate::{Error, file_io::read_exact_at, table::TableRows};
 /// Rows of a segment.
 pub(crate) const SEGMENT: usize = 65_536;
 
+/// Values that are turned from rows into columns at a time.
+const TURNED: usize = 2048;
+
 /// Bytes that all stores of a recording may hold in memory together.
 #[derive(Debug)]
 pub(crate) struct Budget {
@@ -145,6 +148,10 @@ impl ColumnStore {
     }
 }
 
+fn fill(bytes: &mut [u8], words: impl Iterator<Item = [u8; 8]>) {
+    bytes.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(slot, word)| *slot = word);
+}
+
 fn array(word: &[u8]) -> [u8; 8] {
     let mut bytes = [0; 8];
     bytes.copy_from_slice(word);
@@ -180,6 +187,43 @@ impl StoreBuilder {
         if self.time.len() == SEGMENT { self.close_segment() } else { Ok(()) }
     }
 
+    /// Adds rows whose values stand row by row.
+    pub(crate) fn push_rows(&mut self, mut stamps: &[i64], mut rows: &[f64]) -> Result<(), Error> {
+        let width = self.values.len();
+        while !stamps.is_empty() {
+            // Few enough rows to stay in the nearest cache while column after column picks its values.
+            let room = (SEGMENT - self.time.len()).min(TURNED.div_ceil(width.max(1))).min(stamps.len());
+            let (now, later) = stamps.split_at(room);
+            let (values, rest) = rows.split_at(rows.len().min(room * width));
+            self.time.extend_from_slice(now);
+            for (c, column) in self.values.iter_mut().enumerate() {
+                column.extend(values.chunks_exact(width).map(|row| row[c]));
+            }
+            (stamps, rows) = (later, rest);
+            if self.time.len() == SEGMENT {
+                self.close_segment()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds rows whose values stand column by column.
+    pub(crate) fn push_columns(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
+        let mut at = 0;
+        while at < stamps.len() {
+            let to = stamps.len().min(at + (SEGMENT - self.time.len()));
+            self.time.extend_from_slice(&stamps[at..to]);
+            for (column, values) in self.values.iter_mut().zip(columns) {
+                column.extend_from_slice(&values[at..to]);
+            }
+            at = to;
+            if self.time.len() == SEGMENT {
+                self.close_segment()?;
+            }
+        }
+        Ok(())
+    }
+
     fn close_segment(&mut self) -> Result<(), Error> {
         let rows = self.time.len();
         if rows == 0 {
@@ -194,6 +238,11 @@ impl StoreBuilder {
                 column.shrink_to_fit();
                 column.into()
             };
+            if rows == SEGMENT {
+                // More will come, as likely as not: room at once, so that growing copies nothing.
+                self.time.reserve_exact(SEGMENT);
+                self.values.iter_mut().for_each(|column| column.reserve_exact(SEGMENT));
+            }
             Segment::Memory(time.into(), values.into_iter().map(shrink).collect())
         } else {
             let segment = self.spill(&time, &values).map_err(|source| spill_error(&self.store.source, source))?;
@@ -215,12 +264,11 @@ impl StoreBuilder {
             None => tempfile::tempfile()?,
         };
         let offset = self.spilled;
-        let mut bytes = Vec::with_capacity(8 * time.len());
-        bytes.extend(time.iter().flat_map(|stamp| stamp.to_le_bytes()));
+        let mut bytes = vec![0; 8 * time.len()];
+        fill(&mut bytes, time.iter().map(|stamp| stamp.to_le_bytes()));
         file.write_all(&bytes)?;
         for column in values {
-            bytes.clear();
-            bytes.extend(column.iter().flat_map(|value| value.to_le_bytes()));
+            fill(&mut bytes, column.iter().map(|value| value.to_le_bytes()));
             file.write_all(&bytes)?;
         }
         self.spilled += 8 * (time.len() * (1 + values.len())) as u64;
@@ -245,6 +293,34 @@ mod tests {
             builder.push(row as i64 * 3, &[row as f64, -(row as f64)]).unwrap();
         }
         builder.finish().unwrap()
+    }
+
+    #[test]
+    fn rows_pushed_together_are_those_pushed_one_by_one() {
+        let rows = SEGMENT + 5000;
+        let stamps: Vec<i64> = (0..rows as i64).map(|row| row * 3).collect();
+        let columns: Vec<Vec<f64>> = [1.0, -1.0].map(|sign| (0..rows).map(|row| sign * row as f64).collect()).into();
+        let flat: Vec<f64> = (0..rows).flat_map(|row| [row as f64, -(row as f64)]).collect();
+        for budget in [usize::MAX, 0] {
+            let expected = filled(rows, budget).values(0..rows).unwrap();
+            for by_rows in [true, false] {
+                let mut builder = StoreBuilder::new(Path::new("x.csv"), 2, Arc::new(Budget::new(budget)));
+                for (from, to) in
+                    [(0, 7), (7, 7), (7, 4000), (4000, SEGMENT), (SEGMENT, SEGMENT + 1), (SEGMENT + 1, rows)]
+                {
+                    if by_rows {
+                        builder.push_rows(&stamps[from..to], &flat[2 * from..2 * to]).unwrap();
+                    } else {
+                        let part: Vec<Vec<f64>> = columns.iter().map(|column| column[from..to].to_vec()).collect();
+                        builder.push_columns(&stamps[from..to], &part).unwrap();
+                    }
+                }
+                let store = builder.finish().unwrap();
+                assert_eq!(store.rows(), rows);
+                let read = store.values(0..rows).unwrap();
+                assert_eq!((read.time, read.columns), (expected.time.clone(), expected.columns.clone()));
+            }
+        }
     }
 
     #[test]

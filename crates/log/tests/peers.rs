@@ -66,7 +66,10 @@ fn every_number_of_the_logs_of_other_writers() {
         held.add(own);
     }
     let Held { messages, numbers, missing, .. } = held;
-    eprintln!("{} files, {by_truth} by their writer's truth: {messages} messages, {numbers} numbers, {missing} missing", all.len());
+    eprintln!(
+        "{} files, {by_truth} by their writer's truth: {messages} messages, {numbers} numbers, {missing} missing",
+        all.len()
+    );
     assert_eq!(held.differences, [""; 0]);
     assert!(all.len() > 50 && by_truth > 15 && held.numbers > 400_000, "{} {by_truth} {held:?}", all.len());
 }

@@ -196,7 +196,8 @@ impl Node {
     }
 
     fn collect(&self, path: &mut String, quaternion: bool, fields: &mut Vec<FieldInfo>) {
-        if let Some(kind) = self.tally.kind() {
+        // A message that is one bare value has no fields to name.
+        if let Some(kind) = self.tally.kind().filter(|_| !path.is_empty()) {
             fields.push(FieldInfo {
                 path: path.clone(),
                 kind,

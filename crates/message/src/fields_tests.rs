@@ -179,8 +179,6 @@ proptest! {
         let mut tree = FieldTree::default();
         tree.add(&message);
         for field in tree.fields() {
-            // A message that is one bare value has no fields to name.
-            if field.path.is_empty() { continue }
             let path: FieldPath = field.path.parse().unwrap();
             prop_assert_eq!(path.to_string(), field.path.clone());
             let value = lookup::follow(&message, &path.steps, |_| ());

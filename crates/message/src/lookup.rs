@@ -56,8 +56,9 @@ impl Lookup {
     /// Fills a row, which has the size of [`Lookup::groups`], from a message.
     pub(crate) fn extract(&self, message: &Value, row: &mut Row) {
         row.values.fill(f64::NAN);
+        let outer = stamp(message).unwrap_or(MISSING);
         for (place, group) in self.groups.iter().enumerate() {
-            let mut time = stamp(message).unwrap_or(MISSING);
+            let mut time = outer;
             let element = match &group.key {
                 None => Some(message),
                 Some(key) => follow(message, &key.steps, |inside| time = stamp(inside).unwrap_or(time)),

@@ -10,7 +10,8 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
 
 use crate::{
-    Cache, Error, ParquetWriter, Selection, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions, parquet,
+    Cache, Error, ParquetWriter, Selection, Stamp, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions,
+    parquet,
     table::{Table, TableColumn, TableRows},
 };
 
@@ -26,6 +27,8 @@ const META: &str = "fleetfoot.decoded";
 pub(super) struct Meta {
     pub columns: Vec<TableColumn>,
     pub notes: Vec<String>,
+    /// The clock.
+    pub stamp: Option<Stamp>,
     /// What must be added to the stamps to get the log's, nanoseconds.
     pub log_offset: i64,
 }
@@ -162,7 +165,9 @@ impl Meta {
                 serde_json::json!({ "name": column.name, "kind": kind, "names": names, "empty": empty })
             })
             .collect();
-        serde_json::json!({ "columns": columns, "notes": self.notes, "log_offset": self.log_offset }).to_string()
+        let stamp = self.stamp.map(Stamp::name);
+        serde_json::json!({ "columns": columns, "notes": self.notes, "stamp": stamp, "log_offset": self.log_offset })
+            .to_string()
     }
 
     fn parse(text: &str) -> Option<Self> {
@@ -184,7 +189,8 @@ impl Meta {
                 Some(TableColumn { column: column_of, empty: column["empty"].as_bool()? })
             })
             .collect::<Option<_>>()?;
-        Some(Self { columns, notes: strings(&value["notes"])?, log_offset: value["log_offset"].as_i64()? })
+        let stamp = Stamp::parse(value["stamp"].as_str()?);
+        Some(Self { columns, notes: strings(&value["notes"])?, stamp, log_offset: value["log_offset"].as_i64()? })
     }
 }
 
@@ -194,7 +200,8 @@ mod tests {
 
     #[test]
     fn what_stands_beside_the_columns_comes_back() {
-        let column = |name: &str, kind| TableColumn { column: Column { name: name.into(), unit: None, kind }, empty: false };
+        let column =
+            |name: &str, kind| TableColumn { column: Column { name: name.into(), unit: None, kind }, empty: false };
         let meta = Meta {
             columns: vec![
                 column("/a.x", ColumnKind::Float),
@@ -203,6 +210,7 @@ mod tests {
                 column("/a.b", ColumnKind::Boolean),
             ],
             notes: vec!["one".into()],
+            stamp: Some(Stamp::Header),
             log_offset: -1_700_000_000_123_456_789,
         };
         assert_eq!(Meta::parse(&meta.to_text()), Some(meta));

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     Error, Stamp,
-    join::{Series, SeriesBuilder},
+    join::{self, Series, SeriesBuilder},
     mcap::{Container, Damage},
     store::Budget,
 };
@@ -46,6 +46,8 @@ struct TopicPart {
     groups: Vec<Samples>,
     texts: Texts,
     met: Vec<Met>,
+    /// For each group, whether a number was met in every field.
+    numbers: Vec<bool>,
     failed: (u64, String),
 }
 
@@ -109,6 +111,7 @@ impl TopicPart {
             groups: plan.extract.groups().iter().map(|_| Samples::default()).collect(),
             texts: Texts::default(),
             met: vec![Met::default(); plan.fields.len()],
+            numbers: vec![false; plan.extract.groups().len()],
             failed: (0, String::new()),
         }
     }
@@ -117,17 +120,22 @@ impl TopicPart {
         for (g, group) in plan.extract.groups().iter().enumerate().filter(|(g, _)| row.present[*g]) {
             let samples = &mut self.groups[g];
             samples.stamps.push(match stamp {
+                // Zero would count as not filled in; this is as good as the beginning of time.
+                Stamp::Header if plan.latched && row.stamps[g] == 0 => 1,
                 Stamp::Header => row.stamps[g],
                 Stamp::Log => log_time,
                 Stamp::Publish => publish_time,
             });
             samples.logs.push(log_time);
-            for &slot in &group.slots {
-                let value = row.values[slot];
-                samples.values.push(value);
-                let met = &mut self.met[slot];
-                met.text |= row.is_text[slot];
-                met.number |= !row.is_text[slot] & !value.is_nan();
+            samples.values.extend(group.slots.iter().map(|&slot| row.values[slot]));
+            // Most logs have a number in every field of every message, and from the second on there is nothing new.
+            if !self.numbers[g] || row.is_text.contains(&true) {
+                for &slot in &group.slots {
+                    let met = &mut self.met[slot];
+                    met.text |= row.is_text[slot];
+                    met.number |= !row.is_text[slot] & !row.values[slot].is_nan();
+                }
+                self.numbers[g] = group.slots.iter().all(|&slot| self.met[slot].number);
             }
         }
     }
@@ -139,7 +147,6 @@ struct Sink<'a> {
     builders: Vec<SeriesBuilder>,
     fields: Vec<FieldTexts>,
     failed: Vec<(u64, String)>,
-    row: Vec<f64>,
 }
 
 impl<'a> Sink<'a> {
@@ -160,7 +167,7 @@ impl<'a> Sink<'a> {
             .map(|topic| FieldTexts { met: vec![Met::default(); topic.fields.len()], ..FieldTexts::default() })
             .collect();
         let failed = vec![(0, String::new()); plan.topics.len()];
-        Self { plan, builders, fields, failed, row: Vec::new() }
+        Self { plan, builders, fields, failed }
     }
 
     fn take(&mut self, parts: Vec<TopicPart>) -> Result<(), Error> {
@@ -176,17 +183,20 @@ impl<'a> Sink<'a> {
             if self.failed[t].1.is_empty() {
                 self.failed[t].1 = part.failed.1;
             }
-            for (g, (group, samples)) in plan.extract.groups().iter().zip(&part.groups).enumerate() {
-                let builder = &mut self.builders[plan.first_series + g];
+            for (g, (group, mut samples)) in plan.extract.groups().iter().zip(part.groups).enumerate() {
                 let width = group.slots.len();
-                for (at, (&stamp, &log)) in samples.stamps.iter().zip(&samples.logs).enumerate() {
-                    self.row.clear();
-                    self.row.extend_from_slice(&samples.values[at * width..(at + 1) * width]);
-                    for (value, _) in self.row.iter_mut().zip(&group.slots).filter(|(_, slot)| part.met[**slot].text) {
+                for (column, _) in group.slots.iter().enumerate().filter(|(_, slot)| part.met[**slot].text) {
+                    for value in samples.values.iter_mut().skip(column).step_by(width) {
                         *value = codes.get(*value as usize).copied().filter(|_| *value >= 0.0).unwrap_or(f64::NAN);
                     }
-                    builder.push(stamp, log, &self.row)?;
                 }
+                let Samples { stamps, logs, values } = &samples;
+                self.builders[plan.first_series + g].extend(&join::Samples {
+                    stamps,
+                    log_times: logs,
+                    values,
+                    width,
+                })?;
             }
         }
         Ok(())

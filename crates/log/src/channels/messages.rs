@@ -95,9 +95,8 @@ impl Messages {
             }
             let stamp = row.stamps.iter().copied().find(|&stamp| stamp != fleetfoot_message::MISSING);
             rows.times.push((log_time, publish_time, stamp));
-            rows.values.extend(
-                row.values.iter().zip(&row.is_text).map(|(&value, &text)| if text { f64::NAN } else { value }),
-            );
+            rows.values
+                .extend(row.values.iter().zip(&row.is_text).map(|(&value, &text)| if text { f64::NAN } else { value }));
             Ok(())
         })?;
         Ok(rows)
@@ -116,7 +115,8 @@ impl Messages {
                 })
             })
             .collect::<Result<_, _>>()?;
-        let schema = own.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]));
+        let schema =
+            own.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]));
         let extract = codec(&own.message_encoding, schema).and_then(|codec| codec.compile(&paths));
         let extract = extract.map_err(|problem| Error::Topic {
             path: self.path.clone(),

@@ -16,7 +16,12 @@ pub(crate) use describe::{Description, describe, statistics};
 pub use messages::{MessageRow, Messages};
 pub(crate) use names::Names;
 
-use std::{collections::BTreeSet, ops::Range, path::{Path, PathBuf}, sync::Arc};
+use std::{
+    collections::BTreeSet,
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use fleetfoot_data::{Column, ColumnKind, Progress, ScalarBuffer};
 
@@ -62,7 +67,7 @@ pub(crate) fn open(
         crate::join::Base::Series(series) => decoded.series[series].offset,
         crate::join::Base::Rate(_) => decoded.series.iter().find_map(|series| series.offset),
     };
-    let meta = Meta { columns, notes, log_offset: log_offset.unwrap_or(0) };
+    let meta = Meta { columns, notes, stamp: Some(plan.stamp), log_offset: log_offset.unwrap_or(0) };
     let table: Box<dyn Table> = match slot {
         None => {
             let mut output = Output::Store(StoreBuilder::new(path, meta.columns.len(), budget.clone()));
@@ -121,8 +126,8 @@ pub(crate) fn estimate(
 }
 
 fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
-    let Meta { notes, log_offset, .. } = meta;
-    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, log_offset }
+    let Meta { notes, stamp, log_offset, .. } = meta;
+    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, stamp, log_offset }
 }
 
 /// Stamps are the messages': a column or a fixed step would join what does not belong together.
@@ -133,7 +138,9 @@ fn refuse_other_clocks(path: &Path, selection: &Selection) -> Result<(), Error> 
     }
     match &selection.time {
         TimeSpec::Auto => Ok(()),
-        TimeSpec::Column { name, .. } => Err(Error::NoSuchClock { path: path.into(), asked: format!("the column `{name}`") }),
+        TimeSpec::Column { name, .. } => {
+            Err(Error::NoSuchClock { path: path.into(), asked: format!("the column `{name}`") })
+        }
         TimeSpec::Uniform { .. } => Err(Error::NoSuchClock { path: path.into(), asked: "a fixed period".into() }),
     }
 }
@@ -160,11 +167,20 @@ fn check(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(), Error> {
             } else if counts.samples == 0 {
                 "it has no messages: choose another topic".to_owned()
             } else if plan.stamp == Stamp::Header {
-                "its header stamps are not filled in: take the log's clock for all channels (stamp = \"log\")".to_owned()
+                "its header stamps are not filled in: take the log's clock for all channels (stamp = \"log\")"
+                    .to_owned()
             } else {
-                format!("its {} stamps are all zero: take another clock (stamp = \"log\" or \"header\")", plan.stamp.name())
+                format!(
+                    "its {} stamps are all zero: take another clock (stamp = \"log\" or \"header\")",
+                    plan.stamp.name()
+                )
             };
-            return Err(Error::Topic { path: path.into(), topic: topic.name.clone(), type_name: String::new(), problem });
+            return Err(Error::Topic {
+                path: path.into(),
+                topic: topic.name.clone(),
+                type_name: String::new(),
+                problem,
+            });
         }
     }
     Ok(())
@@ -256,7 +272,8 @@ fn join_into(
 
 fn recode(values: &[f64], codes: Option<&[f64]>) -> Vec<f64> {
     let Some(codes) = codes else { return values.to_vec() };
-    let place = |&code: &f64| if code >= 0.0 { codes.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN };
+    let place =
+        |&code: &f64| if code >= 0.0 { codes.get(code as usize).copied().unwrap_or(f64::NAN) } else { f64::NAN };
     values.iter().map(place).collect()
 }
 
@@ -283,14 +300,7 @@ impl Output {
     fn push(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
         match self {
             Self::Cache(writer) => writer.push(stamps, columns),
-            Self::Store(builder) => {
-                let mut row = vec![0.0; columns.len()];
-                for (at, &stamp) in stamps.iter().enumerate() {
-                    row.iter_mut().zip(columns).for_each(|(value, column)| *value = column[at]);
-                    builder.push(stamp, &row)?;
-                }
-                Ok(())
-            }
+            Self::Store(builder) => builder.push_columns(stamps, columns),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Columns of a robot's log by name: which topic, and what in its messages.
 
+use crate::error::nearest;
+
 /// The topics of a log, as columns call them.
 pub(crate) struct Names {
     /// Name and index, the longest names first: a topic may be the beginning of another.
@@ -36,9 +38,15 @@ impl Names {
         self.topics.iter().find(|(_, own)| *own == index).map(|(name, _)| name.as_str())
     }
 
-    /// All names.
-    pub(super) fn all(&self) -> impl Iterator<Item = &str> {
-        self.topics.iter().map(|(name, _)| name.as_str())
+    /// The name that was probably meant: the same in another namespace, or one with a slip.
+    pub(super) fn nearest(&self, wanted: &str) -> Option<String> {
+        let all = || self.topics.iter().map(|(name, _)| name.as_str());
+        let inside = |outer: &str, inner: &str| {
+            let inner = inner.trim_start_matches('/');
+            outer.strip_suffix(inner).is_some_and(|rest| !inner.is_empty() && rest.ends_with('/'))
+        };
+        let moved = all().find(|name| inside(name, wanted) || inside(wanted, name));
+        moved.map(str::to_owned).or_else(|| nearest(wanted, all()))
     }
 }
 
@@ -76,5 +84,8 @@ mod tests {
         assert_eq!(names.locate("/imux"), None);
         assert_eq!(names.of(4), Some("/a/c"));
         assert_eq!(names.of(0), None);
+        assert_eq!(names.nearest("/robot2/imu").as_deref(), Some("/imu"));
+        assert_eq!(names.nearest("/c").as_deref(), Some("/a/c"));
+        assert_eq!(names.nearest("/im").as_deref(), Some("/imu"));
     }
 }

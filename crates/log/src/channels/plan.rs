@@ -36,6 +36,8 @@ pub(super) struct TopicPlan {
     pub extract: Box<dyn Extract>,
     /// The first of its groups among all series: a group of fields is a series.
     pub first_series: usize,
+    /// All its columns hold for good: a stamp of zero says that they always did.
+    pub latched: bool,
     /// Keys and fields that were seen, for messages.
     pub seen: Vec<FieldInfo>,
 }
@@ -85,7 +87,7 @@ fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
         return Err(Error::MissingTopic {
             path: path.into(),
             column: column.into(),
-            nearest: nearest(column.split('.').next().unwrap_or(column), names.all()),
+            nearest: names.nearest(column.split('.').next().unwrap_or(column)),
         });
     };
     match inside(rest).parse() {
@@ -105,7 +107,7 @@ fn base_topic(path: &Path, names: &Names, selection: &Selection, asked: &[Asked]
             None => Err(Error::MissingTopic {
                 path: path.into(),
                 column: name.clone(),
-                nearest: nearest(name, names.all()),
+                nearest: names.nearest(name),
             }),
         },
         None => Ok(asked.first().map(|first| (first.topic, first.path.to_string()))),
@@ -134,7 +136,10 @@ impl Builder<'_> {
             self.base_needs_a_field(*topic, &seen)?;
         }
         let mut notes = Vec::new();
-        let stamp = self.stamp(selection, &mut notes)?;
+        let base_topic = base.as_ref().map(|base| base.0);
+        let latched: Vec<bool> =
+            (0..self.used.len()).map(|used| Some(self.used[used]) != base_topic && is_latched(used, &slots)).collect();
+        let stamp = self.stamp(selection, &latched, &mut notes)?;
         let (mut topics, mut series) = (Vec::new(), 0);
         for (u, seen) in seen.into_iter().enumerate() {
             let extract = self.compile(u)?;
@@ -146,6 +151,7 @@ impl Builder<'_> {
                 fields: self.fields[u].clone(),
                 extract,
                 first_series,
+                latched: latched[u],
                 seen,
             });
         }
@@ -246,10 +252,15 @@ impl Builder<'_> {
     }
 
     /// The clock: the one asked for, else the headers' where all have one, else the log's.
-    fn stamp(&self, selection: &Selection, notes: &mut Vec<String>) -> Result<Stamp, Error> {
+    ///
+    /// What is latched needs no header: it was said once, often with a stamp of zero.
+    fn stamp(&self, selection: &Selection, latched: &[bool], notes: &mut Vec<String>) -> Result<Stamp, Error> {
         let headers: Vec<Headers> =
             self.samples.iter().zip(&self.fields).map(|(sample, fields)| sample.headers(fields)).collect();
-        let without = |wanted: Headers| headers.iter().position(|&own| own == wanted).map(|used| self.name(used));
+        let without = |wanted: Headers| {
+            let needed = |used: &usize| headers[*used] == wanted && !(wanted == Headers::Zero && latched[*used]);
+            (0..headers.len()).find(needed).map(|used| self.name(used))
+        };
         match selection.join.stamp {
             Some(Stamp::Header) => match without(Headers::None) {
                 Some(topic) => Err(Error::NoHeader { path: self.path.into(), topic }),
@@ -283,6 +294,12 @@ impl Builder<'_> {
     }
 }
 
+/// Whether all columns of a topic hold for good.
+fn is_latched(used: usize, slots: &[Slot]) -> bool {
+    let mut own = slots.iter().filter(|slot| slot.used == used).peekable();
+    own.peek().is_some() && own.all(|slot| slot.kind == JoinKind::Hold && slot.gap == MaxGap::Unlimited)
+}
+
 /// Where a column's values come from, before topics are compiled.
 struct Slot {
     used: usize,
@@ -304,9 +321,9 @@ impl Slot {
             })
         };
         let (group, column) = find(self.slot).unwrap_or_default();
-        let quaternion = self.quaternion.map(|(slots, component)| {
-            (slots.map(|slot| find(slot).map_or(column, |(_, column)| column)), component)
-        });
+        let quaternion = self
+            .quaternion
+            .map(|(slots, component)| (slots.map(|slot| find(slot).map_or(column, |(_, column)| column)), component));
         // Between samples there are no whole numbers and no truth values.
         let held = self.kind == JoinKind::Hold
             || selection.join.columns.get(name).and_then(|rule| rule.kind).is_none() && self.field != FieldKind::Float;

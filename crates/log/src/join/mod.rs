@@ -21,4 +21,4 @@ pub(crate) use joiner::{Base, join};
 pub use kind::JoinKind;
 pub(crate) use overlap::describe_range;
 pub(crate) use plan::JoinColumn;
-pub(crate) use series::{Run, Series, SeriesBuilder};
+pub(crate) use series::{Run, Samples, Series, SeriesBuilder};

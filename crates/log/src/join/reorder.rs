@@ -2,7 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::{Error, join::series::Rows};
+use crate::{
+    Error,
+    join::series::{Rows, Samples},
+};
 
 /// Samples that wait at most; beyond it the oldest goes on, however wide the window is.
 const WAITING: usize = 1 << 14;
@@ -57,6 +60,36 @@ impl Reorder {
     pub(super) fn push(&mut self, stamp: i64, log_time: i64, row: &[f64], rows: &mut Rows) -> Result<(), Error> {
         let slot = self.keep(row);
         self.admit(Sample { stamp, log_time, slot }, rows)
+    }
+
+    /// Takes samples whose stamps rise strictly, when the first of them lies after all that have come, and answers whether it has.
+    ///
+    /// What leaves is what would leave if they came one by one: whatever a sample lets go, the next one would let go as well. So the newest
+    /// decides at once, and only the samples that stay are copied into the buffer.
+    pub(super) fn extend(&mut self, samples: &Samples<'_>, rows: &mut Rows) -> Result<bool, Error> {
+        let (Some(&first), Some(&newest)) = (samples.stamps.first(), samples.stamps.last()) else { return Ok(true) };
+        let before = self.waiting.back().map(|sample| sample.stamp).max(self.released);
+        if !self.late.is_empty() || before.is_some_and(|before| first <= before) {
+            return Ok(false);
+        }
+        let certain = newest.saturating_sub(self.window);
+        let old = self.waiting.partition_point(|sample| sample.stamp < certain);
+        let new = samples.stamps.partition_point(|&stamp| stamp < certain);
+        let all = self.waiting.len() + samples.stamps.len();
+        // The window is not below zero, so that all of `waiting` is certain where one of the new samples is.
+        let leaving = (old + new).max(all.saturating_sub(WAITING)).min(all.saturating_sub(STRAYS));
+        let old = leaving.min(self.waiting.len());
+        let (given, kept) = samples.split_at(leaving - old);
+        for _ in 0..old {
+            self.give_oldest(rows)?;
+        }
+        rows.extend(&given)?;
+        self.released = given.stamps.last().copied().or(self.released);
+        for (at, (&stamp, &log_time)) in kept.stamps.iter().zip(kept.log_times).enumerate() {
+            let slot = self.keep(&kept.values[at * kept.width..(at + 1) * kept.width]);
+            self.waiting.push_back(Sample { stamp, log_time, slot });
+        }
+        Ok(true)
     }
 
     /// Gives on all that wait. Late samples that nothing came after have stayed back: they are runs of their own.

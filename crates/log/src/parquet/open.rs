@@ -104,7 +104,7 @@ pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -
         time,
         leaves: wanted,
     };
-    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes, log_offset: 0 })
+    Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes, stamp: None, log_offset: 0 })
 }
 
 type TimeRule = Option<(usize, Rule)>;

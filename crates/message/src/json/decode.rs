@@ -30,7 +30,10 @@ fn parse(message: &[u8], seed: Seed<'_>) -> Result<Value, serde_json::Error> {
 fn problem(message: &[u8], error: &serde_json::Error) -> DecodeError {
     let lines = message.split(|byte| *byte == b'\n').take(error.line().saturating_sub(1));
     let before: usize = lines.map(|line| line.len() + 1).sum();
-    DecodeError::new((before + error.column()).min(message.len()), format!("this is no JSON: {error}"))
+    DecodeError::new(
+        (before + error.column().saturating_sub(1)).min(message.len()),
+        format!("this is no JSON: {error}"),
+    )
 }
 
 /// NaN and infinities are no JSON, but some writers know no better: they become null. `None` if there are none.

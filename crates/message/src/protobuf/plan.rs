@@ -71,10 +71,10 @@ impl MessagePlan {
 
     /// The place of a field; `guess` is where it would be when fields come in order.
     pub(super) fn place(&self, number: u32, guess: usize) -> Option<usize> {
-        if let Some(&(own, place)) = self.numbers.get(guess) {
-            if own == number {
-                return Some(place);
-            }
+        if let Some(&(own, place)) = self.numbers.get(guess)
+            && own == number
+        {
+            return Some(place);
         }
         self.numbers.binary_search_by_key(&number, |(number, _)| *number).ok().map(|found| self.numbers[found].1)
     }

@@ -98,13 +98,9 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
         let mut fields = Vec::with_capacity(own.fields.len());
         for field in &own.fields {
             // A writer with an older, shorter definition ends early.
-            let value = if header && self.place == self.end {
-                Value::Null
-            } else if field.optional && !self.present()? {
-                Value::Null
-            } else {
-                self.any(&field.kind)?
-            };
+            let is_cut = header && self.place == self.end;
+            let value =
+                if is_cut || (field.optional && !self.present()?) { Value::Null } else { self.any(&field.kind)? };
             fields.push((Arc::clone(&field.name), value));
         }
         if header {

@@ -231,6 +231,14 @@ fn path(schema: &Schema, path: &FieldPath) -> Result<Resolved, SchemaError> {
                 kind = &own.fields[found].kind;
                 continue;
             }
+            (Step::Index(index), Type::Array { length: Length::Fixed(count), .. }) if index >= count => {
+                let last = count.checked_sub(1).map(|last| {
+                    let mut near = before();
+                    near.steps.push(Step::Index(last));
+                    near.to_string()
+                });
+                return Err(missing(last));
+            }
             (Step::Index(index), Type::Array { element, .. }) => {
                 moves.push(Move::Index(*index));
                 kind = element;

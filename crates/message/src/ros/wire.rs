@@ -168,7 +168,11 @@ pub(super) fn narrow(bytes: &[u8]) -> &[u8] {
 pub(super) fn wide<const BIG: bool>(bytes: &[u8], unit: usize) -> String {
     let units = bytes.chunks_exact(if unit == 4 { 4 } else { 2 }).map(|unit| {
         let digits = unit.iter().map(|&byte| u32::from(byte));
-        if BIG { digits.fold(0, |value, byte| value << 8 | byte) } else { digits.rev().fold(0, |value, byte| value << 8 | byte) }
+        if BIG {
+            digits.fold(0, |value, byte| value << 8 | byte)
+        } else {
+            digits.rev().fold(0, |value, byte| value << 8 | byte)
+        }
     });
     // What needs no pair of units may stand as it is in four bytes.
     let units = units.flat_map(|value| {

@@ -35,10 +35,8 @@ float64 z
 fn imu_speed() {
     let mut message = vec![0, 1, 0, 0, 10, 0, 0, 0, 20, 0, 0, 0, 9, 0, 0, 0];
     message.extend(b"imu_link\0");
-    message.resize(message.len().next_multiple_of(8) + 4, 0);
-    if !(message.len() - 4).is_multiple_of(8) {
-        message.resize((message.len() - 4).next_multiple_of(8) + 4, 0);
-    }
+    // The numbers are aligned to 8 from behind the encapsulation header.
+    message.resize((message.len() - 4).next_multiple_of(8) + 4, 0);
     for place in 0..37 {
         message.extend(f64::from(place).to_le_bytes());
     }

@@ -1,7 +1,7 @@
-"""Imu messages of an MCAP file by mcap-ros2-support: mcap.py FILE MESSAGES OUT.
+"""Imu messages of an MCAP file by mcap-ros2-support: imu_messages.py FILE MESSAGES OUT.
 
-Two passes over the first MESSAGES messages of the topic /imu, in the order of the file, in one thread:
-- timed: messages become objects, of which one number is looked at (the least that anybody does with them);
+Passes over the first MESSAGES messages of the topic /imu, in the order of the file, in one thread:
+- timed, the fastest of three: messages become objects, of which one number is looked at (the least that anybody does with them);
 - not timed: the stamps and all 37 numbers of each message go to OUT, as little-endian doubles, 40 a message: header stamp, log time and
   publish time less the first log time, nanoseconds (whole numbers that a double holds), then the numbers in the order of the definition.
 
@@ -17,6 +17,8 @@ from itertools import islice
 import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+
+REPEATS = 3
 
 
 def messages(stream, count):
@@ -35,13 +37,15 @@ def numbers(imu):
 
 def main():
     path, count, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
-    with open(path, "rb") as stream:
-        begin = time.perf_counter()
-        total, seen = 0.0, 0
-        for decoded in messages(stream, count):
-            total += decoded.decoded_message.angular_velocity.z
-            seen += 1
-        seconds = time.perf_counter() - begin
+    seconds = float("inf")
+    for _ in range(REPEATS):
+        with open(path, "rb") as stream:
+            begin = time.perf_counter()
+            total, seen = 0.0, 0
+            for decoded in messages(stream, count):
+                total += decoded.decoded_message.angular_velocity.z
+                seen += 1
+            seconds = min(seconds, time.perf_counter() - begin)
     rows, first = [], None
     with open(path, "rb") as stream:
         for decoded in messages(stream, count):

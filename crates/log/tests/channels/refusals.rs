@@ -1,0 +1,70 @@
+//! One clear message each for what cannot be read.
+
+use fleetfoot_log::{Base, Messages, Selection, inspect, open};
+use fleetfoot_message::write::{Float64, JointState};
+
+use super::logs::{Log, copy, usual};
+
+fn holds(message: &str, parts: &[&str]) {
+    assert!(parts.iter().all(|part| message.contains(part)), "{parts:?}: {message}");
+}
+
+#[test]
+fn what_the_log_does_not_have_is_named_with_the_nearest() {
+    let mut log = Log::new();
+    log.drive(|_, at| Some((at, at)));
+    log.announce::<Float64>("/quiet");
+    log.announce::<JointState<'_>>("/quiet_joints");
+    let log = log.finish();
+    let refusal = |column: &str| log.refusal(&Selection::new(["/odom.twist.twist.linear.x", column]));
+    holds(&refusal("/odm.twist.twist.linear.x"), &["/odm.twist", "`/odom`"]);
+    holds(&refusal("/odom.twist.twist.linaer.x"), &["/odom", "linaer", "linear"]);
+    holds(&refusal("/odom.twist.twist.linear.x.y"), &["/odom", "linear.x"]);
+    holds(&refusal("/odom.twist.twist"), &["/odom", "twist.twist"]);
+    holds(&refusal("/odom.twist.covariance[36]"), &["/odom", "covariance", "36"]);
+    holds(&refusal("/odom.twist..x"), &["/odom.twist..x", "/topic.field"]);
+    holds(&refusal("/odom"), &["/odom", "/topic.field"]);
+    holds(&refusal("odom.twist"), &["odom.twist", "/odom"]);
+    holds(&refusal("/quiet.data"), &["/quiet", "no messages"]);
+    holds(&refusal("/quiet_joints.position[left]"), &["/quiet_joints"]);
+    let mut selection = Selection::new(["/odom.twist.twist.linear.x"]);
+    selection.join.base = Some(Base::Channel("/forse".into()));
+    holds(&log.refusal(&selection), &["/forse", "/force"]);
+    for hz in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e12] {
+        selection.join.base = Some(Base::Rate(hz));
+        let message = open(&[&log.path], &selection).unwrap_err().to_string();
+        holds(&message, &["rate", "rows a second"]);
+    }
+    selection.join.base = None;
+    for window in [-1.0, f64::NAN, 1e9] {
+        selection.join.reorder_seconds = window;
+        holds(&open(&[&log.path], &selection).unwrap_err().to_string(), &["reordering window"]);
+    }
+    let quiet = Messages::open(&log.path).unwrap();
+    assert_eq!(quiet.read("/quiet", &["data"], &fleetfoot_data::Silent, |_| panic!("no message")).unwrap(), 0);
+}
+
+#[test]
+fn a_file_that_is_not_what_its_name_says_is_refused() {
+    let log = usual();
+    let at = |name: &str| log.folder.path().join(name);
+    for name in ["run.csv", "run.parquet", "run.csv.gz"] {
+        copy(&log.path, &at(name));
+        let message = open(&[at(name)], &Selection::new(["/odom.twist.twist.linear.x"])).unwrap_err().to_string();
+        holds(&message, &[name]);
+        assert!(inspect(at(name)).is_err());
+    }
+    std::fs::write(at("table.mcap"), "t,x\n0,1\n1,2\n").unwrap();
+    std::fs::write(at("empty.mcap"), "").unwrap();
+    for name in ["table.mcap", "empty.mcap"] {
+        let message = open(&[at(name)], &Selection::new(["x"])).unwrap_err().to_string();
+        holds(&message, &[name, if name == "empty.mcap" { "is empty" } else { "MCAP" }]);
+        holds(&inspect(at(name)).unwrap_err().to_string(), &[name]);
+        assert!(Messages::open(at(name)).is_err());
+    }
+    for (name, command) in [("run.bag", "rosbags-convert"), ("run.db3", "ros2 bag convert")] {
+        std::fs::write(at(name), b"#ROSBAG V2.0\n").unwrap();
+        let message = fleetfoot_log::paths(&[at(name)]).map(drop).unwrap_err().to_string();
+        holds(&message, &[name, command]);
+    }
+}

@@ -1,0 +1,273 @@
+//! A robot's log of half a megabyte, cut and changed everywhere, through the public door: never a panic, a hang, an invented value or memory
+//! beyond bounds, and what is lost is told.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use fleetfoot_data::Silent;
+use fleetfoot_log::{Error, McapOptions, McapWriter, Messages, Selection, Stamp, inspect_values, open};
+use fleetfoot_message::write::{Float64, Header, Imu, JointState, Odometry, Pose, Time, Twist};
+
+/// Bytes that the process holds, and the most since it was last asked.
+struct Counting;
+
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes to the system's allocator with the arguments that it came with; the counters are no part of its answers.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
+        PEAK.fetch_max(held, Ordering::Relaxed);
+        // SAFETY: as above.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: as above.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Bytes that a reading may hold at any time, on top of the test's own.
+const MOST: usize = 64 << 20;
+/// A test may take this long; a hang takes longer.
+const LONGEST: Duration = Duration::from_secs(20);
+
+/// One test at a time, so that the counters are about it.
+fn alone() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What `work` gives; it must hold little memory and end soon.
+fn bounded<T>(what: &str, work: impl FnOnce() -> T) -> T {
+    let before = HELD.load(Ordering::Relaxed);
+    PEAK.store(before, Ordering::Relaxed);
+    let begun = Instant::now();
+    let answer = work();
+    let peak = PEAK.load(Ordering::Relaxed).saturating_sub(before);
+    assert!(peak < MOST, "{what}: {peak} bytes were held");
+    assert!(begun.elapsed() < LONGEST, "{what}: {:?}", begun.elapsed());
+    answer
+}
+
+const SECOND: i64 = 1_000_000_000;
+const START: i64 = 1_780_000_000 * SECOND;
+/// What is read of each topic: fields from the beginning to the end of the messages.
+const WANTED: [(&str, &[&str]); 5] = [
+    ("/cmd_vel", &["linear.x", "angular.z"]),
+    ("/imu", &["header.stamp.nanosec", "orientation.w", "linear_acceleration_covariance[8]"]),
+    ("/joint_states", &["position[left]", "velocity[1]", "effort[right]"]),
+    ("/odom", &["pose.pose.position.x", "pose.covariance[7]", "twist.covariance[35]"]),
+    ("/voltage", &["data"]),
+];
+
+/// Writes messages of five topics; noise keeps the compression from making the file small.
+fn write(path: &Path, messages: i64, compress: bool) {
+    let options = McapOptions { compress, chunk_bytes: 16 << 10, ..McapOptions::default() };
+    let mut writer = McapWriter::create(path, &options).unwrap();
+    let channels = (
+        writer.channel::<Imu<'_>>("/imu").unwrap(),
+        writer.channel::<Odometry<'_>>("/odom").unwrap(),
+        writer.channel::<JointState<'_>>("/joint_states").unwrap(),
+        writer.channel::<Twist>("/cmd_vel").unwrap(),
+        writer.channel::<Float64>("/voltage").unwrap(),
+    );
+    let mut random = Random(7);
+    let mut noise = || random.below(1 << 52) as f64 / (1_u64 << 52) as f64;
+    for k in 0..messages {
+        let at = START + k * 5_000_000;
+        let header = Header { stamp: Time::from_nanoseconds(at).unwrap(), frame_id: "base_link" };
+        match k % 10 {
+            0 | 3 | 5 | 8 => {
+                let mut imu = Imu { header, ..Imu::default() };
+                imu.orientation = [(); 4].map(|()| noise());
+                imu.linear_acceleration_covariance = [(); 9].map(|()| noise());
+                writer.write(channels.0, at, at, &imu).unwrap();
+            }
+            1 | 6 => {
+                let pose = Pose { position: [(); 3].map(|()| noise()), ..Pose::default() };
+                let odometry =
+                    Odometry { header, pose, pose_covariance: [(); 36].map(|()| noise()), ..Odometry::default() };
+                writer.write(channels.1, at, at, &odometry).unwrap();
+            }
+            2 | 7 => {
+                let values = [noise(), noise()];
+                let names = ["left", "right"];
+                let joints = JointState { header, name: &names, position: &values, velocity: &values, effort: &values };
+                writer.write(channels.2, at, at, &joints).unwrap();
+            }
+            4 => writer.write(channels.3, at, at, &Twist { linear: [noise(); 3], angular: [noise(); 3] }).unwrap(),
+            _ => writer.write(channels.4, at, at, &Float64 { data: noise() }).unwrap(),
+        }
+    }
+    writer.finish().unwrap();
+}
+
+/// Numbers without a pattern (Marsaglia's xorshift).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % limit
+    }
+}
+
+/// Stamps and values of a message, by bits.
+type Row = (i64, i64, Vec<u64>);
+
+/// The messages of every topic that can be read, in file order.
+fn read(path: &Path) -> Result<BTreeMap<&'static str, Vec<Row>>, Error> {
+    let log = Messages::open(path)?;
+    let mut found = BTreeMap::new();
+    for (topic, fields) in WANTED {
+        let mut rows = Vec::new();
+        let outcome = log.read(topic, fields, &Silent, |row| {
+            rows.push((row.log_time, row.publish_time, row.values.iter().map(|value| value.to_bits()).collect()));
+            Ok(())
+        });
+        if outcome.is_ok() {
+            found.insert(topic, rows);
+        }
+    }
+    Ok(found)
+}
+
+fn total(rows: &BTreeMap<&'static str, Vec<Row>>) -> usize {
+    rows.values().map(Vec::len).sum()
+}
+
+/// Every row is one of the truth, in its order.
+fn is_part(part: &BTreeMap<&'static str, Vec<Row>>, truth: &BTreeMap<&'static str, Vec<Row>>) -> bool {
+    part.iter().all(|(topic, rows)| {
+        let mut left = truth[topic].iter();
+        rows.iter().all(|row| left.any(|own| own == row))
+    })
+}
+
+/// Whether the notes of `info --values` tell of damage or of what is not believed; an error tells, too.
+fn tells(path: &Path) -> bool {
+    match inspect_values(path, &Silent) {
+        Ok(info) => !info.notes.is_empty() || info.topics.iter().any(|topic| topic.problem.is_some()),
+        Err(_) => true,
+    }
+}
+
+/// The log as a recording: only its errors and bounds are looked at.
+fn record(path: &Path) {
+    let mut selection = Selection::new(["/odom.pose.pose.position.x", "/imu.orientation.w", "/cmd_vel.linear.x"]);
+    selection.join.stamp = Some(Stamp::Log);
+    if let Err(problem) = open(&[path], &selection) {
+        assert!(problem.to_string().contains("run.mcap"), "{problem}");
+    }
+}
+
+fn scrap() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    (folder, path)
+}
+
+#[test]
+fn every_cut_is_read_up_to_it() {
+    let _turn = alone();
+    let (_folder, path) = scrap();
+    write(&path, 3200, true);
+    let truth = read(&path).unwrap();
+    assert_eq!((total(&truth), truth.len()), (3200, 5));
+    let bytes = fs::read(&path).unwrap();
+    assert!((450_000..650_000).contains(&bytes.len()), "{}", bytes.len());
+    let near_the_ends = |length: &usize| *length < 2000 || bytes.len() - length <= 2000;
+    let lengths = (0..bytes.len()).rev().filter(|length| near_the_ends(length) || length.is_multiple_of(97));
+    let file = fs::File::options().write(true).open(&path).unwrap();
+    let (mut partial, mut before, mut refused) = (0, usize::MAX, 0);
+    for length in lengths {
+        file.set_len(length as u64).unwrap();
+        let Ok(found) = bounded(&format!("cut at {length}"), || read(&path)) else {
+            assert!(length < 8, "a file of {length} bytes is refused");
+            refused += 1;
+            continue;
+        };
+        for (topic, rows) in &found {
+            assert!(truth[topic].starts_with(rows), "cut at {length}: {topic}");
+        }
+        let count = total(&found);
+        assert!(count <= before, "cut at {length}: {count} messages, and {before} of a shorter file");
+        before = count;
+        partial += usize::from(count > 0 && count < 3200);
+        // Telling all fields takes longer than reading some.
+        if length % 50 == 0 {
+            let told = bounded(&format!("told of {length}"), || tells(&path));
+            assert!(told || count == 3200, "cut at {length}: {count} messages, and no word about it");
+            bounded(&format!("recording of {length}"), || record(&path));
+        }
+    }
+    assert!(refused == 8 && partial > 4000, "{refused} refused, {partial} read in part");
+}
+
+/// Changes single bytes: `changes` times one, in place and back.
+fn change_bytes(compress: bool, changes: u64, seed: u64) {
+    let _turn = alone();
+    let (_folder, path) = scrap();
+    write(&path, if compress { 3200 } else { 1250 }, compress);
+    let truth = read(&path).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    assert!((400_000..650_000).contains(&bytes.len()), "{}", bytes.len());
+    let mut random = Random(seed);
+    let (mut lost, mut whole, mut silent) = (0, 0, 0);
+    for change in 0..changes {
+        let (place, mask) = (random.below(bytes.len() as u64) as usize, 1 + random.below(255) as u8);
+        let what = format!("byte {place} changed by {mask:#04x}");
+        bytes[place] ^= mask;
+        fs::write(&path, &bytes).unwrap();
+        match bounded(&what, || read(&path)) {
+            Err(_) => lost += 1,
+            Ok(found) if found.len() == truth.len() && total(&found) == total(&truth) => {
+                assert!(found == truth, "{what}: other values");
+                whole += 1;
+            }
+            Ok(found) => {
+                assert!(is_part(&found, &truth), "{what}: invented values");
+                lost += 1;
+                if lost % 16 == 0 && !bounded(&what, || tells(&path)) {
+                    silent += 1;
+                    eprintln!("{what}: {} of {} messages, and no word about it", total(&found), total(&truth));
+                }
+            }
+        }
+        if change % 64 == 0 {
+            bounded(&what, || record(&path));
+        }
+        bytes[place] ^= mask;
+    }
+    eprintln!("{changes} changes (compressed: {compress}): {lost} lost messages, {whole} did not");
+    assert_eq!(silent, 0);
+    assert!(lost > changes / 2, "{lost} of {changes}");
+}
+
+#[test]
+fn changed_bytes_of_compressed_chunks_invent_nothing() {
+    change_bytes(true, 6000, 11);
+}
+
+#[test]
+fn changed_bytes_of_plain_chunks_are_caught_by_their_checksums() {
+    change_bytes(false, 4000, 12);
+}
