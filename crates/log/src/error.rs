@@ -292,8 +292,8 @@ pub enum Error {
     },
     /// Two channels without a moment in common.
     #[error(
-        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), or another channel",
-        path.display(), crate::join::describe_range(*first_range), crate::join::describe_range(*second_range)
+        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in [join]",
+        path.display(), crate::join::describe_range(ranges[0]), crate::join::describe_range(ranges[1])
     )]
     NoOverlap {
         /// The file.
@@ -302,12 +302,10 @@ pub enum Error {
         what: &'static str,
         /// A channel.
         first: String,
-        /// Its first and last, nanoseconds.
-        first_range: (i64, i64),
         /// The other channel.
         second: String,
-        /// Its first and last, nanoseconds.
-        second_range: (i64, i64),
+        /// The first and the last of each channel, nanoseconds.
+        ranges: Box<[(i64, i64); 2]>,
     },
     /// A rate that is no number of rows a second.
     #[error("the rate must be a number of rows a second from 1e-6 to 1e6, not {hz}")]

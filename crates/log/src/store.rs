@@ -47,7 +47,8 @@ impl Budget {
 pub(crate) struct ColumnStore {
     /// The file that the rows come from, for messages.
     source: PathBuf,
-    columns: usize,
+    /// The columns by their places in the segments.
+    order: Vec<usize>,
     rows: usize,
     segments: Vec<Segment>,
     spill: Option<File>,
@@ -72,6 +73,12 @@ enum Segment {
 }
 
 impl ColumnStore {
+    /// The same rows with these columns, by their places among the present ones, in this order; places that there are not are left out.
+    pub(crate) fn select(mut self, columns: &[usize]) -> Self {
+        self.order = columns.iter().filter_map(|&column| self.order.get(column).copied()).collect();
+        self
+    }
+
     /// Rows held.
     pub(crate) fn rows(&self) -> usize {
         self.rows
@@ -89,8 +96,8 @@ impl ColumnStore {
 
     /// Stamps and values of a range of rows; shared, not copied, within a segment in memory.
     pub(crate) fn values(&self, rows: Range<usize>) -> Result<TableRows, Error> {
-        let columns = (0..self.columns)
-            .map(|c| self.gather(rows.clone(), |segment, part| self.segment_values(segment, c, part)))
+        let columns = (self.order.iter())
+            .map(|&c| self.gather(rows.clone(), |segment, part| self.segment_values(segment, c, part)))
             .collect::<Result<_, _>>()?;
         Ok(TableRows { time: self.stamps(rows)?, columns })
     }
@@ -173,8 +180,15 @@ pub(crate) struct StoreBuilder {
 impl StoreBuilder {
     /// A store of `columns` columns of the file `source`.
     pub(crate) fn new(source: &Path, columns: usize, budget: Arc<Budget>) -> Self {
-        let store =
-            ColumnStore { source: source.into(), columns, rows: 0, segments: Vec::new(), spill: None, budget, held: 0 };
+        let store = ColumnStore {
+            source: source.into(),
+            order: (0..columns).collect(),
+            rows: 0,
+            segments: Vec::new(),
+            spill: None,
+            budget,
+            held: 0,
+        };
         Self { store, time: Vec::new(), values: vec![Vec::new(); columns], spilled: 0 }
     }
 
@@ -293,6 +307,14 @@ mod tests {
             builder.push(row as i64 * 3, &[row as f64, -(row as f64)]).unwrap();
         }
         builder.finish().unwrap()
+    }
+
+    #[test]
+    fn selected_columns_come_in_their_new_order() {
+        for budget in [usize::MAX, 0] {
+            let read = filled(5, budget).select(&[1, 0, 1]).select(&[2, 1, 7]).values(1..4).unwrap();
+            assert_eq!(read.columns.iter().map(|column| column[1]).collect::<Vec<_>>(), [-2.0, 2.0]);
+        }
     }
 
     #[test]

@@ -48,8 +48,12 @@ impl FromStr for FieldPath {
                 steps.push(place.map_or_else(|| Step::Key(name.to_owned()), Step::Index));
                 rest = after;
             } else {
-                let word = if steps.is_empty() { rest } else { rest.strip_prefix('.').ok_or_else(|| error("a dot is missing"))? };
-                let end = word.find(['.', '[']).unwrap_or(word.len());
+                let word = if steps.is_empty() {
+                    rest
+                } else {
+                    rest.strip_prefix('.').ok_or_else(|| error("a dot is missing"))?
+                };
+                let end = word.find(['.', '[', ']']).unwrap_or(word.len());
                 if end == 0 {
                     return Err(error("a name is missing"));
                 }

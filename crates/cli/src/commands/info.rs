@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Context, files, real};
 use crate::{
     args::Info,
-    table::{bytes, number, seconds, table},
+    table::{bytes, count, number, seconds, table},
 };
 
 pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
@@ -41,15 +41,15 @@ fn log_to_text(info: &FileInfo) -> String {
     let end = info.topics.iter().filter_map(|topic| topic.end).max();
     let long = start.zip(end).map(|(start, end)| format!(", {} long", seconds((end - start) as f64 * 1e-9)));
     let messages: Option<u64> = info.topics.iter().map(|topic| topic.messages).sum();
-    let count = messages.map(|messages| format!(", {messages} messages")).unwrap_or_default();
+    let messages = messages.map(|messages| format!(", {}", count(messages as usize, "message"))).unwrap_or_default();
     let mut text = format!(
-        "{}: {}, {}{count}{}, {} topics, {} fields",
+        "{}: {}, {}{messages}{}, {}, {}",
         info.path.display(),
         info.format.name(),
         bytes(info.bytes),
         long.unwrap_or_default(),
-        info.topics.len(),
-        info.columns.len()
+        count(info.topics.len(), "topic"),
+        count(info.columns.len(), "field")
     );
     let header = ["topic", "type", "encoding", "messages", "rate (Hz)", "gaps", "longest (s)", "log - header (s)"];
     let rows = info.topics.iter().map(topic_row).collect();

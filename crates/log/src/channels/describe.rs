@@ -100,7 +100,7 @@ fn column(topic: &Topic, field: &FieldInfo, scanned: bool) -> ColumnInfo {
         FieldKind::Text => ColumnKind::Category(if scanned { field.texts.clone() } else { Vec::new() }),
         _ => ColumnKind::Float,
     };
-    let statistics = (scanned && field.kind != FieldKind::Text).then(|| ColumnStatistics {
+    let statistics = (scanned && field.kind != FieldKind::Text).then_some(ColumnStatistics {
         count: field.count as usize,
         missing: field.missing as usize,
         min: field.min,

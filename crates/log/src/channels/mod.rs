@@ -28,7 +28,7 @@ use fleetfoot_data::{Column, ColumnKind, Progress, ScalarBuffer};
 use crate::{
     Error, Estimate, Format, Selection, Stamp, TimeSpec,
     error::nearest,
-    join::join,
+    join::{Base, JoinKind, join},
     mcap::Container,
     parquet::{self, MAX_CATEGORIES},
     recording::Opened,
@@ -55,31 +55,26 @@ pub(crate) fn open(
     if let Some((table, meta)) = slot.as_ref().and_then(|slot| slot.load(cursors)) {
         return Ok(opened(table, meta));
     }
-    let plan = plan(path, &container, selection, progress)?;
-    let window = (selection.join.reorder_seconds * 1e9).round() as i64;
-    let decoded = decode(path, &container, &plan, window, budget, progress)?;
-    check(path, &plan, &decoded)?;
-    let mut notes = plan.notes.clone();
-    notes.extend(container.notes());
-    notes.extend(tell(&plan, &decoded));
-    let (columns, codes) = categories(path, &plan, &decoded)?;
-    let log_offset = match plan.base {
-        crate::join::Base::Series(series) => decoded.series[series].offset,
-        crate::join::Base::Rate(_) => decoded.series.iter().find_map(|series| series.offset),
-    };
-    let meta = Meta { columns, notes, stamp: Some(plan.stamp), log_offset: log_offset.unwrap_or(0) };
+    let (plan, decoded, codes, meta) = decode_all(path, &container, selection, budget, progress)?;
     let table: Box<dyn Table> = match slot {
+        None if nothing_to_join(&plan, &codes) => {
+            let columns: Vec<usize> = plan.columns.iter().map(|column| column.join.column).collect();
+            let own = plan.columns.first().map_or(0, |column| column.join.series);
+            let mut series = decoded.series;
+            let store = series.swap_remove(own).store.select(&columns);
+            Box::new(JoinedTable { store, columns: meta.columns.clone() })
+        }
         None => {
-            let mut output = Output::Store(StoreBuilder::new(path, meta.columns.len(), budget.clone()));
-            join_into(&mut output, &plan, &decoded, &codes, progress)?;
+            let mut rows = StoreBuilder::new(path, meta.columns.len(), budget.clone());
+            join_into(&mut rows, &plan, &decoded, &codes, progress)?;
             drop(decoded);
-            Box::new(JoinedTable { store: output.into_store()?, columns: meta.columns.clone() })
+            Box::new(JoinedTable { store: rows.finish()?, columns: meta.columns.clone() })
         }
         Some(slot) => {
             let columns: Vec<Column> = meta.columns.iter().map(|column| column.column.clone()).collect();
-            let mut output = Output::Cache(slot.create(&columns, &files, &meta)?);
-            join_into(&mut output, &plan, &decoded, &codes, progress)?;
-            output.into_cache()?;
+            let mut rows = slot.create(&columns, &files, &meta)?;
+            join_into(&mut rows, &plan, &decoded, &codes, progress)?;
+            rows.finish()?;
             slot.load(cursors).map(|(table, _)| table).ok_or_else(|| Error::Damaged {
                 path: path.into(),
                 place: "its decoded columns in the cache".into(),
@@ -89,6 +84,30 @@ pub(crate) fn open(
         }
     };
     Ok(opened(table, meta))
+}
+
+/// Decodes the selected columns into series, and describes them.
+fn decode_all(
+    path: &Path,
+    container: &Container,
+    selection: &Selection,
+    budget: &Arc<Budget>,
+    progress: &dyn Progress,
+) -> Result<(Plan, Decoded, Codes, Meta), Error> {
+    let plan = plan(path, container, selection, progress)?;
+    let window = (selection.join.reorder_seconds * 1e9).round() as i64;
+    let decoded = decode(path, container, &plan, window, budget, progress)?;
+    check(path, &plan, &decoded)?;
+    let mut notes = plan.notes.clone();
+    notes.extend(container.notes());
+    notes.extend(tell(&plan, &decoded));
+    let (columns, codes) = categories(path, &plan, &decoded)?;
+    let log_offset = match plan.base {
+        Base::Series(series) => decoded.series[series].offset,
+        Base::Rate(_) => decoded.series.iter().find_map(|series| series.offset),
+    };
+    let meta = Meta { columns, notes, stamp: Some(plan.stamp), log_offset: log_offset.unwrap_or(0) };
+    Ok((plan, decoded, codes, meta))
 }
 
 /// What [`open`] will cost, from the indexes and a few messages.
@@ -103,11 +122,11 @@ pub(crate) fn estimate(
     let plan = plan(path, &container, selection, progress)?;
     let info = container.summary_info(progress)?;
     let rows = match plan.base {
-        crate::join::Base::Series(series) => {
+        Base::Series(series) => {
             let base = plan.topics.iter().rev().find(|topic| topic.first_series <= series);
             base.map_or(0, |base| info.topics[base.topic].count)
         }
-        crate::join::Base::Rate(hz) => {
+        Base::Rate(hz) => {
             let span = |topic: &plan::TopicPlan| {
                 let times = &info.topics[topic.topic];
                 times.last.zip(times.first).map_or(0.0, |(last, first)| (last - first) as f64 * 1e-9)
@@ -249,9 +268,19 @@ fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableC
     Ok((columns, codes))
 }
 
-/// Joins the series and hands the rows to `output`.
+/// Whether the rows are the samples of one channel as they are: each stands at its own stamp, where a linear or held column has its very value.
+/// Angles may change by whole turns and quaternions by their sign, so that they are joined; texts get other codes.
+fn nothing_to_join(plan: &Plan, codes: &Codes) -> bool {
+    let as_it_is = |column: &plan::PlannedColumn| {
+        let join = &column.join;
+        plan.base == Base::Series(join.series) && join.kind != JoinKind::Angle && join.quaternion.is_none()
+    };
+    !plan.columns.is_empty() && plan.columns.iter().all(as_it_is) && codes.iter().all(Option::is_none)
+}
+
+/// Joins the series and hands the rows on.
 fn join_into(
-    output: &mut Output,
+    rows: &mut (dyn RowSink + Send),
     plan: &Plan,
     decoded: &Decoded,
     codes: &Codes,
@@ -261,11 +290,11 @@ fn join_into(
     progress.stage("joining channels");
     join(&decoded.series, &joins, plan.base, progress, |stamps, values| {
         if codes.iter().all(Option::is_none) {
-            return output.push(stamps, values);
+            return rows.push_rows(stamps, values);
         }
         let recoded: Vec<Vec<f64>> =
             values.iter().zip(codes).map(|(values, codes)| recode(values, codes.as_deref())).collect();
-        output.push(stamps, &recoded)
+        rows.push_rows(stamps, &recoded)
     })?;
     Ok(())
 }
@@ -277,31 +306,21 @@ fn recode(values: &[f64], codes: Option<&[f64]>) -> Vec<f64> {
     values.iter().map(place).collect()
 }
 
-enum Output {
-    Store(StoreBuilder),
-    Cache(SlotWriter),
+/// Takes joined rows, block by block.
+trait RowSink {
+    /// Stamps, and one column of values after the other, all of one length.
+    fn push_rows(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error>;
 }
 
-impl Output {
-    fn into_store(self) -> Result<ColumnStore, Error> {
-        match self {
-            Self::Store(builder) => builder.finish(),
-            Self::Cache(_) => Err(Error::NoFiles),
-        }
+impl RowSink for SlotWriter {
+    fn push_rows(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
+        self.push(stamps, columns)
     }
+}
 
-    fn into_cache(self) -> Result<(), Error> {
-        match self {
-            Self::Cache(writer) => writer.finish(),
-            Self::Store(_) => Ok(()),
-        }
-    }
-
-    fn push(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
-        match self {
-            Self::Cache(writer) => writer.push(stamps, columns),
-            Self::Store(builder) => builder.push_columns(stamps, columns),
-        }
+impl RowSink for StoreBuilder {
+    fn push_rows(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
+        self.push_columns(stamps, columns)
     }
 }
 

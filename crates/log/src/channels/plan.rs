@@ -11,7 +11,6 @@ use super::{
 };
 use crate::{
     Base, Error, JoinKind, MaxGap, Selection, Stamp,
-    error::nearest,
     join::{Base as JoinBase, JoinColumn},
     mcap::Container,
 };
@@ -104,11 +103,7 @@ fn base_topic(path: &Path, names: &Names, selection: &Selection, asked: &[Asked]
         Some(Base::Rate(_)) => Ok(None),
         Some(Base::Channel(name)) => match names.locate(name) {
             Some((topic, rest)) => Ok(Some((topic, inside(rest).to_owned()))),
-            None => Err(Error::MissingTopic {
-                path: path.into(),
-                column: name.clone(),
-                nearest: names.nearest(name),
-            }),
+            None => Err(Error::MissingTopic { path: path.into(), column: name.clone(), nearest: names.nearest(name) }),
         },
         None => Ok(asked.first().map(|first| (first.topic, first.path.to_string()))),
     }

@@ -44,7 +44,7 @@ pub(super) fn matching<'a>(runs: &'a Runs, base: &[Sample], count: usize, latche
     if most >= 0 {
         return runs.iter().zip(overlaps).find(|(_, overlap)| *overlap == most).map(|(run, _)| run);
     }
-    runs.iter().filter(|run| latched && log(run).1 < from).next_back()
+    runs.iter().rfind(|run| latched && log(run).1 < from)
 }
 
 /// What stands at `stamp`: one number, or the rotation matrix of a quaternion, row by row; `None` where there is no value.
@@ -80,7 +80,7 @@ pub(super) fn value(run: &[Sample], stamp: i64, kind: JoinKind, limit: i64) -> O
 /// The rotation matrix of x, y, z, w; `None` for the zero quaternion.
 pub(super) fn matrix(q: &[f64]) -> Option<[[f64; 3]; 3]> {
     let s = q.iter().map(|c| c * c).sum::<f64>();
-    if !(s > 0.0) {
+    if s.is_nan() || s <= 0.0 {
         return None;
     }
     let (x, y, z, w) = (q[0], q[1], q[2], q[3]);

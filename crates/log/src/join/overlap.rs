@@ -72,9 +72,8 @@ pub(super) fn no_overlap(first: &Series, second: &Series) -> Error {
         path: first.source.clone(),
         what,
         first: first.name.clone(),
-        first_range,
         second: second.name.clone(),
-        second_range,
+        ranges: Box::new([first_range, second_range]),
     }
 }
 

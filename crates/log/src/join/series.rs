@@ -397,7 +397,7 @@ mod tests {
             let mut at = 0;
             for piece in pieces.into_iter().chain([samples.len()]) {
                 let part = &samples[at..samples.len().min(at + piece)];
-                let values: Vec<f64> = (at..at + part.len()).flat_map(|place| [place as f64, -(place as f64)]).collect();
+                let values: Vec<f64> = part.iter().flat_map(|&(_, log)| [log as f64, -(log as f64)]).collect();
                 let (stamps, log_times): (Vec<i64>, Vec<i64>) = part.iter().copied().unzip();
                 builder.extend(&Samples { stamps: &stamps, log_times: &log_times, values: &values, width: 2 }).unwrap();
                 at += part.len();

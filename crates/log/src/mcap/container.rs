@@ -113,11 +113,6 @@ impl Container {
         Ok(Self { path: path.into(), files, topics, topic_of, pieces, lost: Mutex::default() })
     }
 
-    /// The path that was opened.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// The MCAP files, in order.
     pub(crate) fn paths(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(|file| file.path.as_path())
@@ -195,6 +190,7 @@ impl Container {
                 report.damage.add(start, &why, lost);
             }
         }
+        file.map.release(own.bytes.clone());
         reader.tell(start, &mut report.damage);
         report.messages = reader.messages;
         if !report.damage.is_empty() {

@@ -22,11 +22,6 @@ pub(crate) struct Damage {
 }
 
 impl Damage {
-    /// Messages lost; `None` where nothing tells how many.
-    pub(crate) fn messages_lost(&self) -> Option<u64> {
-        (!self.more_lost).then_some(self.messages_lost)
-    }
-
     /// Nothing is damaged.
     pub(crate) fn is_empty(&self) -> bool {
         self.count == 0

@@ -41,6 +41,7 @@ impl McapFile {
     pub(super) fn open(path: &Path, compression: Compression, progress: &dyn Progress) -> Result<Self, Error> {
         let map = Map::open(path, compression)?;
         let mut layout = Layout::find(&map);
+        map.release(0..map.len());
         refuse_unknown_compression(path, &map, &layout.pieces)?;
         let mut notes = Vec::new();
         let summary = summary::read(&map, layout.data_end).unwrap_or_else(|why| {

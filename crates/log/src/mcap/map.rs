@@ -3,7 +3,7 @@
 use std::{
     fs::File,
     io::{self, BufReader, Read, Write},
-    ops::Deref,
+    ops::{Deref, Range},
     path::Path,
 };
 
@@ -62,6 +62,25 @@ impl Map {
         }
         Ok(Self { bytes, cut })
     }
+}
+
+impl Map {
+    /// Tells the system that some of the bytes are not needed soon, so that what this process has in memory does not grow with the file.
+    /// They stay readable: the system's cache has them, or the disk.
+    #[cfg(unix)]
+    pub(super) fn release(&self, bytes: Range<usize>) {
+        use memmap2::UncheckedAdvice::DontNeed;
+        if bytes.start < bytes.end && bytes.end <= self.bytes.len() {
+            // SAFETY: the advice throws away what was written into private or anonymous pages. This mapping is of a file, shared, and cannot
+            // be written through, so that its bytes are the same when they are read again, by whichever thread.
+            // Where the advice is not taken, memory is reclaimed later: nothing depends on it.
+            let _ = unsafe { self.bytes.unchecked_advise_range(DontNeed, bytes.start, bytes.len()) };
+        }
+    }
+
+    /// Nothing to advise here.
+    #[cfg(not(unix))]
+    pub(super) fn release(&self, _bytes: Range<usize>) {}
 }
 
 /// Unpacks a file as far as it is sound, to at most `limit` bytes; the second answer is why it ends early.

@@ -22,4 +22,3 @@ mod tests;
 
 pub(crate) use container::{Container, Topic};
 pub(crate) use damage::Damage;
-pub(crate) use info::{LogInfo, TopicTimes};

@@ -157,8 +157,10 @@ fn walk(schema: &Schema, kind: &Type, beside: Option<bool>, steps: &mut Vec<Step
                 steps.pop();
             }
         }
-        Type::Array { element, .. } => {
+        Type::Array { element, length } => {
             let mut ways = vec![Step::Index(0), Step::Index(2), Step::Index(66)];
+            // A place beyond the end of a fixed array is no field.
+            ways.retain(|way| !matches!((way, length), (Step::Index(index), Length::Fixed(count)) if index >= count));
             let texts = |index: usize| schema.structs[index].fields.iter().any(|field| *field.name == *"id");
             if beside == Some(true) || matches!(**element, Type::Struct(index) if texts(index)) {
                 ways.extend(["left", "", "nobody"].map(|key| Step::Key(key.to_owned())));
