@@ -15,14 +15,15 @@ import time
 from itertools import islice
 
 import numpy as np
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
 
 REPEATS = 3
 
 
 def messages(stream, count):
-    reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+    # Front to back: on such files this reader is several times as fast as the one that goes by the index.
+    reader = NonSeekingReader(stream, decoder_factories=[DecoderFactory()])
     return islice(reader.iter_decoded_messages(topics=["/imu"], log_time_order=False), count)
 
 

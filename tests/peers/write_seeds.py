@@ -3,7 +3,7 @@
     python write_seeds.py FUZZ_FOLDER
 
 makes corpus/cdr and corpus/reader in it: a few messages of every encoding, and small files of every layout. The forms of the inputs are
-told in fuzz_targets/cdr.rs and fuzz_targets/reader.rs.
+told in fuzz_targets/body/cdr.rs and fuzz_targets/body/reader.rs.
 
 Needs what write_logs.py needs.
 """
@@ -126,6 +126,24 @@ def reader_seeds(logs: Path, folder: Path):
     for name in ("odd_channels", "idl_mutable"):
         small(logs / f"{name}.mcap", folder / f"{name}.mcap", "none", 2)
     compress_file(folder / "json_none.mcap", folder / "json_whole.mcap.zstd")
+    for layout in ("none", "lz4", "unchunked", "unindexed_unchunked"):
+        tiny(folder / f"tiny_{layout}.mcap", layout)
+
+
+def tiny(path: Path, layout: str):
+    """Two topics of few numbers, to be joined: most changes to a small file are changes to what matters."""
+    pose = b"builtin_interfaces/Time stamp\nfloat64 x\nfloat32[] y"
+    with open(path, "wb") as stream:
+        out = Writer(stream, **{"chunk_size": 100, "enable_crcs": False} | LAYOUTS[layout])
+        out.start(profile="", library="")
+        binary = out.register_channel("/a", "cdr", out.register_schema("p/msg/A", "ros2msg", pose))
+        text = out.register_channel("/b", "json", 0)
+        for place in range(5):
+            log = START + place * 20_000_000
+            numbers = struct.pack("<iIdIff", log // 10**9, log % 10**9, place / 8, 2, place, -place)
+            out.add_message(binary, log, b"\0\1\0\0" + numbers, log, place)
+            out.add_message(text, log + 7_000_000, b'{"v":%d.5,"on":%s}' % (place, b"true" if place % 2 else b"false"), log, place)
+        out.finish()
 
 
 def main():

@@ -13,7 +13,11 @@ use std::{
 
 use fleetfoot_data::ScalarBuffer;
 
-use crate::{Error, file_io::read_exact_at, table::TableRows};
+use crate::{
+    Error,
+    file_io::read_exact_at,
+    table::{Table, TableColumn, TableRows},
+};
 
 /// Rows of a segment.
 pub(crate) const SEGMENT: usize = 65_536;
@@ -157,6 +161,36 @@ impl ColumnStore {
 
 fn fill(bytes: &mut [u8], words: impl Iterator<Item = [u8; 8]>) {
     bytes.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(slot, word)| *slot = word);
+}
+
+/// A store with its columns' descriptions: what was decoded of a file.
+pub(crate) struct StoredTable {
+    pub store: ColumnStore,
+    pub columns: Vec<TableColumn>,
+    /// Whether the rows have stamps of their own.
+    pub has_time: bool,
+}
+
+impl Table for StoredTable {
+    fn rows(&self) -> usize {
+        self.store.rows()
+    }
+
+    fn columns(&self) -> &[TableColumn] {
+        &self.columns
+    }
+
+    fn pieces(&self) -> Vec<Range<usize>> {
+        self.store.pieces()
+    }
+
+    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        if self.has_time { self.store.stamps(rows) } else { Ok(Vec::new().into()) }
+    }
+
+    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
+        self.store.values(rows)
+    }
 }
 
 fn array(word: &[u8]) -> [u8; 8] {

@@ -113,7 +113,7 @@ impl FieldTree {
     }
 
     /// How many values were left out because an array has too many different elements (256) or a struct too many different fields (4096),
-    /// or because they are nested too deeply (64).
+    /// because they are nested too deeply (64), or because no path can name them: a field's name is empty or has dots or brackets in it.
     pub fn ignored(&self) -> u64 {
         self.ignored
     }
@@ -267,7 +267,7 @@ impl Inside {
         };
         let place = match found {
             Some(place) => place,
-            None if self.fields.len() < MAX_FIELDS && growth.grow() => {
+            None if self.fields.len() < MAX_FIELDS && keys::nameable(name) && growth.grow() => {
                 self.places.insert(name.clone(), self.fields.len());
                 self.fields.push((name.clone(), Node::default()));
                 self.fields.len() - 1

@@ -101,6 +101,15 @@ fn growth_is_bounded_and_told() {
     assert_eq!((tree.fields().len(), tree.ignored()), (MAX_FIELDS, 10));
 }
 
+#[test]
+fn fields_that_no_path_can_name_are_left_out_and_told() {
+    let mut tree = FieldTree::default();
+    let fields = ["", "a.b", "a[0]", "a]", "a"].map(|name| (name, Value::Float(1.0)));
+    tree.add(&object(fields.to_vec()));
+    let paths: Vec<String> = tree.fields().into_iter().map(|field| field.path).collect();
+    assert_eq!((paths, tree.ignored()), (vec!["a".to_owned()], 4));
+}
+
 /// Messages whose shape changes from one to the next.
 fn message() -> impl Strategy<Value = Value> {
     let name = || prop::sample::select(vec!["x", "y", "name", "id", "names", "w", "key"]);

@@ -39,6 +39,11 @@ pub(crate) fn are_keyed(elements: &[Value]) -> bool {
     elements.iter().any(|element| key(element).is_some())
 }
 
+/// Whether a path can name a field: dots and brackets would be read as its own. Only JSON and broken schemas have such names.
+pub(crate) fn nameable(field: &str) -> bool {
+    !field.is_empty() && !field.contains(['.', '[', ']'])
+}
+
 /// Whether a name can stand in brackets of a path: one of digits alone would be read as a place, and a bracket would end it.
 pub(crate) fn usable(key: &str) -> bool {
     !key.is_empty() && !key.contains(']') && !key.bytes().all(|byte| byte.is_ascii_digit())

@@ -4,9 +4,9 @@
 //! (the name of the type, then a path a line), and the message.
 //!
 //! Nothing may panic, hang or allocate beyond measure, and the two decoders must agree: what the whole message holds is what the compiled
-//! extractor finds.
+//! extractor finds, both under the names that the input asks for and under those that the fields of the message are listed by.
 
-use fleetfoot_message::{Codec, FieldPath, Row, Step, Value, codec};
+use fleetfoot_message::{Codec, FieldInfo, FieldKind, FieldPath, FieldTree, Row, Step, Value, codec};
 
 /// Message encodings with the schema encodings that go with them.
 const ENCODINGS: [(&str, Option<&str>); 6] = [
@@ -89,11 +89,52 @@ fn compare(codec: &dyn Codec, fields: &[FieldPath], message: &[u8]) {
     }
 }
 
+/// Lists the fields of a message, and extracts them under their names.
+fn extract_listed(codec: &dyn Codec, message: &[u8]) {
+    let Ok(whole) = codec.value(message) else { return };
+    let mut tree = FieldTree::default();
+    tree.add(&whole);
+    let listed: Vec<FieldInfo> = tree.fields().into_iter().take(MAX_FIELDS).collect();
+    let paths = listed.iter().map(|field| match field.path.parse() {
+        Ok(path) => path,
+        Err(error) => panic!("a listed field has a name that does not read back: {error}"),
+    });
+    let extract = match codec.compile(&paths.collect::<Vec<FieldPath>>()) {
+        Ok(extract) => extract,
+        Err(error) => panic!("a listed field is refused: {error}"),
+    };
+    let mut row = Row::new(&*extract);
+    if let Err(error) = extract.extract(message, &mut row) {
+        panic!("the message as a whole is sound, but: {error}");
+    }
+    for (slot, field) in listed.iter().enumerate() {
+        // Elements of the same name are one field, of which a row has the last.
+        if field.count + field.missing > 1 {
+            continue;
+        }
+        let found = row.values[slot];
+        match field.kind {
+            // Long texts are not listed.
+            FieldKind::Text if !field.texts.is_empty() => {
+                let text = row.is_text[slot].then(|| &row.texts.names()[found as usize]);
+                assert_eq!(text, field.texts.first(), "{}", field.path);
+            }
+            _ => assert!(
+                found == field.mean || (found.is_nan() && field.mean.is_nan()),
+                "{} is listed as {}, and was extracted as {found}",
+                field.path,
+                field.mean
+            ),
+        }
+    }
+}
+
 /// Reads one input with both decoders; panics where a promise is broken.
 pub(crate) fn run(data: &[u8]) {
     let Some(input) = Input::split(data) else { return };
     let Some(codec) = input.codec() else { return };
     compare(&*codec, &input.fields, input.message);
+    extract_listed(&*codec, input.message);
     // An extractor is used for many messages, also after one that was broken off.
     compare(&*codec, &input.fields, &input.message[..input.message.len() / 2]);
 }

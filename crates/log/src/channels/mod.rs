@@ -18,12 +18,11 @@ pub(crate) use names::Names;
 
 use std::{
     collections::BTreeSet,
-    ops::Range,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, Progress, ScalarBuffer};
+use fleetfoot_data::{Column, ColumnKind, Progress};
 
 use crate::{
     Error, Estimate, Format, Selection, Stamp, TimeSpec,
@@ -32,8 +31,8 @@ use crate::{
     mcap::Container,
     parquet::{self, MAX_CATEGORIES},
     recording::Opened,
-    store::{Budget, ColumnStore, StoreBuilder},
-    table::{Table, TableColumn, TableRows},
+    store::{Budget, StoreBuilder, StoredTable},
+    table::{Table, TableColumn},
 };
 use cache::{Meta, SlotWriter};
 use decode::{Decoded, decode};
@@ -62,13 +61,13 @@ pub(crate) fn open(
             let own = plan.columns.first().map_or(0, |column| column.join.series);
             let mut series = decoded.series;
             let store = series.swap_remove(own).store.select(&columns);
-            Box::new(JoinedTable { store, columns: meta.columns.clone() })
+            Box::new(StoredTable { store, columns: meta.columns.clone(), has_time: true })
         }
         None => {
             let mut rows = StoreBuilder::new(path, meta.columns.len(), budget.clone());
             join_into(&mut rows, &plan, &decoded, &codes, progress)?;
             drop(decoded);
-            Box::new(JoinedTable { store: rows.finish()?, columns: meta.columns.clone() })
+            Box::new(StoredTable { store: rows.finish()?, columns: meta.columns.clone(), has_time: true })
         }
         Some(slot) => {
             let columns: Vec<Column> = meta.columns.iter().map(|column| column.column.clone()).collect();
@@ -321,33 +320,5 @@ impl RowSink for SlotWriter {
 impl RowSink for StoreBuilder {
     fn push_rows(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
         self.push_columns(stamps, columns)
-    }
-}
-
-/// Joined rows.
-struct JoinedTable {
-    store: ColumnStore,
-    columns: Vec<TableColumn>,
-}
-
-impl Table for JoinedTable {
-    fn rows(&self) -> usize {
-        self.store.rows()
-    }
-
-    fn columns(&self) -> &[TableColumn] {
-        &self.columns
-    }
-
-    fn pieces(&self) -> Vec<Range<usize>> {
-        self.store.pieces()
-    }
-
-    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        self.store.stamps(rows)
-    }
-
-    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
-        self.store.values(rows)
     }
 }

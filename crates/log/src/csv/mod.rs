@@ -5,17 +5,16 @@ mod decode;
 mod head;
 mod input;
 
-use std::{io::Read, ops::Range, path::Path, sync::Arc};
+use std::{io::Read, path::Path, sync::Arc};
 
-use fleetfoot_data::{Column, ScalarBuffer};
+use fleetfoot_data::Column;
 
 use crate::{
     Compression, Error, Selection, TimeSpec,
     error::nearest,
     parquet::list,
     recording::Opened,
-    store::{Budget, ColumnStore},
-    table::{Table, TableColumn, TableRows},
+    store::{Budget, StoredTable},
     time_column::{self, Clock},
 };
 use decode::{Plan, TimeField};
@@ -55,7 +54,7 @@ pub(crate) fn open(
     let plan = Plan { path, compression, head, fields, time };
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
-    let table = CsvTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
+    let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
     Ok(Opened { table: Box::new(table), assumed_unit, time_column, notes, stamp: None, log_offset: 0 })
 }
 
@@ -97,33 +96,4 @@ fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
         .comment(Some(b'#'))
         .buffer_capacity(1 << 16)
         .from_reader(input)
-}
-
-/// A decoded text file.
-struct CsvTable {
-    store: ColumnStore,
-    columns: Vec<TableColumn>,
-    has_time: bool,
-}
-
-impl Table for CsvTable {
-    fn rows(&self) -> usize {
-        self.store.rows()
-    }
-
-    fn columns(&self) -> &[TableColumn] {
-        &self.columns
-    }
-
-    fn pieces(&self) -> Vec<Range<usize>> {
-        self.store.pieces()
-    }
-
-    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        if self.has_time { self.store.stamps(rows) } else { Ok(Vec::new().into()) }
-    }
-
-    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
-        self.store.values(rows)
-    }
 }
