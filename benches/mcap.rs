@@ -267,6 +267,9 @@ fn compare(reader: &Messages, names: &[&str], theirs: &[f64], first: i64) -> Res
     Ok(compared)
 }
 
+/// A way through a log; answers what it has counted.
+type Way<'a> = &'a (dyn Fn() -> Result<u64> + Sync);
+
 /// Every way to the rows beside plain decompression, in alternation.
 fn against_decompression(log: &Log, threads: usize, repeats: usize) -> Result<()> {
     let all = fields();
@@ -282,7 +285,7 @@ fn against_decompression(log: &Log, threads: usize, repeats: usize) -> Result<()
         })?;
         Ok::<u64, Box<dyn Error + Send + Sync>>(seen)
     };
-    let ways: [(&str, &(dyn Fn() -> Result<u64> + Sync), u64); 5] = [
+    let ways: [(&str, Way<'_>, u64); 5] = [
         (
             "plain decompression",
             &|| log.decompress(),

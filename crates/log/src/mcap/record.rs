@@ -191,6 +191,13 @@ impl<'a> MessageIndex<'a> {
         self.entries.len() as u64 / 16
     }
 
+    /// The log times of the first and the last entry.
+    pub(super) fn ends(&self) -> Option<(u64, u64)> {
+        let (entries, _) = self.entries.as_chunks::<16>();
+        let time = |entry: Option<&[u8; 16]>| Some(u64::from_le_bytes(*entry?.first_chunk::<8>()?));
+        Some((time(entries.first())?, time(entries.last())?))
+    }
+
     pub(super) fn log_times(&self) -> impl Iterator<Item = u64> + use<'a> {
         let (entries, _) = self.entries.as_chunks::<16>();
         entries.iter().filter_map(|entry| entry.first_chunk::<8>()).map(|time| u64::from_le_bytes(*time))
