@@ -41,7 +41,6 @@ impl McapFile {
     pub(super) fn open(path: &Path, compression: Compression, progress: &dyn Progress) -> Result<Self, Error> {
         let map = Map::open(path, compression)?;
         let mut layout = Layout::find(&map);
-        map.release(0..map.len());
         refuse_unknown_compression(path, &map, &layout.pieces)?;
         let mut notes = Vec::new();
         let summary = summary::read(&map, layout.data_end).unwrap_or_else(|why| {
@@ -74,6 +73,8 @@ impl McapFile {
         let mut text = || String::from_utf8_lossy(fields.bytes().unwrap_or_default()).into_owned();
         let (profile, library) = (text(), text());
         let Layout { pieces, damage, .. } = layout;
+        // The system maps more around each record that was looked at than was asked for.
+        map.release(0..map.len());
         Ok(Self { path: path.into(), map, pieces, definitions, counts, profile, library, damage, notes })
     }
 

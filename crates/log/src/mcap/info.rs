@@ -134,6 +134,7 @@ impl Container {
         } else {
             self.periods(progress)?
         };
+        self.files.iter().for_each(|file| file.map.release(0..file.map.len()));
         info.start = info.topics.iter().filter_map(|topic| topic.first).min();
         info.end = info.topics.iter().filter_map(|topic| topic.last).max();
         Ok(info)
