@@ -155,6 +155,18 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
 }
 
 #[test]
+fn fields_can_be_states_under_their_own_names() {
+    let folder = folder();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let states = "/odom.twist.twist.linear.x,/joint_states.velocity[left]";
+    run(&["fit", "pwa", "run.mcap", "--states", states, "-p", "kmeans:2", "-o", "model.json"]);
+    let score = run(&["score", "model.json", "test.mcap", "--json"]).json();
+    assert_eq!(score["rows"], 1498);
+    assert!(run(&["show", "model.json"]).out.contains("/joint_states.velocity[left]"));
+    run(&["rollout", "model.json", "test.mcap", "--horizon", "5", "--starts", "9", "-o", "r.parquet"]);
+}
+
+#[test]
 fn clocks_are_not_mixed_and_the_mend_is_told() {
     let folder = folder();
     let fit = |arguments: &[&str]| {

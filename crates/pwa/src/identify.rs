@@ -401,7 +401,8 @@ impl Fit<'_> {
             .filter(|equation| equation.target.is_some())
             .enumerate()
             .map(|(t, equation)| Latent {
-                name: equation.right.to_string(),
+                // Its plain name, without the backticks that an odd one has within expressions.
+                name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
                 library: 0,
                 partition: 0,
                 constants: order.full.iter().map(|region| region.intercept[t]).collect(),
