@@ -13,6 +13,12 @@ use super::{
 /// A chunk that says it is larger is refused: writers make chunks of a megabyte or so.
 const MAX_CHUNK: u64 = 1 << 30;
 
+/// A chunk that grows to more than this and by more than [`MAX_RATIO`] is no log: zeros can be packed into next to nothing.
+const FREE_GROWTH: u64 = 64 << 20;
+
+/// Beyond [`FREE_GROWTH`], how many times its size a chunk may grow: robots' logs shrink by 2 to 50.
+const MAX_RATIO: u64 = 1000;
+
 /// Bytes that a thread keeps for its next chunk.
 const KEPT: usize = 64 << 20;
 
@@ -75,6 +81,13 @@ impl Scratch {
         if chunk.uncompressed_size > MAX_CHUNK {
             return Err(format!("a chunk that says it has {} bytes, more than {MAX_CHUNK}", chunk.uncompressed_size));
         }
+        let size = chunk.data.len() as u64;
+        if chunk.uncompressed_size > FREE_GROWTH && chunk.uncompressed_size / MAX_RATIO > size {
+            return Err(format!(
+                "a chunk that unpacks from {size} to {} bytes, which no log does",
+                chunk.uncompressed_size
+            ));
+        }
         let size = usize::try_from(chunk.uncompressed_size).map_err(|_| "a chunk that is too large")?;
         self.bytes.clear();
         match chunk.compression {
@@ -111,5 +124,30 @@ impl Scratch {
         let decoder = FrameDecoder::new(data);
         let read = decoder.take((size as u64).saturating_add(1)).read_to_end(&mut self.bytes);
         read.map(|_| ()).map_err(|error| format!("a chunk that lz4 cannot decompress ({error})"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_that_is_a_bomb_is_refused_without_unpacking_it() {
+        let data = zstd::bulk::compress(&vec![0; 80 << 20], 1).unwrap();
+        assert!(data.len() < 80_000, "{}", data.len());
+        let chunk = |size: u64| Chunk {
+            log_times: 0..=1,
+            uncompressed_size: size,
+            crc: 0,
+            compression: b"zstd",
+            data: &data,
+            fills_its_record: true,
+        };
+        let mut scratch = Scratch::default();
+        let why = scratch.decompress(&chunk(80 << 20)).unwrap_err();
+        assert!(why.contains("no log") && scratch.bytes.capacity() == 0, "{why}");
+        // One that lies about its size never gets more room than it asked for.
+        assert!(scratch.decompress(&chunk(1 << 20)).is_err());
+        assert!(scratch.bytes.capacity() <= 1 << 20);
     }
 }

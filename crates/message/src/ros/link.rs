@@ -1,6 +1,9 @@
 //! From definitions that name each other to a [`Schema`] whose types are joined by index.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
 
 use crate::{Extensibility, Field, Length, Schema, StructType, Type};
 
@@ -41,7 +44,8 @@ pub(super) enum Kind {
 /// and what is done for a message is bounded by its length, however its schema is made.
 ///
 /// # Errors
-/// A definition that is missing or contains itself, or structs nested deeper than [`MAX_DEPTH`]; the text names it.
+/// A definition that is missing, contains itself or has two fields of one name, or structs nested deeper than [`MAX_DEPTH`]; the text names
+/// it.
 pub(super) fn link(definitions: &[Definition], root: usize) -> Result<Schema, String> {
     let mut linker =
         Linker { definitions, done: HashMap::new(), open: Vec::new(), structs: Vec::new(), empty: Vec::new() };
@@ -75,8 +79,12 @@ impl Linker<'_> {
         }
         self.open.push(place);
         let mut fields = Vec::with_capacity(definition.fields.len());
+        let mut names = HashSet::with_capacity(definition.fields.len());
         let mut depth = 1;
         for member in &definition.fields {
+            if !names.insert(member.name.as_str()) {
+                return Err(format!("`{}` has two fields `{}`", definition.name, member.name));
+            }
             let (kind, below) = self.kind(&member.kind, definition, member)?;
             depth = depth.max(below + 1);
             if !self.never_has_bytes(&kind) || member.optional {

@@ -122,22 +122,39 @@ pub(super) struct Names {
 
 /// Names with what they stand for.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Keys(Vec<(Box<[u8]>, usize)>);
+pub(super) struct Keys {
+    sorted: Vec<(Box<[u8]>, usize)>,
+    /// A wanted name has the sign for bytes that are no UTF-8, and so may stand for such bytes.
+    lossy: bool,
+}
 
 impl Keys {
     pub(super) fn new<'a>(keys: impl Iterator<Item = (&'a str, usize)>) -> Self {
-        let mut keys: Vec<_> = keys.map(|(key, place)| (Box::from(key.as_bytes()), place)).collect();
-        keys.sort();
-        Self(keys)
+        let mut lossy = false;
+        let bytes = |(key, place): (&str, usize)| {
+            lossy |= key.contains(char::REPLACEMENT_CHARACTER);
+            (Box::from(key.as_bytes()), place)
+        };
+        let mut sorted: Vec<_> = keys.map(bytes).collect();
+        sorted.sort();
+        Self { sorted, lossy }
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.sorted.is_empty()
     }
 
     #[inline]
     pub(super) fn find(&self, key: &[u8]) -> Option<usize> {
-        let place = self.0.binary_search_by(|(own, _)| (**own).cmp(key)).ok()?;
-        self.0.get(place).map(|&(_, value)| value)
+        let place = match self.search(key) {
+            Err(_) if self.lossy => self.search(String::from_utf8_lossy(key).as_bytes()),
+            found => found,
+        };
+        self.sorted.get(place.ok()?).map(|&(_, value)| value)
+    }
+
+    #[inline]
+    fn search(&self, key: &[u8]) -> Result<usize, usize> {
+        self.sorted.binary_search_by(|(own, _)| (**own).cmp(key))
     }
 }

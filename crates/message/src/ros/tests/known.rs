@@ -56,6 +56,15 @@ fn codec_ros1(schema: &str) -> Box<dyn Codec> {
 }
 
 #[test]
+fn names_that_are_no_utf8_are_found_under_what_they_are_shown_as() {
+    let codec = codec_ros1("string[] name\nfloat32[] position\n");
+    let message = b"\x02\0\0\0\x03\0\0\0r\xe9f\x01\0\0\0b\x02\0\0\0\0\0\x80\x3f\0\0\0\x40";
+    let name = codec.value(message).unwrap().field("name").cloned();
+    assert_eq!(name, Some(Value::Array(vec![Value::Text("r\u{fffd}f".to_owned()), Value::Text("b".to_owned())])));
+    assert_eq!(row(&*codec, message, &["position[r\u{fffd}f]", "position[b]"]).values, [1.0, 2.0]);
+}
+
+#[test]
 fn a_shorter_definition_of_the_writer_leaves_fields_out() {
     // The length says 12 bytes: a, padding and b, and neither s nor n.
     let message = b"\0\x09\0\0\x0c\0\0\0\x07\0\0\0\0\0\0\0\0\0\xf0\x3f";
@@ -113,6 +122,7 @@ fn schemas_that_cannot_be_used_say_why() {
     let parse = |text: &str| problem(codec("cdr", "pkg/msg/A", "ros2msg", text.as_bytes()));
     assert!(parse("B b").contains("`pkg/B` is missing"), "{}", parse("B b"));
     assert!(parse("B b\n===\nMSG: pkg/B\nA a").contains("contains itself"));
+    assert!(parse("int8 x\nint16 x").contains("`pkg/msg/A` has two fields `x`"), "{}", parse("int8 x\nint16 x"));
     assert!(parse("int32").contains("missing name"), "{}", parse("int32"));
     let deep: String = (0..40).map(|place| format!("===\nMSG: pkg/T{place}\nT{} t\n", place + 1)).collect();
     assert!(parse(&format!("T0 t\n{deep}===\nMSG: pkg/T40\nint8 x")).contains("deep"));
