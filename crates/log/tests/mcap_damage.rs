@@ -203,7 +203,9 @@ fn every_cut_is_read_up_to_it() {
     let bytes = fs::read(&path).unwrap();
     assert!((450_000..650_000).contains(&bytes.len()), "{}", bytes.len());
     let near_the_ends = |length: &usize| *length < 2000 || bytes.len() - length <= 2000;
-    let lengths = (0..bytes.len()).rev().filter(|length| near_the_ends(length) || length.is_multiple_of(97));
+    // All of them take minutes: FLEETFOOT_EVERY_CUT=1 asks for that.
+    let stride = if std::env::var_os("FLEETFOOT_EVERY_CUT").is_some() { 1 } else { 97 };
+    let lengths = (0..bytes.len()).rev().filter(|length| near_the_ends(length) || length.is_multiple_of(stride));
     let file = fs::File::options().write(true).open(&path).unwrap();
     let mut before: BTreeMap<&str, usize> = truth.iter().map(|(topic, rows)| (*topic, rows.len())).collect();
     let (mut partial, mut refused) = (0, 0);
