@@ -234,6 +234,12 @@ pub enum Error {
         /// A topic that is spelled similarly.
         nearest: Option<String>,
     },
+    /// A robot's log opened without a column or a base channel.
+    #[error("{}: no column and no base channel is named, so that there are no rows; name one of its fields (`info --values` lists them)", path.display())]
+    NothingAsked {
+        /// The file.
+        path: PathBuf,
+    },
     /// A column's name that is no way into a message.
     #[error("{}: the column `{column}` names no field of a message: {problem}; write /topic.field.part, /topic.array[3] or /topic.array[name]", path.display())]
     BadField {

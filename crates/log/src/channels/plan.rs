@@ -69,6 +69,9 @@ pub(super) fn plan(
         asked.push(ask(path, &names, column)?);
     }
     let base = base_topic(path, &names, selection, &asked)?;
+    if asked.is_empty() && base.is_none() {
+        return Err(Error::NothingAsked { path: path.into() });
+    }
     let mut used: Vec<usize> = asked.iter().map(|asked| asked.topic).chain(base.as_ref().map(|base| base.0)).collect();
     used.sort_unstable();
     used.dedup();
@@ -180,11 +183,14 @@ impl Builder<'_> {
         let info = like(&seen[used], &asked.path);
         let rule = selection.join.columns.get(name).copied().unwrap_or_default();
         let float = info.is_none_or(|info| info.kind == FieldKind::Float);
-        let kind = rule.kind.unwrap_or(match info {
-            Some(info) if info.quaternion => JoinKind::Slerp,
-            _ if float => JoinKind::Linear,
-            _ => JoinKind::Hold,
-        });
+        let kind = match (info, rule.kind) {
+            // Between two texts there is none, whatever is asked.
+            (Some(info), _) if info.kind == FieldKind::Text => JoinKind::Hold,
+            (_, Some(kind)) => kind,
+            (Some(info), None) if info.quaternion => JoinKind::Slerp,
+            (_, None) if float => JoinKind::Linear,
+            (_, None) => JoinKind::Hold,
+        };
         let slot = self.field(used, &asked.path);
         let quaternion = (kind == JoinKind::Slerp).then(|| components(&asked.path)).flatten();
         Slot {

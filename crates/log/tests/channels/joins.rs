@@ -224,6 +224,9 @@ fn texts_are_categories_and_hold() {
     }
     let mut selection = Selection::new(["/contact.data", "/odom.child_frame_id"]);
     selection.join.stamp = Some(Stamp::Log);
+    // A text has no line to its neighbour, whatever is asked.
+    let linear = ColumnJoin { kind: Some(JoinKind::Linear), ..ColumnJoin::default() };
+    selection.join.columns.insert("/odom.child_frame_id".into(), linear);
     let recording = log.finish().open(&selection);
     assert_eq!(recording.columns()[0].kind, ColumnKind::Boolean);
     assert_eq!(recording.columns()[1].kind, ColumnKind::Category(["halt", "räder", "walk"].map(String::from).to_vec()));

@@ -45,6 +45,21 @@ fn what_the_log_does_not_have_is_named_with_the_nearest() {
 }
 
 #[test]
+fn a_log_of_which_nothing_is_asked_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = fleetfoot_log::McapWriter::create(&path, &fleetfoot_log::McapOptions::default()).unwrap();
+    let channel = writer.channel::<Float64>("/x").unwrap();
+    writer.write(channel, 1, 1, &Float64 { data: 1.0 }).unwrap();
+    writer.finish().unwrap();
+    for base in [None, Some(Base::Rate(10.0))] {
+        let mut selection = Selection::default();
+        selection.join.base = base;
+        holds(&open(&[&path], &selection).unwrap_err().to_string(), &["run.mcap", "no column", "info --values"]);
+    }
+}
+
+#[test]
 fn a_file_that_is_not_what_its_name_says_is_refused() {
     let log = usual();
     let at = |name: &str| log.folder.path().join(name);

@@ -3,7 +3,6 @@
 mod encode;
 mod known;
 mod random;
-mod speed;
 
 use proptest::prelude::*;
 
