@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 12] = [
     ("fleetfoot-data", &[]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data"]),
@@ -11,6 +11,7 @@ const ARROWS: [(&str, &[&str]); 11] = [
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
     ("fleetfoot-message", &[]),
     ("fleetfoot-log", &["data", "message"]),
+    ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
     ("fleetfoot-sim", &["data", "library", "dynamics"]),
     ("fleetfoot", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim"]),

@@ -192,13 +192,3 @@ fn discrete_models_lags_and_plain_regression() {
     assert!(plain["candidates"][0]["mae_over_null"][0].as_f64().unwrap() < 1e-9);
     fleetfoot(folder.path(), &["rollout", "plain.json", "held-out.csv"]).fails(&["advances a state"]);
 }
-
-#[test]
-fn the_demo_runs_from_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let said = fleetfoot(folder.path(), &["demo"]).ok();
-    for word in ["<- chosen", "Mahalanobis", "useful horizon"] {
-        assert!(said.out.contains(word), "`{word}` is missing from\n{}", said.out);
-    }
-    assert!(folder.path().join("fleetfoot-demo/model.json").exists());
-}

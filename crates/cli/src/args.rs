@@ -29,7 +29,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Generate a robot's logs, fit a model to them, score it on held-out runs.
+    /// Generate a running robot's logs, fit models to them, and show what they are worth.
     Demo(Demo),
     /// Tell what files hold: columns, rows, rates, gaps.
     Info(Info),
@@ -46,6 +46,8 @@ pub(crate) enum Command {
     Rollout(Rollout),
     /// Print a model's equations and regions.
     Show(Show),
+    /// Simulate a robot and write its logs, with known truth, and the recipe to fit them.
+    Generate(Box<Generate>),
 }
 
 #[derive(Debug, Subcommand)]
@@ -56,12 +58,15 @@ pub(crate) enum Fit {
 
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
-    /// Folder for the generated logs and the model.
+    /// Folder for the generated logs and the models.
     #[arg(short, long, value_name = "DIR", default_value = "fleetfoot-demo")]
     pub(crate) output: PathBuf,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+    /// Simulated time of all runs together.
+    #[arg(long, value_name = "MINUTES", default_value_t = 10.0)]
+    pub(crate) minutes: f64,
 }
 
 #[derive(Debug, Args)]
@@ -267,9 +272,12 @@ pub(crate) struct FitPwa {
     /// Memory for the rows that k-means keeps; beyond it a sample is clustered.
     #[arg(long, value_name = "MiB", default_value_t = 512)]
     pub(crate) memory: usize,
-    /// Fit the chosen model by TSQR in one more pass instead of by the preconditioned Gram matrix.
+    /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix.
     #[arg(long)]
     pub(crate) tsqr: bool,
+    /// Write the models of all partitions, not only the chosen one, beside it: model_average.json, model_kmeans10.json, ...
+    #[arg(long)]
+    pub(crate) keep_all: bool,
     /// Tell what the job would read and keep, and stop.
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -298,6 +306,15 @@ pub(crate) struct Score {
     /// Show the score of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
+    /// Two columns or expressions, separated by a comma: show on their plane where the region changes and where the errors are.
+    #[arg(long, value_name = "A,B")]
+    pub(crate) plane: Option<List>,
+    /// Cells of the plane along each axis.
+    #[arg(long, value_name = "N", default_value_t = 36, requires = "plane")]
+    pub(crate) bins: usize,
+    /// The Parquet file to write the plane's cells to.
+    #[arg(short, long, value_name = "FILE", requires = "plane")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -333,6 +350,14 @@ pub(crate) struct Rollout {
     /// Choose the starts at random with this seed (default: evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,
+    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
+    /// and its settings (default: inputs as recorded).
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(crate) controller: Option<String>,
+    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
+    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s).
+    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
+    pub(crate) controller_set: Vec<List>,
     /// The Parquet file to write the trajectories to.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
@@ -346,6 +371,90 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    /// What the sensors say, as ROS 2 messages, and the truth.
+    Mcap,
+    /// Rows of truth.
+    Parquet,
+}
+
+/// The first and the last run's speed: `A:B`, or one number for all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Speed(pub(crate) f64, pub(crate) f64);
+
+impl std::str::FromStr for Speed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (first, last) = text.split_once(':').unwrap_or((text, text));
+        match (first.trim().parse::<f64>(), last.trim().parse::<f64>()) {
+            (Ok(first), Ok(last)) if first.is_finite() && last.is_finite() => Ok(Self(first, last)),
+            _ => Err("write a number, or two as 0.1:0.5".to_owned()),
+        }
+    }
+}
+
+/// A number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("write a number above 0".to_owned()),
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Generate {
+    /// The robot.
+    #[arg(value_name = "ROBOT", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::generate::robots()))]
+    pub(crate) robot: String,
+    /// Folder of the logs; it must hold no other recordings.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "print_world")]
+    pub(crate) output: Option<PathBuf>,
+    /// Simulated minutes of all runs together, shared evenly.
+    #[arg(long, value_name = "MINUTES", value_parser = positive, conflicts_with = "seconds")]
+    pub(crate) minutes: Option<f64>,
+    /// Simulated seconds of each run, if nothing ends it before (default: what suits the robot).
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) seconds: Option<f64>,
+    /// Runs; each is a file.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub(crate) runs: u64,
+    /// The number of the first run: run 7 is the same whether it is made with the others or alone.
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u64).range(..1_000_000_000))]
+    pub(crate) first_run: u64,
+    /// Speed, m/s; of two (A:B), A is the first run's and B the last one's, the others evenly between them.
+    #[arg(long, value_name = "A:B", allow_hyphen_values = true)]
+    pub(crate) speed: Option<Speed>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// How logs are kept (default: mcap; parquet for robots that have no messages).
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<LogFormat>,
+    /// A TOML file of physical parameters, where what is left out has its default value; or a generated log, for the world that it was made in.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) world: Option<PathBuf>,
+    /// Sets one physical parameter: its path in the world file and a value; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// What excites the robot, over ranges that suit it.
+    #[arg(long, value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::sim::Excitation::KINDS))]
+    pub(crate) excitation: Option<String>,
+    /// Print all physical parameters with their units as a world file, and stop.
+    #[arg(long)]
+    pub(crate) print_world: bool,
+    /// Leave the truth out: only what a real robot logs.
+    #[arg(long)]
+    pub(crate) no_truth: bool,
+    /// Replace the runs of an earlier command in the folder, and its recipe.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Tell what would be written, and stop.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
 }
 
 #[cfg(test)]

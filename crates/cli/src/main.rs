@@ -4,6 +4,7 @@
 
 mod args;
 mod commands;
+mod heatmap;
 mod progress;
 mod report;
 mod table;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         Command::Score(arguments) => commands::score::score(arguments, &context),
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
+        Command::Generate(arguments) => commands::generate::generate(arguments, &context),
         Command::Show(arguments) => commands::show::show(arguments, &context),
     });
     match result {

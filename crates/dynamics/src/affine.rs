@@ -14,6 +14,7 @@ use crate::{
     aligned::Aligned,
     angle::wrap,
     cell::{Cell, Cells},
+    controller::Drive,
     integrate::{advance, runge_kutta_mean},
     kernel::{LANES, affine, copy, load, near, within},
     simulator::Run,
@@ -167,6 +168,14 @@ impl AffineKernel {
                 track.slots[slot] = value;
             }
         }
+        if let Some(drive) = &mut track.drive
+            && k < track.run.horizon
+        {
+            drive.step(k, track.run.time[k], |state| track.slots[state]);
+            for &(slot, input) in &track.driven {
+                track.slots[slot] = drive.inputs[input];
+            }
+        }
         self.turn(&mut track.slots);
     }
 
@@ -276,6 +285,9 @@ struct Track<'a> {
     first: Aligned,
     cell: Cell,
     recorded: Vec<&'a [f64]>,
+    drive: Option<Drive<'a>>,
+    /// Slots of driven inputs, and which.
+    driven: Vec<(usize, usize)>,
     states: Vec<f64>,
     regions: Vec<u32>,
     end: End,
@@ -283,11 +295,13 @@ struct Track<'a> {
 }
 
 impl<'a> Track<'a> {
-    fn new(kernel: &AffineKernel, simulator: &Simulator, run: &'a Run<'a>) -> Self {
+    fn new(kernel: &AffineKernel, simulator: &'a Simulator, run: &'a Run<'a>) -> Self {
         let mut slots = Aligned::new(kernel.slots, 0.0);
         for (slot, state) in slots.iter_mut().zip(&simulator.states) {
             *slot = run.window.values(state.column, 0, 1)[0];
         }
+        let drives = simulator.driver.as_ref().map_or(&[][..], |driver| &driver.drives);
+        let input = |column: usize| drives.iter().position(|&(driven, _)| driven == column);
         let mut states = Vec::with_capacity((run.horizon + 1) * kernel.states);
         states.extend_from_slice(&slots[..kernel.states]);
         let mut track = Self {
@@ -297,7 +311,17 @@ impl<'a> Track<'a> {
             recorded: kernel
                 .recorded
                 .iter()
-                .map(|&(_, column)| run.window.values(column, 0, run.horizon as i64))
+                .map(|&(_, column)| match input(column) {
+                    // The controller's business.
+                    Some(_) => &[],
+                    None => run.window.values(column, 0, run.horizon as i64),
+                })
+                .collect(),
+            drive: simulator.driver.as_ref().map(|driver| driver.start(run.window, run.horizon)),
+            driven: kernel
+                .recorded
+                .iter()
+                .filter_map(|&(slot, column)| input(column).map(|input| (slot, input)))
                 .collect(),
             states,
             regions: Vec::with_capacity(run.horizon),
@@ -315,6 +339,7 @@ impl<'a> Track<'a> {
             start: self.run.start,
             time: self.run.time[..=self.regions.len()].to_vec(),
             states: self.states,
+            inputs: self.drive.map_or_else(Vec::new, |drive| drive.finish(self.regions.len())),
             regions: self.regions,
             end: self.end,
             left_domain: self.left,

@@ -129,7 +129,13 @@ impl OneStepBaselines {
 }
 
 /// Evaluates a program on the core rows `rows`, outputs x rows; NaN where a lag or lead leaves the block.
-fn evaluate(program: &Program, block: &Block, rows: &Range<usize>, out: &mut Vec<f64>, scratch: &mut Scratch) {
+pub(crate) fn evaluate(
+    program: &Program,
+    block: &Block,
+    rows: &Range<usize>,
+    out: &mut Vec<f64>,
+    scratch: &mut Scratch,
+) {
     out.clear();
     out.resize(program.outputs() * rows.len(), f64::NAN);
     let valid = overlap(rows, &program.valid_rows(block));

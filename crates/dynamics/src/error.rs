@@ -96,12 +96,26 @@ pub enum Error {
         /// Rows each needs.
         needed: usize,
     },
+    /// A plane that nothing can be projected onto.
+    #[error("a plane cannot be made: {0}")]
+    Plane(String),
     /// Nothing to simulate.
     #[error("the horizon is 0 steps; ask for at least one")]
     NoHorizon,
     /// A step that is not a positive number of seconds.
     #[error("a step of {0} s; the step must be a positive number of seconds")]
     BadStep(f64),
+    /// A controller does not fit the model.
+    #[error("the controller's column `{column}` {problem}")]
+    Controller {
+        /// The column that it names.
+        column: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A controller's parameter cannot be used.
+    #[error("the controller's {0}")]
+    Parameter(#[from] crate::controller::ParameterError),
 }
 
 impl From<Cancelled> for Error {

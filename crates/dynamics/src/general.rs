@@ -3,8 +3,8 @@
 use fleetfoot_library::Leaf;
 
 use crate::{
-    End, Method, RolloutOptions, Simulator, Trajectory, compiled::Workspace, integrate::runge_kutta_mean,
-    kernel::within, simulator::Run,
+    End, Method, RolloutOptions, Simulator, Trajectory, compiled::Workspace, controller::Drive,
+    integrate::runge_kutta_mean, kernel::within, simulator::Run,
 };
 
 /// The columns of a batch over time: row `history + k` holds the values at step k, one a trajectory.
@@ -52,6 +52,8 @@ struct Batch<'a> {
     steps: Vec<usize>,
     left: Vec<Option<usize>>,
     regions: Vec<u32>,
+    /// The controllers of a closed loop, one a trajectory; none in an open loop.
+    drives: Vec<Drive<'a>>,
 }
 
 /// Simulates a batch of complete windows.
@@ -96,6 +98,19 @@ impl<'a> Batch<'a> {
                 }
             }
         }
+        let mut drives = Vec::new();
+        if let Some(driver) = &simulator.driver {
+            for &(column, most) in &driver.drives {
+                let values = &mut columns.values[column];
+                values.resize(length * count, 0.0);
+                for (b, run) in runs.iter().enumerate() {
+                    for (k, &value) in run.window.values(column, -i64::from(most), 1).iter().enumerate() {
+                        values[(history + k - most as usize) * count + b] = value;
+                    }
+                }
+            }
+            drives.extend(runs.iter().map(|run| driver.start(run.window, horizon)));
+        }
         let leaves = simulator.compiled.functions.leaves().iter().chain(simulator.compiled.rights.leaves());
         let mut time_lags: Vec<i32> =
             leaves.filter_map(|leaf| if let Leaf::Time { lag } = *leaf { Some(lag) } else { None }).collect();
@@ -121,6 +136,7 @@ impl<'a> Batch<'a> {
             steps: vec![horizon; count],
             left: vec![None; count],
             regions: Vec::with_capacity(horizon * count),
+            drives,
         }
     }
 
@@ -157,6 +173,7 @@ impl<'a> Batch<'a> {
 
     fn step(&mut self, step: usize, limits: &[f64], options: &RolloutOptions) {
         let count = self.columns.count;
+        self.drive(step);
         let zero = vec![0.0; count];
         let mut slopes = self.slopes(&Stage { step, states: None, offset: &zero });
         self.look_around(step);
@@ -187,6 +204,23 @@ impl<'a> Batch<'a> {
                 }
             }
             self.columns.at_mut(state.column, step + 1).copy_from_slice(&next[s * count..(s + 1) * count]);
+        }
+    }
+
+    /// Sets the inputs that the controllers drive.
+    fn drive(&mut self, step: usize) {
+        let Some(driver) = &self.simulator.driver else { return };
+        for (b, drive) in self.drives.iter_mut().enumerate() {
+            if self.end[b] != End::Horizon {
+                continue;
+            }
+            let (columns, simulator) = (&self.columns, self.simulator);
+            drive.step(step, self.runs[b].time[step], |state| {
+                columns.at(simulator.states[state].column, step as i64)[b]
+            });
+            for (&(column, _), &input) in driver.drives.iter().zip(&drive.inputs) {
+                self.columns.at_mut(column, step)[b] = input;
+            }
         }
     }
 
@@ -246,8 +280,9 @@ impl<'a> Batch<'a> {
         }
     }
 
-    fn finish(self, horizon: usize) -> Vec<Trajectory> {
+    fn finish(mut self, horizon: usize) -> Vec<Trajectory> {
         let count = self.columns.count;
+        let mut drives = std::mem::take(&mut self.drives).into_iter();
         (0..count)
             .map(|b| {
                 let steps = self.steps[b].min(horizon);
@@ -259,6 +294,7 @@ impl<'a> Batch<'a> {
                     start: self.runs[b].start,
                     time: self.runs[b].time[..=steps].to_vec(),
                     states,
+                    inputs: drives.next().map_or_else(Vec::new, |drive| drive.finish(steps)),
                     regions: (0..steps).map(|k| self.regions[k * count + b]).collect(),
                     end: self.end[b],
                     left_domain: self.left[b],

@@ -3,6 +3,7 @@
 //! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
 //! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
+//! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 
@@ -12,16 +13,17 @@ mod angle;
 mod baseline;
 mod cell;
 mod compiled;
+pub mod controller;
 mod domain;
 mod error;
 mod general;
 mod horizon;
 mod integrate;
-mod interval;
 mod kernel;
 mod layout;
 mod mahalanobis;
 mod metrics;
+mod plane;
 mod predict;
 mod rollout;
 mod score;
@@ -35,12 +37,14 @@ pub use domain::Domain;
 pub use error::Error;
 pub use horizon::{Horizon, HorizonScore, UsefulHorizon};
 pub use integrate::{Method, Step};
-pub use interval::{Basis, Estimate, student_t_95};
 pub use mahalanobis::Mahalanobis;
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
+pub use plane::{Axis, MAX_BINS, Plane, PlaneCell, plane};
 pub use predict::{Predicted, Predictor, PredictorWorkspace, RowStatus};
-pub use rollout::{Outcome, Rollouts, rollout};
+pub use rollout::{Outcome, Rollouts, rollout, rollout_closed_loop};
 pub use score::{ScoreOptions, score};
 pub use simulator::{RolloutOptions, Simulator};
 pub use starts::{Start, Starts};
 pub use trajectory::{End, Trajectory};
+
+pub use fleetfoot_stats::{Basis, Estimate, student_t_95};

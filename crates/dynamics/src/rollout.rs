@@ -1,11 +1,14 @@
 //! Rollouts of a model against a recording: simulated, scored by horizon, beside the baselines.
 
+use std::sync::Arc;
+
 use fleetfoot_data::{Progress, Source, parallel_fold};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 
 use crate::{
     End, Error, Horizon, RolloutOptions, Simulator, Start, Starts, Trajectory,
+    controller::Controller,
     horizon::{HorizonScorer, HorizonSums},
     simulator::GROUP,
     window::{Window, read_windows},
@@ -19,6 +22,8 @@ pub struct Rollouts {
     pub states: Vec<String>,
     /// States without an equation: taken from the recording, so nothing is predicted of them.
     pub recorded_states: Vec<String>,
+    /// Inputs that a controller drove, in the order of [`Trajectory::inputs`].
+    pub driven_inputs: Vec<String>,
     /// One entry a start that was simulated, in the order of the starts.
     pub outcomes: Vec<Outcome>,
     /// Starts left out because a value that they need is missing.
@@ -85,14 +90,43 @@ pub fn rollout(
     options: &RolloutOptions,
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
-    options.validate()?;
-    let simulator = Simulator::new(model)?;
     // The null model of equations that share latents has no meaning; then there is no such baseline.
     let null = null_model(model).and_then(|model| Simulator::new(&model).ok());
+    roll_out(model, &Simulator::new(model)?, null.as_ref(), source, starts, options, progress)
+}
+
+/// [`rollout`] with inputs from a controller that sees the simulated states (II-F of Buchan, Haldane, Fearing); so does the null model's.
+///
+/// # Errors
+/// Those of [`rollout`] and of [`Simulator::driven_by`].
+pub fn rollout_closed_loop(
+    model: &Model,
+    controller: &Arc<dyn Controller>,
+    source: &dyn Source,
+    starts: &Starts,
+    options: &RolloutOptions,
+    progress: &dyn Progress,
+) -> Result<Rollouts, Error> {
+    let simulator = Simulator::new(model)?.driven_by(Arc::clone(controller))?;
+    let null = null_model(model).and_then(|model| Simulator::new(&model).ok());
+    let null = null.map(|null| null.driven_by(Arc::clone(controller))).transpose()?;
+    roll_out(model, &simulator, null.as_ref(), source, starts, options, progress)
+}
+
+fn roll_out(
+    model: &Model,
+    simulator: &Simulator,
+    null: Option<&Simulator>,
+    source: &dyn Source,
+    starts: &Starts,
+    options: &RolloutOptions,
+    progress: &dyn Progress,
+) -> Result<Rollouts, Error> {
+    options.validate()?;
     let needed = simulator.needed_rows(options.horizon);
     let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
     let map = simulator.column_map(source)?;
-    let scorer = HorizonScorer::new(model, &simulator, options.horizon);
+    let scorer = HorizonScorer::new(model, simulator, options.horizon);
     let mut sums = scorer.empty();
     let (mut outcomes, mut trajectories, mut missing) = (Vec::with_capacity(starts.len()), Vec::new(), 0);
     parallel_fold(
@@ -102,7 +136,7 @@ pub fn rollout(
             let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
             let blocks = read_windows(source, starts, needed)?;
             let windows = blocks.windows(starts, &map);
-            Ok(simulate_and_score(source, &simulator, null.as_ref(), &scorer, &windows, options))
+            Ok(simulate_and_score(source, simulator, null, &scorer, &windows, options))
         },
         |(lost, done, part)| -> Result<(), Error> {
             missing += lost;
@@ -120,6 +154,7 @@ pub fn rollout(
     Ok(Rollouts {
         states: simulator.states().to_vec(),
         recorded_states: simulator.recorded_states().to_vec(),
+        driven_inputs: simulator.driven_inputs().to_vec(),
         horizon: scorer.finish(simulator.states().to_vec(), &sums),
         outcomes,
         missing,

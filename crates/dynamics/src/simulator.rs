@@ -1,5 +1,7 @@
 //! A model compiled to run free: states advanced by the equations, everything else taken from a recording.
 
+use std::sync::Arc;
+
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_library::{Leaf, UnknownColumn, nearest};
 use fleetfoot_model::{Equation, Model, Role, packed};
@@ -8,6 +10,7 @@ use crate::{
     Error, Method, Start, Step, Trajectory,
     affine::AffineKernel,
     compiled::Compiled,
+    controller::{Controller, Driver},
     integrate::Advance,
     kernel::padded,
     window::{Window, read_windows},
@@ -60,6 +63,7 @@ pub struct Simulator {
     history: usize,
     ahead: usize,
     kernel: Option<AffineKernel>,
+    pub(crate) driver: Option<Driver>,
     names: Vec<String>,
     from_recording: Vec<String>,
 }
@@ -110,6 +114,7 @@ impl Simulator {
             history: 0,
             ahead: 0,
             kernel: None,
+            driver: None,
             ranges,
             reported,
             states,
@@ -151,6 +156,23 @@ impl Simulator {
     pub fn general(mut self) -> Self {
         self.kernel = None;
         self
+    }
+
+    /// Closes the loop: inputs come from a controller that sees the simulated states, instead of from the recording.
+    ///
+    /// A driven input is taken from the recording up to the start, where lagged terms and latencies reach back to it.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`]; [`Error::Controller`] for columns that the model does not have, that are advanced states, or that the controller also
+    /// reads; [`Error::FutureState`] where the model looks ahead at a driven input.
+    pub fn driven_by(mut self, controller: Arc<dyn Controller>) -> Result<Self, Error> {
+        self.driver = Some(Driver::bind(controller, &mut self)?);
+        Ok(self)
+    }
+
+    /// Inputs that a controller drives, in the order of [`Trajectory::inputs`].
+    pub fn driven_inputs(&self) -> &[String] {
+        self.driver.as_ref().map_or(&[], |driver| &driver.names)
     }
 
     /// Whether the model runs on the fast path for piecewise-affine models.
@@ -236,7 +258,9 @@ impl Simulator {
     pub(crate) fn column_map(&self, source: &dyn Source) -> Result<Vec<usize>, Error> {
         let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
         let needed = |column: usize| {
-            self.states.iter().any(|state| state.column == column) || self.recorded.iter().any(|r| r.0 == column)
+            self.states.iter().any(|state| state.column == column)
+                || self.recorded.iter().any(|r| r.0 == column)
+                || self.driver.as_ref().is_some_and(|driver| driver.drives.iter().any(|d| d.0 == column))
         };
         let mut map = Vec::with_capacity(self.columns.len());
         for (column, name) in self.columns.iter().enumerate() {
@@ -261,6 +285,7 @@ impl Simulator {
                 .recorded
                 .iter()
                 .all(|&(column, most, least)| finite(column, -i64::from(most), horizon as i64 - i64::from(least)))
+            && self.driver.as_ref().is_none_or(|driver| driver.is_complete(window))
     }
 }
 

@@ -23,6 +23,8 @@ pub struct Trajectory {
     pub time: Vec<f64>,
     /// State vectors, one after the other, the first as recorded; angles in (-pi, pi].
     pub states: Vec<f64>,
+    /// Inputs that a controller gave, one vector a step in the order of [`Simulator::driven_inputs`](crate::Simulator::driven_inputs); empty in an open loop.
+    pub inputs: Vec<f64>,
     /// The region that each step used (in the first latent's partition); one value less than there are state vectors.
     pub regions: Vec<u32>,
     /// How it ended. After an early end the last state vector is the last good one.

@@ -34,6 +34,14 @@ pub enum Error {
         /// The nearest names.
         candidates: Vec<String>,
     },
+    /// The parameters of a simulated robot cannot be understood, or are not allowed.
+    #[error("{name}: {problem}")]
+    World {
+        /// Their file or origin.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// The recipe asks for nothing to predict, or for something impossible.
     #[error("{0}")]
     Request(String),

@@ -1,6 +1,6 @@
 //! From files and a recipe to a piecewise-affine model.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fleetfoot_data::Progress;
 use fleetfoot_pwa::{Identification, Options, Specification};
@@ -19,6 +19,37 @@ pub struct Fitted {
     pub files: usize,
     /// What the user should know.
     pub notes: Vec<String>,
+}
+
+impl Fitted {
+    /// Writes the models of all candidates beside the chosen one's file, if they were kept ([`Options::keep_all`]); tells the files, in the
+    /// order of the candidates.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn write_rivals(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
+        let found = &self.identification;
+        let mut written = Vec::with_capacity(found.models.len());
+        for (model, candidate) in found.models.iter().zip(&found.candidates) {
+            let path = rival(chosen, &candidate.specification);
+            fleetfoot_log::write_atomic(&path, model.to_json().as_bytes())?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+}
+
+/// `model.json` and `kmeans:10` make `model_kmeans10.json`.
+pub fn rival(chosen: &Path, specification: &Specification) -> PathBuf {
+    let stem = chosen.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
+    let name: String = specification
+        .to_string()
+        .chars()
+        .filter(|&c| c != ':')
+        .map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' })
+        .collect();
+    let extension = chosen.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
+    chosen.with_file_name(format!("{stem}_{name}.{extension}"))
 }
 
 /// What a fit would read and keep.
@@ -111,7 +142,10 @@ pub fn fit_pwa(
     }
     let view = dataset.view()?;
     let mut identification = fleetfoot_pwa::identify(&task.problem, &options, &view, progress)?;
-    identification.model.training.recipe = recipe.to_toml();
+    let text = recipe.to_toml();
+    for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
+        model.training.recipe.clone_from(&text);
+    }
     let mut notes = dataset.notes().to_vec();
     notes.append(&mut identification.notes);
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: files.len(), notes })

@@ -3,29 +3,33 @@
 //! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] makes a [`Model`];
 //! [`score`], [`predict`] and [`rollout`] run one on files.
 
+mod controller;
 mod dataset;
-mod demo;
+pub mod demo;
 mod error;
 mod fit;
+pub mod generate;
 mod init;
 mod labels;
 mod output;
+mod project;
 mod recipe;
 mod run;
 mod task;
 mod wildcard;
 
+pub use controller::controller;
 pub use dataset::Dataset;
-pub use demo::{DemoFiles, generate as generate_demo};
 pub use error::Error;
-pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa};
+pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
+pub use project::{Projected, project};
 pub use recipe::{EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, ModelSection, Recipe, State, Time};
 pub use run::{RolledOut, Scored, Written, predict, rollout, score};
 pub use task::Task;
 
 pub use fleetfoot_data::{
-    Column, ColumnKind, Episode, EpisodeId, Progress, Silent, Source, thread_count, with_threads,
+    Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, thread_count, with_threads,
 };
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_library as library;

@@ -1,5 +1,6 @@
 //! Predictions and trajectories as files: tables (Parquet), or messages that viewers draw over the recording (MCAP).
 
+mod plane;
 mod predictions;
 mod trajectories;
 
@@ -11,6 +12,7 @@ use std::{
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions};
 use fleetfoot_model::Model;
 
+pub(crate) use plane::write_plane;
 pub(crate) use predictions::{Place, PredictionsWriter};
 pub(crate) use trajectories::write_trajectories;
 

@@ -1,15 +1,19 @@
 //! A model run on files: scores, predictions row by row, rollouts.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use fleetfoot_data::{Progress, Source, parallel_fold};
 use fleetfoot_dynamics::{
-    Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores, Starts,
+    Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
+    Starts, controller::Controller,
 };
 use fleetfoot_model::{Model, Rule};
 
 use crate::{
-    Dataset, Error, Recipe,
+    Dataset, Error, Recipe, controller,
     output::{self, Place, PredictionsWriter},
 };
 
@@ -151,23 +155,39 @@ pub struct RolledOut {
     pub notes: Vec<String>,
 }
 
-/// Simulates a model from measured states; writes the trajectories when `output` is given.
+/// Simulates a model from measured states, with a controller around it where one is given; writes the trajectories when `output` is given.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "all of them are the caller's choice; a controller and a file may be left out"
+)]
 pub fn rollout(
     model: &Model,
     changes: &Recipe,
     files: &[PathBuf],
     starts: &Starts,
     options: &RolloutOptions,
+    closed_by: Option<&Arc<dyn Controller>>,
     output: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<RolledOut, Error> {
     let kind = output.map(output::kind).transpose()?;
-    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let own = model;
+    let model = &match closed_by {
+        Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
+        None => own.clone(),
+    };
+    let dataset =
+        Dataset::for_model(model, changes, files, progress).map_err(|error| controller::explained(error, own))?;
     let view = dataset.view()?;
     progress.stage("rollout");
     let mut options = options.clone();
     options.keep = output.is_some();
-    let rollouts = fleetfoot_dynamics::rollout(model, &view, starts, &options, progress)?;
+    let rollouts = match closed_by {
+        Some(closed_by) => {
+            fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, &options, progress)?
+        }
+        None => fleetfoot_dynamics::rollout(model, &view, starts, &options, progress)?,
+    };
     if let (Some(path), Some(kind)) = (output, kind) {
         let offset = |episode| dataset.log_offset(episode);
         output::write_trajectories(kind, path, model, &view, &offset, &rollouts, files)?;

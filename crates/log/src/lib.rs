@@ -22,6 +22,7 @@ mod join;
 mod join_spec;
 mod mcap;
 mod mcap_writer;
+mod metadata;
 mod naming;
 mod notes;
 mod overlay;
@@ -49,6 +50,7 @@ pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, ins
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp};
 pub use mcap_writer::{ChannelId, McapOptions, McapWriter};
+pub use metadata::metadata;
 pub use overlay::{Overlay, SeriesId};
 pub use paths::paths;
 pub use recording::{Recording, open, open_with_progress};

@@ -1,9 +1,11 @@
 //! The third pass, for what is not quadratic: absolute errors and Mahalanobis scores, each row predicted by the models that did not
-//! see its fold (paper, Table I), and the residual covariance of the chosen model in each region.
+//! see its fold (paper, Table I), and the residual covariance of the kept models in each region.
+
+use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Chunk, reduce};
+use fleetfoot_stats::{Basis, Chunk, reduce};
 
 use crate::{
     Error,
@@ -25,8 +27,63 @@ pub(crate) struct Errors {
     pub(crate) null: Sums,
     /// Weighted sum of |y - mean over all rows|.
     pub(crate) deviation: Vec<f64>,
-    /// Scatter of the residuals of the chosen model in each of its regions.
-    pub(crate) residuals: Scatter,
+    /// Scatter of the residuals of each kept model in each of its regions.
+    pub(crate) residuals: Vec<Scatter>,
+    /// Sums of absolute errors by (episode, fold), in the order of the chunks.
+    parts: Vec<((usize, u16), PartErrors)>,
+}
+
+/// Sums of absolute errors of a part of the rows, each for all targets (padded).
+#[derive(Clone)]
+pub(crate) struct PartErrors {
+    /// Of the null model.
+    pub(crate) null: Vec<f64>,
+    /// Of each candidate.
+    pub(crate) candidates: Vec<Vec<f64>>,
+}
+
+impl PartErrors {
+    fn merge(&mut self, other: &Self) {
+        let add = |a: &mut Vec<f64>, b: &Vec<f64>| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        add(&mut self.null, &other.null);
+        self.candidates.iter_mut().zip(&other.candidates).for_each(|(a, b)| add(a, b));
+    }
+}
+
+impl Errors {
+    /// Adds the absolute errors of a chunk to those of its episode and fold: the chunks of one follow each other.
+    fn add_part(&mut self, key: (usize, u16), chunk: &Errors) {
+        if chunk.weight <= 0.0 {
+            return;
+        }
+        let part = PartErrors {
+            null: chunk.null.absolute.clone(),
+            candidates: chunk.candidates.iter().map(|sums| sums.absolute.clone()).collect(),
+        };
+        match self.parts.last_mut() {
+            Some((last, known)) if *last == key => known.merge(&part),
+            _ => self.parts.push((key, part)),
+        }
+    }
+
+    /// What intervals compare: whole episodes where no fold cuts them, else the folds.
+    pub(crate) fn compared(&self, folds: u16, episodes: usize) -> (Basis, Vec<PartErrors>) {
+        let whole = episodes >= usize::from(folds.max(2));
+        let mut merged: BTreeMap<usize, PartErrors> = BTreeMap::new();
+        let mut order = Vec::new();
+        for ((episode, fold), part) in &self.parts {
+            let key = if whole { *episode } else { usize::from(*fold) };
+            match merged.get_mut(&key) {
+                Some(known) => known.merge(part),
+                None => {
+                    order.push(key);
+                    merged.insert(key, part.clone());
+                }
+            }
+        }
+        let parts: Vec<PartErrors> = order.iter().filter_map(|key| merged.remove(key)).collect();
+        (if whole { Basis::Episodes(parts.len()) } else { Basis::Folds(parts.len()) }, parts)
+    }
 }
 
 struct Part {
@@ -50,8 +107,8 @@ pub(crate) struct Measure<'a> {
     pub(crate) rows: &'a Rows,
     pub(crate) segmentation: &'a Segmentation,
     pub(crate) orders: &'a [Order],
-    /// Index of the chosen candidate.
-    pub(crate) chosen: usize,
+    /// Indices of the candidates whose models are kept.
+    pub(crate) kept: &'a [usize],
     /// Mean of the targets over all rows, and over the training rows of each fold.
     pub(crate) mean: &'a [f64],
     pub(crate) fold_means: &'a [Vec<f64>],
@@ -86,13 +143,14 @@ impl Measure<'_> {
                 part.scratch = scratch;
                 Ok::<_, Error>(())
             },
-            |_, part| {
+            |chunk, part| {
                 let errors = part.errors;
+                total.add_part((chunk.episode, chunk.fold.own), &errors);
                 total.weight += errors.weight;
                 total.null.merge(&errors.null);
                 total.candidates.iter_mut().zip(&errors.candidates).for_each(|(a, b)| a.merge(b));
                 total.deviation.iter_mut().zip(&errors.deviation).for_each(|(a, b)| *a += b);
-                total.residuals.merge(&errors.residuals);
+                total.residuals.iter_mut().zip(&errors.residuals).for_each(|(a, b)| a.merge(b));
                 Ok(())
             },
         )?;
@@ -101,13 +159,13 @@ impl Measure<'_> {
 
     fn empty(&self) -> Errors {
         let q = self.rows.targets;
-        let regions = self.orders[self.chosen].full.len();
         Errors {
             weight: 0.0,
             candidates: vec![Sums::new(q); self.orders.len()],
             null: Sums::new(q),
             deviation: vec![0.0; q],
-            residuals: Scatter::new(regions, q),
+            residuals: self.kept.iter().map(|&kept| Scatter::new(self.orders[kept].full.len(), q)).collect(),
+            parts: Vec::new(),
         }
     }
 
@@ -148,12 +206,12 @@ impl Measure<'_> {
             assigner.assign(partition, tile, &mut part.regions);
             maps_used.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
             part.errors.candidates[candidate].add(&part.residual, self.whitening, weights);
-            if candidate == self.chosen {
+            if let Some(kept) = self.kept.iter().position(|&kept| kept == candidate) {
                 if !std::ptr::eq(maps_used, &maps.full) {
                     assigner.assign(partitions.full, tile, &mut part.regions);
                     maps.full.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
                 }
-                part.errors.residuals.add(&part.regions, &part.residual, weights);
+                part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
             }
         }
     }

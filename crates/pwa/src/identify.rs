@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_model::{Latent, Model, Partition, Region, Rule, Training};
-use fleetfoot_stats::{Chunk, Gram, Grid, Preconditioner, SquareRoot};
+use fleetfoot_model::Model;
+use fleetfoot_stats::{Basis, Chunk, Estimate, Gram, Grid, Preconditioner, SquareRoot};
 
 use crate::{
     Error, Options, Problem, Specification,
-    errors::{Errors, Measure},
-    fit::{Base, RegionModel, Solver, region_models},
+    errors::{Errors, Measure, PartErrors},
+    fit::{Base, Solver, region_models},
     regions::{Segmentation, segment},
     residual::padded,
     rows::Rows,
@@ -28,6 +28,8 @@ const STATS_BUDGET: usize = 192 << 20;
 pub struct Identification {
     /// The chosen model.
     pub model: Model,
+    /// With [`Options::keep_all`] the models of all candidates, in their order; else empty.
+    pub models: Vec<Model>,
     /// Every partition that was tried, in the order asked for.
     pub candidates: Vec<Score>,
     /// Index of the chosen one.
@@ -46,6 +48,8 @@ pub struct Identification {
     pub effective_rows: f64,
     /// Whether the scores are of rows that did not train (cross-validation).
     pub held_out: bool,
+    /// What the intervals of the scores compare.
+    pub basis: Basis,
     /// Condition number of the standardised regressors of the one-region regression.
     pub condition: f64,
     /// Condition number of its preconditioned Gram matrix: near 1 while the pilot sample is representative.
@@ -66,6 +70,10 @@ pub struct Score {
     pub shrinkage: f64,
     /// Mean absolute error of each target over that of the null model on the same rows (Table I's printed numbers).
     pub over_null: Vec<f64>,
+    /// The same with 95 % intervals over [`Identification::basis`].
+    pub over_null_interval: Vec<Estimate>,
+    /// Sums of absolute errors of each target over the parts that the intervals compare: parts x targets.
+    pub absolute: Vec<Vec<f64>>,
     /// Mean absolute error of each target over the target's standard deviation.
     pub over_sigma: Vec<f64>,
     /// Coefficient of determination of each target.
@@ -80,6 +88,15 @@ pub struct Score {
     pub losses: Vec<f64>,
     /// Bayesian information criterion.
     pub bic: f64,
+}
+
+impl Identification {
+    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
+    /// what makes a part hard for both does not widen it.
+    pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
+        let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
+        (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
+    }
 }
 
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
@@ -205,13 +222,13 @@ fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {
 }
 
 /// All that is known when the statistic is complete.
-struct Fit<'a> {
-    problem: &'a Problem,
-    options: &'a Options,
-    rows: &'a Rows,
-    survey: &'a Survey,
-    segmentation: &'a Segmentation,
-    scan: &'a Scan,
+pub(crate) struct Fit<'a> {
+    pub(crate) problem: &'a Problem,
+    pub(crate) options: &'a Options,
+    pub(crate) rows: &'a Rows,
+    pub(crate) survey: &'a Survey,
+    pub(crate) segmentation: &'a Segmentation,
+    pub(crate) scan: &'a Scan,
     preconditioner: &'a Preconditioner,
 }
 
@@ -237,21 +254,36 @@ impl Fit<'_> {
         let specifications: Vec<&Specification> =
             self.segmentation.candidates.iter().map(|c| &c.specification).collect();
         let chosen = choose(self.options.selection, &specifications, &orders);
-        let mut roots = solver.training(self.segmentation.candidates[chosen].full, None);
-        if self.options.tsqr {
-            progress.stage("TSQR");
-            roots = self.refit(&mut orders[chosen], chosen, source, chunks, progress)?.unwrap_or(roots);
+        let kept: Vec<usize> = if self.options.keep_all { (0..orders.len()).collect() } else { vec![chosen] };
+        let mut roots = Vec::with_capacity(kept.len());
+        for &candidate in &kept {
+            let mut of_regions = solver.training(self.segmentation.candidates[candidate].full, None);
+            if self.options.tsqr {
+                progress.stage("TSQR");
+                let order = &mut orders[candidate];
+                of_regions = self.refit(order, candidate, source, chunks, progress)?.unwrap_or(of_regions);
+            }
+            roots.push(of_regions);
         }
         progress.stage("errors");
-        let errors = self.measure(&orders, chosen, &base, &solver).run(source, chunks, progress)?;
+        let errors = self.measure(&orders, &kept, &base, &solver).run(source, chunks, progress)?;
         let q = self.rows.targets;
         let sigma: Vec<f64> =
             (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
-        let candidates = self.scores(&orders, &errors, &sigma);
+        let (basis, parts) = errors.compared(self.options.folds, source.episodes().len());
+        let candidates = self.scores(&orders, &errors, &parts, &sigma);
+        let mut models: Vec<Model> = kept
+            .iter()
+            .zip(errors.residuals.iter().zip(&roots))
+            .map(|(&kept, (residuals, roots))| self.model(&orders[kept], kept, &errors, residuals, source, roots))
+            .collect();
+        let model = if self.options.keep_all { models[chosen].clone() } else { models.remove(0) };
         let mut notes = self.segmentation.notes.clone();
         self.notes(&base, &mut notes);
+        self.empty_balls(&solver, &mut notes);
         Ok(Identification {
-            model: self.model(&orders[chosen], chosen, &errors, source, &roots),
+            model,
+            models,
             candidates,
             chosen,
             targets: self.problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
@@ -261,22 +293,23 @@ impl Fit<'_> {
             incomplete: self.survey.incomplete,
             effective_rows: independent,
             held_out: self.options.folds > 1,
+            basis,
             condition: base.average.condition,
             preconditioned: base.root.condition,
             notes,
         })
     }
 
-    /// Fits the chosen candidate again by TSQR.
+    /// Fits a candidate again by TSQR.
     fn refit(
         &self,
         order: &mut Order,
-        chosen: usize,
+        candidate: usize,
         source: &dyn Source,
         chunks: &[Chunk],
         progress: &dyn Progress,
     ) -> Result<Option<BTreeMap<u32, SquareRoot>>, Error> {
-        let candidate = &self.segmentation.candidates[chosen];
+        let candidate = &self.segmentation.candidates[candidate];
         let factor = |partition| factor_regions(self.rows, self.segmentation, partition, source, chunks, progress);
         let Some(base) = factor(0)?.remove(&0).map(Base::new) else { return Ok(None) };
         let roots = factor(candidate.full)?;
@@ -287,7 +320,7 @@ impl Fit<'_> {
     fn measure<'m>(
         &'m self,
         orders: &'m [Order],
-        chosen: usize,
+        kept: &'m [usize],
         base: &'m Base,
         solver: &Solver<'_>,
     ) -> MeasureInput<'m> {
@@ -300,24 +333,29 @@ impl Fit<'_> {
         MeasureInput {
             fit: self,
             orders,
-            chosen,
+            kept,
             mean: base.root.mean_y.clone(),
             fold_means,
             whitening: whitening(&covariance, q),
         }
     }
 
-    fn scores(&self, orders: &[Order], errors: &Errors, sigma: &[f64]) -> Vec<Score> {
+    fn scores(&self, orders: &[Order], errors: &Errors, parts: &[PartErrors], sigma: &[f64]) -> Vec<Score> {
         let q = self.rows.targets;
         orders
             .iter()
             .zip(&errors.candidates)
             .zip(&self.segmentation.candidates)
-            .map(|((order, sums), candidate)| Score {
+            .enumerate()
+            .map(|(index, ((order, sums), candidate))| Score {
                 specification: candidate.specification.clone(),
                 regions: order.full.len(),
                 shrinkage: order.shrinkage,
                 over_null: (0..q).map(|t| sums.absolute[t] / errors.null.absolute[t]).collect(),
+                over_null_interval: (0..q)
+                    .map(|t| Estimate::of_ratio(parts.iter().map(|p| (p.candidates[index][t], p.null[t]))))
+                    .collect(),
+                absolute: parts.iter().map(|part| part.candidates[index][..q].to_vec()).collect(),
                 over_sigma: (0..q).map(|t| sums.absolute[t] / errors.weight / sigma[t]).collect(),
                 r2: (0..q).map(|t| 1.0 - sums.squared[t] / (errors.weight * sigma[t] * sigma[t])).collect(),
                 mahalanobis: sums.mahalanobis / errors.weight,
@@ -328,135 +366,13 @@ impl Fit<'_> {
             })
             .collect()
     }
-
-    fn notes(&self, base: &Base, notes: &mut Vec<String>) {
-        let name = |&function: &usize| self.problem.library[function].to_string();
-        for group in &base.average.confounded {
-            let names: Vec<String> = group.iter().map(name).collect();
-            notes.push(match names.as_slice() {
-                [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
-                _ => format!(
-                    "the data cannot separate {}: their coefficients are the smallest that fit",
-                    names.join(", ")
-                ),
-            });
-        }
-        if self.survey.incomplete > 0 {
-            notes.push(format!("{} rows with a missing value were left out", self.survey.incomplete));
-        }
-    }
-
-    /// Assembles the chosen model.
-    fn model(
-        &self,
-        order: &Order,
-        chosen: usize,
-        errors: &Errors,
-        source: &dyn Source,
-        roots: &BTreeMap<u32, SquareRoot>,
-    ) -> Model {
-        let candidate = &self.segmentation.candidates[chosen];
-        let null = candidate.specification == Specification::Null;
-        let library = if null { Vec::new() } else { self.problem.library.clone() };
-        let mut partition = self.segmentation.partitions[candidate.full].clone();
-        partition.specification = candidate.specification.to_string();
-        partition.regions = order
-            .full
-            .iter()
-            .enumerate()
-            .map(|(region, fitted)| {
-                let ranges = &self.scan.ranges[candidate.full][region];
-                self.region(
-                    region_name(&partition, region),
-                    fitted,
-                    roots.get(&(region as u32)),
-                    ranges,
-                    errors.residuals.covariance(region),
-                    null,
-                )
-            })
-            .collect();
-        let (q, s) = (self.rows.targets, self.rows.states);
-        let training = Training {
-            version: env!("CARGO_PKG_VERSION").into(),
-            recipe: String::new(),
-            seed: self.options.seed,
-            rows: self.survey.complete,
-            episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
-            target_mean: self.survey.scales.mean[..q].to_vec(),
-            target_covariance: leading(&self.survey.scales, 0..q),
-            target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
-            state_covariance: leading(&self.survey.scales, q..q + s),
-        };
-        let mut model = Model::new(
-            format!("pwa {}", candidate.specification),
-            self.problem.columns.clone(),
-            self.problem.step,
-            training,
-        );
-        model.latents = self
-            .problem
-            .equations
-            .iter()
-            .filter(|equation| equation.target.is_some())
-            .enumerate()
-            .map(|(t, equation)| Latent {
-                // Its plain name, without the backticks that an odd one has within expressions.
-                name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
-                library: 0,
-                partition: 0,
-                constants: order.full.iter().map(|region| region.intercept[t]).collect(),
-                coefficients: order
-                    .full
-                    .iter()
-                    .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
-                    .collect(),
-            })
-            .collect();
-        model.libraries = vec![library];
-        model.partitions = vec![partition];
-        model.equations = self.problem.equations.clone();
-        model
-    }
-
-    fn region(
-        &self,
-        name: String,
-        fitted: &RegionModel,
-        root: Option<&SquareRoot>,
-        ranges: &[[f64; 2]],
-        residual_covariance: Vec<f64>,
-        null: bool,
-    ) -> Region {
-        let p = if null { 0 } else { self.rows.regressors };
-        let mut covariance = vec![f64::NAN; p * (p + 1) / 2];
-        if let Some(root) = root {
-            for i in 0..p {
-                for j in 0..=i {
-                    let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
-                    covariance[i * (i + 1) / 2 + j] = product / root.weight;
-                }
-            }
-        }
-        Region {
-            name,
-            rows: root.map_or(0, |root| root.rows),
-            mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
-            covariance,
-            range: ranges[..p].to_vec(),
-            residual_covariance,
-            rank: fitted.rank,
-            condition: fitted.condition,
-            confounded: if null { Vec::new() } else { fitted.confounded.clone() },
-        }
-    }
 }
 
 /// Owns what a [`Measure`] borrows.
 struct MeasureInput<'m> {
     fit: &'m Fit<'m>,
     orders: &'m [Order],
-    chosen: usize,
+    kept: &'m [usize],
     mean: Vec<f64>,
     fold_means: Vec<Vec<f64>>,
     whitening: Vec<f64>,
@@ -468,7 +384,7 @@ impl MeasureInput<'_> {
             rows: self.fit.rows,
             segmentation: self.fit.segmentation,
             orders: self.orders,
-            chosen: self.chosen,
+            kept: self.kept,
             mean: &self.mean,
             fold_means: &self.fold_means,
             whitening: &self.whitening,
@@ -478,7 +394,7 @@ impl MeasureInput<'_> {
 }
 
 /// Covariance (divisor: weight) of a range of columns, packed lower triangle.
-fn leading(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
+pub(crate) fn leading(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
     let mut packed = Vec::new();
     for i in columns.clone() {
         for j in columns.start..=i {
@@ -514,22 +430,4 @@ fn whitening(covariance: &[f64], q: usize) -> Vec<f64> {
         }
     }
     inverse
-}
-
-fn region_name(partition: &Partition, region: usize) -> String {
-    match &partition.rule {
-        Rule::Whole => "all".into(),
-        Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
-        Rule::Linear { .. } => region.to_string(),
-        Rule::Labels { names, rules, .. } => {
-            let mut offset = 0;
-            for (name, rule) in names.iter().zip(rules) {
-                if region < offset + rule.count() {
-                    return if rule.count() == 1 { name.clone() } else { format!("{name}/{}", region - offset) };
-                }
-                offset += rule.count();
-            }
-            "pooled".into()
-        }
-    }
 }

@@ -5,11 +5,13 @@
 //! is chosen by how well rows that did not train are predicted. [`identify`] does it in three passes over the rows, whatever the number of partitions,
 //! regions and folds.
 
+mod assemble;
 mod error;
 mod errors;
 mod fit;
 mod identify;
 mod kmeans;
+mod notes;
 mod problem;
 mod regions;
 mod residual;

@@ -46,8 +46,10 @@ pub struct Options {
     pub iterations: usize,
     /// Starting centroids (k x columns, standardised) in place of k-means++, for each partition that clusters.
     pub start: Option<Vec<f64>>,
-    /// Fit the chosen model by TSQR, the R factor of the rows themselves, in one more pass: the accuracy of Householder QR whatever the pilot.
+    /// Fit the kept models by TSQR, the R factor of the rows themselves, in one more pass each: the accuracy of Householder QR whatever the pilot.
     pub tsqr: bool,
+    /// Give the models of all partitions, not only the chosen one.
+    pub keep_all: bool,
     /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
     pub memory: usize,
 }
@@ -66,6 +68,7 @@ impl Default for Options {
             iterations: 100,
             start: None,
             tsqr: false,
+            keep_all: false,
             memory: 512 << 20,
         }
     }

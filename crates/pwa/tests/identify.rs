@@ -282,3 +282,48 @@ fn polynomial_libraries_and_weights() {
         assert!((found - expected).abs() < 1e-10, "{:?}", latent.coefficients[0]);
     }
 }
+
+#[test]
+fn kept_models_are_those_of_fits_by_themselves() {
+    let source = hybrid(6_000, 4, 0.1, 8);
+    let mut together = options("null,average,zscore:1,kmeans:4");
+    together.folds = 2;
+    together.keep_all = true;
+    let all = run(&problem(&["x", "u"]), &together, &source);
+    assert_eq!(all.models.len(), 4);
+    assert_eq!(all.models[all.chosen], all.model);
+    for (candidate, text) in ["null", "average", "zscore:1", "kmeans:4"].into_iter().enumerate() {
+        let mut alone = options(text);
+        alone.folds = 2;
+        let alone = run(&problem(&["x", "u"]), &alone, &source);
+        assert!(alone.models.is_empty());
+        // Their scans share chunks and pilot, so all but the plan is the same.
+        assert_eq!(alone.model.to_json(), all.models[candidate].to_json(), "{text}");
+        let (one, of_all) = (&alone.candidates[0], &all.candidates[candidate]);
+        assert_eq!((&one.over_null, &one.over_null_interval), (&of_all.over_null, &of_all.over_null_interval));
+    }
+}
+
+#[test]
+fn intervals_hold_the_error_and_pairs_are_tighter() {
+    use fleetfoot_stats::Basis;
+    let source = hybrid(8_000, 8, 0.4, 9);
+    let mut options = options("null,average,labels:mode");
+    options.folds = 4;
+    let found = run(&problem(&["x", "u"]), &options, &source);
+    assert_eq!(found.basis, Basis::Episodes(8));
+    for score in &found.candidates {
+        let interval = &score.over_null_interval[0];
+        assert!((interval.value - score.over_null[0]).abs() < 1e-12);
+        assert!(interval.low <= interval.value && interval.value <= interval.high);
+        assert_eq!(score.absolute.len(), 8);
+    }
+    let itself = &found.error_ratio(1, 1)[0];
+    assert!((itself.value - 1.0).abs() < 1e-12 && itself.high - itself.low < 1e-12);
+    let better = &found.error_ratio(2, 1)[0];
+    assert!(better.high < 1.0, "{better:?}");
+    let expected = found.candidates[2].over_null[0] / found.candidates[1].over_null[0];
+    assert!((better.value - expected).abs() < 1e-12);
+    options.folds = 10;
+    assert_eq!(run(&problem(&["x", "u"]), &options, &source).basis, Basis::Folds(10));
+}

@@ -1,9 +1,25 @@
-//! Analytic plants that produce logs.
+//! Rapier worlds and analytic plants that produce logs.
 //!
 //! Recordings with known truth: what a method finds can be held against what is true.
 
-mod diff_drive;
-mod noise;
+pub mod excitation;
+pub mod hexapod;
+mod motor;
+pub mod parameter_error;
+mod partial_table;
+pub mod plant;
+mod reading;
+pub mod rigid;
+mod scenario;
+pub mod sensor;
+pub mod treadmill;
+pub mod wheeled;
 
-pub use diff_drive::{DiffDrive, Mode};
-pub use noise::OrnsteinUhlenbeck;
+pub use excitation::{Excitation, OrnsteinUhlenbeck};
+pub use hexapod::{Hexapod, HexapodState, HexapodWorld, JointMethod};
+pub use motor::{DcMotor, Supply};
+pub use parameter_error::ParameterError;
+pub use reading::{Kind, Reading, Stamps, Topic};
+pub use scenario::{End, Regressors, Run, Scenario, Sink, SinkError};
+pub use treadmill::HexapodTreadmill;
+pub use wheeled::{Wheeled, WheeledWorld};

@@ -1,49 +1,281 @@
-//! `fleetfoot demo`: the main job on a robot with known truth.
+//! `fleetfoot demo`: from a simulated robot's logs to models, and what they are worth: Table I and Figures 5, 8 and 9 of Buchan, Haldane, Fearing,
+//! "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
 
-use fleetfoot::{Error, Recipe, fit_pwa, generate_demo, log::write_atomic, pwa::Options};
+mod gait;
+mod horizons;
+mod table_one;
 
-use super::{Context, fit, rollout, score};
-use crate::args::{Demo, ModelData, Rollout, Score, TimeArgs};
+use std::path::{Path, PathBuf};
 
-pub(crate) fn demo(arguments: &Demo, context: &Context) -> Result<(), Error> {
-    let folder = &arguments.output;
-    context.say(format!("generating a wheeled robot's logs in {}", folder.display()));
-    let files = generate_demo(folder, arguments.seed)?;
-    let recipe = Recipe::read(&files.recipe)?;
-    let mut options = Options::default();
-    options.seed = arguments.seed;
-    context.say(format!(
-        "\n$ fleetfoot fit pwa -c {} {}",
-        files.recipe.display(),
-        folder.join("train_*.parquet").display()
-    ));
-    let bar = context.bar();
-    let fitted = fit_pwa(&recipe, &options, 0.0, &files.training, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    let model = folder.join("model.json");
-    write_atomic(&model, fitted.identification.model.to_json().as_bytes())?;
-    context.notes(&fitted.notes);
-    context.print(&fit::to_json(&fitted, &model), || fit::to_text(&fitted));
-    let data = || ModelData { model: model.clone(), data: files.held_out.clone(), time: TimeArgs::default() };
-    context.say(format!("\n$ fleetfoot score {} {}", model.display(), folder.join("test_*.parquet").display()));
-    score::score(&Score { model: data(), episodes: false }, context)?;
-    context.say(format!(
-        "\n$ fleetfoot rollout {} {} --horizon 200",
-        model.display(),
-        folder.join("test_*.parquet").display()
-    ));
-    rollout::rollout(
-        &Rollout {
-            model: data(),
-            horizon: 200,
-            starts: std::num::NonZeroUsize::MIN.saturating_add(999),
-            method: crate::args::Method::Euler,
-            seed: None,
-            output: None,
-        },
-        context,
-    )?;
-    context.say(format!("\n$ fleetfoot show {}    # the equations", model.display()));
+use fleetfoot::{
+    Error, Model, Projected, Recipe,
+    demo::{DemoLogs, differential_drive, gaits, generate_logs},
+    dynamics::{PlaneCell, RolloutOptions, Starts},
+    fit_pwa,
+    generate::RunReport,
+    log::{Cache, write_atomic},
+    pwa::{Options, Specification},
+    rival,
+};
+use serde_json::{Map, Value, json};
+
+use super::{Context, plane, write_out};
+use crate::args;
+use horizons::Curve;
+
+/// The models of Table I. A ball of 1.5 standard deviations is nearly empty in as many dimensions as the partition has, whose mean square distance
+/// from the centre is their number; one of 4 is about half full.
+const PARTITIONS: &str = "null,average,zscore:1.5,zscore:4,kmeans:10,kmeans:50";
+/// The file of the one that cross-validation chooses.
+const MODEL: &str = "model.json";
+/// The finest of them.
+const FINEST: &str = "kmeans:50";
+/// Seconds around a held-out span that do not train: strides repeat.
+const PURGE: f64 = 0.1;
+/// Fig. 8: steps of 1 ms, and starts.
+const HORIZON: usize = 200;
+const STARTS: usize = 1000;
+/// Fig. 9: the plane, and cells along each axis.
+const PLANE: [&str; 2] = ["alpha_l", "alpha_r"];
+const BINS: usize = 36;
+
+pub(crate) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Error> {
+    if !(arguments.minutes > 0.0 && arguments.minutes.is_finite()) {
+        return Err(Error::Request(format!("--minutes {}: write minutes above 0", arguments.minutes)));
+    }
+    let mut demo = Demo { context, folder: arguments.output.clone(), seed: arguments.seed, told: Map::new() };
+    let logs = demo.logs(arguments.minutes)?;
+    demo.gait(&logs)?;
+    demo.fit(&logs)?;
+    demo.horizons(&logs)?;
+    demo.planes(&logs)?;
+    demo.files();
+    if context.json {
+        write_out(&format!("{:#}\n", Value::Object(demo.told)));
+    }
     Ok(())
+}
+
+struct Demo<'a> {
+    context: &'a Context,
+    folder: PathBuf,
+    seed: u64,
+    told: Map<String, Value>,
+}
+
+impl Demo<'_> {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    fn model(&self) -> PathBuf {
+        self.path(MODEL)
+    }
+
+    /// A command that repeats what follows, to be pasted.
+    fn command(&self, words: &[String]) {
+        let program = std::env::args().next().unwrap_or_else(|| "fleetfoot".into());
+        self.context.say(format!("\n$ {} {}", quoted(&program), words.join(" ")));
+    }
+
+    /// A file of the demonstration as a word of a command.
+    fn word(&self, name: &str) -> String {
+        quoted(&self.path(name).display().to_string())
+    }
+
+    /// Logs as a word of a command: their folder if all of it was used, else the files.
+    fn data(&self, folder: &str, runs: &[RunReport], files: &[PathBuf]) -> String {
+        if runs.len() == files.len() {
+            return self.word(folder);
+        }
+        files.iter().map(|file| quoted(&file.display().to_string())).collect::<Vec<_>>().join(" ")
+    }
+
+    fn training_data(&self, logs: &DemoLogs) -> String {
+        self.data("train", &logs.training.runs, &logs.training_files())
+    }
+
+    fn tell(&mut self, key: &str, json: Value, text: impl FnOnce() -> String) {
+        if self.context.json {
+            self.told.insert(key.to_owned(), json);
+        } else {
+            write_out(&format!("{}\n", text().trim_end()));
+        }
+    }
+
+    fn cached(&self, mut recipe: Recipe) -> Recipe {
+        recipe.cache = Some(Cache { folder: self.path(".fleetfoot-cache"), least_bytes: 64 << 20 });
+        recipe
+    }
+
+    fn logs(&mut self, minutes: f64) -> Result<DemoLogs, Error> {
+        self.context.say(format!("simulating {minutes} minutes of a hexapod on a treadmill"));
+        let bar = self.context.bar();
+        let logs = generate_logs(&self.folder, self.seed, minutes, &bar);
+        bar.finish();
+        let logs = logs?;
+        for (held_out, folder) in [(false, "train"), (true, "test")] {
+            self.command(&words(&["generate", &logs.arguments(held_out), "-o", &self.word(folder), "--force"]));
+        }
+        let runs = || logs.training.runs.iter().chain(&logs.held_out.runs);
+        let total = |value: fn(&RunReport) -> f64| runs().map(value).sum::<f64>();
+        let faults = runs().filter(|run| run.end != fleetfoot::sim::End::Complete).count();
+        let (rows, bytes, seconds) =
+            (total(|run| run.rows as f64), total(|run| run.bytes as f64), total(|run| run.seconds));
+        let json = json!({ "runs": runs().count(), "rows": rows, "seconds": seconds, "bytes": bytes, "faults": faults,
+            "training_runs": logs.training.runs.len(), "held_out_runs": logs.held_out.runs.len() });
+        self.tell("logs", json, || {
+            format!(
+                "{} runs to fit on and {} to score on: {} of running, {rows} rows of 1 ms, {} of MCAP; {faults} ended early, off the belt",
+                logs.training.runs.len(),
+                logs.held_out.runs.len(),
+                crate::table::seconds(seconds),
+                crate::table::bytes(bytes as u64)
+            )
+        });
+        Ok(logs)
+    }
+
+    fn gait(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let recipe = self.cached(Recipe::read(&logs.training.recipe)?);
+        let bar = self.context.bar();
+        let found = gaits(&recipe, &logs.drive, &logs.training_files(), &bar);
+        bar.finish();
+        let found = found?;
+        self.context.say("");
+        self.tell("gait", gait::to_json(&found), || gait::to_text(&found));
+        Ok(())
+    }
+
+    /// Fits all models at once.
+    fn fit(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let mut recipe = self.cached(Recipe::read(&logs.training.recipe)?);
+        recipe.model.partition = Some(PARTITIONS.to_owned());
+        let mut options = Options::default();
+        options.keep_all = true;
+        let (recipe_file, path) = (quoted(&logs.training.recipe.display().to_string()), self.model());
+        let (data, output) = (self.training_data(logs), self.word(MODEL));
+        let purge = PURGE.to_string();
+        let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
+        self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
+        let bar = self.context.bar();
+        let fitted = fit_pwa(&recipe, &options, PURGE, &logs.training_files(), &bar);
+        bar.finish();
+        let fitted = fitted?;
+        write_atomic(&path, fitted.identification.model.to_json().as_bytes())?;
+        fitted.write_rivals(&path)?;
+        self.context.notes(&fitted.notes);
+        self.tell("table_1", table_one::to_json(&fitted), || {
+            format!("{}\n\n{}", table_one::to_text(&fitted), table_one::paper())
+        });
+        Ok(())
+    }
+
+    /// Simulates every model from states of runs that did not train, with the treadmill's controller around it and with the recorded inputs.
+    fn horizons(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let files = logs.held_out_files();
+        let changes = self.cached(Recipe::default());
+        let data = self.data("test", &logs.held_out.runs, &files);
+        for (key, name, closed) in
+            [("figure_8", "closed loop", true), ("figure_8_open_loop", "open loop (recorded inputs)", false)]
+        {
+            let controller = if closed { Some(fleetfoot::controller("treadmill", &[])?) } else { None };
+            let mut curves = Vec::new();
+            for (model, path) in self.models()? {
+                if model == FINEST {
+                    let model = quoted(&path.display().to_string());
+                    let (horizon, starts) = (HORIZON.to_string(), STARTS.to_string());
+                    let flags: &[&str] = &["rollout", &model, &data, "--horizon", &horizon, "--starts", &starts];
+                    let closing: &[&str] = if closed { &["--controller", "treadmill"] } else { &[] };
+                    self.command(&words(&[flags, closing].concat()));
+                }
+                let bar = self.context.bar();
+                let rolled = fleetfoot::rollout(
+                    &Model::read(&path)?,
+                    &changes,
+                    &files,
+                    &Starts::Even(STARTS),
+                    &RolloutOptions::new(HORIZON),
+                    controller.as_ref(),
+                    None,
+                    &bar,
+                );
+                bar.finish();
+                curves.push(Curve { model, rolled: rolled? });
+            }
+            self.tell(key, horizons::to_json(&curves), || horizons::to_text(&curves, name));
+        }
+        Ok(())
+    }
+
+    /// Names and files of the models of Table I.
+    fn models(&self) -> Result<Vec<(String, PathBuf)>, Error> {
+        let path = self.model();
+        let list = Specification::parse_list(PARTITIONS)?;
+        Ok(list.iter().map(|specification| (specification.to_string(), rival(&path, specification))).collect())
+    }
+
+    /// Fig. 9: the plane of the cranks.
+    fn planes(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let files = logs.training_files();
+        let recipe = self.cached(Recipe::read(&logs.training.recipe)?);
+        let bar = self.context.bar();
+        let drive = differential_drive(&recipe, &logs.drive, &files, &bar);
+        bar.finish();
+        let drive_path = self.path("differential_drive.json");
+        write_atomic(&drive_path, drive?.to_json().as_bytes())?;
+        let projected = self.plane(&drive_path, "plane_drive.parquet", logs)?;
+        self.tell("figure_9a", plane::to_json(&projected), || {
+            let title = "Fig. 9a. Mean Mahalanobis score of the differential drive (equation (2)): forward speed and yaw rate from the cranks";
+            plane::map(&projected.plane, title, &PlaneCell::mean_score)
+        });
+        let finest = self.models()?.into_iter().find(|(name, _)| name == FINEST).map(|(_, path)| path);
+        let projected = self.plane(&finest.unwrap_or_else(|| self.model()), "plane_transitions.parquet", logs)?;
+        self.tell("figure_9b", plane::to_json(&projected), || {
+            let title = format!(
+                "Fig. 9b. Transition ratio of {FINEST}: share of a cell's passages in which the region changes"
+            );
+            plane::map(&projected.plane, &title, &PlaneCell::transition_ratio)
+        });
+        Ok(())
+    }
+
+    fn plane(&self, model: &Path, output: &str, logs: &DemoLogs) -> Result<Projected, Error> {
+        let (file, data, bins) = (quoted(&model.display().to_string()), self.training_data(logs), BINS.to_string());
+        let flags = ["--plane", &PLANE.join(","), "--bins", &bins, "-o", &self.word(output)];
+        self.command(&words(&[&["score", &file, &data], &flags[..]].concat()));
+        let (model, changes, axes) = (Model::read(model)?, self.cached(Recipe::default()), PLANE.map(str::to_owned));
+        let output = self.path(output);
+        let bar = self.context.bar();
+        let files = logs.training_files();
+        let projected = fleetfoot::project(&model, &changes, &files, &axes, BINS, Some(&output), &bar);
+        bar.finish();
+        projected
+    }
+
+    fn files(&mut self) {
+        let folder = quoted(&self.folder.display().to_string());
+        self.command(&words(&["show", &self.word(MODEL)]));
+        self.context.say(format!(
+            "\nin {folder}: train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
+        ));
+        let folder = json!(self.folder.display().to_string());
+        if self.context.json {
+            self.told.insert("folder".into(), folder);
+        }
+    }
+}
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|&word| word.to_owned()).collect()
+}
+
+/// A word for a POSIX shell.
+fn quoted(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,=@%".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
 }

@@ -34,9 +34,12 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     bar.finish();
     let fitted = fitted?;
     write_atomic(&arguments.output, fitted.identification.model.to_json().as_bytes())?;
+    let rivals = fitted.write_rivals(&arguments.output)?;
     context.notes(&fitted.notes);
     context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted));
-    context.say(format!("wrote {}", arguments.output.display()));
+    for path in std::iter::once(&arguments.output).chain(&rivals) {
+        context.say(format!("wrote {}", path.display()));
+    }
     Ok(())
 }
 
@@ -76,6 +79,7 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
     options.restarts = arguments.restarts.max(1);
     options.iterations = arguments.iterations.max(1);
     options.tsqr = arguments.tsqr;
+    options.keep_all = arguments.keep_all;
     options.memory = arguments.memory << 20;
     Ok(options)
 }
@@ -163,6 +167,11 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     )
 }
 
+/// A value and its interval, for JSON.
+pub(crate) fn estimate(estimate: &dynamics::Estimate) -> serde_json::Value {
+    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
+}
+
 pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::Value {
     let found = &fitted.identification;
     let reals = |values: &[f64]| values.iter().map(|&value| real(value)).collect::<Vec<_>>();
@@ -174,10 +183,12 @@ pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::
         "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
         "targets": found.targets, "sigma": reals(&found.sigma),
         "held_out": found.held_out, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
-        "chosen": found.chosen,
+        "chosen": found.chosen, "intervals": basis(&found.basis),
         "candidates": found.candidates.iter().map(|score| json!({
             "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
-            "mae_over_null": reals(&score.over_null), "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
+            "mae_over_null": reals(&score.over_null),
+            "mae_over_null_intervals": score.over_null_interval.iter().map(estimate).collect::<Vec<_>>(),
+            "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
             "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
             "fold_losses": reals(&score.losses), "bic": real(score.bic),
         })).collect::<Vec<_>>(),
@@ -281,6 +292,9 @@ fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
 pub(crate) fn basis(basis: &dynamics::Basis) -> String {
     match basis {
         dynamics::Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
+        dynamics::Basis::Folds(count) => {
+            format!("95 % intervals across {count} folds of spans (too narrow: they are correlated)")
+        }
         dynamics::Basis::Spans(count) => {
             format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
         }

@@ -2,8 +2,10 @@
 
 pub(crate) mod demo;
 pub(crate) mod fit;
+pub(crate) mod generate;
 pub(crate) mod info;
 pub(crate) mod init;
+pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod rollout;
 pub(crate) mod score;

@@ -25,8 +25,19 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
     };
     let changes = time_changes(&arguments.model)?;
+    let settings: Vec<String> = arguments.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
+    let controller = arguments.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()?;
     let bar = context.bar();
-    let rolled = fleetfoot::rollout(&model, &changes, &files, &starts, &options, arguments.output.as_deref(), &bar);
+    let rolled = fleetfoot::rollout(
+        &model,
+        &changes,
+        &files,
+        &starts,
+        &options,
+        controller.as_ref(),
+        arguments.output.as_deref(),
+        &bar,
+    );
     bar.finish();
     let rolled = rolled?;
     context.notes(&rolled.notes);
@@ -37,6 +48,12 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
             rolled.rollouts.recorded_states.join(", ")
         ));
     }
+    if !rolled.rollouts.driven_inputs.is_empty() {
+        context.say(format!(
+            "note: closed loop: {} come from the controller, not from the recording",
+            rolled.rollouts.driven_inputs.join(", ")
+        ));
+    }
     context.print(&to_json(&rolled), || to_text(&rolled, &model));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
@@ -45,7 +62,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
 }
 
 /// The steps worth a line: 1, 2, 5, 10, 20, 50, ... and the last.
-fn told(steps: usize) -> Vec<usize> {
+pub(crate) fn told(steps: usize) -> Vec<usize> {
     let mut told = Vec::new();
     let mut decade = 1;
     while decade <= steps {
@@ -125,6 +142,7 @@ fn to_json(rolled: &RolledOut) -> serde_json::Value {
         "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
         "episodes": rolled.episodes, "in_sample_episodes": rolled.in_sample,
         "states": horizon.states, "recorded_states": rollouts.recorded_states,
+        "driven_inputs": rollouts.driven_inputs,
         "time": horizon.time, "model": score(&horizon.model),
         "baselines": horizon.baselines.iter()
             .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),

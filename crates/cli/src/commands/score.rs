@@ -6,22 +6,39 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
+use super::{Context, files, fit::basis, in_sample, plane, read_model, real, time_changes};
 use crate::{
-    args::Score,
+    args::{List, Score},
     table::{count, number, ratio, table},
 };
 
 pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
+    let changes = time_changes(&arguments.model)?;
     let bar = context.bar();
-    let scored = fleetfoot::score(&model, &time_changes(&arguments.model)?, &files, &bar);
+    let scored = fleetfoot::score(&model, &changes, &files, &bar).and_then(|scored| {
+        let project = |axes: &List| {
+            let output = arguments.output.as_deref();
+            fleetfoot::project(&model, &changes, &files, &axes.0, arguments.bins, output, &bar)
+        };
+        Ok((scored, arguments.plane.as_ref().map(project).transpose()?))
+    });
     bar.finish();
-    let scored = scored?;
+    let (scored, projected) = scored?;
     context.notes(&scored.notes);
     in_sample(context, &scored.in_sample, scored.episodes);
-    context.print(&to_json(&scored), || to_text(&scored, arguments.episodes));
+    let mut json = to_json(&scored);
+    if let Some(projected) = &projected {
+        json["plane"] = plane::to_json(projected);
+    }
+    context.print(&json, || {
+        let text = to_text(&scored, arguments.episodes);
+        projected.as_ref().map_or(text.clone(), |projected| format!("{text}\n\n{}", plane::to_text(projected)))
+    });
+    if let Some(path) = &arguments.output {
+        context.say(format!("wrote {}", path.display()));
+    }
     Ok(())
 }
 

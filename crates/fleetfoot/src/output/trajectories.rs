@@ -40,7 +40,7 @@ fn write_table(
         WriteColumn::new("step", WriteKind::Integer),
         WriteColumn::new("seconds", WriteKind::Float).with_unit("s"),
     ];
-    for state in &rollouts.states {
+    for state in rollouts.states.iter().chain(&rollouts.driven_inputs) {
         let unit = model.column(state).and_then(|column| model.columns[column].unit.as_ref());
         let column = WriteColumn::new(state, WriteKind::Float);
         columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str())));
@@ -56,6 +56,11 @@ fn write_table(
         let states: Vec<Vec<f64>> = (0..rollouts.states.len())
             .map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect())
             .collect();
+        // No input was given in the last state.
+        let width = rollouts.driven_inputs.len();
+        let inputs: Vec<Vec<f64>> = (0..width)
+            .map(|input| trajectory.inputs.iter().skip(input).step_by(width).copied().chain([f64::NAN]).collect())
+            .collect();
         // The last state was reached; no step was made from it.
         let regions: Vec<i64> = trajectory.regions.iter().map(|&region| i64::from(region)).chain([-1]).collect();
         let mut values = vec![
@@ -65,7 +70,7 @@ fn write_table(
             Values::Integer(&steps),
             Values::Float(&trajectory.time),
         ];
-        values.extend(states.iter().map(|state| Values::Float(state)));
+        values.extend(states.iter().chain(&inputs).map(|column| Values::Float(column)));
         values.push(Values::Integer(&regions));
         writer.write(&values)?;
     }
@@ -85,6 +90,9 @@ fn write_messages(
 ) -> Result<(), Error> {
     let mut overlay = Overlay::create(path, &mcap_options(model, files))?;
     let mut lanes: Vec<Lane> = Vec::new();
+    let names: Vec<String> = rollouts.states.iter().chain(&rollouts.driven_inputs).cloned().collect();
+    let width = rollouts.driven_inputs.len();
+    let nothing = vec![f64::NAN; width];
     let mut order: Vec<&Trajectory> = rollouts.trajectories.iter().collect();
     order.sort_by_key(|trajectory| (trajectory.start.episode, trajectory.start.row));
     for trajectory in order {
@@ -96,14 +104,17 @@ fn write_messages(
             Some(lane) => lane,
             None => {
                 let topic = format!("/fleetfoot/rollout/{}", lanes.len());
-                lanes.push(Lane { series: overlay.joint_state(&topic, &rollouts.states, "")?, episode: 0, end: 0 });
+                lanes.push(Lane { series: overlay.joint_state(&topic, &names, "")?, episode: 0, end: 0 });
                 lanes.len() - 1
             }
         };
         lanes[lane] = Lane { episode: start.episode, end, ..lanes[lane] };
         for (step, &stamp) in block.stamps().iter().enumerate() {
             let log_time = stamp.saturating_add(log_offset(start.episode));
-            overlay.row(lanes[lane].series, stamp, log_time, trajectory.state(step))?;
+            let inputs = trajectory.inputs.chunks_exact(width.max(1)).nth(step);
+            let mut values = trajectory.state(step).to_vec();
+            values.extend_from_slice(inputs.unwrap_or(&nothing));
+            overlay.row(lanes[lane].series, stamp, log_time, &values)?;
         }
     }
     overlay.finish()?;

@@ -15,6 +15,7 @@ mod file;
 mod info;
 mod layout;
 mod map;
+mod metadata;
 mod record;
 mod summary;
 #[cfg(test)]
@@ -22,3 +23,4 @@ mod tests;
 
 pub(crate) use container::{Container, Topic};
 pub(crate) use damage::Damage;
+pub(crate) use metadata::metadata;

@@ -9,7 +9,7 @@ mod leaf;
 mod open;
 
 pub(crate) use cursors::Cursors;
-pub(crate) use open::{MAX_CATEGORIES, describe, key_value, list, open};
+pub(crate) use open::{MAX_CATEGORIES, describe, key_value, list, metadata, open};
 
 use std::{
     fs::File,

@@ -1,7 +1,7 @@
 //! Opening Parquet files: metadata, wanted columns, the clock, and the names of categories.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     fs::File,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
@@ -68,6 +68,13 @@ pub(crate) fn key_value(path: &Path, key: &str) -> Result<Option<String>, Error>
     let (file, _) = load(path, &Arc::default())?;
     let pairs = file.metadata.file_metadata().key_value_metadata();
     Ok(pairs.and_then(|pairs| pairs.iter().find(|pair| pair.key == key)).and_then(|pair| pair.value.clone()))
+}
+
+/// All texts stored in a file's metadata, by their keys.
+pub(crate) fn metadata(path: &Path) -> Result<BTreeMap<String, String>, Error> {
+    let (file, _) = load(path, &Arc::default())?;
+    let pairs = file.metadata.file_metadata().key_value_metadata().into_iter().flatten();
+    Ok(pairs.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?))).collect())
 }
 
 /// Opens a file for reading the selected columns.

@@ -20,7 +20,7 @@ mod tf2_msgs;
 pub use geometry_msgs::{Pose, PoseStamped, Twist, TwistStamped, Vector3Stamped, WrenchStamped};
 pub use header::{Header, Time};
 pub use nav_msgs::Odometry;
-pub use sensor_msgs::{Imu, JointState};
+pub use sensor_msgs::{Illuminance, Imu, JointState};
 pub use std_msgs::{Bool, Float64, Float64MultiArray, MultiArrayDimension};
 pub use tf2_msgs::{TFMessage, TransformStamped};
 

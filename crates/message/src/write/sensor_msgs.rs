@@ -1,4 +1,4 @@
-//! `sensor_msgs`: inertial units and joints.
+//! `sensor_msgs`: inertial units, joints and light.
 
 use super::{
     Header, Message,
@@ -103,5 +103,29 @@ impl Message for JointState<'_> {
         cdr.f64_sequence(self.position);
         cdr.f64_sequence(self.velocity);
         cdr.f64_sequence(self.effort);
+    }
+}
+
+/// `sensor_msgs/msg/Illuminance`: light on a flat sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Illuminance<'a> {
+    /// When, and the frame whose x axis the sensor looks along.
+    pub header: Header<'a>,
+    /// In lx.
+    pub illuminance: f64,
+    /// Of the illuminance, in lx^2; 0 means unknown.
+    pub variance: f64,
+}
+
+impl Message for Illuminance<'_> {
+    const NAME: &'static str = "sensor_msgs/msg/Illuminance";
+    const SCHEMA: &'static str =
+        concat!("std_msgs/Header header\n", "float64 illuminance\n", "float64 variance\n", header!());
+
+    fn encode(&self, out: &mut Vec<u8>) {
+        let mut cdr = Cdr::begin(out);
+        self.header.put(&mut cdr);
+        cdr.f64(self.illuminance);
+        cdr.f64(self.variance);
     }
 }

@@ -240,6 +240,16 @@ fn odometry_and_inertial_units() {
 }
 
 #[test]
+fn light() {
+    for frame in FRAMES {
+        let message =
+            Illuminance { header: Header { stamp: STAMP, frame_id: frame }, illuminance: 400.5, variance: 0.25 };
+        let values = [("illuminance".to_owned(), number(400.5)), ("variance".to_owned(), number(0.25))];
+        assert_eq!(read_back(&message), [header("", frame), values.to_vec()].concat());
+    }
+}
+
+#[test]
 fn joints_and_frames() {
     for frame in FRAMES {
         let stamped = Header { stamp: STAMP, frame_id: frame };

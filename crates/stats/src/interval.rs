@@ -39,6 +39,8 @@ impl Estimate {
 pub enum Basis {
     /// This many episodes.
     Episodes(usize),
+    /// This many folds of cross-validation, each with a span of every episode: neighbours are correlated, so the interval is a lower bound.
+    Folds(usize),
     /// This many contiguous spans of a single episode: neighbours are correlated, so the interval is a lower bound.
     Spans(usize),
     /// This many starts of a single episode: their rows overlap or neighbour, so the interval is a lower bound.

@@ -1,0 +1,128 @@
+//! Table I: absolute errors of the accelerations over those of the null model.
+
+use fleetfoot::{Fitted, pwa::Identification};
+use serde_json::json;
+
+use crate::{
+    commands::fit::basis,
+    table::{count, number, ratio, table},
+};
+
+/// Table I of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot" (2013): what its authors
+/// measured on the real VelociRoACH.
+const PAPER: [(&str, [f64; 8]); 6] = [
+    ("null", [1.0; 8]),
+    ("average", [0.843, 0.781, 0.672, 0.950, 0.790, 0.737, 0.820, 0.821]),
+    ("zscore:1.5", [0.791, 0.760, 0.622, 0.925, 0.768, 0.730, 0.744, 0.765]),
+    ("kmeans:10", [0.719, 0.728, 0.594, 0.839, 0.648, 0.663, 0.727, 0.713]),
+    ("kmeans:50", [0.627, 0.638, 0.521, 0.684, 0.516, 0.529, 0.575, 0.555]),
+    ("sigma", [6.581, 10.18, 9.449, 515.9, 294.7, 112.1, 2259.0, 2203.0]),
+];
+/// Its columns.
+const PAPER_COLUMNS: [&str; 8] = ["x''", "y''", "z''", "yaw''", "pitch''", "roll''", "alpha_l''", "alpha_r''"];
+
+pub(super) fn to_text(fitted: &Fitted) -> String {
+    let found = &fitted.identification;
+    // Accelerations, without the room that "d()/dt" takes.
+    let names: Vec<String> = found.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
+    let header: Vec<&str> = std::iter::once("model").chain(names.iter().map(String::as_str)).collect();
+    let mut rows: Vec<Vec<String>> = found
+        .candidates
+        .iter()
+        .map(|score| {
+            let mut row = vec![score.specification.to_string()];
+            row.extend(score.over_null_interval.iter().map(|e| {
+                let half = 0.5 * (e.high - e.low);
+                if half.is_finite() { format!("{} +-{half:.3}", ratio(e.value)) } else { ratio(e.value) }
+            }));
+            row
+        })
+        .collect();
+    let line = |name: &str, cells: Vec<String>| std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>();
+    rows.push(line("sigma", found.sigma.iter().map(|&value| number(value)).collect()));
+    rows.push(line("units", units(found)));
+    format!(
+        "Table I. Mean absolute error of the accelerations over the null model's, 10-fold cross-validated:\n\
+         {} rows of {}; half-widths of {}\n{}\n{}",
+        found.rows,
+        count(fitted.episodes, "run"),
+        basis(&found.basis),
+        table(&header, rows),
+        ordering(found)
+    )
+}
+
+/// The same table as its authors printed it.
+pub(super) fn paper() -> String {
+    let header: Vec<&str> = std::iter::once("model").chain(PAPER_COLUMNS).collect();
+    let rows = PAPER
+        .iter()
+        .map(|(name, values)| {
+            let show = |&value: &f64| if *name == "sigma" { number(value) } else { ratio(value) };
+            std::iter::once((*name).to_owned()).chain(values.iter().map(show)).collect()
+        })
+        .collect();
+    format!(
+        "The paper's Table I, of the real robot (100,000 rows; sigma in m/s^2 and rad/s^2)\n{}",
+        table(&header, rows)
+    )
+}
+
+fn units(found: &Identification) -> Vec<String> {
+    found.model.fitted().map(|equation| equation.unit.clone().unwrap_or_else(|| "-".into())).collect()
+}
+
+/// Pairs of candidates whose order the paper's table claims, of those that are there.
+fn pairs(found: &Identification) -> Vec<(usize, usize)> {
+    let place = |name: &str| found.candidates.iter().position(|score| score.specification.to_string() == name);
+    let ladder: Vec<usize> = ["null", "average", "kmeans:10", "kmeans:50"].into_iter().filter_map(place).collect();
+    ladder.windows(2).map(|pair| (pair[1], pair[0])).collect()
+}
+
+/// Whether each model is better than the one before it, and where that is beyond doubt.
+fn ordering(found: &Identification) -> String {
+    let name = |candidate: usize| found.candidates[candidate].specification.to_string();
+    pairs(found)
+        .into_iter()
+        .map(|(fine, coarse)| {
+            let ratios = found.error_ratio(fine, coarse);
+            let doubtful: Vec<String> = ratios
+                .iter()
+                .zip(&found.targets)
+                // An interval that is not known proves nothing.
+                .filter(|(e, _)| e.high.is_nan() || e.high >= 1.0)
+                .map(|(e, target)| format!("{target} {} [{}, {}]", ratio(e.value), ratio(e.low), ratio(e.high)))
+                .collect();
+            let widest = ratios.iter().map(|e| e.high).fold(f64::NEG_INFINITY, f64::max);
+            let (fine, coarse) = (name(fine), name(coarse));
+            if doubtful.is_empty() {
+                format!(
+                    "{fine} is below {coarse} in all of them: its error is at most {} of {coarse}'s (paired, 95 %)",
+                    ratio(widest)
+                )
+            } else {
+                format!("{fine} is not proven below {coarse} in {}", doubtful.join(", "))
+            }
+        })
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+pub(super) fn to_json(fitted: &Fitted) -> serde_json::Value {
+    let found = &fitted.identification;
+    let estimates =
+        |list: &[fleetfoot::dynamics::Estimate]| list.iter().map(super::super::fit::estimate).collect::<Vec<_>>();
+    json!({
+        "targets": found.targets, "units": units(found), "sigma": found.sigma, "rows": found.rows, "runs": fitted.episodes,
+        "intervals": basis(&found.basis),
+        "models": found.candidates.iter().map(|score| json!({
+            "model": score.specification.to_string(), "mae_over_null": estimates(&score.over_null_interval),
+            "mahalanobis": super::super::real(score.mahalanobis), "loss": super::super::real(score.loss),
+        })).collect::<Vec<_>>(),
+        "ordering": pairs(found).into_iter().map(|(fine, coarse)| json!({
+            "fine": found.candidates[fine].specification.to_string(), "coarse": found.candidates[coarse].specification.to_string(),
+            "error_ratio": estimates(&found.error_ratio(fine, coarse)),
+        })).collect::<Vec<_>>(),
+        "paper": PAPER.iter().map(|(name, values)| json!({ "model": name, "values": values })).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,271 @@
+//! `fleetfoot generate`.
+
+use clap::{CommandFactory, error::ErrorKind};
+use fleetfoot::{
+    Error,
+    generate::{Excitation, Format, Generated, Job, Plan, RunReport, World, generate as run_job, plan},
+    sim::End,
+};
+use serde_json::json;
+
+use super::{Context, real, write_out};
+use crate::{
+    args::{Cli, Generate, LogFormat, Speed},
+    table::{bytes, count, number, ratio, seconds, table},
+};
+
+pub(crate) fn generate(arguments: &Generate, context: &Context) -> Result<(), Error> {
+    let world = world(arguments)?;
+    if arguments.print_world {
+        write_out(&world.to_commented_toml());
+        return Ok(());
+    }
+    let job = job(arguments, world);
+    let bar = context.bar();
+    if arguments.dry_run {
+        let planned = plan(&job, &bar);
+        bar.finish();
+        let planned = planned?;
+        context.print(&plan_json(&planned), || plan_text(&planned));
+        return Ok(());
+    }
+    let made = run_job(&job, &bar);
+    bar.finish();
+    let made = made?;
+    context.notes(&notes(&made));
+    context.print(&to_json(&made), || to_text(&made));
+    let folder = job.folder.display();
+    context.say(format!(
+        "wrote {} and {} in {folder}; next: fleetfoot fit pwa -c {} {folder}",
+        count(made.runs.len(), "run"),
+        "robot.toml",
+        made.recipe.display()
+    ));
+    Ok(())
+}
+
+/// A wrong use of the command, as the argument parser reports it: exit code 2.
+fn usage(problem: impl std::fmt::Display) -> ! {
+    Cli::command().error(ErrorKind::ArgumentConflict, problem).exit()
+}
+
+/// The robot's parameters: the world file's, with what the flags set.
+fn world(arguments: &Generate) -> Result<World, Error> {
+    let mut world = World::of(&arguments.robot)?;
+    if let Some(path) = &arguments.world {
+        world = world.read(path)?;
+    }
+    if let Some(kind) = &arguments.excitation {
+        if !world.excitable() {
+            usage(format!("--excitation {kind}: `{}` is driven by its controller alone", world.robot()));
+        }
+        world.excite(kind)?;
+    }
+    for setting in &arguments.set {
+        let Some((path, value)) = setting.split_once('=') else {
+            usage(format!("--set {setting}: write KEY=VALUE, e.g. --set belt.speed=0.3"));
+        };
+        world.set(path.trim(), value.trim())?;
+    }
+    Ok(world)
+}
+
+fn job(arguments: &Generate, world: World) -> Job {
+    if arguments.speed.is_some() && world.speed_parameter().is_none() {
+        usage(format!("--speed: the world of `{}` has no speed that could be set", world.robot()));
+    }
+    let Some(folder) = &arguments.output else { usage("give the folder of the logs: --output DIR") };
+    let mut job = Job::new(world, folder);
+    match arguments.format {
+        Some(LogFormat::Mcap) => job.format = Format::Mcap,
+        Some(LogFormat::Parquet) => job.format = Format::Parquet,
+        None => {}
+    }
+    if arguments.no_truth && job.format == Format::Parquet {
+        usage("--no-truth: Parquet files have rows of truth and nothing else; give --format mcap");
+    }
+    job.runs = arguments.runs;
+    job.first_run = arguments.first_run;
+    job.seed = arguments.seed;
+    job.truth = !arguments.no_truth;
+    job.force = arguments.force;
+    job.speed = arguments.speed.map(|Speed(first, last)| (first, last));
+    if let Some(minutes) = arguments.minutes {
+        job.seconds = minutes * 60.0 / arguments.runs as f64;
+    } else if let Some(seconds) = arguments.seconds {
+        job.seconds = seconds;
+    }
+    job
+}
+
+/// What a person should know of what was made.
+fn notes(made: &Generated) -> Vec<String> {
+    if made.excitation.dependent.is_empty() {
+        return Vec::new();
+    }
+    let which = some(&made.excitation.dependent);
+    vec![format!("{which} never moved, or only with the others, in all runs together: no model can tell what they do")]
+}
+
+/// The first few of several names.
+fn some(names: &[String]) -> String {
+    let shown = names.iter().take(4).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if names.len() > 4 { format!("{shown} and {} more", names.len() - 4) } else { shown }
+}
+
+fn determinant(excitation: &Excitation) -> String {
+    if excitation.log_determinant.is_finite() {
+        format!("{:.2}", excitation.log_determinant)
+    } else {
+        "singular".to_owned()
+    }
+}
+
+/// Why runs ended in a fault, a line a run.
+fn faults(made: &Generated) -> Vec<String> {
+    let fault = |run: &RunReport| match &run.end {
+        End::Fault { seconds, reason } => Some(format!("{} ended at {} s: {reason}", file_name(run), number(*seconds))),
+        _ => None,
+    };
+    made.runs.iter().filter_map(fault).collect()
+}
+
+/// How a run ended, in a word or a few; faults are explained below the table.
+fn ended(end: &End) -> String {
+    match end {
+        End::Fault { .. } => "fault".to_owned(),
+        End::Early { reason, .. } => reason.clone(),
+        _ => "complete".to_owned(),
+    }
+}
+
+fn file_name(run: &RunReport) -> String {
+    run.file.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn to_text(made: &Generated) -> String {
+    let faults = faults(made);
+    let mut early = faults.iter().take(10).map(|line| format!("\n{line}")).collect::<String>();
+    if faults.len() > 10 {
+        early += &format!("\nand {} more runs", faults.len() - 10);
+    }
+    let spread = made.excitation.spread.iter();
+    let spread: Vec<String> =
+        spread.map(|(name, axis)| format!("{name} {}..{}", number(axis.low), number(axis.high))).collect();
+    let uneven = if spread.is_empty() {
+        String::new()
+    } else {
+        format!("\nuneven: visits to bins over {}; 0 is even, 1 is all in one bin", spread.join(" x "))
+    };
+    format!(
+        "{}{early}\nln det: log-determinant of the Gram matrix, per row, of a constant and {} regressors in SI units; more is better \
+         ({}){uneven}",
+        runs_table(made),
+        made.excitation.regressors.len(),
+        made.excitation.regressors.join(", ")
+    )
+}
+
+/// A line a run, and all together; without what no run has.
+fn runs_table(made: &Generated) -> String {
+    let sum = |value: fn(&RunReport) -> u64| made.runs.iter().map(value).sum::<u64>();
+    let speeds = made.runs.iter().any(|run| run.speed.is_some());
+    let messages = sum(|run| run.messages) > 0;
+    let shown = |name: &&str| (*name != "speed" || speeds) && (*name != "messages" || messages);
+    let header = ["run", "speed", "seconds", "rows", "messages", "size", "ln det", "uneven", "end"];
+    let line = |cells: [String; 9]| header.iter().zip(cells).filter(|(name, _)| shown(name)).map(|(_, c)| c).collect();
+    let of_run = |run: &RunReport| {
+        line([
+            file_name(run),
+            run.speed.map_or("-".into(), number),
+            number(run.seconds),
+            run.rows.to_string(),
+            run.messages.to_string(),
+            bytes(run.bytes),
+            determinant(&run.excitation),
+            ratio(run.excitation.nonuniformity),
+            ended(&run.end),
+        ])
+    };
+    let mut rows: Vec<Vec<String>> = made.runs.iter().map(of_run).collect();
+    rows.push(line([
+        "all".to_owned(),
+        String::new(),
+        number(made.runs.iter().map(|run| run.seconds).sum()),
+        sum(|run| run.rows).to_string(),
+        sum(|run| run.messages).to_string(),
+        bytes(sum(|run| run.bytes)),
+        determinant(&made.excitation),
+        ratio(made.excitation.nonuniformity),
+        String::new(),
+    ]));
+    table(&header.into_iter().filter(shown).collect::<Vec<_>>(), rows)
+}
+
+fn excitation_json(excitation: &Excitation) -> serde_json::Value {
+    json!({
+        "log_determinant": real(excitation.log_determinant), "dependent": excitation.dependent,
+        "nonuniformity": real(excitation.nonuniformity), "outside": excitation.outside,
+    })
+}
+
+fn to_json(made: &Generated) -> serde_json::Value {
+    let run = |run: &RunReport| {
+        let at = |seconds: f64, reason: &str| json!({ "seconds": real(seconds), "reason": reason });
+        let (fault, early) = match &run.end {
+            End::Fault { seconds, reason } => (Some(at(*seconds, reason)), None),
+            End::Early { seconds, reason } => (None, Some(at(*seconds, reason))),
+            _ => (None, None),
+        };
+        json!({
+            "run": run.run, "file": run.file.display().to_string(), "speed": run.speed.map(real), "seconds": real(run.seconds),
+            "rows": run.rows, "messages": run.messages, "bytes": run.bytes, "complete": run.end == End::Complete, "fault": fault, "early": early,
+            "excitation": excitation_json(&run.excitation),
+        })
+    };
+    json!({
+        "runs": made.runs.iter().map(run).collect::<Vec<_>>(),
+        "regressors": made.excitation.regressors,
+        "spread": made.excitation.spread.iter().map(|(name, axis)| json!({
+            "column": name, "low": real(axis.low), "high": real(axis.high), "bins": axis.bins,
+        })).collect::<Vec<_>>(),
+        "excitation": excitation_json(&made.excitation),
+        "recipe": made.recipe.display().to_string(),
+    })
+}
+
+fn plan_text(plan: &Plan) -> String {
+    let mut out = format!(
+        "{} of {}: at most {} rows of {} columns",
+        count(plan.runs as usize, "run"),
+        seconds(plan.seconds),
+        plan.rows,
+        plan.columns.len()
+    );
+    if !plan.topics.is_empty() {
+        out += &format!(", about {} messages on {}", plan.messages, count(plan.topics.len(), "topic"));
+    }
+    out += &format!("\nabout {} of files, judged by a run of {}", bytes(plan.bytes), seconds(plan.sampled_seconds));
+    if plan.replaced > 0 {
+        out += &format!("\n{} of an earlier command would be replaced", count(plan.replaced, "file"));
+    }
+    let topics = plan.topics.iter().map(|topic| vec![topic.name.clone(), topic.message_type.to_owned()]).collect();
+    if !plan.topics.is_empty() {
+        out += &format!("\n{}", table(&["topic", "type"], topics));
+    }
+    let columns = plan.columns.iter().map(|(name, unit)| match unit {
+        Some(unit) if unit != "1" => format!("{name} ({unit})"),
+        _ => name.clone(),
+    });
+    out + &format!("\ncolumns of truth: {}", columns.collect::<Vec<_>>().join(", "))
+}
+
+fn plan_json(plan: &Plan) -> serde_json::Value {
+    let topics = plan.topics.iter().map(|topic| json!({ "name": topic.name, "type": topic.message_type }));
+    let columns = plan.columns.iter().map(|(name, unit)| json!({ "name": name, "unit": unit }));
+    json!({
+        "runs": plan.runs, "seconds": real(plan.seconds), "rows": plan.rows, "messages": plan.messages, "bytes": plan.bytes,
+        "topics": topics.collect::<Vec<_>>(), "columns": columns.collect::<Vec<_>>(),
+        "sampled_seconds": real(plan.sampled_seconds), "replaced_files": plan.replaced,
+    })
+}

@@ -1,0 +1,69 @@
+//! Controllers: what drives a model's inputs, or a robot's, from what is seen of its state.
+//!
+//! A [`Controller`] closes the loop around a model in a rollout; the laws it is made of ([`Treadmill`], [`DifferentialDrive`], [`Pid`])
+//! are those that a simulated robot runs on.
+
+mod differential_drive;
+mod driver;
+mod pid;
+mod sampling;
+mod treadmill;
+mod treadmill_loop;
+
+use std::fmt;
+
+pub use differential_drive::DifferentialDrive;
+pub(crate) use driver::{Drive, Driver};
+pub use pid::{Pid, PidState};
+pub use sampling::Sampling;
+pub use treadmill::Treadmill;
+pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};
+
+/// What drives inputs of a model in a closed loop: immutable, shared by all trajectories.
+pub trait Controller: fmt::Debug + Send + Sync {
+    /// Columns that it looks at: states, or columns of the recording such as a belt's speed.
+    fn reads(&self) -> Vec<String>;
+
+    /// Inputs of the model that it drives.
+    fn drives(&self) -> Vec<String>;
+
+    /// Whether the parameters can be used.
+    ///
+    /// # Errors
+    /// The first parameter that cannot.
+    fn validate(&self) -> Result<(), ParameterError> {
+        Ok(())
+    }
+
+    /// Its memory at the start of a trajectory.
+    fn start(&self) -> Box<dyn ControllerState>;
+}
+
+/// A controller's memory along one trajectory.
+pub trait ControllerState: Send {
+    /// Sets the inputs for the step that begins now; called once a step, before it.
+    ///
+    /// `seconds` count from the trajectory's start; `columns` hold the present values of [`Controller::reads`]. `inputs`, in the order of
+    /// [`Controller::drives`], come with the values of the step before (at the start with the recorded ones): what is not changed is held.
+    fn control(&mut self, seconds: f64, columns: &[f64], inputs: &mut [f64]);
+}
+
+/// A parameter that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name} = {value}: must be {allowed}")]
+pub struct ParameterError {
+    /// Which.
+    pub name: String,
+    /// What it was set to.
+    pub value: String,
+    /// What it may be.
+    pub allowed: &'static str,
+}
+
+/// Refuses a number that is not finite or does not pass the test.
+fn check(name: &str, value: f64, ok: bool, allowed: &'static str) -> Result<(), ParameterError> {
+    if ok && value.is_finite() {
+        return Ok(());
+    }
+    Err(ParameterError { name: name.to_owned(), value: value.to_string(), allowed })
+}

@@ -1,0 +1,13 @@
+//! The demonstration: logs of a hexapod on a treadmill, and what Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
+//! Models for a Running Robot", looked at in theirs.
+
+mod drive;
+mod gait;
+mod logs;
+mod reign;
+mod view;
+
+pub use drive::differential_drive;
+pub use gait::{Gait, PHASE_BINS, gaits, phase_of};
+pub use logs::{DemoLogs, generate_logs};
+pub use reign::{Reign, reigns};

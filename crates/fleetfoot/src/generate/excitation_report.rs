@@ -1,0 +1,147 @@
+//! How well a run excites its robot: what its rows could tell a model, before any model is fitted.
+
+use fleetfoot_sim::{
+    Scenario,
+    excitation::{Axis, Histogram},
+};
+use fleetfoot_stats::{Gram, RowGram};
+
+use crate::{Kind, Recipe};
+
+/// What the rows of a run, or of all runs, could tell an affine model of the robot.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Excitation {
+    /// `ln det((1/n) [1 X]'[1 X])` of the n rows: X are the regressors of the recipe's affine model, the states and inputs that it shows to
+    /// the library in SI units, angles by cosine and sine. Minus infinity when some of them never move or move together.
+    ///
+    /// Half the difference between two logs of a robot, divided by the number of regressors, is the logarithm of the ratio of the
+    /// standard errors that the same number of rows gives, in the geometric mean over the coefficients (D-optimality); units do
+    /// not matter in it.
+    pub log_determinant: f64,
+    /// The columns of X.
+    pub regressors: Vec<String>,
+    /// Those that are constant or combinations of the others.
+    pub dependent: Vec<String>,
+    /// How unevenly the rows spread over bins of [`Excitation::spread`]: 0 is even, 1 is all in one bin (Towards Sim-to-Real via Real-to-Sim,
+    /// section 6.4). NaN where there are none.
+    pub nonuniformity: f64,
+    /// The columns of the bins, with their ranges and numbers of bins.
+    pub spread: Vec<(String, Axis)>,
+    /// Rows that fell into no bin.
+    pub outside: u64,
+}
+
+/// What is gathered of rows: their regressors, and the columns that they should spread over.
+#[derive(Debug, Clone)]
+pub(super) struct Terms {
+    regressors: Vec<Term>,
+    spread: Vec<(usize, String, Axis)>,
+}
+
+/// What was gathered; it merges.
+#[derive(Debug, Clone)]
+pub(super) struct Gathered {
+    gram: Gram,
+    visits: Histogram,
+}
+
+#[derive(Debug, Clone)]
+struct Term {
+    name: String,
+    column: usize,
+    function: fn(f64) -> f64,
+}
+
+impl Terms {
+    /// What the affine model of a recipe sees of rows with these columns; if that is nothing, all states and inputs as they are.
+    pub(super) fn new(recipe: &Recipe, scenario: &dyn Scenario, spread: &[(&str, Axis)]) -> Self {
+        let (columns, regressors) = (scenario.columns(), scenario.regressors());
+        let find = |name: &str| columns.iter().position(|column| column.name == name);
+        let states = recipe.states.iter().filter(|(_, state)| state.regressor != Some(false));
+        let states = states.map(|(name, state)| (name, state.kind));
+        let inputs = recipe.inputs.iter().map(|(name, input)| (name, input.table().kind));
+        let mut terms = Vec::new();
+        for (name, kind) in states.chain(inputs) {
+            let Some(column) = find(name) else { continue };
+            if kind == Some(Kind::Angle) {
+                terms.push(Term { name: format!("cos({name})"), column, function: f64::cos });
+                terms.push(Term { name: format!("sin({name})"), column, function: f64::sin });
+            } else {
+                terms.push(Term { name: name.clone(), column, function: |value| value });
+            }
+        }
+        if terms.is_empty() {
+            let all = columns.iter().take(regressors.states + regressors.inputs).enumerate();
+            terms.extend(all.map(|(column, c)| Term { name: c.name.clone(), column, function: |value| value }));
+        }
+        let spread = spread.iter().filter_map(|&(name, axis)| Some((find(name)?, name.to_owned(), axis)));
+        Self { regressors: terms, spread: spread.collect() }
+    }
+
+    /// What no rows gather.
+    pub(super) fn nothing(&self) -> Gathered {
+        let axes = self.spread.iter().map(|&(_, _, axis)| axis);
+        Gathered { gram: Gram::new(self.regressors.len()), visits: Histogram::new(axes) }
+    }
+
+    /// What rows could tell.
+    pub(super) fn excitation(&self, gathered: &Gathered) -> Excitation {
+        let found = gathered.gram.log_determinant();
+        let name = |term: &Term| term.name.clone();
+        Excitation {
+            log_determinant: found.value,
+            regressors: self.regressors.iter().map(name).collect(),
+            dependent: found.dependent.iter().map(|&term| name(&self.regressors[term])).collect(),
+            nonuniformity: if self.spread.is_empty() { f64::NAN } else { gathered.visits.nonuniformity() },
+            spread: self.spread.iter().map(|(_, name, axis)| (name.clone(), *axis)).collect(),
+            outside: gathered.visits.outside(),
+        }
+    }
+}
+
+impl Gathered {
+    /// Adds what other rows gathered.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.gram.merge(&other.gram);
+        self.visits.merge(&other.visits);
+    }
+}
+
+/// Gathers a run's rows.
+pub(super) struct Meter<'a> {
+    terms: &'a Terms,
+    row: Vec<f64>,
+    place: Vec<f64>,
+    gram: RowGram,
+    visits: Histogram,
+}
+
+impl<'a> Meter<'a> {
+    pub(super) fn new(terms: &'a Terms) -> Self {
+        let count = terms.regressors.len();
+        Self {
+            terms,
+            row: vec![0.0; count],
+            place: vec![0.0; terms.spread.len()],
+            gram: RowGram::new(count),
+            visits: terms.nothing().visits,
+        }
+    }
+
+    /// Adds a row of truth.
+    pub(super) fn row(&mut self, values: &[f64]) {
+        for (value, term) in self.row.iter_mut().zip(&self.terms.regressors) {
+            *value = (term.function)(values[term.column]);
+        }
+        for (value, (column, ..)) in self.place.iter_mut().zip(&self.terms.spread) {
+            *value = values[*column];
+        }
+        self.gram.push(&self.row);
+        self.visits.add(&self.place);
+    }
+
+    pub(super) fn finish(self) -> Gathered {
+        Gathered { gram: self.gram.finish(), visits: self.visits }
+    }
+}

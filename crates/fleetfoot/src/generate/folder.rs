@@ -1,0 +1,153 @@
+//! The folder of generated logs: its files appear all together or not at all, and never among those of an earlier command.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use fleetfoot_log::Format as LogFormat;
+use tempfile::TempDir;
+
+use super::world::robots;
+use crate::Error;
+
+/// The recipe's name.
+pub(super) const RECIPE: &str = "robot.toml";
+
+/// A folder under construction: files are made in a hidden folder inside of it, and moved out by [`Folder::commit`].
+pub(super) struct Folder {
+    target: PathBuf,
+    staging: TempDir,
+    /// Files of an earlier command, that this one replaces.
+    old: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder if it is not there.
+    ///
+    /// # Errors
+    /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have the names of generated
+    /// runs are replaced by the new ones, all of them; any other recording is refused still.
+    pub(super) fn create(target: &Path, force: bool) -> Result<Self, Error> {
+        let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
+        fs::create_dir_all(target).map_err(|source| error(target, source))?;
+        let old = Self::check(target, force)?;
+        let staging = tempfile::Builder::new().prefix(".generating-").tempdir_in(target);
+        Ok(Self { target: target.to_owned(), staging: staging.map_err(|source| error(target, source))?, old })
+    }
+
+    /// The files that new ones would replace.
+    ///
+    /// # Errors
+    /// Those of [`Folder::create`], and a folder that cannot be listed. A folder that is not there is none.
+    pub(super) fn check(target: &Path, force: bool) -> Result<Vec<PathBuf>, Error> {
+        let error = |source: io::Error| Error::Write { path: target.to_owned(), source };
+        let entries = match fs::read_dir(target) {
+            Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            other => other.map_err(error)?,
+        };
+        let (mut own, mut foreign) = (Vec::new(), Vec::new());
+        for entry in entries {
+            let path = entry.map_err(error)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if name.starts_with('.') {
+                continue;
+            }
+            if name == RECIPE || is_run(&name) {
+                own.push(path);
+            } else if LogFormat::of(&path).is_some() {
+                foreign.push(path);
+            }
+        }
+        own.sort();
+        foreign.sort();
+        let advice = match (foreign.first(), own.first()) {
+            (Some(first), _) => format!("{} would be mixed with them: choose another folder", first.display()),
+            (None, Some(first)) if !force => {
+                format!(
+                    "{} is there already: choose another folder, or --force to replace all runs in it",
+                    first.display()
+                )
+            }
+            _ => return Ok(own),
+        };
+        Err(Error::Request(format!("{}: generated logs want a folder of their own; {advice}", target.display())))
+    }
+
+    /// Where a file is made.
+    pub(super) fn staged(&self, name: &str) -> PathBuf {
+        self.staging.path().join(name)
+    }
+
+    /// Where a file will be.
+    pub(super) fn target(&self, name: &str) -> PathBuf {
+        self.target.join(name)
+    }
+
+    /// Moves the files of these names out, and removes those of an earlier command.
+    pub(super) fn commit(self, names: &[String]) -> Result<(), Error> {
+        let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
+        for name in names {
+            let target = self.target(name);
+            fs::rename(self.staged(name), &target).map_err(|source| error(&target, source))?;
+        }
+        for old in self.old.iter().filter(|old| !names.iter().any(|name| self.target(name) == **old)) {
+            fs::remove_file(old).map_err(|source| error(old, source))?;
+        }
+        self.staging.close().map_err(|source| error(&self.target, source))
+    }
+}
+
+/// The name of a run's file.
+pub(super) fn run_name(robot: &str, run: u64, runs: u64, extension: &str) -> String {
+    let digits = runs.saturating_sub(1).max(1).ilog10() as usize + 1;
+    format!("{robot}_{run:0width$}.{extension}", width = digits.max(2))
+}
+
+/// Whether a file has the name of a generated run.
+fn is_run(name: &str) -> bool {
+    let Some((stem, "mcap" | "parquet")) = name.rsplit_once('.') else { return false };
+    let Some((robot, run)) = stem.rsplit_once('_') else { return false };
+    run.len() >= 2 && run.bytes().all(|byte| byte.is_ascii_digit()) && robots().contains(&robot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_sort_by_their_numbers() {
+        assert_eq!(run_name("hexapod", 3, 16, "mcap"), "hexapod_03.mcap");
+        assert_eq!(run_name("hexapod", 99, 100, "mcap"), "hexapod_99.mcap");
+        assert_eq!(run_name("hexapod", 7, 101, "parquet"), "hexapod_007.parquet");
+        assert_eq!(run_name("hexapod", 0, 1, "mcap"), "hexapod_00.mcap");
+    }
+
+    #[test]
+    fn recordings_of_others_are_never_touched() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("notes.txt.md"), "mine").unwrap();
+        Folder::create(folder.path(), false).unwrap().commit(&[]).unwrap();
+        fs::write(folder.path().join("field_day.mcap"), "mine").unwrap();
+        for force in [false, true] {
+            let message = Folder::create(folder.path(), force).err().unwrap().to_string();
+            assert!(message.contains("field_day.mcap"), "{message}");
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn an_abandoned_folder_is_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(RECIPE), "old").unwrap();
+        let making = Folder::create(folder.path(), true).unwrap();
+        fs::write(making.staged(RECIPE), "new").unwrap();
+        drop(making);
+        assert_eq!(fs::read_to_string(folder.path().join(RECIPE)).unwrap(), "old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        let making = Folder::create(folder.path(), true).unwrap();
+        fs::write(making.staged("a.md"), "new").unwrap();
+        making.commit(&["a.md".to_owned()]).unwrap();
+        assert!(!folder.path().join(RECIPE).exists() && folder.path().join("a.md").exists());
+    }
+}

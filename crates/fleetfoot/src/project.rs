@@ -1,0 +1,75 @@
+//! A model projected onto a plane of two of its columns.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_data::Progress;
+use fleetfoot_dynamics::{Axis, Plane};
+use fleetfoot_library::{Expr, Scope};
+use fleetfoot_model::Model;
+
+use crate::{Dataset, Error, Recipe, output};
+
+/// A plane, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Projected {
+    /// The plane.
+    pub plane: Plane,
+    /// Episodes projected.
+    pub episodes: usize,
+    /// Names of those that the model was trained on.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Projects a model's regions and one-step scores on files onto the plane of two expressions over its columns, `bins` cells each way. Angles take one
+/// turn, other expressions the range of their values. Writes the cells as Parquet when `output` is given.
+///
+/// # Errors
+/// An axis that is no expression over the model's columns, or not two of them; those of [`fleetfoot_dynamics::plane`], of reading and of writing.
+pub fn project(
+    model: &Model,
+    changes: &Recipe,
+    files: &[PathBuf],
+    axes: &[String],
+    bins: usize,
+    output: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<Projected, Error> {
+    let [across, up] = axes else {
+        return Err(Error::Request(format!("--plane {}: a plane has two columns", axes.join(","))));
+    };
+    if let Some(path) = output
+        && output::kind(path)? != output::Kind::Parquet
+    {
+        return Err(Error::Request(format!("{}: a plane is written as Parquet", path.display())));
+    }
+    let (across, up) = (axis(model, across)?, axis(model, up)?);
+    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let view = dataset.view()?;
+    progress.stage("plane");
+    let axes = [Axis::of_model(model, across, &view, progress)?, Axis::of_model(model, up, &view, progress)?];
+    let plane = fleetfoot_dynamics::plane(model, &view, &axes, bins, progress)?;
+    if let Some(path) = output {
+        output::write_plane(path, model, &plane, files)?;
+    }
+    Ok(Projected {
+        plane,
+        episodes: dataset.episodes().len(),
+        in_sample: dataset.in_sample(model),
+        notes: dataset.notes().to_vec(),
+    })
+}
+
+fn axis(model: &Model, text: &str) -> Result<Expr, Error> {
+    if model.column(text.trim()).is_some() {
+        return Ok(Expr::column(text.trim()));
+    }
+    let scope = Scope::new(model.columns.iter().map(|column| column.name.as_str()));
+    Expr::parse(text, &scope).map_err(|source| Error::Expression {
+        place: "--plane".into(),
+        text: text.to_owned(),
+        source,
+    })
+}

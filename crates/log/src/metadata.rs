@@ -1,0 +1,53 @@
+//! What a file says of itself beside its rows: key-value metadata.
+
+use std::{collections::BTreeMap, path::Path};
+
+use crate::{Error, Format, mcap, parquet};
+
+/// The metadata record of an MCAP file that is ours.
+pub(crate) const RECORD: &str = "fleetfoot";
+
+/// The key-value metadata of a Parquet file, or of the records named `fleetfoot` in an MCAP file: what [`crate::McapOptions::metadata`]
+/// and [`crate::WriteOptions::metadata`] were. Empty where there are none.
+///
+/// # Errors
+/// A file of another format, one that cannot be read, and a damaged one.
+pub fn metadata(path: impl AsRef<Path>) -> Result<BTreeMap<String, String>, Error> {
+    let path = path.as_ref();
+    match Format::of(path) {
+        Some(Format::Parquet) => parquet::metadata(path),
+        Some(Format::Mcap(compression)) => mcap::metadata(path, compression, RECORD),
+        _ => Err(Error::UnknownFormat { path: path.into() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{McapOptions, McapWriter, ParquetWriter, WriteColumn, WriteKind, WriteOptions};
+
+    #[test]
+    fn what_was_written_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let pairs = BTreeMap::from([("world".to_owned(), "a = 1\n".to_owned()), ("run".to_owned(), "3".to_owned())]);
+        let path = folder.path().join("a.mcap");
+        let options = McapOptions { metadata: pairs.clone(), ..McapOptions::default() };
+        McapWriter::create(&path, &options).unwrap().finish().unwrap();
+        assert_eq!(metadata(&path).unwrap(), pairs);
+        McapWriter::create(&path, &McapOptions::default()).unwrap().finish().unwrap();
+        assert!(metadata(&path).unwrap().is_empty());
+
+        let path = folder.path().join("a.parquet");
+        let options = WriteOptions { metadata: pairs.clone(), ..WriteOptions::default() };
+        let columns = vec![WriteColumn::new("x", WriteKind::Float)];
+        ParquetWriter::create(&path, columns, &options).unwrap().finish().unwrap();
+        let found = metadata(&path).unwrap();
+        assert!(pairs.iter().all(|(key, value)| found.get(key) == Some(value)), "{found:?}");
+
+        for name in ["a.mcap", "a.parquet"] {
+            std::fs::write(folder.path().join(name), b"short").unwrap();
+            assert!(metadata(folder.path().join(name)).unwrap_err().to_string().contains(name));
+        }
+        assert!(metadata(folder.path().join("a.csv")).is_err());
+    }
+}

@@ -1,0 +1,144 @@
+//! From what was solved to a model: one affine map a region and target, and what each region saw in training.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_data::Source;
+use fleetfoot_model::{Latent, Model, Partition, Region, Rule, Training};
+use fleetfoot_stats::SquareRoot;
+
+use crate::{
+    Specification,
+    errors::Errors,
+    fit::RegionModel,
+    identify::{Fit, leading},
+    residual::Scatter,
+    select::Order,
+};
+
+impl Fit<'_> {
+    /// Assembles the model of a candidate.
+    ///
+    /// `residuals` is the scatter of its residuals by region, `roots` the square-root form of each region's rows.
+    pub(crate) fn model(
+        &self,
+        order: &Order,
+        candidate: usize,
+        errors: &Errors,
+        residuals: &Scatter,
+        source: &dyn Source,
+        roots: &BTreeMap<u32, SquareRoot>,
+    ) -> Model {
+        let candidate = &self.segmentation.candidates[candidate];
+        let null = candidate.specification == Specification::Null;
+        let library = if null { Vec::new() } else { self.problem.library.clone() };
+        let mut partition = self.segmentation.partitions[candidate.full].clone();
+        partition.specification = candidate.specification.to_string();
+        partition.regions = order
+            .full
+            .iter()
+            .enumerate()
+            .map(|(region, fitted)| {
+                let ranges = &self.scan.ranges[candidate.full][region];
+                self.region(
+                    region_name(&partition, region),
+                    fitted,
+                    roots.get(&(region as u32)),
+                    ranges,
+                    residuals.covariance(region),
+                    null,
+                )
+            })
+            .collect();
+        let (q, s) = (self.rows.targets, self.rows.states);
+        let training = Training {
+            version: env!("CARGO_PKG_VERSION").into(),
+            recipe: String::new(),
+            seed: self.options.seed,
+            rows: self.survey.complete,
+            episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
+            target_mean: self.survey.scales.mean[..q].to_vec(),
+            target_covariance: leading(&self.survey.scales, 0..q),
+            target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
+            state_covariance: leading(&self.survey.scales, q..q + s),
+        };
+        let mut model = Model::new(
+            format!("pwa {}", candidate.specification),
+            self.problem.columns.clone(),
+            self.problem.step,
+            training,
+        );
+        model.latents = self
+            .problem
+            .equations
+            .iter()
+            .filter(|equation| equation.target.is_some())
+            .enumerate()
+            .map(|(t, equation)| Latent {
+                // Its plain name, without the backticks that an odd one has within expressions.
+                name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
+                library: 0,
+                partition: 0,
+                constants: order.full.iter().map(|region| region.intercept[t]).collect(),
+                coefficients: order
+                    .full
+                    .iter()
+                    .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
+                    .collect(),
+            })
+            .collect();
+        model.libraries = vec![library];
+        model.partitions = vec![partition];
+        model.equations = self.problem.equations.clone();
+        model
+    }
+
+    fn region(
+        &self,
+        name: String,
+        fitted: &RegionModel,
+        root: Option<&SquareRoot>,
+        ranges: &[[f64; 2]],
+        residual_covariance: Vec<f64>,
+        null: bool,
+    ) -> Region {
+        let p = if null { 0 } else { self.rows.regressors };
+        let mut covariance = vec![f64::NAN; p * (p + 1) / 2];
+        if let Some(root) = root {
+            for i in 0..p {
+                for j in 0..=i {
+                    let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
+                    covariance[i * (i + 1) / 2 + j] = product / root.weight;
+                }
+            }
+        }
+        Region {
+            name,
+            rows: root.map_or(0, |root| root.rows),
+            mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
+            covariance,
+            range: ranges[..p].to_vec(),
+            residual_covariance,
+            rank: fitted.rank,
+            condition: fitted.condition,
+            confounded: if null { Vec::new() } else { fitted.confounded.clone() },
+        }
+    }
+}
+
+fn region_name(partition: &Partition, region: usize) -> String {
+    match &partition.rule {
+        Rule::Whole => "all".into(),
+        Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
+        Rule::Linear { .. } => region.to_string(),
+        Rule::Labels { names, rules, .. } => {
+            let mut offset = 0;
+            for (name, rule) in names.iter().zip(rules) {
+                if region < offset + rule.count() {
+                    return if rule.count() == 1 { name.clone() } else { format!("{name}/{}", region - offset) };
+                }
+                offset += rule.count();
+            }
+            "pooled".into()
+        }
+    }
+}

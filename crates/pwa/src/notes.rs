@@ -1,0 +1,44 @@
+//! What a user should know about a fit beside its numbers.
+
+use crate::{
+    Specification,
+    fit::{Base, Solver},
+    identify::Fit,
+};
+
+impl Fit<'_> {
+    pub(crate) fn notes(&self, base: &Base, notes: &mut Vec<String>) {
+        let name = |&function: &usize| self.problem.library[function].to_string();
+        for group in &base.average.confounded {
+            let names: Vec<String> = group.iter().map(name).collect();
+            notes.push(match names.as_slice() {
+                [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
+                _ => format!(
+                    "the data cannot separate {}: their coefficients are the smallest that fit",
+                    names.join(", ")
+                ),
+            });
+        }
+        if self.survey.incomplete > 0 {
+            notes.push(format!("{} rows with a missing value were left out", self.survey.incomplete));
+        }
+    }
+
+    /// In many dimensions hardly any row is near the centre.
+    pub(crate) fn empty_balls(&self, solver: &Solver<'_>, notes: &mut Vec<String>) {
+        for candidate in &self.segmentation.candidates {
+            let Specification::ZScore(radius) = candidate.specification else { continue };
+            let regions = solver.training(candidate.full, None);
+            for (region, place) in [(0, "within"), (1, "beyond")] {
+                if regions.get(&region).is_none_or(|root| root.rows == 0) {
+                    let columns = self.rows.partition;
+                    notes.push(format!(
+                        "{}: no row is {place} {radius} of the centre; in {columns} standardised columns the root mean square distance is {:.1}",
+                        candidate.specification,
+                        (columns as f64).sqrt()
+                    ));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Sums of sines.
+
+use std::f64::consts::{PI, TAU};
+
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+use super::check::{band, that};
+use super::uniform;
+use crate::ParameterError;
+use crate::parameter_error::{finite, not_negative};
+
+/// Sines of one amplitude at `count` frequencies, equally spaced from `lowest` to `highest`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Multisine {
+    /// Mean, in the channel's unit.
+    pub offset: f64,
+    /// Standard deviation over a period of the sum, in the channel's unit: each sine's amplitude is `deviation sqrt(2 / count)`.
+    pub deviation: f64,
+    /// Hz
+    pub lowest: f64,
+    /// Hz
+    pub highest: f64,
+    /// Number of sines.
+    pub count: usize,
+    /// How their phases are chosen.
+    pub phases: Phases,
+}
+
+/// Phases of a multisine.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phases {
+    /// Those of a low peak: `-pi k (k - 1) / count` for the k-th sine, k = 1, 2, ..., the case of a flat spectrum in
+    /// M. R. Schroeder, Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, 1970, equation (11).
+    /// Channels with the same frequencies then move together.
+    Schroeder,
+    /// Uniform: channels with the same frequencies are independent of each other.
+    #[default]
+    Random,
+}
+
+impl Default for Multisine {
+    fn default() -> Self {
+        Self { offset: 0.0, deviation: 0.4, lowest: 0.05, highest: 2.0, count: 40, phases: Phases::Random }
+    }
+}
+
+impl Multisine {
+    pub(super) fn validate(&self, dt: f64) -> Result<(), ParameterError> {
+        finite("offset", self.offset)?;
+        not_negative("deviation", self.deviation)?;
+        that((1..=10_000).contains(&self.count), "count", self.count, "1 to 10000")?;
+        band(self.lowest, self.highest, dt)
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct MultisineSignal {
+    offset: f64,
+    amplitude: f64,
+    /// Hz and turns.
+    sines: Vec<[f64; 2]>,
+}
+
+impl MultisineSignal {
+    pub(super) fn new(parameters: &Multisine, random: &mut Pcg64) -> Self {
+        let count = parameters.count;
+        let spacing = (parameters.highest - parameters.lowest) / count.saturating_sub(1).max(1) as f64;
+        let sines = (0..count).map(|k| {
+            let phase = match parameters.phases {
+                Phases::Schroeder => -PI * k as f64 * (k + 1) as f64 / count as f64,
+                Phases::Random => uniform(0.0, TAU, random),
+            };
+            [parameters.lowest + spacing * k as f64, phase / TAU]
+        });
+        let sines = sines.collect();
+        Self { offset: parameters.offset, amplitude: parameters.deviation * (2.0 / count.max(1) as f64).sqrt(), sines }
+    }
+
+    pub(super) fn value(&self, t: f64) -> f64 {
+        let sum: f64 = self.sines.iter().map(|[frequency, phase]| (TAU * (frequency * t + phase).fract()).cos()).sum();
+        self.offset + self.amplitude * sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::excitation::spectrum::power;
+    use rand::SeedableRng;
+
+    const DT: f64 = 0.002;
+    const HARMONICS: usize = 30;
+
+    fn one_period(phases: Phases, seed: u64) -> Vec<f64> {
+        let parameters = Multisine { offset: 0.0, deviation: 0.7, lowest: 0.1, highest: 3.0, count: HARMONICS, phases };
+        let signal = MultisineSignal::new(&parameters, &mut Pcg64::seed_from_u64(seed));
+        (0..5000).map(|k| signal.value(k as f64 * DT)).collect()
+    }
+
+    fn crest(samples: &[f64]) -> f64 {
+        let peak = samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+        peak / (samples.iter().map(|x| x * x).sum::<f64>() / samples.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn its_power_is_flat_over_its_frequencies_and_nowhere_else() {
+        for phases in [Phases::Schroeder, Phases::Random] {
+            let samples = one_period(phases, 5);
+            let variance = samples.iter().map(|x| x * x).sum::<f64>() / samples.len() as f64;
+            assert!((variance - 0.49).abs() < 1e-9);
+            for harmonic in 1..=60 {
+                let expected = if harmonic <= HARMONICS { 0.49 / HARMONICS as f64 } else { 0.0 };
+                let found = power(&samples, DT, 0.1 * harmonic as f64);
+                assert!((found - expected).abs() < 1e-9, "{harmonic}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn phases_of_schroeder_keep_the_peak_low() {
+        let low = crest(&one_period(Phases::Schroeder, 0));
+        assert!(low < 1.8, "{low}");
+        for seed in 0..10 {
+            let random = crest(&one_period(Phases::Random, seed));
+            assert!(random > low + 0.2, "{random} {low}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! A lamp that blinks by one computer's clock and is seen by others, so that their clocks can be aligned.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Clock, check, clock::nanoseconds};
+use crate::{ParameterError, Reading};
+
+/// A square wave on a lamp, after II-B of *Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot* (Buchan, Haldane,
+/// Fearing): driven by the controller, recorded by the robot and seen by the motion capture.
+///
+/// Which edge is which is known only while two clocks differ by less than half a period.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SyncWaveParameters {
+    /// From one rising edge to the next by the driving clock, s.
+    pub period: f64,
+    /// The share of a period that the lamp is lit.
+    pub duty: f64,
+    /// How long after a run's beginning the first rising edge comes, s, by the driving clock.
+    pub delay: f64,
+    /// Light of the lamp when lit, lx.
+    pub light: f64,
+}
+
+impl Default for SyncWaveParameters {
+    fn default() -> Self {
+        Self { period: 1.0, duty: 0.5, delay: 0.5, light: 1.0 }
+    }
+}
+
+impl SyncWaveParameters {
+    /// Checks every parameter.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        check::within("period", self.period, 1e-6..=1e6)?;
+        check::within("duty", self.duty, 0.0..=1.0)?;
+        check::within("delay", self.delay, 0.0..=1e6)?;
+        check::positive("light", self.light, 1e9)
+    }
+}
+
+/// A square wave on a lamp. It has no noise: the light is there or not at the instant that a sensor looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SyncWave {
+    clock: Clock,
+    period: i64,
+    lit: i64,
+    delay: i64,
+    light: f64,
+}
+
+impl SyncWave {
+    /// A wave driven by a clock. The parameters have passed [`SyncWaveParameters::validate`].
+    pub fn new(parameters: &SyncWaveParameters, clock: Clock) -> Self {
+        let period = nanoseconds(parameters.period);
+        Self {
+            clock,
+            period,
+            lit: (period as f64 * parameters.duty).round() as i64,
+            delay: nanoseconds(parameters.delay),
+            light: parameters.light,
+        }
+    }
+
+    /// The light at a true time in ns since the run's beginning.
+    pub fn level(&self, time: i64) -> f64 {
+        let since = self.clock.elapsed(time) - self.delay;
+        if since >= 0 && since % self.period < self.lit { self.light } else { 0.0 }
+    }
+
+    /// The light at a true time, as a message.
+    pub fn reading(&self, time: i64) -> Reading<'static> {
+        Reading::Light(self.level(time))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::ClockParameters;
+
+    #[test]
+    fn edges_are_where_the_driving_clock_says() {
+        let parameters = SyncWaveParameters { period: 0.2, duty: 0.25, delay: 0.1, light: 40.0 };
+        parameters.validate().unwrap();
+        let clock = Clock::new(&ClockParameters { offset: 3.0, skew: 100.0, jitter: 0.0 }, 0);
+        let wave = SyncWave::new(&parameters, clock);
+        // By a clock that is 100 ppm fast, 0.1 s pass in 0.1 / 1.0001 s.
+        let true_time = |seconds: f64| (seconds / 1.0001 * 1e9).round() as i64;
+        assert_eq!(wave.level(0), 0.0);
+        for wave_number in 0..1000 {
+            let (rising, falling) = (0.1 + 0.2 * f64::from(wave_number), 0.15 + 0.2 * f64::from(wave_number));
+            assert_eq!([wave.level(true_time(rising) - 2), wave.level(true_time(rising) + 2)], [0.0, 40.0]);
+            assert_eq!([wave.level(true_time(falling) - 2), wave.level(true_time(falling) + 2)], [40.0, 0.0]);
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_no_wave() {
+        let error = SyncWaveParameters { duty: 1.5, ..SyncWaveParameters::default() }.validate().unwrap_err();
+        assert_eq!(error.name, "duty");
+        SyncWaveParameters { period: 0.0, ..SyncWaveParameters::default() }.validate().unwrap_err();
+    }
+}

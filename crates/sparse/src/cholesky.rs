@@ -1,0 +1,72 @@
+//! Solves with a positive semidefinite matrix, whose columns may depend on each other.
+
+use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
+
+/// A solution of `M x = b`, M symmetric (k x k, both triangles): by Cholesky, and where the square of a pivot would be below `level` of the diagonal,
+/// by one that passes over the columns that depend on the ones before; they get 0.
+pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
+    let k = b.len();
+    let pivots = |factor: MatRef<'_, f64>| (0..k).all(|i| factor[(i, i)].powi(2) > level * matrix[(i, i)]);
+    match matrix.llt(Side::Lower) {
+        Ok(factor) if pivots(factor.L()) => {
+            let solution = factor.solve(Mat::from_fn(k, 1, |i, _| b[i]));
+            (0..k).map(|i| solution[(i, 0)]).collect()
+        }
+        _ => solve_dependent(matrix, b, level),
+    }
+}
+
+/// Row by row, because faer's factorisation stops at the first column that depends on others.
+fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
+    // Index, entries before the pivot, pivot, and entry of the forward substitution.
+    let mut kept: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
+    for j in 0..b.len() {
+        let mut row: Vec<f64> = Vec::with_capacity(kept.len());
+        let mut known = b[j];
+        for (i, above, pivot, value) in &kept {
+            let products: f64 = above.iter().zip(&row).map(|(a, b)| a * b).sum();
+            row.push((matrix[(*i, j)] - products) / pivot);
+            known -= row[row.len() - 1] * value;
+        }
+        let left = matrix[(j, j)] - row.iter().map(|entry| entry * entry).sum::<f64>();
+        if left > level * matrix[(j, j)] {
+            let pivot = left.sqrt();
+            kept.push((j, row, pivot, known / pivot));
+        }
+    }
+    let mut solution = vec![0.0; b.len()];
+    for k in (0..kept.len()).rev() {
+        let (j, row, pivot, value) = std::mem::take(&mut kept[k]);
+        solution[j] = value / pivot;
+        for (below, entry) in kept[..k].iter_mut().zip(&row) {
+            below.3 -= entry * solution[j];
+        }
+    }
+    solution
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dependent_columns_are_passed_over() {
+        let x = Mat::from_fn(6, 4, |i, j| (1.3 * (i * 5 + j * 2) as f64).sin());
+        // The third column is a copy of the first.
+        let column = |j: usize| if j == 2 { 0 } else { j };
+        let x = Mat::from_fn(6, 4, |i, j| x[(i, column(j))]);
+        let matrix = x.transpose() * &x;
+        let b: Vec<f64> = (0..4).map(|j| (0..6).map(|i| x[(i, j)] * (i as f64 - 2.0)).sum()).collect();
+        let found = solve(&matrix, &b, 1e-14);
+        assert_eq!(found[2], 0.0);
+        for i in 0..4 {
+            let product: f64 = (0..4).map(|j| matrix[(i, j)] * found[j]).sum();
+            assert!((product - b[i]).abs() < 1e-13);
+        }
+        // The same without the copy, by the other way.
+        let kept = [0, 1, 3];
+        let small = Mat::from_fn(3, 3, |i, j| matrix[(kept[i], kept[j])]);
+        let direct = solve(&small, &kept.map(|j| b[j]), 1e-14);
+        assert!(kept.iter().zip(&direct).all(|(&j, value)| (found[j] - value).abs() < 1e-12));
+    }
+}

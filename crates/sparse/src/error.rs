@@ -1,0 +1,142 @@
+//! What can be wrong with a problem or with the options of a fit.
+
+/// A problem that cannot be posed, or an option out of its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SparseError {
+    /// A statistic of no rows, or of no weight.
+    #[error("there are no rows: a fit needs at least one row of positive weight")]
+    NoRows,
+    /// Two arguments that must have the same length have not.
+    #[error("{what} has {found} entries, {expected} are needed")]
+    Length {
+        /// The argument.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// A regressor holds NaN or an infinity.
+    #[error("column {column} holds a value that is not finite: drop the column, or the rows")]
+    ColumnNotFinite {
+        /// The regressor.
+        column: usize,
+    },
+    /// The target holds NaN or an infinity.
+    #[error("the target holds a value that is not finite: drop the rows where it is missing")]
+    TargetNotFinite,
+    /// The statistic has fewer targets.
+    #[error("target {target} is asked for, the statistic has {targets}")]
+    NoSuchTarget {
+        /// The target that was asked for.
+        target: usize,
+        /// How many there are.
+        targets: usize,
+    },
+    /// A row weight is negative or not finite.
+    #[error("the weight of row {row} is {value}: weights are finite and not negative")]
+    RowWeight {
+        /// The row.
+        row: usize,
+        /// Its weight.
+        value: f64,
+    },
+    /// Products that no rows can have.
+    #[error(
+        "the products of columns {column} and {other} are not those of any rows: not symmetric, negative squares, or larger than the columns are \
+         long (column {targets} is the target)"
+    )]
+    NotMoments {
+        /// The first column.
+        column: usize,
+        /// The second column, or the number of columns for the target.
+        other: usize,
+        /// Index that stands for the target.
+        targets: usize,
+    },
+    /// A penalty factor is negative or NaN.
+    #[error(
+        "the penalty factor of column {column} is {value}: it is 0 (not penalised), positive, or infinite (left out)"
+    )]
+    PenaltyFactor {
+        /// The column.
+        column: usize,
+        /// The factor.
+        value: f64,
+    },
+    /// A penalty strength is negative or not finite.
+    #[error("{name} is {value}: it is finite and not negative")]
+    Strength {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The share of the l1 penalty lies outside 0 to 1.
+    #[error("l1_ratio is {value}: it lies between 0 (ridge) and 1 (lasso)")]
+    L1Ratio {
+        /// The value.
+        value: f64,
+    },
+    /// A grid of penalties without an l1 part has no largest member.
+    #[error(
+        "a grid of lambda starts where the first column enters; l1_ratio is {value}, and below 1e-3 there is no such place: list the lambdas"
+    )]
+    NoLambdaMax {
+        /// The share of the l1 penalty.
+        value: f64,
+    },
+    /// The grid's shape is out of range.
+    #[error(
+        "a grid of {count} lambdas down to {ratio} of the largest: at least one lambda, and a ratio between 0 and 1"
+    )]
+    Grid {
+        /// Number of lambdas.
+        count: usize,
+        /// The smallest over the largest.
+        ratio: f64,
+    },
+    /// The tolerance of coordinate descent is out of range.
+    #[error("the tolerance is {value}: it lies between 1e-15 and 1")]
+    Tolerance {
+        /// The value.
+        value: f64,
+    },
+    /// Plain LARS does not watch signs.
+    #[error("column {column} has a sign constraint: plain LARS does not watch signs, the lasso modification does")]
+    SignsNeedLasso {
+        /// The first column with a constraint.
+        column: usize,
+    },
+    /// A lambda below the end of a path that was stopped.
+    #[error("lambda = {lambda} lies below the end of the path at {end}: continue the path further down")]
+    BelowPath {
+        /// The lambda that was asked for.
+        lambda: f64,
+        /// The smallest lambda of the path.
+        end: f64,
+    },
+    /// A path and a problem that do not belong together.
+    #[error("the path is that of another problem: it has {found} columns, the problem {expected}")]
+    OtherProblem {
+        /// Columns of the path.
+        found: usize,
+        /// Columns of the problem.
+        expected: usize,
+    },
+    /// The exponent of the adaptive lasso is out of range.
+    #[error("the exponent of the adaptive weights is {value}: it is positive and finite")]
+    Exponent {
+        /// The value.
+        value: f64,
+    },
+    /// Least squares does not know the coefficients that the adaptive weights are to be made from.
+    #[error(
+        "columns {columns:?} depend on the others, so least squares gives them no weights: start the adaptive lasso from a ridge fit"
+    )]
+    NeedsRidge {
+        /// The dependent columns.
+        columns: Vec<usize>,
+    },
+}

@@ -1,0 +1,311 @@
+//! Vector kernels: dense columns of equal stride, and products with them.
+//!
+//! Columns and vectors are padded with zeros to whole vectors of the widest instruction set, so that no kernel has a tail.
+
+use faer::MatRef;
+use pulp::{Simd, WithSimd};
+
+/// Values of the widest vector.
+const LANES: usize = 8;
+
+/// `length` up to whole vectors.
+pub(crate) fn padded(length: usize) -> usize {
+    length.next_multiple_of(LANES)
+}
+
+/// A column-major matrix that grows by columns; the columns are padded with zeros.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Slab {
+    rows: usize,
+    stride: usize,
+    values: Vec<f64>,
+}
+
+impl Slab {
+    pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
+        let stride = padded(rows).max(LANES);
+        Self { rows, stride, values: vec![0.0; stride * columns] }
+    }
+
+    pub(crate) fn from_fn(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
+        let mut slab = Self::zeros(rows, columns);
+        for j in 0..columns {
+            slab.column_mut(j)[..rows].iter_mut().enumerate().for_each(|(i, value)| *value = entry(i, j));
+        }
+        slab
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub(crate) fn columns(&self) -> usize {
+        self.values.len() / self.stride
+    }
+
+    /// Length of a vector that the kernels take beside the columns.
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    pub(crate) fn column(&self, j: usize) -> &[f64] {
+        &self.values[j * self.stride..(j + 1) * self.stride]
+    }
+
+    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
+        &mut self.values[j * self.stride..(j + 1) * self.stride]
+    }
+
+    /// Columns `j` and `j + 1`.
+    pub(crate) fn pair_mut(&mut self, j: usize) -> (&mut [f64], &mut [f64]) {
+        self.values[j * self.stride..(j + 2) * self.stride].split_at_mut(self.stride)
+    }
+
+    pub(crate) fn push(&mut self, column: &[f64]) {
+        debug_assert_eq!(column.len(), self.stride);
+        self.values.extend_from_slice(column);
+    }
+
+    pub(crate) fn pop(&mut self) {
+        self.values.truncate(self.values.len() - self.stride);
+    }
+
+    pub(crate) fn as_mat(&self) -> MatRef<'_, f64> {
+        MatRef::from_column_major_slice_with_stride(&self.values, self.rows, self.columns(), self.stride)
+    }
+
+    /// `target -= self x`, x of as many entries as there are columns.
+    pub(crate) fn subtract(&self, x: &[f64], target: &mut [f64]) {
+        self.subtract_below(0, x, target);
+    }
+
+    /// [`Slab::subtract`] on the rows from `first` on (and some before, up to whole vectors).
+    pub(crate) fn subtract_below(&self, first: usize, x: &[f64], target: &mut [f64]) {
+        debug_assert_eq!((x.len(), target.len()), (self.columns(), self.stride));
+        let first = (first / LANES * LANES).min(self.stride);
+        pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target });
+    }
+
+    /// Exchanges two rows.
+    pub(crate) fn swap_rows(&mut self, i: usize, k: usize) {
+        if i != k {
+            self.values.chunks_exact_mut(self.stride).for_each(|column| column.swap(i, k));
+        }
+    }
+
+    /// `out_j = column_j . x`.
+    pub(crate) fn products(&self, x: &[f64], out: &mut [f64]) {
+        debug_assert_eq!(x.len(), self.stride);
+        pulp::Arch::new().dispatch(Products { slab: self, x, out });
+    }
+}
+
+/// `x . y`, both padded to the same whole number of vectors.
+pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
+    pulp::Arch::new().dispatch(Dot { x, y })
+}
+
+/// `y += factor x`, both padded to the same whole number of vectors.
+pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
+    pulp::Arch::new().dispatch(AddScaled { factor, x, y });
+}
+
+/// Euclidean norm, safe against overflow and underflow of the squares.
+pub(crate) fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = values.clone().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    largest * values.map(|value| (value / largest) * (value / largest)).sum::<f64>().sqrt()
+}
+
+struct Subtract<'a> {
+    slab: &'a Slab,
+    first: usize,
+    x: &'a [f64],
+    target: &'a mut [f64],
+}
+
+impl WithSimd for Subtract<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { slab, first, x, target } = self;
+        let stride = slab.stride;
+        let (target, _) = S::as_mut_simd_f64s(&mut target[first..]);
+        let part = |column: usize| S::as_simd_f64s(&slab.values[column * stride + first..(column + 1) * stride]).0;
+        let fours = x.len() / 4 * 4;
+        // Four columns at once: a quarter of the traffic of the target.
+        for k in (0..fours).step_by(4) {
+            let [c0, c1, c2, c3] = [k, k + 1, k + 2, k + 3].map(part);
+            let x = [-x[k], -x[k + 1], -x[k + 2], -x[k + 3]].map(|x| simd.splat_f64s(x));
+            for ((((value, c0), c1), c2), c3) in target.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
+                let first = simd.mul_add_f64s(*c0, x[0], simd.mul_f64s(*c1, x[1]));
+                let second = simd.mul_add_f64s(*c2, x[2], simd.mul_f64s(*c3, x[3]));
+                *value = simd.add_f64s(*value, simd.add_f64s(first, second));
+            }
+        }
+        for k in fours..x.len() {
+            let x = simd.splat_f64s(-x[k]);
+            for (value, c) in target.iter_mut().zip(part(k)) {
+                *value = simd.mul_add_f64s(*c, x, *value);
+            }
+        }
+    }
+}
+
+/// `x <- U^-1 x` and `y <- U^-1 y` for an upper triangle, column by column.
+pub(crate) fn substitute_back(u: &[Vec<f64>], x: &mut [f64], y: &mut [f64]) {
+    pulp::Arch::new().dispatch(SubstituteBack { u, x, y });
+}
+
+struct SubstituteBack<'a> {
+    u: &'a [Vec<f64>],
+    x: &'a mut [f64],
+    y: &'a mut [f64],
+}
+
+impl WithSimd for SubstituteBack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { u, x, y } = self;
+        for k in (0..u.len()).rev() {
+            let column = &u[k];
+            x[k] /= column[k];
+            y[k] /= column[k];
+            let minus = [simd.splat_f64s(-x[k]), simd.splat_f64s(-y[k])];
+            let (xk, yk) = (x[k], y[k]);
+            let (columns, column_tail) = S::as_simd_f64s(&column[..k]);
+            let (xs, x_tail) = S::as_mut_simd_f64s(&mut x[..k]);
+            let (ys, y_tail) = S::as_mut_simd_f64s(&mut y[..k]);
+            for ((x, y), u) in xs.iter_mut().zip(ys).zip(columns) {
+                *x = simd.mul_add_f64s(*u, minus[0], *x);
+                *y = simd.mul_add_f64s(*u, minus[1], *y);
+            }
+            for ((x, y), u) in x_tail.iter_mut().zip(y_tail).zip(column_tail) {
+                *x -= u * xk;
+                *y -= u * yk;
+            }
+        }
+    }
+}
+
+struct Products<'a> {
+    slab: &'a Slab,
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (out, column) in self.out.iter_mut().zip(self.slab.values.chunks_exact(self.slab.stride)) {
+            *out = dot_in(simd, column, self.x);
+        }
+    }
+}
+
+struct Dot<'a> {
+    x: &'a [f64],
+    y: &'a [f64],
+}
+
+impl WithSimd for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        dot_in(simd, self.x, self.y)
+    }
+}
+
+struct AddScaled<'a> {
+    factor: f64,
+    x: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl WithSimd for AddScaled<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        add_scaled_in(simd, self.factor, self.x, self.y);
+    }
+}
+
+#[inline(always)]
+pub(crate) fn add_scaled_in<S: Simd>(simd: S, factor: f64, x: &[f64], y: &mut [f64]) {
+    let (x, _) = S::as_simd_f64s(x);
+    let (y, _) = S::as_mut_simd_f64s(y);
+    let factor = simd.splat_f64s(factor);
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = simd.mul_add_f64s(*x, factor, *y);
+    }
+}
+
+#[inline(always)]
+fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
+    let (x, _) = S::as_simd_f64s(x);
+    let (y, _) = S::as_simd_f64s(y);
+    let mut sums = [simd.splat_f64s(0.0); 4];
+    let (x4, x1) = pulp::as_arrays::<4, _>(x);
+    let (y4, y1) = pulp::as_arrays::<4, _>(y);
+    for (x, y) in x4.iter().zip(y4) {
+        for k in 0..4 {
+            sums[k] = simd.mul_add_f64s(x[k], y[k], sums[k]);
+        }
+    }
+    for (x, y) in x1.iter().zip(y1) {
+        sums[0] = simd.mul_add_f64s(*x, *y, sums[0]);
+    }
+    let pairs = (simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
+    simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_and_sums_are_those_of_plain_loops() {
+        for (rows, columns) in [(1, 1), (7, 3), (8, 4), (37, 11), (64, 9)] {
+            let slab = Slab::from_fn(rows, columns, |i, j| ((3 * i + 5 * j) % 7) as f64 - 2.0);
+            let x: Vec<f64> = (0..columns).map(|j| j as f64 - 1.5).collect();
+            let mut target = vec![0.0; slab.stride()];
+            target[..rows].fill(1.0);
+            slab.subtract(&x, &mut target);
+            for i in 0..rows {
+                let plain: f64 = 1.0 - (0..columns).map(|j| slab.column(j)[i] * x[j]).sum::<f64>();
+                assert_eq!(target[i], plain);
+            }
+            assert!(target[rows..].iter().all(|&value| value == 0.0));
+            let mut below = vec![0.0; slab.stride()];
+            below[..rows].fill(1.0);
+            slab.subtract_below(rows / 2, &x, &mut below);
+            assert_eq!(below[rows / 2..], target[rows / 2..]);
+            let mut out = vec![0.0; columns];
+            slab.products(&target, &mut out);
+            for j in 0..columns {
+                let plain: f64 = (0..rows).map(|i| slab.column(j)[i] * target[i]).sum();
+                assert_eq!(out[j], plain);
+                assert_eq!(dot(slab.column(j), &target), plain);
+            }
+            let before = target.clone();
+            add_scaled(-2.0, slab.column(0), &mut target);
+            assert!((0..rows).all(|i| target[i] == before[i] - 2.0 * slab.column(0)[i]));
+        }
+    }
+
+    #[test]
+    fn the_norm_does_not_overflow() {
+        assert!((norm([3e200, 4e200].into_iter()) / 5e200 - 1.0).abs() < 1e-15);
+        assert!((norm([3e-200, 4e-200].into_iter()) / 5e-200 - 1.0).abs() < 1e-15);
+        assert_eq!(norm([].into_iter()), 0.0);
+    }
+}

@@ -1,0 +1,41 @@
+//! Sparse regression on statistics: paths, bolasso, thresholding.
+//!
+//! # The objective
+//!
+//! All solvers here minimise, over the coefficients b of p regressors and a free intercept b0,
+//!
+//! ```text
+//! 1/(2n) sum_i s_i (y_i - x_i'b - b0)^2 + lambda (l1_ratio sum_j w_j |u_j b_j| + (1 - l1_ratio)/2 sum_j w_j (u_j b_j)^2)
+//! ```
+//!
+//! with row weights s and n their sum, penalty factors w_j >= 0 (0: not penalised, infinite: left out), units u_j (the column's deviation with
+//! [`Penalty::standardise`], else 1), and signs constrained at will. [`Strength`] is the pair `l1 = lambda l1_ratio`, `l2 = lambda (1 - l1_ratio)`.
+//! The rows are known by a statistic, [`Quadratic`]; no solver sees them.
+//!
+//! scikit-learn's `alpha` is this lambda, and its `Lasso`, `ElasticNet`, `LassoLars` and `lars_path_gram` have this objective with w = u = s = 1.
+//! glmnet rescales penalty factors to the sum p; here they are taken as they are.
+
+mod adaptive;
+mod certificate;
+mod cholesky;
+mod coordinate;
+mod descent;
+mod error;
+mod factor;
+mod homotopy;
+mod kernel;
+mod lars;
+mod moments;
+mod path;
+mod penalty;
+mod quadratic;
+mod rows;
+
+pub use adaptive::{Initial, adaptive, degrees_of_freedom};
+pub use certificate::{Certificate, certificate};
+pub use coordinate::{CoordinateOptions, coordinate_descent, lambda_grid, lambda_max};
+pub use error::SparseError;
+pub use lars::{LarsOptions, Method, lars};
+pub use path::{Path, PathStatus, Solution};
+pub use penalty::{Penalty, Sign, Strength};
+pub use quadratic::Quadratic;

@@ -1,0 +1,156 @@
+//! Problems from Gram matrices and from square-root forms.
+
+use faer::MatRef;
+use fleetfoot_stats::{Gram, SquareRoot};
+
+use crate::{
+    SparseError,
+    kernel::{Slab, norm, padded},
+    quadratic::{Form, Means, Quadratic},
+};
+
+impl Quadratic {
+    /// One target of a square-root form, intercept free.
+    ///
+    /// # Errors
+    /// When there are no rows, no such target, or the statistic is not finite.
+    pub fn from_square_root(root: &SquareRoot, target: usize) -> Result<Self, SparseError> {
+        let (p, targets) = (root.regressors(), root.targets());
+        if target >= targets {
+            return Err(SparseError::NoSuchTarget { target, targets });
+        }
+        if root.weight.is_nan() || root.weight <= 0.0 {
+            return Err(SparseError::NoRows);
+        }
+        let column = |j: usize| root.r.col_as_slice(j)[..=j].iter().copied();
+        if let Some(column) = (0..p).find(|&j| !column(j).all(f64::is_finite) || !root.mean_x[j].is_finite()) {
+            return Err(SparseError::ColumnNotFinite { column });
+        }
+        let z = root.z.col_as_slice(target);
+        let residual = root.residual[target].max(0.0);
+        if !(z.iter().all(|value| value.is_finite()) && residual.is_finite() && root.mean_y[target].is_finite()) {
+            return Err(SparseError::TargetNotFinite);
+        }
+        let noise: Vec<f64> = root.magnitude.iter().map(|magnitude| root.noise * magnitude).collect();
+        let means = Means { x: root.mean_x.clone(), y: root.mean_y[target] };
+        let size = norm(z.iter().copied().chain([residual.sqrt()]));
+        let least = root.noise * root.weight.sqrt() * means.y.abs();
+        // A triangle's rows of zeros (fewer rows than columns) carry nothing but the residual.
+        let empty = |i: usize| (i..p).all(|j| root.r[(i, j)] == 0.0);
+        let kept: Vec<usize> = (0..p).filter(|&i| !empty(i)).collect();
+        let dropped = norm((0..p).filter(|&i| empty(i)).map(|i| z[i]).chain([residual.sqrt()]));
+        let entry = |i: usize, j: usize| if kept[i] <= j { root.r[(kept[i], j)] } else { 0.0 };
+        let rows = Slab::from_fn(kept.len(), p, entry);
+        let z = kept.iter().map(|&i| z[i]).collect();
+        Ok(Self::of_compressed(root.weight, Some(means), rows, z, dropped, (size, least), noise))
+    }
+
+    /// In square-root form from raw rows A (m x p) and z (m), the length of the target `beyond` them, its whole length `size` with the length
+    /// `least` below which it is rounding, and the length of rounding of every column.
+    pub(crate) fn of_compressed(
+        weight: f64,
+        means: Option<Means>,
+        mut rows: Slab,
+        mut z: Vec<f64>,
+        beyond: f64,
+        (size, least): (f64, f64),
+        mut noise: Vec<f64>,
+    ) -> Self {
+        let p = rows.columns();
+        let mut length = vec![0.0; p];
+        for j in 0..p {
+            let column = rows.column_mut(j);
+            let found = norm(column.iter().copied());
+            length[j] = if found > noise[j] { found } else { 0.0 };
+            noise[j] = if length[j] > 0.0 { noise[j] / found } else { 0.0 };
+            column.iter_mut().for_each(|value| *value = if length[j] > 0.0 { *value / found } else { 0.0 });
+        }
+        let size = if size > least { size } else { 0.0 };
+        z.iter_mut().for_each(|value| *value = if size > 0.0 { *value / size } else { 0.0 });
+        z.resize(rows.stride(), 0.0);
+        let beyond = if size > 0.0 { (beyond / size).powi(2) } else { 0.0 };
+        Self { weight, length, size, means, noise, form: Form::Root { a: rows, z, beyond } }
+    }
+
+    /// The last column of a centred Gram matrix on the others, or on those of `columns` (indices into the matrix), intercept free.
+    ///
+    /// # Errors
+    /// When there are no rows, the target does not exist, or the moments are not finite or not those of any rows.
+    pub fn from_gram(gram: &Gram, columns: &[usize], target: usize) -> Result<Self, SparseError> {
+        let d = gram.dimension();
+        if let Some(&target) = columns.iter().chain([&target]).find(|&&column| column >= d) {
+            return Err(SparseError::NoSuchTarget { target, targets: d });
+        }
+        let entry = |i: usize, j: usize| gram.get(columns[i], columns[j]);
+        let moments = Slab::from_fn(columns.len(), columns.len(), entry);
+        let xy = columns.iter().map(|&column| gram.get(column, target)).collect();
+        let means = Means { x: columns.iter().map(|&column| gram.mean[column]).collect(), y: gram.mean[target] };
+        Self::of_moments(gram.weight, Some(means), moments, xy, gram.get(target, target))
+    }
+
+    /// From plain products `X'X` (p x p), `X'y` (p) and `y'y` of rows whose weights sum to n, without an intercept (or of rows that were centred).
+    ///
+    /// # Errors
+    /// When n is not positive, the shapes disagree, or the moments are not finite or not those of any rows.
+    pub fn from_products(gram: MatRef<'_, f64>, xy: &[f64], yy: f64, n: f64) -> Result<Self, SparseError> {
+        let p = xy.len();
+        for found in [gram.nrows(), gram.ncols()] {
+            if found != p {
+                return Err(SparseError::Length { what: "the Gram matrix", found, expected: p });
+            }
+        }
+        Self::of_moments(n, None, Slab::from_fn(p, p, |i, j| gram[(i, j)]), xy.to_vec(), yy)
+    }
+
+    fn of_moments(
+        weight: f64,
+        means: Option<Means>,
+        mut g: Slab,
+        mut c: Vec<f64>,
+        yy: f64,
+    ) -> Result<Self, SparseError> {
+        let p = c.len();
+        if !(weight > 0.0 && weight.is_finite()) {
+            return Err(SparseError::NoRows);
+        }
+        if let Some(column) = (0..p).find(|&j| !g.column(j)[..p].iter().all(|value| value.is_finite())) {
+            return Err(SparseError::ColumnNotFinite { column });
+        }
+        if !(yy.is_finite() && c.iter().all(|value| value.is_finite())) {
+            return Err(SparseError::TargetNotFinite);
+        }
+        if let Some(column) = (0..p).find(|&j| g.column(j)[j] < 0.0).or((yy < 0.0).then_some(p)) {
+            return Err(SparseError::NotMoments { column, other: column, targets: p });
+        }
+        // Rounding of a centred sum of squares is relative to the square of what was centred.
+        let level = 16.0 * f64::EPSILON;
+        let shift = |mean: f64| level * level * weight * mean * mean;
+        let varies = |square: f64, mean: f64| if square > shift(mean) { square.sqrt() } else { 0.0 };
+        let mean = |j: usize| means.as_ref().map_or(0.0, |means| means.x[j]);
+        let length: Vec<f64> = (0..p).map(|j| varies(g.column(j)[j], mean(j))).collect();
+        let size = varies(yy, means.as_ref().map_or(0.0, |means| means.y));
+        for j in 0..p {
+            for (i, value) in g.column_mut(j)[..p].iter_mut().enumerate() {
+                *value = unit(*value, length[i], length[j]);
+            }
+            c[j] = unit(c[j], length[j], size);
+        }
+        let slack = 1.0 + 1e-9;
+        for j in 0..p {
+            let asymmetric = |i: usize| (g.column(j)[i] - g.column(i)[j]).abs() > 1e-9;
+            if let Some(other) = (0..p).find(|&i| g.column(j)[i].abs() > slack || asymmetric(i)) {
+                return Err(SparseError::NotMoments { column: j, other, targets: p });
+            }
+            if c[j].abs() > slack {
+                return Err(SparseError::NotMoments { column: j, other: p, targets: p });
+            }
+        }
+        c.resize(padded(p).max(8), 0.0);
+        let noise = vec![0.0; p];
+        Ok(Self { weight, length, size, means, noise, form: Form::Gram { g, c } })
+    }
+}
+
+fn unit(value: f64, length: f64, other: f64) -> f64 {
+    if length > 0.0 && other > 0.0 { value / length / other } else { 0.0 }
+}

@@ -1,0 +1,119 @@
+//! Coordinate descent: certificates, and agreement with the path of LARS.
+
+mod common;
+
+use common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
+use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Solution, coordinate_descent, lambda_grid, lars};
+
+/// Difference of two sets of coefficients, in units of what moves the prediction by the target's deviation.
+fn difference(rows: &Rows, a: &Solution, b: &Solution) -> f64 {
+    let problem = rows.problem(Form::Root);
+    let (deviation, tau) = (problem.deviation(), problem.target_deviation());
+    (0..rows.p()).map(|j| (a.coefficient(j) - b.coefficient(j)).abs() * deviation[j] / tau).fold(0.0, f64::max)
+}
+
+fn check(rows: &Rows, form: Form, what: &str, penalty: &Penalty, l1_ratio: f64) {
+    let problem = rows.problem(form);
+    let who = format!("{}, {form:?}, {what}, l1_ratio = {l1_ratio}", rows.name);
+    let options = CoordinateOptions { l1_ratio, ..CoordinateOptions::default() };
+    let mut lambdas = lambda_grid(&problem, penalty, l1_ratio, 8, 1e-4).expect("a grid");
+    // Not in order: a warm start from anywhere.
+    lambdas.push(lambdas[3]);
+    let solutions = coordinate_descent(&problem, penalty, &lambdas, &options).expect("solutions");
+    for solution in &solutions {
+        let found = solution.certificate;
+        assert!(solution.converged, "{who}: lambda {:e}, kkt {:e}", solution.l1, found.kkt);
+        assert!(found.kkt < 1e-8, "{who}: kkt {:e}, lambda {:e}", found.kkt, solution.l1);
+        assert!(
+            (0.0..rows.most_gap(form)).contains(&found.gap),
+            "{who}: gap {:e}, lambda {:e}",
+            found.gap,
+            solution.l1
+        );
+        if problem.target_deviation() > 0.0 && problem.target_deviation() < 1e90 {
+            let violation = rows.violation(penalty, solution);
+            assert!(violation < 1e-8, "{who}: violation {violation:e}, kkt {:e}", found.kkt);
+        }
+        // The path for this ridge, at this lambda: the same objective, and the same coefficients where they are unique.
+        let options = LarsOptions { l2: solution.l2, ..LarsOptions::default() };
+        let other = lars(&problem, penalty, &options).expect("a path").at(&problem, solution.l1).expect("on the path");
+        let (a, b) = (solution.certificate.objective, other.certificate.objective);
+        assert!((a - b).abs() <= 1e-10 * problem.target_deviation().powi(2), "{who}: {a:e} and {b:e}");
+        if rows.unique {
+            let apart = difference(rows, solution, &other);
+            assert!(apart < 1e-8, "{who}: lambda {:e}, {apart:e}", solution.l1);
+        }
+    }
+    let (a, b) = (&solutions[3], &solutions[8]);
+    assert!(!rows.unique || difference(rows, a, b) < 1e-9, "{who}: the start matters");
+}
+
+#[test]
+fn ordinary_problems_agree_with_lars() {
+    for rows in ordinary().iter().step_by(2) {
+        for (what, penalty) in penalties(rows.p()) {
+            for form in FORMS {
+                check(rows, form, what, &penalty, 1.0);
+                check(rows, form, what, &penalty, 0.6);
+            }
+        }
+    }
+}
+
+#[test]
+fn degenerate_problems_agree_with_lars() {
+    for rows in degenerate() {
+        for (what, penalty) in penalties(rows.p()) {
+            for form in FORMS {
+                check(&rows, form, what, &penalty, 1.0);
+                check(&rows, form, what, &penalty, 0.9);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_library_much_wider_than_the_data_is_solved() {
+    let rows = random(2000, 90, 1200);
+    let problem = rows.problem(Form::Root);
+    let penalty = Penalty::standardised();
+    let lambdas = lambda_grid(&problem, &penalty, 1.0, 12, 1e-2).expect("a grid");
+    let solutions = coordinate_descent(&problem, &penalty, &lambdas, &CoordinateOptions::default()).expect("solutions");
+    let path = lars(&problem, &penalty, &LarsOptions { lambda_min: lambdas[11], ..LarsOptions::default() });
+    let path = path.expect("a path");
+    for solution in &solutions {
+        assert!(solution.converged && solution.certificate.kkt < 1e-11 && solution.certificate.gap < 1e-11);
+        let other = path.coefficients(solution.l1).expect("on the path");
+        let apart = (0..1200).map(|j| (solution.coefficient(j) - other[j]).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-9 * other.iter().fold(1.0, |scale: f64, value| scale.max(value.abs())), "{apart:e}");
+    }
+    assert!(solutions[0].support.is_empty() && solutions[11].support.len() > 20);
+}
+
+#[test]
+fn not_converging_is_a_status() {
+    let rows = common::polynomials();
+    let problem = rows.problem(Form::Root);
+    let penalty = Penalty::standardised();
+    let lambda = 1e-5 * problem.target_deviation();
+    let options = CoordinateOptions { max_epochs: 1, ..CoordinateOptions::default() };
+    let stopped = coordinate_descent(&problem, &penalty, &[lambda], &options).expect("a solution").remove(0);
+    assert!(!stopped.converged && stopped.certificate.kkt > 1e-6, "{:?}", stopped.certificate);
+    let found = coordinate_descent(&problem, &penalty, &[lambda], &CoordinateOptions::default());
+    let found = found.expect("a solution").remove(0);
+    assert!(found.converged && found.certificate.objective < stopped.certificate.objective);
+}
+
+#[test]
+fn the_grid_starts_where_the_first_column_enters() {
+    let rows = random(3, 40, 6);
+    for (what, penalty) in penalties(6) {
+        for form in FORMS {
+            let problem = rows.problem(form);
+            let lambdas = lambda_grid(&problem, &penalty, 0.5, 3, 0.25).expect("a grid");
+            assert!((lambdas[1] / lambdas[0] - 0.5).abs() < 1e-14 && (lambdas[2] / lambdas[0] - 0.25).abs() < 1e-14);
+            let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
+            assert!((0.5 * lambdas[0] / path.knots[0].l1 - 1.0).abs() < 1e-12, "{what}");
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! How much a set of rows tells about an affine model: the log-determinant of its regressors' Gram matrix (D-optimality).
+
+use crate::{Gram, gram::packed};
+
+/// Share of a column's variance that the columns before it must leave unexplained for it to count as independent.
+const LEAST_PIVOT: f64 = 1e-12;
+
+/// Deviations below this share of the mean are the rounding of a constant.
+const ROUNDING: f64 = 1e-13;
+
+/// The log-determinant of a Gram matrix with its constant column, a row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LogDeterminant {
+    /// Natural logarithm, in the columns' units; minus infinity when some columns depend on the others.
+    pub value: f64,
+    /// Columns that are constant or combinations of the others, ascending; none when the value is finite.
+    pub dependent: Vec<usize>,
+}
+
+impl Gram {
+    /// `ln det((1/W) [1 X]'[1 X])`: by Schur's complement of the constant's entry this is `ln det` of the covariance matrix (divisor W)
+    /// of the columns, so it does not depend on where the columns' origins are.
+    ///
+    /// It is what D-optimal design maximises (Kiefer and Wolfowitz 1960; Goodwin and Payne 1977, section 6.2): the volume of the confidence
+    /// ellipsoid of an affine model's coefficients falls as `exp(-value / 2)`. Other units add a constant, so the difference between
+    /// two logs of the same columns has no unit. Computed by Cholesky factorisation of the correlation matrix with diagonal pivoting.
+    pub fn log_determinant(&self) -> LogDeterminant {
+        let d = self.dimension();
+        let deviation: Vec<f64> = (0..d).map(|j| (self.get(j, j) / self.weight).max(0.0).sqrt()).collect();
+        // NaN compares false: such a column is dependent too.
+        let moves = |j: usize| deviation[j] > ROUNDING * self.mean[j].abs() && deviation[j].is_finite();
+        let (mut left, mut dependent): (Vec<usize>, Vec<usize>) = (0..d).partition(|&j| moves(j));
+        let mut residual = vec![0.0; packed(d)];
+        for &i in &left {
+            for &j in left.iter().filter(|&&j| j <= i) {
+                residual[packed(i) + j] = self.get(i, j) / self.weight / (deviation[i] * deviation[j]);
+            }
+        }
+        let at = |i: usize, j: usize| if i >= j { packed(i) + j } else { packed(j) + i };
+        let mut value: f64 = left.iter().map(|&j| 2.0 * deviation[j].ln()).sum();
+        while let Some(position) = (0..left.len()).max_by(|&a, &b| {
+            let diagonal = |k: usize| residual[at(left[k], left[k])];
+            // Of equal pivots the first column's.
+            diagonal(a).total_cmp(&diagonal(b)).then(b.cmp(&a))
+        }) {
+            let pivot_column = left.remove(position);
+            let pivot = residual[at(pivot_column, pivot_column)];
+            if pivot.is_nan() || pivot <= LEAST_PIVOT {
+                dependent.push(pivot_column);
+                dependent.append(&mut left);
+                break;
+            }
+            value += pivot.ln();
+            for &i in &left {
+                for &j in left.iter().filter(|&&j| j <= i) {
+                    residual[at(i, j)] -= residual[at(i, pivot_column)] * residual[at(j, pivot_column)] / pivot;
+                }
+            }
+        }
+        dependent.sort_unstable();
+        LogDeterminant { value: if dependent.is_empty() { value } else { f64::NEG_INFINITY }, dependent }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+
+    use super::*;
+
+    fn rows(columns: usize, n: usize) -> Mat<f64> {
+        Mat::from_fn(n, columns, |i, j| ((i * (j + 2)) as f64 * 0.37).sin() + 0.3 * (i as f64 * 0.11).cos() + 5.0)
+    }
+
+    #[test]
+    fn it_is_that_of_the_augmented_gram_by_elimination() {
+        let (n, d) = (500, 4);
+        let x = rows(d, n);
+        let got = Gram::of_rows(x.as_ref(), None).log_determinant();
+        let augmented = |i: usize, row: usize| if i == 0 { 1.0 } else { x[(row, i - 1)] };
+        let mut g: Vec<Vec<f64>> = (0..=d)
+            .map(|i| {
+                (0..=d).map(|j| (0..n).map(|r| augmented(i, r) * augmented(j, r)).sum::<f64>() / n as f64).collect()
+            })
+            .collect();
+        let mut expected = 0.0;
+        for k in 0..=d {
+            expected += g[k][k].ln();
+            for i in k + 1..=d {
+                let factor = g[i][k] / g[k][k];
+                for j in k..=d {
+                    g[i][j] -= factor * g[k][j];
+                }
+            }
+        }
+        // Elimination of the uncentred matrix loses the square of mean over deviation.
+        assert!((got.value - expected).abs() < 1e-10, "{} {expected}", got.value);
+        assert!(got.dependent.is_empty());
+    }
+
+    #[test]
+    fn units_add_a_constant_and_origins_nothing() {
+        let x = rows(3, 300);
+        let moved = Mat::from_fn(300, 3, |i, j| 10.0 * x[(i, j)] - 7.0);
+        let values = [x, moved].map(|x| Gram::of_rows(x.as_ref(), None).log_determinant().value);
+        assert!((values[1] - values[0] - 6.0 * 10f64.ln()).abs() < 1e-11, "{values:?}");
+    }
+
+    #[test]
+    fn constants_and_combinations_are_named() {
+        let x = rows(5, 300);
+        let bound = Mat::from_fn(300, 5, |i, j| match j {
+            1 => 0.1,
+            4 => 2.0 * x[(i, 0)] - x[(i, 2)] + 1.0,
+            _ => x[(i, j)],
+        });
+        let found = Gram::of_rows(bound.as_ref(), None).log_determinant();
+        assert_eq!(found.value, f64::NEG_INFINITY);
+        assert_eq!(found.dependent.len(), 2);
+        assert!(found.dependent.contains(&1) && found.dependent.iter().any(|j| [0, 2, 4].contains(j)), "{found:?}");
+        assert_eq!(Gram::new(2).log_determinant().dependent, [0, 1]);
+    }
+}
