@@ -25,8 +25,8 @@ use serde_json::json;
 
 /// Steps of a physics run.
 const STEPS: usize = 40_000;
-/// Both motors, V.
-const VOLTAGE: f64 = 1.0;
+/// Both motors, V: a steady alternating tripod. Faster ones are chaotic, and two engines then agree about nothing but means over many walks.
+const VOLTAGE: f64 = 0.5;
 /// Runs that are generated, and their length in s.
 const RUNS: u64 = 4;
 const SECONDS: f64 = 30.0;
@@ -45,15 +45,19 @@ struct Walk {
 fn walk(robot: &Hexapod, method: JointMethod, mut each: impl FnMut(&HexapodWorld)) -> Walk {
     let mut world = HexapodWorld::with_joints(robot, method);
     world.place(0.0, 0.0, 0.0, START);
-    let mut height = 0.0;
+    let mut walk = Walk { distance: 0.0, height: 0.0 };
     for step in 0..STEPS {
         each(&world);
         world.step([VOLTAGE; 2]);
+        let state = world.state();
+        let (sine, cosine) = state.yaw_pitch_roll()[0].sin_cos();
+        // Along its heading: the path may bend.
+        walk.distance += robot.step * (cosine * state.linear_velocity.x + sine * state.linear_velocity.y);
         if step >= STEPS / 2 {
-            height += world.state().position.z;
+            walk.height += state.position.z / (STEPS - STEPS / 2) as f64;
         }
     }
-    Walk { distance: world.state().position.x, height: height / (STEPS - STEPS / 2) as f64 }
+    walk
 }
 
 /// An alternating tripod.
@@ -82,9 +86,9 @@ fn physics() -> Result<(), Box<dyn Error>> {
     let mut default = None;
     for (name, method) in [("impulse joints", JointMethod::Impulse), ("multibody", JointMethod::Multibody)] {
         let (seconds, done) = best_of(5, || walk(&robot, method, |_| ()));
-        row(name, seconds, 1.0, &done, peak_rss_mib());
+        fastest = fastest.min(seconds);
+        row(name, seconds, seconds / fastest, &done, peak_rss_mib());
         if method == JointMethod::default() {
-            fastest = seconds;
             default = Some(done);
         }
     }

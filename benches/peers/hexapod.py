@@ -76,14 +76,17 @@ def main():
         states, _ = mujoco.rollout.rollout(model, data, initial[None, :], controls)
         best = min(best, time.perf_counter() - begin)
     # The state is time, then positions, then velocities.
-    positions = states[0, :, 1 : 1 + model.nq]
+    positions, velocities = states[0, :, 1 : 1 + model.nq], states[0, :, 1 + model.nq : 1 + model.nq + model.nv]
+    w, x, y, z = positions[:, 3:7].T
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    forward = np.cos(yaw) * velocities[:, 0] + np.sin(yaw) * velocities[:, 1]
     print(
         json.dumps(
             {
                 "version": mujoco.__version__,
                 "seconds": best,
                 "steps": steps,
-                "distance": float(positions[-1, 0] - start[0]),
+                "distance": float(forward.sum() * robot["step"]),
                 "height": float(positions[steps // 2 :, 2].mean()),
                 "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             }
