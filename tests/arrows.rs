@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 13] = [
     ("fleetfoot-data", &[]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data"]),
@@ -13,8 +13,12 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
+    ("fleetfoot-estimate", &["data", "library", "stats", "model", "dynamics"]),
     ("fleetfoot-sim", &["data", "library", "dynamics"]),
-    ("fleetfoot", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim"]),
+    (
+        "fleetfoot",
+        &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sparse", "estimate", "sim"],
+    ),
     ("fleetfoot-cli", &["fleetfoot"]),
 ];
 

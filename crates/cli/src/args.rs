@@ -1,8 +1,13 @@
 //! Arguments.
 
+mod sparse;
+mod statistic;
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+pub(crate) use sparse::{FitSparse, SparseArgs};
+pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
 
 /// Turns robot logs into equations.
 #[derive(Debug, Parser)]
@@ -35,6 +40,11 @@ pub(crate) enum Command {
     Info(Info),
     /// Write a commented recipe for a file, to be edited.
     Init(Init),
+    /// Sum logs for a sparse regression, in one pass, into a statistic that is fitted later.
+    Scan(Box<Scan>),
+    /// Look at statistics, join them, take episodes out.
+    #[command(subcommand)]
+    Stats(Stats),
     /// Fit a model to logs.
     #[command(subcommand)]
     Fit(Fit),
@@ -54,6 +64,8 @@ pub(crate) enum Command {
 pub(crate) enum Fit {
     /// A piecewise-affine model.
     Pwa(Box<FitPwa>),
+    /// Sparse equations over latent functions, shared between equations where the recipe says so.
+    Sparse(Box<FitSparse>),
 }
 
 #[derive(Debug, Args)]

@@ -25,6 +25,9 @@ fn main() -> ExitCode {
         Command::Info(arguments) => commands::info::info(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit::pwa(arguments, &context),
+        Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
+        Command::Scan(arguments) => commands::scan::scan(arguments, &context),
+        Command::Stats(arguments) => commands::stats::stats(arguments, &context),
         Command::Score(arguments) => commands::score::score(arguments, &context),
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
@@ -33,6 +36,10 @@ fn main() -> ExitCode {
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error @ fleetfoot::Error::Paused { .. }) => {
+            eprintln!("{error}");
+            ExitCode::from(130)
+        }
         Err(_) if progress::stopped() => {
             eprintln!("stopped; nothing was written");
             ExitCode::from(130)

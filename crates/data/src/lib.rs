@@ -14,6 +14,7 @@ mod episode;
 mod error;
 mod memory;
 mod parallel;
+mod random;
 mod source;
 
 pub use arrow_buffer::ScalarBuffer;
@@ -23,4 +24,5 @@ pub use episode::{Episode, EpisodeId, Fingerprint};
 pub use error::Error;
 pub use memory::MemorySource;
 pub use parallel::{Cancelled, Progress, Silent, parallel_fold, parallel_map, thread_count, with_threads};
+pub use random::mix;
 pub use source::{Source, sample_ranges};

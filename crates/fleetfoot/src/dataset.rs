@@ -13,6 +13,7 @@ use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 use crate::{
     Error, Gap, Recipe,
     labels::Labelled,
+    structure::StructuredTask,
     task::{Task, aliases_of_model},
     wildcard::is_match,
 };
@@ -22,6 +23,18 @@ pub struct Dataset {
     source: Labelled<Recording>,
     aliases: Vec<(Column, Expr)>,
     recodings: Vec<(String, Vec<f64>)>,
+}
+
+/// Files opened for a structured regression.
+pub(crate) struct OpenedStructure {
+    /// The rows.
+    pub(crate) dataset: Dataset,
+    /// What the recipe means for them.
+    pub(crate) task: StructuredTask,
+    /// The recipe with its wildcards written out.
+    pub(crate) recipe: Recipe,
+    /// The fields of the first file, the labels of `[[episodes]]` among them.
+    pub(crate) fields: Vec<Column>,
 }
 
 /// The fields of the first file, and the labels that the recipe gives to episodes; and what the file says of its topics.
@@ -185,6 +198,18 @@ pub(crate) fn estimate(
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
 }
 
+/// What opening robots' logs for a structured regression will cost, with its task and the fields that are read; `None` for tables.
+pub(crate) fn estimate_structure(
+    recipe: &Recipe,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<Option<(StructuredTask, Vec<String>, Estimate)>, Error> {
+    let (recipe, _, task) = Dataset::structure(recipe, files)?;
+    let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
+    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
+}
+
 /// What the recipe says about clock and episodes.
 fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> {
     let time = &recipe.time;
@@ -241,6 +266,29 @@ impl Dataset {
         let mut task = task;
         task.problem.step = dataset.step();
         Ok((dataset, task))
+    }
+
+    /// What a recipe means for a structured regression on files: the recipe with its wildcards written out, the fields of the first file (the labels
+    /// of `[[episodes]]` among them), and the task.
+    pub(crate) fn structure(
+        recipe: &Recipe,
+        files: &[PathBuf],
+    ) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
+        let (fields, info) = fields(recipe, files)?;
+        let recipe = recipe.expand(&fields)?;
+        let task = StructuredTask::resolve(&recipe, &fields).map_err(|error| explained(error, &info))?;
+        Ok((recipe, fields, task))
+    }
+
+    /// Opens files for a structured regression.
+    pub(crate) fn for_structure(
+        recipe: &Recipe,
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<OpenedStructure, Error> {
+        let (recipe, fields, task) = Self::structure(recipe, files)?;
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, files, progress)?;
+        Ok(OpenedStructure { dataset, task, recipe, fields })
     }
 
     /// Opens files for a model: its columns, clock and labels are those of its training.
@@ -337,6 +385,11 @@ impl Dataset {
     /// What had to be assumed or left out while opening.
     pub fn notes(&self) -> &[String] {
         self.source.inner().notes()
+    }
+
+    /// The fields that are read, and the labels.
+    pub(crate) fn fields(&self) -> &[Column] {
+        self.source.columns()
     }
 
     /// The fields that are read.

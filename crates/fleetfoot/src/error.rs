@@ -78,12 +78,42 @@ pub enum Error {
     /// The identification failed.
     #[error(transparent)]
     Identification(#[from] fleetfoot_pwa::Error),
+    /// A regularised regression could not be posed or solved.
+    #[error(transparent)]
+    Sparse(#[from] fleetfoot_sparse::SparseError),
+    /// Lambda could not be chosen.
+    #[error(transparent)]
+    Select(fleetfoot_sparse::SelectError),
+    /// A bootstrap or stability selection failed.
+    #[error(transparent)]
+    Bolasso(fleetfoot_sparse::BolassoError),
+    /// A question about a fit that cannot be answered.
+    #[error(transparent)]
+    Inference(fleetfoot_sparse::InferenceError),
+    /// A fit under constraints has no answer.
+    #[error(transparent)]
+    Constrained(fleetfoot_sparse::ConstrainedError),
     /// A model file was refused.
     #[error(transparent)]
     Model(#[from] fleetfoot_model::FileError),
     /// Prediction, scoring or rolling out failed.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),
+    /// A `.stats` file, or what was asked of it, was refused.
+    #[error(transparent)]
+    Statistic(#[from] crate::statistic::StatisticError),
+    /// The pass over the rows failed.
+    #[error(transparent)]
+    Scan(#[from] fleetfoot_sparse::ScanError),
+    /// Statistics that do not go together.
+    #[error(transparent)]
+    Merge(#[from] fleetfoot_stats::MergeError),
+    /// The user stopped a scan, and what is complete is kept.
+    #[error("stopped; what is done is kept in {}: the same command goes on from there", path.display())]
+    Paused {
+        /// The file that keeps it.
+        path: PathBuf,
+    },
     /// A file could not be written.
     #[error("{path}: cannot be written: {source}")]
     Write {
@@ -93,6 +123,22 @@ pub enum Error {
         source: std::io::Error,
     },
 }
+
+/// Stopped by the user is one error, whatever was being done.
+macro_rules! or_cancelled {
+    ($($variant:ident($error:ident)),*) => {
+        $(impl From<fleetfoot_sparse::$error> for Error {
+            fn from(error: fleetfoot_sparse::$error) -> Self {
+                match error {
+                    fleetfoot_sparse::$error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+                    other => Self::$variant(other),
+                }
+            }
+        })*
+    };
+}
+
+or_cancelled!(Select(SelectError), Bolasso(BolassoError), Inference(InferenceError), Constrained(ConstrainedError));
 
 fn nearest(candidates: &[String]) -> String {
     match candidates {

@@ -1,7 +1,11 @@
 //! The Rust API: re-exports, and the pipelines that join the crates. No numerics.
 //!
-//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] makes a [`Model`];
+//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] and [`fit_sparse`] make a [`Model`];
 //! [`score`], [`predict`] and [`rollout`] run one on files.
+
+// The fuzz targets' bodies, which the tests share, call this crate by its name.
+#[cfg(test)]
+extern crate self as fleetfoot;
 
 mod controller;
 mod dataset;
@@ -15,6 +19,9 @@ mod output;
 mod project;
 mod recipe;
 mod run;
+mod sparse_fit;
+pub mod statistic;
+mod structure;
 mod task;
 mod wildcard;
 
@@ -24,18 +31,30 @@ pub use error::Error;
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
 pub use project::{Projected, project};
-pub use recipe::{EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, ModelSection, Recipe, State, Time};
+pub use recipe::{
+    EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, ModelSection, Recipe, SparseSection,
+    State, TaskSection, Time,
+};
 pub use run::{RolledOut, Scored, Written, predict, rollout, score};
+pub use sparse_fit::{
+    CandidateReport, Criterion, EpisodeInfluence, FoldRule, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
+    Resampled, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value, fit_sparse,
+    is_statistic, write_frequencies,
+};
+pub use structure::{Moments, StructuredTask};
 pub use task::Task;
 
+pub use fleetfoot_data as data;
 pub use fleetfoot_data::{
     Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, thread_count, with_threads,
 };
 pub use fleetfoot_dynamics as dynamics;
+pub use fleetfoot_estimate as estimate;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe};
 pub use fleetfoot_pwa as pwa;
 pub use fleetfoot_sim as sim;
+pub use fleetfoot_sparse as sparse;
 pub use fleetfoot_stats as stats;

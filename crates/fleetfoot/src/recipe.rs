@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+mod sparse;
+
+pub use sparse::{LatentSection, SparseSection, TaskSection};
+
 /// What a user says about the recordings and the model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -22,6 +26,15 @@ pub struct Recipe {
     /// What is given from outside.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub inputs: IndexMap<String, Input>,
+    /// Unknown functions, each a library over its own variables, that the equations of `[tasks]` and `[states]` may share.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub latents: IndexMap<String, LatentSection>,
+    /// What the latents are regressed on.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub tasks: IndexMap<String, TaskSection>,
+    /// How a sparse regression goes: what the flags of `fit sparse` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub sparse: SparseSection,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
@@ -59,6 +72,9 @@ pub struct State {
     /// Its derivative is this expression: integrated, never fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,
+    /// What is predicted of it, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub equation: Option<String>,
     /// Whether it stands in the library and the partition; yes unless said otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regressor: Option<bool>,

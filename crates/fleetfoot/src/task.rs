@@ -18,12 +18,12 @@ pub struct Task {
 }
 
 /// The aliases of a model or recipe while they are collected.
-struct Aliases<'a> {
-    fields: &'a [DataColumn],
+pub(crate) struct Aliases<'a> {
+    pub(crate) fields: &'a [DataColumn],
     scope: Scope,
-    columns: Vec<Column>,
-    expressions: Vec<(DataColumn, Expr)>,
-    texts: &'a IndexMap<String, String>,
+    pub(crate) columns: Vec<Column>,
+    pub(crate) expressions: Vec<(DataColumn, Expr)>,
+    pub(crate) texts: &'a IndexMap<String, String>,
 }
 
 impl<'a> Aliases<'a> {
@@ -37,8 +37,26 @@ impl<'a> Aliases<'a> {
         Ok(Self { fields, scope, columns: Vec::new(), expressions: Vec::new(), texts })
     }
 
+    /// The aliases with the recipe's states and inputs among their columns.
+    pub(crate) fn of_recipe(recipe: &'a Recipe, fields: &'a [DataColumn]) -> Result<Self, Error> {
+        let mut aliases = Self::new(fields, &recipe.columns)?;
+        for (name, state) in &recipe.states {
+            let place = format!("[states] {name}");
+            let angle = state.kind == Some(Kind::Angle);
+            aliases.add(name, state.column.as_deref(), state.unit.as_deref(), Role::State, angle, &place)?;
+        }
+        for (name, input) in &recipe.inputs {
+            let place = format!("[inputs] {name}");
+            let input = input.table();
+            let angle = input.kind == Some(Kind::Angle);
+            let text = input.column.as_deref().filter(|text| *text != name.as_str());
+            aliases.add(name, text, input.unit.as_deref(), Role::Input, angle, &place)?;
+        }
+        Ok(aliases)
+    }
+
     /// Adds a column, or raises the role of one that is there.
-    fn add(
+    pub(crate) fn add(
         &mut self,
         name: &str,
         text: Option<&str>,
@@ -85,7 +103,12 @@ impl<'a> Aliases<'a> {
     }
 
     /// Parses an expression over aliases and fields, adding what it speaks of as auxiliary columns; the result speaks of aliases alone.
-    fn over_aliases(&mut self, text: &str, place: &str) -> Result<Expr, Error> {
+    pub(crate) fn over_aliases(&mut self, text: &str, place: &str) -> Result<Expr, Error> {
+        self.over_latents(text, &[], place)
+    }
+
+    /// [`Aliases::over_aliases`] with latents beside the aliases; a latent hides a field of its name.
+    pub(crate) fn over_latents(&mut self, text: &str, latents: &[String], place: &str) -> Result<Expr, Error> {
         // In this scope every alias stands for itself.
         let names: Vec<&str> = self
             .texts
@@ -93,6 +116,7 @@ impl<'a> Aliases<'a> {
             .map(String::as_str)
             .chain(self.columns.iter().map(|column| column.name.as_str()))
             .chain(self.fields.iter().map(|field| field.name.as_str()))
+            .chain(latents.iter().map(String::as_str))
             .collect();
         let expression = if names.contains(&text.trim()) {
             Expr::column(text.trim())
@@ -104,7 +128,9 @@ impl<'a> Aliases<'a> {
             })?
         };
         for name in expression.columns() {
-            self.add(&name, None, None, Role::Auxiliary, false, place)?;
+            if !latents.iter().any(|latent| **latent == *name) {
+                self.add(&name, None, None, Role::Auxiliary, false, place)?;
+            }
         }
         Ok(expression)
     }
@@ -135,19 +161,7 @@ fn target(name: &str, angle: bool, prediction: Prediction) -> Expr {
 impl Task {
     /// Resolves a recipe against the fields of a recording.
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn], labels: &[String], step: f64) -> Result<Self, Error> {
-        let mut aliases = Aliases::new(fields, &recipe.columns)?;
-        for (name, state) in &recipe.states {
-            let place = format!("[states] {name}");
-            let angle = state.kind == Some(Kind::Angle);
-            aliases.add(name, state.column.as_deref(), state.unit.as_deref(), Role::State, angle, &place)?;
-        }
-        for (name, input) in &recipe.inputs {
-            let place = format!("[inputs] {name}");
-            let input = input.table();
-            let angle = input.kind == Some(Kind::Angle);
-            let text = input.column.as_deref().filter(|text| *text != name.as_str());
-            aliases.add(name, text, input.unit.as_deref(), Role::Input, angle, &place)?;
-        }
+        let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let equations = equations(recipe, &mut aliases)?;
         let library = library(recipe, &aliases, &equations)?;
         let partition_columns = partition_columns(recipe, &mut aliases)?;
@@ -161,7 +175,7 @@ impl Task {
 }
 
 /// The equations that the recipe asks for.
-fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Equation>, Error> {
+pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Equation>, Error> {
     let predict = recipe.model.predict.as_deref().unwrap_or("derivative");
     let prediction = match predict {
         "derivative" => Prediction::Derivative,
@@ -200,7 +214,7 @@ fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Equation>
     Ok(equations)
 }
 
-fn state_equation(
+pub(crate) fn state_equation(
     name: &str,
     state: &State,
     prediction: Prediction,
@@ -247,7 +261,7 @@ fn seen(column: &Column) -> Vec<Expr> {
     if column.angle { vec![x.cos(), x.sin()] } else { vec![x] }
 }
 
-fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
+pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
     let predicted = |name: &str| equations.iter().any(|e| e.prediction == Prediction::Value && e.subject == name);
     let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
     let present: Vec<Expr> = aliases

@@ -2,11 +2,14 @@
 
 use std::fmt::Write;
 
-use crate::{Latent, Model, Prediction};
+use fleetfoot_library::Expr;
+
+use crate::{Latent, Model, Prediction, Region, Rule};
 
 /// The model as text: columns, equations, and per region its size, rank and coefficients.
 ///
-/// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros left out.
+/// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros left out. Latents that hold over one
+/// region stand by themselves, each with the number of its functions in use.
 pub fn describe(model: &Model, regions: usize) -> String {
     let mut out = String::new();
     let t = &model.training;
@@ -39,10 +42,38 @@ pub fn describe(model: &Model, regions: usize) -> String {
         };
         let _ = writeln!(out, "  {} = {}{how}", equation.label(), equation.right);
     }
-    for (index, partition) in model.partitions.iter().enumerate() {
+    let whole = |index: usize| model.partitions.len() > 1 && model.partitions[index].rule == Rule::Whole;
+    for latent in model.latents.iter().filter(|latent| whole(latent.partition)) {
+        describe_latent(&mut out, model, latent);
+    }
+    for (index, partition) in model.partitions.iter().enumerate().filter(|(index, _)| !whole(*index)) {
         describe_partition(&mut out, model, index, regions, &partition.specification);
     }
     out
+}
+
+/// A latent that is one function everywhere.
+fn describe_latent(out: &mut String, model: &Model, latent: &Latent) {
+    let library = &model.libraries[latent.library];
+    let used = |regions: &Vec<f64>| regions.iter().filter(|&&coefficient| coefficient != 0.0).count();
+    let count = latent.coefficients.first().map_or(0, used);
+    let _ = writeln!(out, "\nlatent {}: {count} of {} functions", latent.name, library.len());
+    let _ = writeln!(out, "  {} = {}", latent.name, terms(model, latent, 0));
+    let first = model.latents.iter().find(|other| other.partition == latent.partition);
+    let regions = &model.partitions[latent.partition].regions;
+    if let (Some(info), true) = (regions.first(), first.is_some_and(|first| first.library == latent.library)) {
+        describe_confounded(out, info, library, "  ");
+    }
+}
+
+/// What the rows cannot tell apart.
+fn describe_confounded(out: &mut String, info: &Region, library: &[Expr], indent: &str) {
+    if info.confounded.is_empty() {
+        return;
+    }
+    let group = |group: &Vec<usize>| group.iter().map(|&f| library[f].to_string()).collect::<Vec<_>>().join(" ~ ");
+    let groups: Vec<String> = info.confounded.iter().map(group).collect();
+    let _ = writeln!(out, "{indent}not separable here: {}", groups.join("; "));
 }
 
 fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usize, specification: &str) {
@@ -75,13 +106,8 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
             .iter()
             .find(|latent| latent.partition == index)
             .map(|latent| &model.libraries[latent.library]);
-        if let (Some(library), false) = (library, info.confounded.is_empty()) {
-            let groups: Vec<String> = info
-                .confounded
-                .iter()
-                .map(|group| group.iter().map(|&f| library[f].to_string()).collect::<Vec<_>>().join(" ~ "))
-                .collect();
-            let _ = writeln!(out, "    not separable here: {}", groups.join("; "));
+        if let Some(library) = library {
+            describe_confounded(out, info, library, "    ");
         }
     }
     if order.len() > limit {
@@ -90,12 +116,18 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
 }
 
 fn terms(model: &Model, latent: &Latent, region: usize) -> String {
-    let mut text = short(latent.constants[region]);
-    for (function, &coefficient) in model.libraries[latent.library].iter().zip(&latent.coefficients[region]) {
-        if coefficient != 0.0 {
-            let sign = if coefficient < 0.0 { '-' } else { '+' };
-            let _ = write!(text, " {sign} {}*{function}", short(coefficient.abs()));
-        }
+    let constant = latent.constants[region];
+    let library = &model.libraries[latent.library];
+    let used: Vec<(&Expr, f64)> =
+        library.iter().zip(latent.coefficients[region].iter().copied()).filter(|(_, value)| *value != 0.0).collect();
+    let mut text = if constant != 0.0 || used.is_empty() { short(constant) } else { String::new() };
+    for (function, coefficient) in used {
+        let size = short(coefficient.abs());
+        let _ = match (text.is_empty(), coefficient < 0.0) {
+            (true, false) => write!(text, "{size}*{function}"),
+            (true, true) => write!(text, "-{size}*{function}"),
+            (false, negative) => write!(text, " {} {size}*{function}", if negative { '-' } else { '+' }),
+        };
     }
     text
 }

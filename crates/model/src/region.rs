@@ -2,7 +2,8 @@
 
 /// What a region saw in training, so that a filter can use it and extrapolation is noticed.
 ///
-/// The vectors speak of the functions of the first latent's library (regressors x) and of the fitted equations (targets y).
+/// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
+/// what was not measured: a fit from statistics of several tasks does not know how the residuals of two equations go together, nor absolute errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     /// For people: `3`, `grass`, `inner`.

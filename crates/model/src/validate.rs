@@ -9,11 +9,17 @@ impl Model {
             return Err(format!("step {} is not a positive number of seconds", self.step));
         }
         let fitted = self.fitted().count();
-        let functions = self.latents.first().map_or(0, |l| self.libraries.get(l.library).map_or(0, Vec::len));
-        for partition in &self.partitions {
+        for (index, partition) in self.partitions.iter().enumerate() {
+            // A partition describes its regions over the library of its first latent.
+            let owner = self.latents.iter().find(|latent| latent.partition == index);
+            let functions = owner.map_or(0, |latent| self.libraries.get(latent.library).map_or(0, Vec::len));
             check_partition(partition, functions, fitted)?;
         }
+        let mut names = std::collections::HashSet::new();
         for latent in &self.latents {
+            if self.column(&latent.name).is_some() || !names.insert(latent.name.as_str()) {
+                return Err(format!("the latent `{}` has the name of a column or of another latent", latent.name));
+            }
             let name = &latent.name;
             let library =
                 self.libraries.get(latent.library).ok_or_else(|| format!("{name}: no library {}", latent.library))?;

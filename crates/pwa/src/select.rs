@@ -1,6 +1,6 @@
 //! Model order: cross-validated error with the one-standard-error rule, or BIC with the effective sample size. No pass over rows.
 
-use fleetfoot_stats::{Preconditioner, Stats};
+use fleetfoot_stats::{BatchMeans, Preconditioner, Stats};
 
 use crate::{
     Options, Selection, Shrinkage, Specification,
@@ -131,35 +131,21 @@ pub(crate) fn choose(selection: Selection, specifications: &[&Specification], or
     }
 }
 
-/// Rows that count as independent: n / tau with tau = L Var(chunk means) / Var(rows) of the residuals of the one-region model (batch means),
-/// the worst target's.
+/// Rows that count as independent: batch means ([`BatchMeans`]) of the residuals of the one-region model, the worst target's.
 pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, base: &Base) -> f64 {
-    let weight = base.root.weight;
-    let q = base.root.mean_y.len();
-    let mut spread = vec![0.0; q];
-    let mut chunks = 0.0f64;
+    let average = &base.average;
+    let mut means = BatchMeans::new(base.root.mean_y.len());
     for (_, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
         let chunk = preconditioner.square_root(gram);
-        chunks += 1.0;
-        for target in 0..q {
-            let mut mean = chunk.mean_y[target] - base.average.intercept[target];
-            for (j, x) in chunk.mean_x.iter().enumerate() {
-                mean -= base.average.coefficients[(j, target)] * x;
-            }
-            spread[target] += gram.weight * gram.weight * mean * mean;
-        }
+        let mean = |target: usize| {
+            let explained = |(j, x): (usize, &f64)| average.coefficients[(j, target)] * x;
+            let start = chunk.mean_y[target] - average.intercept[target];
+            chunk.mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
+        };
+        means.add(gram.weight, &(0..chunk.mean_y.len()).map(mean).collect::<Vec<f64>>());
     }
-    if chunks < 2.0 {
-        return weight;
-    }
-    let error = base.root.error(base.average.coefficients.as_ref(), &base.average.intercept);
-    let tau = spread
-        .iter()
-        .zip(&error)
-        // Sum over chunks of (sum of residuals)^2 estimates n tau Var.
-        .map(|(spread, error)| if *error > 0.0 { spread / error } else { 1.0 })
-        .fold(1.0, f64::max);
-    (weight / tau).max(2.0)
+    let error = base.root.error(average.coefficients.as_ref(), &average.intercept);
+    means.effective_weight(base.root.weight, &error)
 }
 
 fn scaled(error: &[f64], variance: &[f64], rows: f64) -> f64 {

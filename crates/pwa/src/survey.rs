@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use faer::MatRef;
-use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_data::{EpisodeId, Progress, Source, mix};
 use fleetfoot_library::DesignRows;
 use fleetfoot_stats::{Chunk, Fold, Gram, Moments, reduce};
 
@@ -195,8 +195,9 @@ impl Part {
             }
         } else if share > 0.0 {
             let limit = (share * 2f64.powi(64)) as u64;
-            let chosen: Vec<usize> =
-                (0..tile.len()).filter(|&row| mix(episode, (first + tile.values.index[row]) as u64) < limit).collect();
+            let chosen: Vec<usize> = (0..tile.len())
+                .filter(|&row| address(episode, (first + tile.values.index[row]) as u64) < limit)
+                .collect();
             for (kept, column) in self.kept.iter_mut().zip(&columns) {
                 kept.extend(chosen.iter().map(|&row| column[row]));
             }
@@ -220,15 +221,10 @@ fn limit_labels(column: &str, seen: &BTreeSet<u64>) -> Result<(), Error> {
     Ok(())
 }
 
-/// A hash of (episode, row), uniform over 64 bits: two rounds of the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-fn mix(episode: EpisodeId, row: u64) -> u64 {
-    let round = |mut z: u64| {
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
+/// A hash of (episode, row), uniform over 64 bits.
+fn address(episode: EpisodeId, row: u64) -> u64 {
     let folded = (episode.0 as u64) ^ ((episode.0 >> 64) as u64);
-    round(round(folded.wrapping_add(row.wrapping_mul(0x9e37_79b9_7f4a_7c15))))
+    mix(mix(folded).wrapping_add(row))
 }
 
 #[cfg(test)]
@@ -238,7 +234,7 @@ mod tests {
     #[test]
     fn the_hash_is_even() {
         let rows = 100_000;
-        let chosen = (0..rows).filter(|&row| mix(EpisodeId(12345), row) < u64::MAX / 10).count();
+        let chosen = (0..rows).filter(|&row| address(EpisodeId(12345), row) < u64::MAX / 10).count();
         assert!((9_500..10_500).contains(&chosen), "{chosen}");
     }
 }

@@ -1,7 +1,7 @@
 //! Least angle regression and its lasso modification: the whole path, knot by knot.
 
 use crate::{
-    Path, PathStatus, Penalty, Quadratic, Sign, SparseError,
+    Path, PathStatus, Penalty, Quadratic, Sign, Solution, SparseError,
     homotopy::{Homotopy, Settled},
     path::{Point, finish},
     penalty::{Weights, check_strength},
@@ -82,6 +82,19 @@ pub fn lars(problem: &Quadratic, penalty: &Penalty, options: &LarsOptions) -> Re
         penalty: penalty.clone(),
         l2: options.l2,
     })
+}
+
+/// The solution at one lambda: the end of the path that stops there, the only point of it that is certified. `None` when rounding ends the path
+/// before, or hides how good the end is.
+pub(crate) fn lasso_at(problem: &Quadratic, penalty: &Penalty, lambda: f64) -> Result<Option<Solution>, SparseError> {
+    check_strength("lambda", lambda)?;
+    let weights = Weights::new(problem, penalty)?;
+    let mut homotopy = Homotopy::new(problem, &weights, 0.0, true, usize::MAX);
+    let options = LarsOptions { lambda_min: lambda, ..LarsOptions::default() };
+    let (mut points, _) = follow(problem, &mut homotopy, &weights, &options);
+    let last = points.pop().filter(|point| point.l1 == lambda);
+    let found = finish(problem, &weights, last.into_iter().collect());
+    Ok(found.into_iter().next().filter(|solution| solution.certificate.kkt <= CERTIFIED))
 }
 
 fn follow(

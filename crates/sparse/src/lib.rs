@@ -16,13 +16,16 @@
 //! glmnet rescales penalty factors to the sum p; here they are taken as they are.
 
 mod adaptive;
+mod bolasso;
 mod certificate;
 mod cholesky;
+mod constrained;
 mod coordinate;
 mod descent;
 mod error;
 mod factor;
 mod homotopy;
+mod inference;
 mod kernel;
 mod lars;
 mod moments;
@@ -30,12 +33,37 @@ mod path;
 mod penalty;
 mod quadratic;
 mod rows;
+mod select;
+mod structured;
+mod warm;
 
 pub use adaptive::{Initial, adaptive, degrees_of_freedom};
+pub use bolasso::{
+    BolassoError, BootstrapOptions, BootstrapUnit, Selection, Stability, StabilityOptions, bach_lambda,
+    block_bootstrap, multinomial_counts, poisson_counts, refit, row_bootstrap, stability_selection,
+};
 pub use certificate::{Certificate, certificate};
+pub use constrained::{
+    Active, Clearance, Constrained, ConstrainedCertificate, ConstrainedError, ConstrainedLatent, ConstrainedOptions,
+    ConstrainedStatus, Constraints, LatentFit, LatentLimit, LatentOptions, Limit, LinearConstraint, constrain_latent,
+    constrained,
+};
 pub use coordinate::{CoordinateOptions, coordinate_descent, lambda_grid, lambda_max};
 pub use error::SparseError;
+pub use inference::{
+    BootstrapInterval, Clusters, Confounded, Confounding, Covariance, InferenceError, Influence, InfluenceReport,
+    bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on,
+};
 pub use lars::{LarsOptions, Method, lars};
 pub use path::{Path, PathStatus, Solution};
 pub use penalty::{Penalty, Sign, Strength};
 pub use quadratic::Quadratic;
+pub use select::{
+    CriteriaOptions, CrossValidation, Folds, HeldOut, InformationCriteria, Lambdas, NoiseVariance, RandomSplits,
+    SelectError, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task, effective_rows,
+    information_criteria, task_criteria,
+};
+pub use structured::{
+    Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
+    TaskError, TaskShape, TaskStats, Term, Tikhonov,
+};

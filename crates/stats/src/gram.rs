@@ -28,6 +28,37 @@ impl Gram {
         Self { rows: 0, weight: 0.0, mean: vec![0.0; dimension], scatter: vec![0.0; packed(dimension)] }
     }
 
+    /// From plain moments about `centre` (d): the sum of the weights, `sum w (z - centre)` (d), and `sum w (z - centre)(z - centre)'` (packed).
+    ///
+    /// Digits are lost as far as `centre` lies from the mean in units of the deviation; a column that varies by less than `1e-7` of that distance counts as
+    /// constant.
+    ///
+    /// # Panics
+    /// When the lengths disagree.
+    pub fn from_moments(rows: u64, weight: f64, centre: &[f64], first: &[f64], second: &[f64]) -> Self {
+        let d = centre.len();
+        assert_eq!((first.len(), second.len()), (d, packed(d)), "moments of the same columns");
+        let mut gram = Self::new(d);
+        if weight > 0.0 {
+            (gram.rows, gram.weight) = (rows, weight);
+            let shift: Vec<f64> = first.iter().map(|sum| sum / weight).collect();
+            gram.mean = centre.iter().zip(&shift).map(|(centre, shift)| centre + shift).collect();
+            for i in 0..d {
+                for j in 0..=i {
+                    gram.scatter[packed(i) + j] = second[packed(i) + j] - weight * shift[i] * shift[j];
+                }
+                gram.scatter[packed(i) + i] = gram.scatter[packed(i) + i].max(0.0);
+            }
+            // What the shift leaves of a column that does not vary is rounding, and no direction of its own.
+            for i in 0..d {
+                if gram.scatter[packed(i) + i] <= ROUNDING * second[packed(i) + i] {
+                    (0..d).for_each(|j| gram.scatter[packed(i.max(j)) + i.min(j)] = 0.0);
+                }
+            }
+        }
+        gram
+    }
+
     /// Number of columns d.
     pub fn dimension(&self) -> usize {
         self.mean.len()
@@ -64,6 +95,31 @@ impl Gram {
                 gram.add_rows(&mut Tile::new(z.ncols()), &sorted.columns(), 0..order.len());
             }
         }
+        gram
+    }
+
+    /// The statistic of rows that are given column by column (d slices of n values): as [`Gram::of_rows`], and with its bits, without a matrix around
+    /// them.
+    ///
+    /// # Panics
+    /// When the lengths disagree.
+    pub fn of_columns(columns: &[&[f64]], weights: Option<&[f64]>) -> Self {
+        let n = columns.first().map_or(0, |column| column.len());
+        let lengths = columns.iter().map(|column| column.len()).chain(weights.map(<[f64]>::len));
+        assert!(lengths.into_iter().all(|length| length == n), "columns of one length");
+        let used = |row: &u32| weights.is_none_or(|weights| weights[*row as usize] > 0.0);
+        let mut gram = Self::new(columns.len());
+        let mut tile = Tile::new(columns.len());
+        if weights.is_none_or(|weights| weights.iter().all(|&weight| weight > 0.0)) {
+            gram.add_rows(&mut tile, &Columns { columns: columns.to_vec(), weights }, 0..n);
+            return gram;
+        }
+        let order: Vec<u32> = (0..n as u32).filter(used).collect();
+        let pick = |column: &[f64]| order.iter().map(|&row| column[row as usize]).collect::<Vec<f64>>();
+        let values: Vec<Vec<f64>> = columns.iter().map(|column| pick(column)).collect();
+        let weights = weights.map(pick);
+        let columns = values.iter().map(Vec::as_slice).collect();
+        gram.add_rows(&mut tile, &Columns { columns, weights: weights.as_deref() }, 0..order.len());
         gram
     }
 
@@ -175,6 +231,9 @@ impl Gram {
         selected
     }
 }
+
+/// Share of a sum of squares about a foreign centre that is rounding.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Some rows of a design in another order.
 struct Sorted {

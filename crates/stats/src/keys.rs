@@ -85,14 +85,33 @@ impl Stats {
 
     /// Union by key. On error `self` is unchanged.
     pub fn merge(&mut self, other: Stats) -> Result<(), MergeError> {
-        if self.plan != other.plan {
-            return Err(MergeError::Plan { left: self.plan.clone(), right: other.plan });
-        }
-        if let Some(key) = other.grams.keys().find(|key| self.grams.contains_key(key)) {
-            return Err(MergeError::Duplicate(Box::new(*key)));
-        }
+        self.accepts(&other)?;
         self.grams.extend(other.grams);
         Ok(())
+    }
+
+    /// Whether [`Stats::merge`] would succeed.
+    ///
+    /// # Errors
+    /// What it would fail with.
+    pub fn accepts(&self, other: &Stats) -> Result<(), MergeError> {
+        if self.plan != other.plan {
+            return Err(MergeError::Plan { left: self.plan.clone(), right: other.plan.clone() });
+        }
+        match other.grams.keys().find(|key| self.grams.contains_key(key)) {
+            Some(key) => Err(MergeError::Duplicate(Box::new(*key))),
+            None => Ok(()),
+        }
+    }
+
+    /// Keeps the statistics whose keys are wanted.
+    pub fn retain(&mut self, wanted: impl Fn(&Key) -> bool) {
+        self.grams.retain(|key, _| wanted(key));
+    }
+
+    /// The sums, in key order, of the statistics that share what `name` makes of their keys.
+    pub fn grouped(&self, name: impl Fn(&Key) -> Key) -> Self {
+        Self { plan: self.plan.clone(), grams: self.totals(|key| Some(name(key))) }
     }
 
     /// Keys and statistics, in key order.
@@ -124,6 +143,11 @@ impl Stats {
             }
         }
         totals
+    }
+
+    /// Columns of every statistic, d; `None` when there are none.
+    pub fn dimension(&self) -> Option<usize> {
+        self.grams.values().next().map(Gram::dimension)
     }
 
     /// Number of keys.

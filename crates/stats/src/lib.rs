@@ -1,16 +1,21 @@
 //! Mergeable statistics, the one reduction over rows, and the small solves.
 
 // plan, keys, reduction
+mod bank;
+mod bytes;
 mod keys;
 mod moments;
 mod plan;
 mod reduce;
+pub use bank::Bank;
+pub use bytes::StatsBytesError;
 pub use keys::{Fold, Key, MergeError, Stats};
 pub use moments::Moments;
 pub use plan::{Chunk, Grid, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};
 
 // numerics
+mod batch_means;
 mod errors;
 mod factor;
 mod gram;
@@ -20,11 +25,14 @@ mod log_determinant;
 mod polynomial;
 mod precondition;
 mod row_gram;
+mod score;
 mod separation;
 mod solve;
 mod square_root;
+mod svd;
 mod tile;
 mod triangle;
+pub use batch_means::BatchMeans;
 pub use errors::{ErrorSum, ErrorSums};
 pub use factor::Factor;
 pub use gram::Gram;
@@ -33,5 +41,7 @@ pub use log_determinant::LogDeterminant;
 pub use polynomial::{PolynomialError, PolynomialMoments, PolynomialPlan, PolynomialScratch};
 pub use precondition::{Preconditioner, PreconditionerError};
 pub use row_gram::RowGram;
+pub use score::Score;
 pub use solve::{Solution, least_squares, ridge};
 pub use square_root::SquareRoot;
+pub use svd::{Svd, svd};

@@ -13,8 +13,12 @@ const FEW_COLUMNS: usize = 128;
 const LANES: usize = 8;
 /// Columns whose distance is a multiple of this compete for the same lines of the first-level cache.
 const ALIAS: usize = 64;
-/// Columns of a block of the product: 4 x 4 sums stay in registers.
+/// Columns are padded to whole blocks of the product.
 const BLOCK: usize = 4;
+/// Left and right columns of a block of the product: 3 x 8 sums stay in registers. The right ones stay in first-level cache while all left ones pass, so
+/// that there should be more of them.
+const LEFT: usize = 3;
+const RIGHT: usize = 8;
 
 /// Rows of a design: d columns of equal length, with or without weights.
 pub(crate) struct Columns<'a> {
@@ -35,7 +39,7 @@ pub(crate) struct Tile {
     pub(crate) centre: Vec<f64>,
     /// Weighted mean of what remained after the subtraction: the rounding of `centre`.
     pub(crate) remainder: Vec<f64>,
-    /// Lower triangle of the products, column-major, `padded x padded`.
+    /// Lower triangle of the products, row-major, `padded x padded`.
     product: Vec<f64>,
 }
 
@@ -84,7 +88,7 @@ impl Tile {
         } else {
             let x = MatRef::from_column_major_slice(&self.values[..padded * self.stride], self.stride, padded);
             faer::linalg::matmul::triangular::matmul(
-                MatMut::from_column_major_slice_mut(&mut self.product, padded, padded),
+                MatMut::from_row_major_slice_mut(&mut self.product, padded, padded),
                 BlockStructure::TriangularLower,
                 Accum::Replace,
                 x.transpose(),
@@ -100,7 +104,7 @@ impl Tile {
     /// The weighted sum of the products of the centred columns `i >= j`.
     #[inline(always)]
     pub(crate) fn product(&self, i: usize, j: usize) -> f64 {
-        self.product[j * self.columns.next_multiple_of(BLOCK) + i]
+        self.product[i * self.columns.next_multiple_of(BLOCK) + j]
     }
 }
 
@@ -234,7 +238,7 @@ fn subtract_weighted<S: Simd>(
     total(simd, sums, last)
 }
 
-/// Products of all pairs of a few columns: blocks of 4 x 4 dot products whose sums stay in registers.
+/// Products of all pairs of a few columns: blocks of dot products whose sums stay in registers. Every sum has the same order whatever the block.
 ///
 /// The general matrix product spends most of its time on packing and dispatch when there are a hundred rows of twenty columns,
 /// which is what a region of a chunk looks like.
@@ -251,49 +255,87 @@ impl WithSimd for Multiply<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { values, stride, columns, product } = self;
-        for j in (0..columns).step_by(BLOCK) {
-            let right = four_columns::<S>(values, stride, j);
-            for i in (j..columns).step_by(BLOCK) {
-                let sums = dots(simd, four_columns::<S>(values, stride, i), right);
-                for (l, sums) in sums.iter().enumerate() {
-                    product[(j + l) * columns + i..][..BLOCK].copy_from_slice(sums);
-                }
-            }
+        // Instruction sets before AVX-512 have half of the registers.
+        if S::REGISTER_COUNT >= 32 {
+            blocks::<S, LEFT, RIGHT>(simd, (values, stride), (product, columns));
+        } else {
+            blocks::<S, { LEFT - 1 }, BLOCK>(simd, (values, stride), (product, columns));
         }
     }
 }
 
+/// All products of columns `i >= j`, in blocks of `A` left and `B` right columns.
 #[inline(always)]
-fn four_columns<S: Simd>(values: &[f64], stride: usize, first: usize) -> [&[S::f64s]; BLOCK] {
-    let values = &values[first * stride..(first + BLOCK) * stride];
-    let (a, b) = values.split_at(2 * stride);
-    let ((a0, a1), (b0, b1)) = (a.split_at(stride), b.split_at(stride));
-    [S::as_simd_f64s(a0).0, S::as_simd_f64s(a1).0, S::as_simd_f64s(b0).0, S::as_simd_f64s(b1).0]
+fn blocks<S: Simd, const A: usize, const B: usize>(
+    simd: S,
+    (values, stride): (&[f64], usize),
+    (product, columns): (&mut [f64], usize),
+) {
+    let mut j = 0;
+    while j + B <= columns {
+        let mut i = j;
+        while i + A <= columns {
+            dots::<S, A, B>(simd, (values, stride), (i, j), (product, columns));
+            i += A;
+        }
+        while i < columns {
+            dots::<S, 1, B>(simd, (values, stride), (i, j), (product, columns));
+            i += 1;
+        }
+        j += B;
+    }
+    while j < columns {
+        for i in (j..columns).step_by(BLOCK) {
+            dots::<S, BLOCK, BLOCK>(simd, (values, stride), (i, j), (product, columns));
+        }
+        j += BLOCK;
+    }
 }
 
-/// `left[k] . right[l]` at `[l][k]`.
+/// Columns `first..first + N`, as vectors.
 #[inline(always)]
-fn dots<S: Simd>(simd: S, left: [&[S::f64s]; BLOCK], right: [&[S::f64s]; BLOCK]) -> [[f64; BLOCK]; BLOCK] {
+fn columns_of<S: Simd, const N: usize>(values: &[f64], stride: usize, first: usize) -> [&[S::f64s]; N] {
+    let mut found: [&[S::f64s]; N] = [&[]; N];
+    for k in 0..N {
+        found[k] = S::as_simd_f64s(&values[(first + k) * stride..(first + k + 1) * stride]).0;
+    }
+    found
+}
+
+/// Products of the columns `i + k` and `j + l`.
+#[inline(always)]
+fn dots<S: Simd, const A: usize, const B: usize>(
+    simd: S,
+    (values, stride): (&[f64], usize),
+    (i, j): (usize, usize),
+    (product, columns): (&mut [f64], usize),
+) {
+    let mut left = columns_of::<S, A>(values, stride, i);
+    let mut right = columns_of::<S, B>(values, stride, j);
     let length = right[0].len();
-    // Equal lengths, stated once, spare the bounds checks in the loop; plain loops, because closures given to array methods are not
-    // always compiled for the instruction set of their caller.
-    let [a0, a1, a2, a3] = [&left[0][..length], &left[1][..length], &left[2][..length], &left[3][..length]];
-    let [b0, b1, b2, b3] = [&right[0][..length], &right[1][..length], &right[2][..length], &right[3][..length]];
-    let mut sums = [[simd.splat_f64s(0.0); BLOCK]; BLOCK];
+    // Equal lengths, stated once, spare the bounds checks in the loop.
+    for k in 0..A {
+        left[k] = &left[k][..length];
+    }
+    for l in 0..B {
+        right[l] = &right[l][..length];
+    }
+    let mut sums = [[simd.splat_f64s(0.0); B]; A];
     for row in 0..length {
-        let a = [a0[row], a1[row], a2[row], a3[row]];
-        let b = [b0[row], b1[row], b2[row], b3[row]];
-        for l in 0..BLOCK {
-            for k in 0..BLOCK {
-                sums[l][k] = simd.mul_add_f64s(a[k], b[l], sums[l][k]);
+        let mut b = [simd.splat_f64s(0.0); B];
+        for l in 0..B {
+            b[l] = right[l][row];
+        }
+        for k in 0..A {
+            let a = left[k][row];
+            for l in 0..B {
+                sums[k][l] = simd.mul_add_f64s(a, b[l], sums[k][l]);
             }
         }
     }
-    let mut totals = [[0.0; BLOCK]; BLOCK];
-    for l in 0..BLOCK {
-        for k in 0..BLOCK {
-            totals[l][k] = simd.reduce_sum_f64s(sums[l][k]);
+    for k in 0..A {
+        for l in 0..B {
+            product[(i + k) * columns + j + l] = simd.reduce_sum_f64s(sums[k][l]);
         }
     }
-    totals
 }

@@ -43,13 +43,13 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     Ok(())
 }
 
-fn refuse_overwriting(output: &std::path::Path, files: &[std::path::PathBuf]) -> Result<(), Error> {
+pub(crate) fn refuse_overwriting(output: &std::path::Path, files: &[std::path::PathBuf]) -> Result<(), Error> {
     let same = |file: &std::path::PathBuf| match (file.canonicalize(), output.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,
         _ => false,
     };
     if files.iter().any(same) {
-        return Err(Error::Request(format!("{} is one of the inputs; choose another --output", output.display())));
+        return Err(Error::Request(format!("{} is one of the inputs; choose another file to write", output.display())));
     }
     Ok(())
 }

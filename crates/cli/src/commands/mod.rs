@@ -2,14 +2,17 @@
 
 pub(crate) mod demo;
 pub(crate) mod fit;
+pub(crate) mod fit_sparse;
 pub(crate) mod generate;
 pub(crate) mod info;
 pub(crate) mod init;
 pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod rollout;
+pub(crate) mod scan;
 pub(crate) mod score;
 pub(crate) mod show;
+pub(crate) mod stats;
 
 use std::path::{Path, PathBuf};
 

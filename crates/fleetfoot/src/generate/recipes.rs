@@ -12,8 +12,8 @@ use crate::{Error, Recipe};
 pub(super) enum Details {
     /// Its derivative is fitted, and measured by differences.
     Fitted,
-    /// Its derivative is fitted, and measured by this column.
-    Measured(&'static str),
+    /// Its derivative is measured by this column, and is this expression over columns and latents.
+    Equation(&'static str, &'static str),
     /// Its derivative is this expression.
     Known(&'static str),
     /// An angle with this derivative.
@@ -28,7 +28,7 @@ impl fmt::Display for Details {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Fitted => write!(f, "{{}}"),
-            Self::Measured(column) => write!(f, "{{ derivative = \"{column}\" }}"),
+            Self::Equation(column, right) => write!(f, "{{ derivative = \"{column}\", equation = \"{right}\" }}"),
             Self::Known(rate) => write!(f, "{{ known = \"{rate}\" }}"),
             Self::KnownAngle(rate) => write!(f, "{{ known = \"{rate}\", kind = \"angle\" }}"),
             Self::Integrated(rate) => write!(f, "{{ known = \"{rate}\", regressor = false }}"),
@@ -57,6 +57,8 @@ pub(super) struct RecipeParts {
     pub(super) stamp: &'static str,
     /// What partitions may look at.
     pub(super) partition_on: &'static [&'static str],
+    /// Sections of a structured sparse regression, where the robot has one.
+    pub(super) sparse: &'static str,
 }
 
 impl RecipeParts {
@@ -66,7 +68,11 @@ impl RecipeParts {
         comment(&mut out, &format!("Recipe for the truth in the logs of: {command}"));
         comment(&mut out, self.about);
         let _ =
-            writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition null,average,kmeans:10 -o model.json\n");
+            writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition null,average,kmeans:10 -o model.json");
+        if !self.sparse.is_empty() {
+            let _ = writeln!(out, "#   fleetfoot fit sparse -c THIS FILES... -o sparse.json");
+        }
+        out.push('\n');
         let columns: Vec<_> = match format {
             Format::Mcap => self.fields.iter().chain(self.aliases).collect(),
             Format::Parquet => self.aliases.iter().collect(),
@@ -108,6 +114,7 @@ impl RecipeParts {
             let names: Vec<String> = self.partition_on.iter().map(|name| text(name)).collect();
             let _ = writeln!(out, "partition_on = [{}]", names.join(", "));
         }
+        out.push_str(self.sparse);
         out
     }
 
@@ -189,6 +196,7 @@ pub(super) const HEXAPOD: RecipeParts = RecipeParts {
     base: "/truth/odometry",
     stamp: "header",
     partition_on: &[],
+    sparse: "",
 };
 
 /// The climbing jet: equations (26) to (29) of the block-sparse bolasso paper, whose derivatives the truth has.
@@ -201,22 +209,44 @@ pub(super) const AIRCRAFT: RecipeParts = RecipeParts {
         ("m", "/truth/aircraft.data[3]"),
         ("alpha", "/truth/aircraft.data[4]"),
         ("N1", "/truth/aircraft.data[5]"),
+        ("SAT", "/truth/aircraft.data[6]"),
+        ("rho", "/truth/aircraft.data[7]"),
+        ("M", "/truth/aircraft.data[8]"),
+        ("q", "/truth/aircraft.data[9]"),
         ("V_dot", "/truth/aircraft.data[11]"),
         ("gamma_dot", "/truth/aircraft.data[12]"),
         ("m_dot", "/truth/aircraft.data[13]"),
     ],
-    aliases: &[],
+    aliases: &[("Isp_model", "35304/((0.334 + 0.44*M)*sqrt(SAT/288.15))")],
     states: &[
         ("h", Details::Known("V*sin(gamma)")),
-        ("V", Details::Measured("V_dot")),
-        ("gamma", Details::Measured("gamma_dot")),
-        ("m", Details::Measured("m_dot")),
+        ("V", Details::Equation("V_dot", "(T*cos(alpha) - D)/m - 9.80665*sin(gamma)")),
+        ("gamma", Details::Equation("gamma_dot", "(T*sin(alpha) + L)/(m*V) - 9.80665*cos(gamma)/V")),
+        ("m", Details::Equation("m_dot", "-T/Isp")),
     ],
     inputs: &["alpha", "N1"],
     base: "/truth/aircraft",
     stamp: "log",
     partition_on: &[],
+    sparse: AIRCRAFT_SPARSE,
 };
+
+/// Equations (31) to (34), the libraries of section 8.2, and the prior of equation (41).
+const AIRCRAFT_SPARSE: &str = r#"
+# For `fit sparse`: thrust, drag, lift and specific impulse are unknown functions that the equations share. Each may be any sum of its
+# candidates: what stands in `times`, times the monomials of the variables up to a degree. Without a prior, thrust and impulse can be scaled together.
+[latents]
+T = { times = "N1", of = ["rho", "M"], degree = 4 }
+D = { times = "q", of = ["alpha", "M"], degree = 3 }
+L = { times = "q", of = ["alpha", "M"], degree = 3 }
+Isp = { times = "SAT", of = ["h", "M"], degree = 3, prior = "Isp_model", prior_strength = 10.0 }
+
+# What is regressed on them: forces along and across the path, and what the fuel gives.
+[tasks]
+along = { target = "m*V_dot + m*9.80665*sin(gamma)", right = "T*cos(alpha) - D" }
+normal = { target = "m*V*gamma_dot + m*9.80665*cos(gamma)", right = "T*sin(alpha) + L" }
+fuel = { target = "0", right = "T + m_dot*Isp", scale = 1e4 }
+"#;
 
 /// The wheeled robot: where it is follows from the velocities in the axes of its heading.
 pub(super) const DIFFDRIVE: RecipeParts = RecipeParts {
@@ -253,6 +283,7 @@ pub(super) const DIFFDRIVE: RecipeParts = RecipeParts {
     base: "/truth/odometry",
     stamp: "header",
     partition_on: &[],
+    sparse: "",
 };
 
 /// The quadrotor in wind: velocities in the world's axes, rates in its own.
@@ -303,4 +334,5 @@ pub(super) const QUADROTOR: RecipeParts = RecipeParts {
     base: "/truth/odometry",
     stamp: "log",
     partition_on: &[],
+    sparse: "",
 };

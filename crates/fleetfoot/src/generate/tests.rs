@@ -90,6 +90,7 @@ static PENDULUM: Kind<Pendulum> = Kind {
         base: "/truth/joint",
         stamp: "log",
         partition_on: &[],
+        sparse: "",
     },
     seconds: 60.0,
     scenario: |pendulum| {

@@ -1,18 +1,11 @@
 //! Random numbers by counting: every draw has an address, so that nothing depends on who draws first.
 
+use fleetfoot_data::mix;
+
 /// A uniform number in `[0, 1)` for (seed, restart, draw).
-///
-/// The address is mixed with the output function of SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), once for each part.
 pub(super) fn uniform(seed: u64, restart: u64, draw: u64) -> f64 {
     let bits = mix(mix(mix(seed).wrapping_add(restart)).wrapping_add(draw));
     (bits >> 11) as f64 * 2f64.powi(-53)
-}
-
-fn mix(value: u64) -> u64 {
-    let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -8,6 +8,9 @@ use fleetfoot_stats::Gram;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+pub(crate) mod aircraft;
+pub(crate) mod tasks;
+
 /// Rows, and what they are called.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {

@@ -43,7 +43,7 @@ fn known_derivatives_are_those_of_the_rows() {
             let (known, angle) = match details {
                 Details::Known(known) | Details::Integrated(known) => (known, false),
                 Details::KnownAngle(known) | Details::IntegratedAngle(known) => (known, true),
-                Details::Measured(column) => (column, false),
+                Details::Equation(column, _) => (column, false),
                 Details::Fitted => continue,
             };
             let column = source.columns().iter().find(|column| column.name == *name).unwrap().clone();

@@ -1,0 +1,370 @@
+//! `fleetfoot fit sparse`.
+
+use std::path::PathBuf;
+
+use fleetfoot::{
+    CandidateReport, Error, LatentReport, LeaveOneOutReport, Recipe, SparseFitted, SparseReport, SparseRequest,
+    file_by_value, fit_sparse, is_statistic,
+    log::write_atomic,
+    statistic::{LabelKey, ScanOptions, StatisticFile, plan_scan},
+    write_frequencies,
+};
+use serde_json::json;
+
+use super::{Context, files, fit, real};
+use crate::{
+    args::{FitSparse, SparseArgs},
+    table::{bytes, count, number, ratio, table},
+};
+
+/// Tables of functions have their intervals while they are not wider.
+const WIDTH: usize = 100;
+/// Influential episodes that are shown; JSON has all.
+const MOST_EPISODES: usize = 10;
+
+pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Error> {
+    let mut recipe = fit::recipe(&arguments.recipe)?;
+    apply(&mut recipe, &arguments.sparse);
+    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
+    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
+    for path in [Some(&arguments.output), arguments.keep.as_ref()].into_iter().flatten() {
+        fit::refuse_overwriting(path, &files)?;
+    }
+    let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<Vec<_>, _>>()?;
+    if arguments.dry_run {
+        return dry_run(&recipe, &ScanOptions { keys, chunk_rows: None }, &files, context);
+    }
+    let request =
+        SparseRequest { keys, by: arguments.by.clone(), keep: arguments.keep.clone(), influence: arguments.influence };
+    let bar = context.bar();
+    let fitted = fit_sparse(&recipe, &request, &files, &bar);
+    bar.finish();
+    let fitted = fitted?;
+    let mut written: Vec<PathBuf> = Vec::new();
+    for found in &fitted {
+        let path = path_of(found, arguments);
+        if written.contains(&path) {
+            let problem = format!("two values of the label would both be written to {}; rename one", path.display());
+            return Err(Error::Request(problem));
+        }
+        write_atomic(&path, found.model.to_json().as_bytes())?;
+        written.push(path);
+    }
+    if let Some(path) = &arguments.frequencies {
+        write_frequencies(path, arguments.by.as_deref(), &fitted, &files)?;
+        written.push(path.clone());
+    }
+    written.extend(arguments.keep.clone());
+    for found in &fitted {
+        let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
+        context.notes(&found.report.notes.iter().map(|note| format!("{value}{note}")).collect::<Vec<_>>());
+    }
+    context.print(&to_json(&fitted, arguments), || to_text(&fitted, arguments));
+    for path in &written {
+        context.say(format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+fn path_of(found: &SparseFitted, arguments: &FitSparse) -> PathBuf {
+    found.value.as_ref().map_or_else(|| arguments.output.clone(), |value| file_by_value(&arguments.output, value))
+}
+
+/// Flags stand above the recipe.
+fn apply(recipe: &mut Recipe, arguments: &SparseArgs) {
+    let sparse = &mut recipe.sparse;
+    sparse.lambda = arguments.lambda.clone().or(sparse.lambda.take());
+    sparse.select = arguments.select.clone().or(sparse.select.take());
+    sparse.folds = arguments.folds.clone().or(sparse.folds.take());
+    sparse.l1_ratio = arguments.l1_ratio.or(sparse.l1_ratio);
+    sparse.adaptive = arguments.adaptive.then_some(true).or(sparse.adaptive);
+    if arguments.bolasso.is_some() {
+        sparse.stability = None;
+    }
+    sparse.bolasso = arguments.bolasso.clone().or(sparse.bolasso.take());
+    if arguments.stability {
+        (sparse.stability, sparse.bolasso) = (Some(true), None);
+    }
+    sparse.threshold = arguments.threshold.or(sparse.threshold);
+    sparse.unscaled = arguments.unscaled.then_some(true).or(sparse.unscaled);
+    sparse.seed = arguments.seed.or(sparse.seed);
+    if arguments.prior_strength.is_some() {
+        sparse.prior_strength = arguments.prior_strength;
+        recipe.latents.values_mut().for_each(|latent| latent.prior_strength = None);
+    }
+}
+
+fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &Context) -> Result<(), Error> {
+    if let (true, [path]) = (is_statistic(files), files) {
+        let file = StatisticFile::read(path)?;
+        let rows = file.scanned.counts().complete;
+        context.print(
+            &json!({ "files": 1, "episodes": file.episodes.len(), "rows": rows, "passes": 0, "chunks": file.chunks() }),
+            || {
+                format!(
+                    "{}, {rows} rows, {}; no pass",
+                    count(file.episodes.len(), "episode"),
+                    count(file.chunks(), "chunk")
+                )
+            },
+        );
+        return Ok(());
+    }
+    let bar = context.bar();
+    let plan = plan_scan(recipe, options, files, &bar);
+    bar.finish();
+    let plan = plan?;
+    context.notes(&plan.notes);
+    let latents: Vec<String> = plan.latents.iter().map(|(name, functions)| format!("{name} ({functions})")).collect();
+    context.print(
+        &json!({
+            "files": plan.files, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "passes": 1,
+            "tasks": plan.tasks, "latents": plan.latents.iter().map(|(name, functions)| json!({ "name": name, "functions": functions })).collect::<Vec<_>>(),
+            "chunks": plan.chunks, "chunk_rows": plan.chunk_rows, "bytes": plan.bytes,
+        }),
+        || {
+            format!(
+                "{}, {}{} rows\n{} columns read: {}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
+                count(plan.files, "file"),
+                plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
+                plan.rows,
+                plan.columns.len(),
+                plan.columns.join(", "),
+                plan.tasks.join(", "),
+                latents.join(", "),
+                count(plan.chunks, "chunk"),
+                plan.chunk_rows,
+                bytes(plan.bytes as u64)
+            )
+        },
+    );
+    Ok(())
+}
+
+fn to_text(fitted: &[SparseFitted], arguments: &FitSparse) -> String {
+    let mut text = String::new();
+    match (fitted, &arguments.by) {
+        ([one], None) => text.push_str(&one_text(&one.report)),
+        (_, label) => {
+            let label = label.as_deref().unwrap_or_default();
+            for found in fitted {
+                let value = found.value.as_deref().unwrap_or_default();
+                text.push_str(&format!("{label} {value}: {}\n", summary(&found.report)));
+            }
+            text.push_str(&by_value(fitted, label));
+            for found in fitted {
+                let value = found.value.as_deref().unwrap_or_default();
+                if let Some(influence) = &found.report.influence {
+                    text.push_str(&format!("\n\n{label} {value}: {}", influence_text(influence)));
+                }
+            }
+        }
+    }
+    text
+}
+
+fn summary(report: &SparseReport) -> String {
+    let candidates = || report.latents.iter().flat_map(|latent| &latent.candidates);
+    format!(
+        "{} rows of {}, lambda {} ({}), {} of {} columns by {}",
+        report.rows,
+        count(report.episodes, "episode"),
+        number(report.lambda.value),
+        report.lambda.how,
+        candidates().filter(|candidate| candidate.selected).count(),
+        candidates().count(),
+        report.selection,
+    )
+}
+
+fn one_text(report: &SparseReport) -> String {
+    let [border, incomplete] = report.left_out;
+    let mut text = format!(
+        "{}\n{border} rows left out at borders, {incomplete} incomplete; the lasso at lambda: optimality conditions to {:.1e}, duality gap {:.1e}\n",
+        summary(report),
+        report.certificate.kkt,
+        report.certificate.gap
+    );
+    let rows = report.tasks.iter().map(|task| {
+        let name = if task.prior {
+            format!("{} (strength {})", task.name, number(task.weight * task.scale * task.scale))
+        } else {
+            task.name.clone()
+        };
+        let plain = |value: f64| if value.is_nan() { "-".to_owned() } else { number(value) };
+        let r2 = if task.r2.is_nan() { "-".to_owned() } else { format!("{:.6}", task.r2) };
+        vec![name, number(task.scale), plain(task.rms), r2, plain(task.held_out)]
+    });
+    text.push_str(&table(&["task", "scale", "error (rms)", "R2", "held out (lasso)"], rows.collect()));
+    let tables = |intervals: bool| -> Vec<String> {
+        report.latents.iter().map(|latent| latent_table(latent, intervals)).collect()
+    };
+    let all = tables(report.latents.iter().any(has_intervals));
+    let fits = all.iter().flat_map(|table| table.lines()).all(|line| line.chars().count() <= WIDTH);
+    let tables = if fits { all } else { tables(false) };
+    for (latent, table) in report.latents.iter().zip(tables) {
+        let used = latent.candidates.iter().filter(|candidate| candidate.selected).count();
+        text.push_str(&format!("\n\n{}: {used} of {} functions\n{table}", latent.name, latent.candidates.len()));
+    }
+    for group in &report.confounded {
+        text.push_str(&format!("\n\nhard to tell apart: {}", group.join(" ~ ")));
+    }
+    if let Some(influence) = &report.influence {
+        text.push_str(&format!("\n\n{}", influence_text(influence)));
+    }
+    text
+}
+
+fn has_intervals(latent: &LatentReport) -> bool {
+    latent.candidates.iter().any(|candidate| candidate.interval.is_some())
+}
+
+/// The selected functions of a latent; empty when there are none.
+fn latent_table(latent: &LatentReport, intervals: bool) -> String {
+    let row = |candidate: &CandidateReport| {
+        let frequency = candidate.frequency.map_or_else(|| "-".into(), ratio);
+        let mut row = vec![
+            candidate.function.clone(),
+            number(candidate.coefficient),
+            number(candidate.standard_error),
+            frequency,
+        ];
+        if intervals {
+            row.push(
+                candidate
+                    .interval
+                    .map_or_else(|| "-".into(), |[low, high]| format!("{} to {}", number(low), number(high))),
+            );
+        }
+        row
+    };
+    let rows: Vec<Vec<String>> = latent.candidates.iter().filter(|candidate| candidate.selected).map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let mut header = vec!["function", "coefficient", "standard error", "frequency"];
+    if intervals {
+        header.push("95 % of lassos");
+    }
+    table(&header, rows)
+}
+
+/// The errors in and out of sample, and the most influential episodes.
+fn influence_text(influence: &LeaveOneOutReport) -> String {
+    let shown = &influence.episodes[..influence.episodes.len().min(MOST_EPISODES)];
+    let rows = shown.iter().map(|episode| {
+        let change = episode.largest_change.as_ref();
+        vec![
+            episode.name.clone(),
+            format!("{:.1} %", 100.0 * episode.share),
+            number(episode.distance),
+            number(episode.held_out),
+            number(episode.in_sample),
+            change.map_or_else(|| "-".into(), |(name, change)| format!("{change:+.2} of {name}")),
+        ]
+    });
+    let header = ["left out", "rows", "Cook's distance", "held out", "in sample", "largest change (standard errors)"];
+    format!(
+        "errors of all tasks in their scales (rms): {} with every episode predicted by the others, {} in sample\n\
+         {} of {}, by Cook's distance:\n{}",
+        number(influence.held_out),
+        number(influence.in_sample),
+        shown.len(),
+        count(influence.episodes.len(), "episode"),
+        table(&header, rows.collect())
+    )
+}
+
+/// Selection frequencies (or 1 for selected, where there are no replicates): their mean, in how many fits the function is selected, and a character a value of the
+/// label, in the order of the lines above.
+fn by_value(fitted: &[SparseFitted], label: &str) -> String {
+    let Some(first) = fitted.first() else { return String::new() };
+    let strip = format!("by {label} (tenths, # is always)");
+    let mut rows = Vec::new();
+    for (index, latent) in first.report.latents.iter().enumerate() {
+        for (at, candidate) in latent.candidates.iter().enumerate() {
+            let candidates: Vec<&CandidateReport> =
+                fitted.iter().map(|found| &found.report.latents[index].candidates[at]).collect();
+            let frequency = |found: &CandidateReport| found.frequency.unwrap_or(f64::from(u8::from(found.selected)));
+            let mean = candidates.iter().map(|found| frequency(found)).sum::<f64>() / candidates.len() as f64;
+            let selected = candidates.iter().filter(|found| found.selected).count();
+            let shades: String = candidates.iter().map(|found| tenths(frequency(found))).collect();
+            rows.push(vec![
+                latent.name.clone(),
+                candidate.function.clone(),
+                ratio(mean),
+                format!("{selected} of {}", candidates.len()),
+                shades,
+            ]);
+        }
+    }
+    table(&["latent", "function", "mean frequency", "selected", &strip], rows)
+}
+
+fn tenths(frequency: f64) -> char {
+    match frequency {
+        f if f <= 0.0 => '.',
+        f if f >= 1.0 => '#',
+        f => char::from_digit((f * 10.0) as u32, 10).unwrap_or('9'),
+    }
+}
+
+fn to_json(fitted: &[SparseFitted], arguments: &FitSparse) -> serde_json::Value {
+    match (fitted, &arguments.by) {
+        ([one], None) => one_json(one, arguments),
+        (_, by) => json!({
+            "by": by, "models": fitted.iter().map(|found| one_json(found, arguments)).collect::<Vec<_>>(),
+        }),
+    }
+}
+
+fn one_json(found: &SparseFitted, arguments: &FitSparse) -> serde_json::Value {
+    let report = &found.report;
+    let validation = report.lambda.validation.as_ref().map(|validation| {
+        let reals = |values: &[f64]| values.iter().map(|&value| real(value)).collect::<Vec<_>>();
+        json!({
+            "folds": report.lambda.folds, "lambdas": reals(&validation.lambdas), "error": reals(&validation.mean),
+            "standard_error": reals(&validation.standard_error), "features": reals(&validation.features),
+        })
+    });
+    json!({
+        "value": found.value, "model": path_of(found, arguments).display().to_string(), "hash": found.model.hash(),
+        "rows": real(report.rows), "episodes": report.episodes,
+        "rows_at_border": report.left_out[0], "rows_incomplete": report.left_out[1],
+        "lambda": { "value": real(report.lambda.value), "how": report.lambda.how, "largest": real(report.lambda.largest), "validation": validation },
+        "selection": report.selection,
+        "certificate": { "kkt": real(report.certificate.kkt), "gap": real(report.certificate.gap), "objective": real(report.certificate.objective) },
+        "worst_replicate_kkt": report.worst_replicate.map(real),
+        "condition": real(report.condition), "confounded": report.confounded,
+        "tasks": report.tasks.iter().map(|task| json!({
+            "name": task.name, "prior": task.prior, "scale": real(task.scale), "weight": real(task.weight),
+            "rms": real(task.rms), "r2": real(task.r2), "held_out_rms": real(task.held_out),
+        })).collect::<Vec<_>>(),
+        "latents": report.latents.iter().map(|latent| json!({
+            "name": latent.name,
+            "functions": latent.candidates.iter().map(|candidate| json!({
+                "function": candidate.function, "selected": candidate.selected, "coefficient": real(candidate.coefficient),
+                "lasso": real(candidate.lasso), "standard_error": real(candidate.standard_error),
+                "frequency": candidate.frequency.map(real),
+                "lasso_interval": candidate.interval.map(|interval| interval.map(real)),
+            })).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "influence": report.influence.as_ref().map(influence_json),
+        "notes": report.notes,
+    })
+}
+
+fn influence_json(influence: &LeaveOneOutReport) -> serde_json::Value {
+    let episodes = influence.episodes.iter().map(|episode| {
+        let change = episode.largest_change.as_ref();
+        json!({
+            "name": episode.name, "share": real(episode.share), "cooks_distance": real(episode.distance),
+            "held_out_rms": real(episode.held_out), "in_sample_rms": real(episode.in_sample),
+            "largest_change": change.map(|(name, change)| json!({ "coefficient": name, "standard_errors": real(*change) })),
+        })
+    });
+    json!({
+        "held_out_rms": real(influence.held_out), "in_sample_rms": real(influence.in_sample),
+        "episodes": episodes.collect::<Vec<_>>(),
+    })
+}

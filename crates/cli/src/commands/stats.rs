@@ -1,0 +1,239 @@
+//! `fleetfoot stats`.
+
+use std::path::Path;
+
+use fleetfoot::{
+    Error,
+    statistic::{Sizes, StatisticFile, TaskSummary, Unwanted},
+};
+use serde_json::{Value, json};
+
+use super::{Context, real};
+use crate::{
+    args::{Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge},
+    table::{bytes, count, number, ratio, table},
+};
+
+pub(crate) fn stats(arguments: &Stats, context: &Context) -> Result<(), Error> {
+    match arguments {
+        Stats::Info(arguments) => info(arguments, context),
+        Stats::Merge(arguments) => merge(arguments, context),
+        Stats::Drop(arguments) => drop(arguments, context),
+        Stats::Compact(arguments) => compact(arguments, context),
+    }
+}
+
+fn info(arguments: &StatsInfo, context: &Context) -> Result<(), Error> {
+    let (file, sizes) = StatisticFile::read_with_sizes(&arguments.file)?;
+    let tasks = file.task_summaries();
+    context.print(&info_json(&file, &sizes, &tasks), || {
+        let mut text = info_text(&file, &sizes, &tasks);
+        if arguments.episodes {
+            text.push_str(&episodes_text(&file));
+        }
+        if arguments.recipe {
+            text.push_str(&format!("\n\nplan\n{}\nrecipe\n{}", file.plan_text(), file.recipe));
+        }
+        text
+    });
+    if file.is_partial() {
+        context.say("note: this is what an interrupted scan has left; the same scan goes on from it");
+    }
+    Ok(())
+}
+
+fn info_text(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> String {
+    let counts = file.scanned.counts();
+    let rows = tasks
+        .iter()
+        .map(|task| {
+            vec![
+                if task.prior { format!("{} (prior)", task.name) } else { task.name.clone() },
+                task.columns.to_string(),
+                task.rank.to_string(),
+                number(task.condition),
+                number(task.preconditioned),
+                number(task.deviation),
+                ratio(task.r2),
+                task.equation.clone(),
+            ]
+        })
+        .collect();
+    let header = ["task", "columns", "rank", "condition", "preconditioned", "sigma", "R2", "equation"];
+    let latents = &file.plan.regression.latents;
+    let latents: Vec<String> = latents
+        .iter()
+        .map(|latent| format!("{} ({})", latent.name, count(latent.functions.len(), "function")))
+        .collect();
+    let mut text = format!(
+        "{}, {}: {} complete rows, {} at borders, {} incomplete\n{} of at most {} rows; plan {}; fleetfoot {}\n{}\nlatents: {}",
+        count(file.files.len(), "file"),
+        count(file.episodes.len(), "episode"),
+        counts.complete,
+        counts.at_border,
+        counts.incomplete,
+        count(file.chunks(), "chunk"),
+        file.plan.chunk_rows,
+        file.plan.hash(),
+        file.version,
+        table(&header, rows),
+        latents.join(", "),
+    );
+    for (label, values) in file.by_label() {
+        let rows = values
+            .iter()
+            .map(|(value, (episodes, rows))| vec![value.clone(), episodes.to_string(), rows.to_string()])
+            .collect();
+        text.push_str(&format!("\n{}", table(&[label.as_str(), "episodes", "rows"], rows)));
+    }
+    text.push_str(&format!("\n{}: {}", bytes(sizes.total), sections(sizes).join(", ")));
+    text
+}
+
+/// Sizes by section; the tasks' together.
+fn sections(sizes: &Sizes) -> Vec<String> {
+    let mut sums: Vec<(&str, u64)> = Vec::new();
+    for (name, size) in &sizes.sections {
+        match sums.iter_mut().find(|(known, _)| known == name) {
+            Some((_, sum)) => *sum += size,
+            None => sums.push((name, *size)),
+        }
+    }
+    sums.into_iter().map(|(name, size)| format!("{name} {}", bytes(size))).collect()
+}
+
+fn episodes_text(file: &StatisticFile) -> String {
+    let rows = file
+        .episodes
+        .iter()
+        .map(|episode| {
+            let counts = file.scanned.rows.get(&episode.id).copied().unwrap_or_default();
+            let labels: Vec<String> = episode.labels.iter().map(|(name, value)| format!("{name}={value}")).collect();
+            let source = file.file_of(episode).map_or_else(String::new, |file| file.name.clone());
+            let [rows, complete] = [episode.rows, counts.complete].map(|count| count.to_string());
+            vec![episode.name.clone(), rows, complete, labels.join(" "), episode.id.to_string(), source]
+        })
+        .collect();
+    format!("\n{}", table(&["episode", "rows", "complete", "labels", "identity", "file"], rows))
+}
+
+fn info_json(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Value {
+    let counts = file.scanned.counts();
+    let regression = &file.plan.regression;
+    json!({
+        "plan": file.plan.hash(), "version": file.version, "partial": file.is_partial(),
+        "rows": { "complete": counts.complete, "at_border": counts.at_border, "incomplete": counts.incomplete },
+        "chunks": file.chunks(), "chunk_rows": file.plan.chunk_rows,
+        "tasks": tasks.iter().map(|task| json!({
+            "name": task.name, "equation": task.equation, "prior": task.prior, "columns": task.columns, "rank": task.rank,
+            "condition": real(task.condition), "preconditioned_condition": real(task.preconditioned), "sigma": real(task.deviation),
+            "r2": real(task.r2) })).collect::<Vec<_>>(),
+        "latents": regression.latents.iter().map(|latent| json!({
+            "name": latent.name, "functions": latent.functions.iter().map(ToString::to_string).collect::<Vec<_>>() })).collect::<Vec<_>>(),
+        "columns": file.columns.iter().map(|column| json!({
+            "name": column.name, "source": column.source, "unit": column.unit })).collect::<Vec<_>>(),
+        "labels": file.by_label().into_iter().map(|(label, values)| {
+            let values = values.into_iter().map(|(value, (episodes, rows))| {
+                (value, json!({ "episodes": episodes, "rows": rows }))
+            });
+            (label, Value::Object(values.collect()))
+        }).collect::<serde_json::Map<_, _>>(),
+        "files": file.files.iter().map(|file| json!({
+            "name": file.name, "hash": file.hash.to_string(), "bytes": file.bytes })).collect::<Vec<_>>(),
+        "episodes": file.episodes.iter().map(|episode| json!({
+            "name": episode.name, "id": episode.id.to_string(), "rows": episode.rows, "labels": episode.labels,
+            "complete": file.scanned.rows.get(&episode.id).map(|rows| rows.complete), "file": episode.file.to_string(),
+            "period": real(episode.period) })).collect::<Vec<_>>(),
+        "bytes": sizes.total, "sections": sizes.sections, "recipe": file.recipe,
+    })
+}
+
+fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
+    refuse_existing(&arguments.output, arguments.force)?;
+    let mut inputs = arguments.files.iter();
+    let Some(first) = inputs.next() else { return Err(Error::Request("no file is given".into())) };
+    let (mut whole, sizes) = StatisticFile::read_with_sizes(first)?;
+    let mut before = vec![sizes.total];
+    for path in inputs {
+        let (part, sizes) = StatisticFile::read_with_sizes(path)?;
+        // Files already joined go by the first one's name.
+        whole.merge(&first.display().to_string(), part, &path.display().to_string())?;
+        before.push(sizes.total);
+    }
+    let sizes = whole.write(&arguments.output)?;
+    let json = json!({ "merged": arguments.files.len() });
+    let text = format!("merged {}", count(arguments.files.len(), "file"));
+    tell(context, &whole, (json, text), before.iter().sum(), &sizes, &arguments.output);
+    Ok(())
+}
+
+fn drop(arguments: &StatsDrop, context: &Context) -> Result<(), Error> {
+    refuse_existing(&arguments.output, arguments.force)?;
+    let (mut file, before) = StatisticFile::read_with_sizes(&arguments.input)?;
+    let mut unwanted: Vec<Unwanted> = arguments.episode.iter().cloned().map(Unwanted::Episode).collect();
+    unwanted.extend(arguments.file.iter().cloned().map(Unwanted::File));
+    for text in &arguments.label {
+        let Some((name, value)) = text.split_once('=') else {
+            return Err(Error::Request(format!("--where {text}: write LABEL=VALUE")));
+        };
+        unwanted.push(Unwanted::Label(name.trim().to_owned(), value.trim().to_owned()));
+    }
+    let names = file.drop_episodes(&unwanted)?;
+    let sizes = file.write(&arguments.output)?;
+    let some: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
+    let more = if names.len() > 8 { ", ..." } else { "" };
+    let text = format!("dropped {}: {}{more}", count(names.len(), "episode"), some.join(", "));
+    tell(context, &file, (json!({ "dropped": names }), text), before.total, &sizes, &arguments.output);
+    Ok(())
+}
+
+fn compact(arguments: &StatsCompact, context: &Context) -> Result<(), Error> {
+    refuse_existing(&arguments.output, arguments.force)?;
+    let (mut file, before) = StatisticFile::read_with_sizes(&arguments.file)?;
+    let chunks = file.chunks();
+    file.compact();
+    let sizes = file.write(&arguments.output)?;
+    let text = format!(
+        "{} became {}, one for each {}; bootstrap of blocks and folds within an episode are no longer possible",
+        count(chunks, "chunk"),
+        file.chunks(),
+        arguments.by
+    );
+    tell(context, &file, (json!({ "chunks_before": chunks }), text), before.total, &sizes, &arguments.output);
+    Ok(())
+}
+
+fn refuse_existing(output: &Path, force: bool) -> Result<(), Error> {
+    if output.exists() && !force {
+        let problem = format!("{} exists already; --force replaces it", output.display());
+        return Err(Error::Request(problem));
+    }
+    Ok(())
+}
+
+/// What an operation did, and the sizes before and after.
+fn tell(
+    context: &Context,
+    file: &StatisticFile,
+    (mut json, text): (Value, String),
+    before: u64,
+    sizes: &Sizes,
+    output: &Path,
+) {
+    json["file"] = output.display().to_string().into();
+    json["episodes"] = file.episodes.len().into();
+    json["chunks"] = file.chunks().into();
+    json["bytes_before"] = before.into();
+    json["bytes"] = sizes.total.into();
+    context.print(&json, || {
+        format!(
+            "{text}\n{}, {} complete rows, {}\n{} before, {} now",
+            count(file.episodes.len(), "episode"),
+            file.scanned.counts().complete,
+            count(file.chunks(), "chunk"),
+            bytes(before),
+            bytes(sizes.total)
+        )
+    });
+    context.say(format!("wrote {}", output.display()));
+}

@@ -1,0 +1,62 @@
+//! How well the rows determine the parameters.
+
+use faer::Mat;
+use fleetfoot_stats::svd;
+
+use crate::{EstimateError, evaluate::Evaluation, step::rank_level};
+
+/// The inverse of J'J over the free parameters, as a root: `H^-1 = root root'`.
+pub(crate) struct Inverse {
+    /// (p x rank); rows of fixed parameters are 0.
+    root: Mat<f64>,
+    /// Condition of the independent free columns of J, each scaled to unit length.
+    pub(crate) condition: f64,
+    /// Free parameters that the rows do not determine.
+    pub(crate) undetermined: Vec<usize>,
+}
+
+impl Inverse {
+    pub(crate) fn new(at: &Evaluation, scale: &[f64], free: &[usize]) -> Result<Self, EstimateError> {
+        let scaled = Mat::from_fn(at.rhs.len(), free.len(), |i, k| at.jacobian[(i, free[k])] / scale[free[k]]);
+        let factors = svd(scaled.as_ref()).ok_or(EstimateError::Overflow)?;
+        let least = factors.s.first().map_or(0.0, |largest| largest * rank_level(free.len()));
+        let rank = factors.s.iter().filter(|&&s| s > least).count();
+        let mut root = Mat::zeros(scale.len(), rank);
+        for (k, &j) in free.iter().enumerate() {
+            (0..rank).for_each(|i| root[(j, i)] = factors.v[(k, i)] / factors.s[i] / scale[j]);
+        }
+        let unseen = |k: usize| (rank..free.len()).any(|i| factors.v[(k, i)].abs() > 1e-6);
+        Ok(Self {
+            root,
+            condition: if rank > 0 { factors.s[0] / factors.s[rank - 1] } else { 1.0 },
+            undetermined: (0..free.len()).filter(|&k| unseen(k)).map(|k| free[k]).collect(),
+        })
+    }
+
+    /// `variance H^-1` (p x p).
+    pub(crate) fn covariance(&self, variance: f64) -> Mat<f64> {
+        let p = self.root.nrows();
+        let entry =
+            |a: usize, b: usize| (0..self.root.ncols()).map(|i| self.root[(a, i)] * self.root[(b, i)]).sum::<f64>();
+        Mat::from_fn(p, p, |a, b| variance * entry(a.min(b), a.max(b)))
+    }
+
+    /// `H^-1 (sum_c g_c g_c') H^-1 C/(C - 1)` over the scores g of C chunks: errors may be correlated within a chunk (Liang and Zeger 1986). `None`
+    /// for one chunk.
+    pub(crate) fn clustered(&self, scores: &[Vec<f64>]) -> Option<Mat<f64>> {
+        let (p, count) = (self.root.nrows(), scores.len());
+        if count < 2 {
+            return None;
+        }
+        let project = |score: &Vec<f64>| {
+            let inner: Vec<f64> = (0..self.root.ncols())
+                .map(|i| self.root.col_as_slice(i).iter().zip(score).map(|(root, g)| root * g).sum())
+                .collect();
+            (0..p).map(|a| (0..inner.len()).map(|i| self.root[(a, i)] * inner[i]).sum()).collect::<Vec<f64>>()
+        };
+        let influence: Vec<Vec<f64>> = scores.iter().map(project).collect();
+        let factor = count as f64 / (count as f64 - 1.0);
+        let entry = |a: usize, b: usize| influence.iter().map(|values| values[a] * values[b]).sum::<f64>();
+        Some(Mat::from_fn(p, p, |a, b| factor * entry(a.min(b), a.max(b))))
+    }
+}

@@ -1,0 +1,97 @@
+//! What can be wrong with a nonlinear problem.
+
+use fleetfoot_data::{Cancelled, Error};
+use fleetfoot_library::UnknownColumn;
+
+/// Why parameters cannot be estimated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EstimateError {
+    /// Nothing to estimate.
+    #[error("there are no parameters: name those that the models use, with an initial value each")]
+    NoParameters,
+    /// Two parameters of one name, or a parameter with the name of a column.
+    #[error("the name `{name}` is taken by {by}: give the parameter another")]
+    NameTaken {
+        /// The name.
+        name: String,
+        /// Who has it.
+        by: &'static str,
+    },
+    /// A parameter that no model has.
+    #[error("no model uses the parameter `{name}`: leave it out, or look for a slip in the models")]
+    Unused {
+        /// The parameter.
+        name: String,
+    },
+    /// A parameter within a lag or a difference.
+    #[error("residual `{residual}` uses the parameter `{name}` at another row: parameters do not change with time")]
+    Lagged {
+        /// The residual.
+        residual: String,
+        /// The parameter.
+        name: String,
+    },
+    /// An initial value that is not a number between the bounds.
+    #[error(
+        "the parameter `{name}` starts at {initial}, between the bounds {low} and {high}: choose a finite value that lies between them"
+    )]
+    Initial {
+        /// The parameter.
+        name: String,
+        /// Its initial value.
+        initial: f64,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// A weight that is negative or not finite.
+    #[error("the weight of residual `{residual}` is {weight}: weights are finite and not negative")]
+    Weight {
+        /// The residual.
+        residual: String,
+        /// Its weight.
+        weight: f64,
+    },
+    /// An option out of its range.
+    #[error("{option} is {value}: {allowed}")]
+    Option {
+        /// The option.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        allowed: &'static str,
+    },
+    /// A model has no finite value where the iteration begins.
+    #[error(
+        "a model or its derivative is not finite at the initial values, at row {row} of episode {episode}: choose others, or leave out such rows"
+    )]
+    NotFinite {
+        /// The episode's name.
+        episode: String,
+        /// The first such row.
+        row: usize,
+    },
+    /// Fewer numbers than parameters.
+    #[error("{residuals} residuals at complete rows do not determine {parameters} parameters")]
+    TooFewRows {
+        /// Residuals times rows.
+        residuals: u64,
+        /// Parameters.
+        parameters: usize,
+    },
+    /// The factorisation of the Jacobian failed.
+    #[error("the derivatives are too large to be factored: choose other units or initial values")]
+    Overflow,
+    /// The source has no such column.
+    #[error(transparent)]
+    UnknownColumn(#[from] UnknownColumn),
+    /// The source cannot be read.
+    #[error(transparent)]
+    Data(#[from] Error),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

@@ -1,0 +1,275 @@
+//! From logs, or from their statistic, to a sparse model of shared latents.
+
+mod frequencies;
+mod influence;
+mod intervals;
+mod lambda;
+mod limits;
+mod model;
+mod options;
+mod problem;
+mod report;
+mod support;
+
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
+
+use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_model::Model;
+use fleetfoot_sparse::{Clusters, clustered_covariance, refit};
+use fleetfoot_stats::Key;
+
+use crate::{
+    Dataset, Error, Recipe, StructuredTask,
+    dataset::OpenedStructure,
+    statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan},
+};
+pub use frequencies::write_frequencies;
+pub use influence::{EpisodeInfluence, LeaveOneOutReport};
+pub use lambda::LambdaChoice;
+pub use options::{Criterion, FoldRule, LambdaRule, Resampled, SparseOptions};
+use problem::Problem;
+pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
+
+/// Episodes from which on they are the clusters of the standard errors, and the units of stability selection; with fewer, chunks are.
+const ENOUGH_EPISODES: usize = 10;
+
+/// What is fitted on what, beside what the recipe says.
+#[derive(Debug, Clone, Default)]
+pub struct SparseRequest {
+    /// Labels of episodes from the files' paths.
+    pub keys: Vec<LabelKey>,
+    /// A model for every value of this label.
+    pub by: Option<String>,
+    /// Where the statistic of the pass is written, to be fitted again without a pass.
+    pub keep: Option<PathBuf>,
+    /// Whether every episode is left out once, to tell what it does to the fit.
+    pub influence: bool,
+}
+
+/// A sparse model, and how it came about.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct SparseFitted {
+    /// The value of the label that the rows have, where models are fitted by label.
+    pub value: Option<String>,
+    /// The model.
+    pub model: Model,
+    /// Scores, coefficients, certificates.
+    pub report: SparseReport,
+}
+
+/// Whether files are the statistic of logs instead of logs.
+pub fn is_statistic(files: &[PathBuf]) -> bool {
+    files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
+}
+
+/// What is fitted: a statistic, what the recipe means for it, and the rows where they are needed and at hand.
+struct Evidence {
+    file: StatisticFile,
+    task: StructuredTask,
+    /// The recipe with all flags, as the model will carry it.
+    recipe: Recipe,
+    rows: Option<Dataset>,
+    notes: Vec<String>,
+}
+
+/// Fits sparse models to logs, or to one `.stats` file without a pass: one, or one for every value of a label.
+///
+/// # Errors
+/// Those of the recipe, of reading, and of the solvers; a question that needs rows asked of a statistic.
+pub fn fit_sparse(
+    recipe: &Recipe,
+    request: &SparseRequest,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<Vec<SparseFitted>, Error> {
+    // What is wrong with the options is said before the pass.
+    SparseOptions::new(&recipe.sparse)?;
+    let evidence = if is_statistic(files) {
+        if request.keep.is_some() {
+            return Err(Error::Request(
+                "--keep writes the statistic of logs, and this is one already; leave it away".into(),
+            ));
+        }
+        Evidence::of_statistic(recipe, files)?
+    } else {
+        Evidence::of_logs(recipe, request, files, progress)?
+    };
+    let options = SparseOptions::new(&evidence.recipe.sparse)?;
+    if let Some(path) = &request.keep {
+        evidence.file.write(path)?;
+    }
+    let all: BTreeSet<EpisodeId> = evidence.file.episodes.iter().map(|episode| episode.id).collect();
+    let Some(label) = &request.by else {
+        return Ok(vec![evidence.fit(&options, None, &all, request.influence, progress)?]);
+    };
+    let mut fitted = Vec::new();
+    for (value, episodes) in by_label(&evidence.file, label)? {
+        let found = evidence.fit(&options, Some(value.clone()), &episodes, request.influence, progress);
+        fitted.push(found.map_err(|error| match error {
+            Error::Request(problem) => Error::Request(format!("{label} = {value}: {problem}")),
+            other => other,
+        })?);
+    }
+    Ok(fitted)
+}
+
+/// The episodes of every value of a label, in the order of the values.
+fn by_label(file: &StatisticFile, label: &str) -> Result<Vec<(String, BTreeSet<EpisodeId>)>, Error> {
+    let mut groups: std::collections::BTreeMap<Natural, BTreeSet<EpisodeId>> = std::collections::BTreeMap::new();
+    for episode in &file.episodes {
+        let value = episode.labels.get(label).ok_or_else(|| {
+            let known: BTreeSet<&str> =
+                file.episodes.iter().flat_map(|e| e.labels.keys().map(String::as_str)).collect();
+            let known = if known.is_empty() {
+                "no episode has labels; give them with --key 'NAME={dir1}' or [[episodes]]".to_owned()
+            } else {
+                format!("there are {}", known.into_iter().collect::<Vec<_>>().join(", "))
+            };
+            Error::Request(format!("--by {label}: {} has no label `{label}`; {known}", episode.name))
+        })?;
+        groups.entry(Natural::of(value)).or_default().insert(episode.id);
+    }
+    Ok(groups.into_iter().map(|(value, episodes)| (value.text, episodes)).collect())
+}
+
+/// A label's value, in the order of numbers where it is one.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Natural {
+    number: Option<i64>,
+    text: String,
+}
+
+impl Natural {
+    fn of(text: &str) -> Self {
+        Self { number: text.parse().ok(), text: text.to_owned() }
+    }
+}
+
+impl Evidence {
+    fn of_statistic(recipe: &Recipe, files: &[PathBuf]) -> Result<Self, Error> {
+        let [path] = files else {
+            return Err(Error::Request(
+                "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
+            ));
+        };
+        let file = StatisticFile::read(path)?;
+        // Without a recipe that of the scan holds, with the flags above it.
+        let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
+        let mut recipe = recipe.clone();
+        if says_nothing {
+            let (mut own, _) = file.task()?;
+            if recipe.sparse.prior_strength.is_some() {
+                own.latents.values_mut().for_each(|latent| latent.prior_strength = None);
+            }
+            let sparse = std::mem::take(&mut recipe.sparse).over(&own.sparse);
+            recipe = Recipe { sparse, ..own };
+        }
+        let task = file.resolve(&recipe)?;
+        Ok(Self { file, task, recipe, rows: None, notes: Vec::new() })
+    }
+
+    fn of_logs(
+        recipe: &Recipe,
+        request: &SparseRequest,
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let scan_options = ScanOptions { keys: request.keys.clone(), ..ScanOptions::default() };
+        let (file, report) = scan(recipe, &scan_options, None, files, progress)?;
+        let task = file.resolve(recipe)?;
+        let options = SparseOptions::new(&recipe.sparse)?;
+        let bounded = task.bounds.iter().flatten().any(|bound| bound.is_finite());
+        let rows = if bounded || matches!(options.bolasso, Some((Resampled::Rows, _))) {
+            let OpenedStructure { dataset, .. } = Dataset::for_structure(recipe, files, progress)?;
+            Some(dataset)
+        } else {
+            None
+        };
+        let mut notes = report.notes;
+        notes.extend(report.skipped.into_iter().map(|skipped| format!("left out: {skipped}")));
+        Ok(Self { file, task, recipe: recipe.clone(), rows, notes })
+    }
+
+    /// Fits the rows of some episodes; `left_out`: and without each of them.
+    fn fit(
+        &self,
+        options: &SparseOptions,
+        value: Option<String>,
+        episodes: &BTreeSet<EpisodeId>,
+        left_out: bool,
+        progress: &dyn Progress,
+    ) -> Result<SparseFitted, Error> {
+        let wanted = |key: &Key| episodes.contains(&key.episode);
+        let problem = Problem::new(&self.task, &self.file, options, wanted)?;
+        let mut notes = self.notes.clone();
+        let view = self.rows.as_ref().map(Dataset::view).transpose()?;
+        // A log that was given twice is in the statistic once.
+        let subset = view.as_ref().map(|view| {
+            let mut seen = BTreeSet::new();
+            let of = |at: &usize| {
+                let id = view.episodes()[*at].id;
+                episodes.contains(&id) && seen.insert(id)
+            };
+            Subset::new(view, (0..view.episodes().len()).filter(of).collect())
+        });
+        let source = subset.as_ref().map(|subset| subset as &dyn Source);
+        progress.stage("lambda");
+        let lambda = lambda::choose(&problem, options, &mut notes, progress)?;
+        let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
+        notes.append(&mut support.notes);
+        let theta = match limits::within_limits(&problem, &support.columns, source, &mut notes, progress)? {
+            Some(theta) => {
+                if left_out {
+                    notes.push(
+                        "influence of episodes: the fits with and without them are those without the bounds".into(),
+                    );
+                }
+                theta
+            }
+            None => refit(&problem.structure, &problem.roots, &problem.assembly, &support.columns)?,
+        };
+        let errors = standard_errors(&problem, &theta, &mut notes);
+        let influence = if left_out {
+            influence::leave_one_out(&problem, &self.file, &theta, errors.as_deref(), &mut notes, progress)?
+        } else {
+            None
+        };
+        let method = format!("sparse {}", support.method);
+        let recipe = self.recipe.to_toml();
+        let model = model::model(&problem, &self.file, &theta, &method, &recipe, options.seed, wanted);
+        let counts = episodes.iter().filter_map(|id| self.file.scanned.rows.get(id));
+        let (at_border, incomplete) =
+            counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));
+        let report =
+            SparseReport::new(&problem, lambda, &support, &theta, errors.as_deref(), [at_border, incomplete], notes)?;
+        Ok(SparseFitted { value, model, report: SparseReport { influence, ..report } })
+    }
+}
+
+/// Standard error of every coefficient (p; NaN outside the support), clustered by episode where there are enough, else by chunk.
+fn standard_errors(problem: &Problem<'_>, theta: &[f64], notes: &mut Vec<String>) -> Option<Vec<f64>> {
+    let clusters = if problem.episodes() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
+    match clustered_covariance(&problem.banks, &problem.structure, &problem.assembly, theta, clusters) {
+        Ok(found) => {
+            let mut errors = vec![f64::NAN; theta.len()];
+            found.support.iter().zip(&found.errors).for_each(|(&j, &error)| errors[j] = error);
+            Some(errors)
+        }
+        Err(error) => {
+            notes.push(format!("no standard errors: {error}"));
+            None
+        }
+    }
+}
+
+/// The file of a model that was fitted for one value of a label: `model.json` and `3` make `model_3.json`.
+pub fn file_by_value(model: &Path, value: &str) -> PathBuf {
+    let stem = model.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
+    let name: String = value.chars().map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' }).collect();
+    let extension = model.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
+    model.with_file_name(format!("{stem}_{name}.{extension}"))
+}

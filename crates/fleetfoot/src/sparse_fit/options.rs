@@ -1,0 +1,232 @@
+//! How a sparse regression goes: the words of `[sparse]`, checked once.
+
+use fleetfoot_sparse::BootstrapUnit;
+
+use crate::{Error, SparseSection};
+
+/// How lambda is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LambdaRule {
+    /// Chosen by [`Criterion`].
+    Auto,
+    /// This value.
+    Value(f64),
+    /// This value over the root of the number of rows.
+    OverRoot(f64),
+}
+
+/// What lambda is chosen by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Criterion {
+    /// The least cross-validated error.
+    CrossValidation,
+    /// The largest lambda whose cross-validated error is within one standard error of the least.
+    OneStandardError,
+    /// Akaike's information criterion.
+    Aic,
+    /// The Bayesian information criterion, with the effective number of rows.
+    Bic,
+    /// The extended Bayesian information criterion (Chen and Chen 2008).
+    Ebic,
+}
+
+/// Which rows are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FoldRule {
+    /// This many folds: whole episodes when there are enough, else spans.
+    Count(usize),
+    /// Every episode once.
+    Episodes,
+    /// This many random splits with a third held out (paper, section 9.2).
+    Splits(usize),
+}
+
+/// What a bolasso resamples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resampled {
+    /// Rows: needs a pass over the data.
+    Rows,
+    /// Chunks of the statistic, or episodes.
+    Units(BootstrapUnit),
+}
+
+/// How a sparse regression goes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SparseOptions {
+    /// How lambda is given.
+    pub lambda: LambdaRule,
+    /// What it is chosen by.
+    pub criterion: Criterion,
+    /// Which rows are held out.
+    pub folds: FoldRule,
+    /// Share of the absolute values in the penalty.
+    pub l1_ratio: f64,
+    /// Penalty factors from a first fit.
+    pub adaptive: bool,
+    /// What a bolasso resamples, and how often.
+    pub bolasso: Option<(Resampled, usize)>,
+    /// Share of the replicates that must select a column.
+    pub threshold: Option<f64>,
+    /// Stability selection by half-samples.
+    pub stability: bool,
+    /// Penalise coefficients in raw units.
+    pub unscaled: bool,
+    /// Strength of the priors that name none.
+    pub prior_strength: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl SparseOptions {
+    /// Reads the words of a recipe's `[sparse]`.
+    ///
+    /// # Errors
+    /// A word or number that is not allowed, with those that are.
+    pub fn new(section: &SparseSection) -> Result<Self, Error> {
+        let threshold = section.threshold;
+        if let Some(value) = threshold.filter(|value| !(*value > 0.0 && *value <= 1.0)) {
+            return Err(refused("threshold", value, "a share of the replicates above 0, at most 1"));
+        }
+        let l1_ratio = section.l1_ratio.unwrap_or(1.0);
+        if !(l1_ratio > 0.0 && l1_ratio <= 1.0) {
+            return Err(refused("l1_ratio", l1_ratio, "a share above 0, at most 1 (the lasso)"));
+        }
+        let prior_strength = section.prior_strength.unwrap_or(1.0);
+        if !(prior_strength >= 0.0 && prior_strength.is_finite()) {
+            return Err(refused("prior_strength", prior_strength, "a weight of zero or more"));
+        }
+        let bolasso = section.bolasso.as_deref().map(resampled).transpose()?;
+        let stability = section.stability.unwrap_or(false);
+        if stability && bolasso.is_some() {
+            return Err(Error::Request(
+                "[sparse] has both `bolasso` and `stability`; both choose the columns, so take one of them".into(),
+            ));
+        }
+        if l1_ratio < 1.0 && (bolasso.is_some() || stability) {
+            return Err(Error::Request(
+                "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
+            ));
+        }
+        Ok(Self {
+            lambda: lambda(section.lambda.as_deref().unwrap_or("auto"))?,
+            criterion: criterion(section.select.as_deref().unwrap_or("one-se"))?,
+            folds: folds(section.folds.as_deref().unwrap_or("10"))?,
+            l1_ratio,
+            adaptive: section.adaptive.unwrap_or(false),
+            bolasso,
+            threshold,
+            stability,
+            unscaled: section.unscaled.unwrap_or(false),
+            prior_strength,
+            seed: section.seed.unwrap_or(0),
+        })
+    }
+}
+
+fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::Request(format!("[sparse] {what} = {value}: write {allowed}"))
+}
+
+fn lambda(text: &str) -> Result<LambdaRule, Error> {
+    let compact: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+    if compact == "auto" {
+        return Ok(LambdaRule::Auto);
+    }
+    let (number, rule): (&str, fn(f64) -> LambdaRule) = match compact.strip_suffix("/sqrt(n)") {
+        Some(number) => (number, LambdaRule::OverRoot),
+        None => (&compact, LambdaRule::Value),
+    };
+    match number.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(rule(value)),
+        _ => Err(refused(
+            "lambda",
+            text,
+            "auto, a number of zero or more, or a number over the root of the rows, `0.5/sqrt(n)`",
+        )),
+    }
+}
+
+fn criterion(text: &str) -> Result<Criterion, Error> {
+    Ok(match text {
+        "cv" => Criterion::CrossValidation,
+        "one-se" => Criterion::OneStandardError,
+        "aic" => Criterion::Aic,
+        "bic" => Criterion::Bic,
+        "ebic" => Criterion::Ebic,
+        _ => return Err(refused("select", text, "cv, one-se, aic, bic or ebic")),
+    })
+}
+
+fn folds(text: &str) -> Result<FoldRule, Error> {
+    let allowed = "a number of folds from 2 on, `episodes`, or `splits:30`";
+    let number =
+        |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);
+    match text.split_once(':') {
+        None if text == "episodes" => Ok(FoldRule::Episodes),
+        None => number(text, 2).map(FoldRule::Count).ok_or_else(|| refused("folds", text, allowed)),
+        Some(("splits", count)) => {
+            number(count, 1).map(FoldRule::Splits).ok_or_else(|| refused("folds", text, allowed))
+        }
+        Some(_) => Err(refused("folds", text, allowed)),
+    }
+}
+
+fn resampled(text: &str) -> Result<(Resampled, usize), Error> {
+    let allowed =
+        "rows, chunks or episodes, with the number of replicates after a colon where it is not 128: `episodes:1000`";
+    let (what, count) = match text.split_once(':') {
+        None => (text, Some(128)),
+        Some((what, count)) => (what, count.parse().ok().filter(|&count: &usize| (1..=100_000).contains(&count))),
+    };
+    let what = match what {
+        "rows" => Resampled::Rows,
+        "chunks" => Resampled::Units(BootstrapUnit::Chunk),
+        "episodes" => Resampled::Units(BootstrapUnit::Episode),
+        _ => return Err(refused("bolasso", text, allowed)),
+    };
+    count.map(|count| (what, count)).ok_or_else(|| refused("bolasso", text, allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str) -> Result<SparseOptions, String> {
+        let section: SparseSection = toml::from_str(text).unwrap();
+        SparseOptions::new(&section).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn words_are_read() {
+        let default = options("").unwrap();
+        assert_eq!((default.lambda, default.criterion), (LambdaRule::Auto, Criterion::OneStandardError));
+        assert_eq!((default.folds, default.bolasso), (FoldRule::Count(10), None));
+        assert_eq!(options("lambda = \"0.5 / sqrt(n)\"").unwrap().lambda, LambdaRule::OverRoot(0.5));
+        assert_eq!(options("lambda = \"1e-3\"").unwrap().lambda, LambdaRule::Value(1e-3));
+        assert_eq!(options("folds = \"splits:30\"").unwrap().folds, FoldRule::Splits(30));
+        assert_eq!(options("bolasso = \"rows\"").unwrap().bolasso, Some((Resampled::Rows, 128)));
+        let episodes = Resampled::Units(BootstrapUnit::Episode);
+        assert_eq!(options("bolasso = \"episodes:1000\"").unwrap().bolasso, Some((episodes, 1000)));
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_said_with_what_is() {
+        for (text, parts) in [
+            ("lambda = \"big\"", ["lambda = big", "auto"]),
+            ("lambda = \"-1\"", ["lambda = -1", "zero or more"]),
+            ("select = \"r2\"", ["select = r2", "one-se"]),
+            ("folds = \"1\"", ["folds = 1", "from 2 on"]),
+            ("folds = \"splits:x\"", ["folds = splits:x", "splits:30"]),
+            ("bolasso = \"days\"", ["bolasso = days", "episodes"]),
+            ("bolasso = \"rows:0\"", ["bolasso = rows:0", "replicates"]),
+            ("threshold = 1.5", ["threshold = 1.5", "at most 1"]),
+            ("l1_ratio = 0.0", ["l1_ratio = 0", "above 0"]),
+            ("prior_strength = -1.0", ["prior_strength = -1", "zero or more"]),
+            ("bolasso = \"rows\"\nstability = true", ["both", "one of them"]),
+            ("bolasso = \"rows\"\nl1_ratio = 0.5", ["l1_ratio below 1", "lassos"]),
+        ] {
+            let message = options(text).expect_err(text);
+            assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! What a sparse fit found, for people and for programs.
+
+use fleetfoot_sparse::{Certificate, confounded};
+
+use super::{LambdaChoice, LeaveOneOutReport, intervals::percentile_intervals, problem::Problem, support::Support};
+use crate::Error;
+
+/// What a column may have beyond others, relative to its length, and still be called one with them.
+const CONFOUNDED: f64 = 1e-6;
+
+/// What a sparse fit found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct SparseReport {
+    /// Rows, weights included.
+    pub rows: f64,
+    /// Episodes.
+    pub episodes: usize,
+    /// Rows that lack neighbours at the border of their episode, and rows with a missing value.
+    pub left_out: [u64; 2],
+    /// Lambda, and how it was chosen.
+    pub lambda: LambdaChoice,
+    /// How columns were selected.
+    pub selection: String,
+    /// The regression's tasks.
+    pub tasks: Vec<TaskReport>,
+    /// The latents.
+    pub latents: Vec<LatentReport>,
+    /// Certificate of the lasso on all rows at lambda.
+    pub certificate: Certificate,
+    /// The largest violation of the optimality conditions of any replicate, where there are any.
+    pub worst_replicate: Option<f64>,
+    /// Selected coefficients that the rows and priors can hardly tell apart.
+    pub confounded: Vec<Vec<String>>,
+    /// Condition number of the selected columns.
+    pub condition: f64,
+    /// The fits without each episode, where they were asked for and there are any.
+    pub influence: Option<LeaveOneOutReport>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// A task and its errors.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct TaskReport {
+    /// Its name.
+    pub name: String,
+    /// Whether it is a prior.
+    pub prior: bool,
+    /// The error that counts as one, in the target's units.
+    pub scale: f64,
+    /// Weight of its squared errors.
+    pub weight: f64,
+    /// Root mean squared error on the rows of the fit.
+    pub rms: f64,
+    /// Share of the target's variance that is explained on these rows; NaN for a target that does not vary.
+    pub r2: f64,
+    /// Root mean squared error of the lasso at lambda on held-out rows; NaN without folds, and for priors.
+    pub held_out: f64,
+}
+
+/// A latent and its candidates.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct LatentReport {
+    /// Its name.
+    pub name: String,
+    /// Its candidates, in order.
+    pub candidates: Vec<CandidateReport>,
+}
+
+/// A candidate function.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct CandidateReport {
+    /// The function.
+    pub function: String,
+    /// Its coefficient; 0 when it was not selected.
+    pub coefficient: f64,
+    /// Whether it was selected.
+    pub selected: bool,
+    /// The coefficient of the lasso at lambda.
+    pub lasso: f64,
+    /// Standard error of the coefficient, given the selection; NaN when it was not selected or cannot be said.
+    pub standard_error: f64,
+    /// Share of the replicates that select it, where there are replicates.
+    pub frequency: Option<f64>,
+    /// Percentile 95 % interval of the lasso's coefficient over the replicates that select it, when it was selected and at least two do.
+    pub interval: Option<[f64; 2]>,
+}
+
+impl SparseReport {
+    pub(super) fn new(
+        problem: &Problem<'_>,
+        lambda: LambdaChoice,
+        support: &Support,
+        theta: &[f64],
+        errors: Option<&[f64]>,
+        left_out: [u64; 2],
+        notes: Vec<String>,
+    ) -> Result<Self, Error> {
+        let confounding = confounded(&problem.assembled, &support.columns, CONFOUNDED)?;
+        let groups = confounding.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());
+        Ok(Self {
+            rows: problem.rows(),
+            episodes: problem.episodes(),
+            left_out,
+            selection: support.how.clone(),
+            tasks: tasks(problem, &lambda, theta),
+            latents: latents(problem, support, theta, errors)?,
+            lambda,
+            certificate: support.lasso.certificate,
+            worst_replicate: support.replicates.as_ref().map(|replicates| replicates.worst_kkt),
+            confounded: groups.collect(),
+            condition: confounding.condition,
+            influence: None,
+            notes,
+        })
+    }
+}
+
+fn tasks(problem: &Problem<'_>, lambda: &LambdaChoice, theta: &[f64]) -> Vec<TaskReport> {
+    let errors = problem.structure.errors(&problem.roots, theta);
+    let mut held_out = lambda.held_out().unwrap_or_default().into_iter();
+    problem
+        .task
+        .regression
+        .tasks
+        .iter()
+        .enumerate()
+        .map(|(index, task)| TaskReport {
+            name: task.name.clone(),
+            prior: task.prior,
+            scale: problem.scales[index],
+            weight: problem.assembly.weights[index],
+            rms: errors[index].rms(),
+            r2: errors[index].r2(),
+            held_out: if task.prior { f64::NAN } else { held_out.next().map_or(f64::NAN, f64::sqrt) },
+        })
+        .collect()
+}
+
+fn latents(
+    problem: &Problem<'_>,
+    support: &Support,
+    theta: &[f64],
+    errors: Option<&[f64]>,
+) -> Result<Vec<LatentReport>, Error> {
+    let lasso = problem.assembled.coefficients(&support.lasso);
+    let intervals = match &support.replicates {
+        Some(replicates) => percentile_intervals(replicates, &support.columns, &lasso)?,
+        None => Vec::new(),
+    };
+    let place = |j: usize| support.columns.binary_search(&j).ok();
+    let candidate = |j: usize, function: &fleetfoot_library::Expr| CandidateReport {
+        function: function.to_string(),
+        coefficient: theta[j],
+        selected: place(j).is_some(),
+        lasso: lasso[j],
+        standard_error: errors.map_or(f64::NAN, |errors| errors[j]),
+        frequency: support.frequency.as_ref().map(|frequency| frequency[j]),
+        interval: place(j).and_then(|place| intervals.get(place).copied().flatten()),
+    };
+    let regression = &problem.task.regression;
+    let latents = regression
+        .latents
+        .iter()
+        .enumerate()
+        .map(|(index, latent)| LatentReport {
+            name: latent.name.clone(),
+            candidates: latent
+                .functions
+                .iter()
+                .enumerate()
+                .map(|(at, function)| candidate(regression.first(index) + at, function))
+                .collect(),
+        })
+        .collect();
+    Ok(latents)
+}

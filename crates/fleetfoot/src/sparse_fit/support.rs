@@ -1,0 +1,199 @@
+//! Which columns stay: the lasso at lambda, what the replicates of a bolasso agree on, or a stability selection.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_sparse::{
+    BootstrapOptions, Certificate, CoordinateOptions, LarsOptions, Path, PathStatus, Selection, Solution,
+    StabilityOptions, Strength, block_bootstrap, coordinate_descent, lambda_grid, lars, row_bootstrap,
+    stability_selection,
+};
+
+use super::{Resampled, SparseOptions, problem::Problem};
+use crate::{Error, statistic::StatisticFile};
+
+/// Lambdas of a stability selection, over two decades above the one that was chosen.
+const STABILITY_GRID: usize = 20;
+/// Complementary pairs of halves, as Shah and Samworth recommend.
+const STABILITY_PAIRS: usize = 50;
+
+/// What was selected.
+pub(super) struct Support {
+    /// Columns, ascending.
+    pub(super) columns: Vec<usize>,
+    /// The lasso on all rows at lambda.
+    pub(super) lasso: Solution,
+    /// Share of the replicates that select every column (p), where there are replicates.
+    pub(super) frequency: Option<Vec<f64>>,
+    /// The replicates of a bolasso.
+    pub(super) replicates: Option<Selection>,
+    /// The method, as a model is called by it: `lasso`, `bolasso`, `stability`.
+    pub(super) method: &'static str,
+    /// How it was selected, for people.
+    pub(super) how: String,
+    /// What the user should know.
+    pub(super) notes: Vec<String>,
+}
+
+/// The lasso (or elastic net) on all rows at lambda, and what its path said.
+pub(super) fn lasso(
+    problem: &Problem<'_>,
+    options: &SparseOptions,
+    lambda: f64,
+) -> Result<(Solution, Vec<String>), Error> {
+    let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
+    let strength = Strength::elastic_net(lambda, options.l1_ratio);
+    let path =
+        lars(quadratic, penalty, &LarsOptions { lambda_min: strength.l1, l2: strength.l2, ..LarsOptions::default() })?;
+    let mut notes = path_notes(problem, &path);
+    let solution = match path.at(quadratic, strength.l1) {
+        Ok(solution) => solution,
+        Err(_) => {
+            notes.push(format!(
+                "rounding ended the path at lambda = {:.3e}, before {lambda:.3e}; coordinate descent went on",
+                path.knots.last().map_or(f64::NAN, |knot| knot.l1)
+            ));
+            let descent = CoordinateOptions { l1_ratio: options.l1_ratio, ..CoordinateOptions::default() };
+            let mut found = coordinate_descent(quadratic, penalty, &[lambda], &descent)?;
+            found.pop().ok_or_else(|| Error::Request("no lambda was given".into()))?
+        }
+    };
+    if !solution.converged {
+        notes.push(format!("the lasso at lambda = {lambda:.3e} did not converge: {}", words(&solution.certificate)));
+    }
+    Ok((solution, notes))
+}
+
+/// A certificate for people.
+pub(super) fn words(certificate: &Certificate) -> String {
+    format!("optimality conditions to {:.1e}, duality gap {:.1e}", certificate.kkt, certificate.gap)
+}
+
+fn path_notes(problem: &Problem<'_>, path: &Path) -> Vec<String> {
+    let names = |columns: &[usize]| columns.iter().map(|&j| problem.name(j)).collect::<Vec<_>>().join(", ");
+    let mut notes = Vec::new();
+    if path.status == PathStatus::Saturated {
+        notes.push("there are as many independent columns as rows: the data are interpolated".to_owned());
+    }
+    if !path.constant.is_empty() {
+        notes.push(format!("zero or constant in the data, left out: {}", names(&path.constant)));
+    }
+    if !path.collinear.is_empty() {
+        notes.push(format!(
+            "nothing but rounding tells these from other columns at lambda, left out: {}",
+            names(&path.collinear)
+        ));
+    }
+    notes
+}
+
+/// Selects at lambda. `source` is the rows, where they are at hand.
+pub(super) fn select(
+    problem: &Problem<'_>,
+    file: &StatisticFile,
+    options: &SparseOptions,
+    lambda: f64,
+    source: Option<&dyn Source>,
+    progress: &dyn Progress,
+) -> Result<Support, Error> {
+    let (lasso, notes) = lasso(problem, options, lambda)?;
+    let mut support = Support {
+        columns: lasso.support.clone(),
+        lasso,
+        frequency: None,
+        replicates: None,
+        method: if options.l1_ratio < 1.0 { "elastic net" } else { "lasso" },
+        how: if options.l1_ratio < 1.0 { "the elastic net" } else { "the lasso" }.into(),
+        notes,
+    };
+    if let Some((what, replicates)) = options.bolasso {
+        progress.stage("bootstrap");
+        bolasso(problem, file, options, lambda, (what, replicates), source, &mut support, progress)?;
+    } else if options.stability {
+        progress.stage("halves");
+        stability(problem, options, lambda, &mut support, progress)?;
+    }
+    Ok(support)
+}
+
+#[expect(clippy::too_many_arguments, reason = "what a bootstrap needs, and the support that it fills")]
+fn bolasso(
+    problem: &Problem<'_>,
+    file: &StatisticFile,
+    options: &SparseOptions,
+    lambda: f64,
+    (what, replicates): (Resampled, usize),
+    source: Option<&dyn Source>,
+    support: &mut Support,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let threshold = options.threshold.unwrap_or(1.0);
+    let bootstrap = BootstrapOptions { replicates, lambda, seed: options.seed, threshold };
+    let found = match (what, source) {
+        (Resampled::Units(unit), _) => {
+            block_bootstrap(&problem.structure, &problem.banks, &problem.assembly, unit, &bootstrap, progress)?
+        }
+        (Resampled::Rows, Some(source)) => row_bootstrap(&file.plan, &problem.assembly, source, &bootstrap, progress)?,
+        (Resampled::Rows, None) => {
+            return Err(Error::Request(
+                "bolasso = rows: a statistic has no rows to draw; give the logs instead, or resample `chunks` or `episodes`, which needs no rows"
+                    .into(),
+            ));
+        }
+    };
+    let unit = match what {
+        Resampled::Rows => "rows",
+        Resampled::Units(fleetfoot_sparse::BootstrapUnit::Chunk) => "chunks",
+        Resampled::Units(_) => "episodes",
+    };
+    support.method = "bolasso";
+    support.how = format!("bolasso: columns in {:.0} % of {replicates} replicates of {unit}", threshold * 100.0);
+    for (count, what) in [
+        (found.stalled, "were finished by coordinate descent, because rounding ended their path before lambda"),
+        (found.unconverged, "did not converge, and count as they are"),
+        (found.empty, "drew no rows and were left out"),
+    ] {
+        if count > 0 {
+            support.notes.push(format!("{count} of {replicates} replicates {what}"));
+        }
+    }
+    support.columns.clone_from(&found.support);
+    support.frequency = Some(found.frequency.clone());
+    support.replicates = Some(found);
+    Ok(())
+}
+
+fn stability(
+    problem: &Problem<'_>,
+    options: &SparseOptions,
+    lambda: f64,
+    support: &mut Support,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let grid = lambda_grid(&problem.assembled.problem, &problem.assembled.penalty, 1.0, STABILITY_GRID, 0.01)?;
+    let mut lambdas: Vec<f64> = grid.into_iter().filter(|&value| value > lambda).collect();
+    lambdas.push(lambda);
+    let threshold = options.threshold.unwrap_or(0.9);
+    let unit = if problem.episodes() >= super::ENOUGH_EPISODES {
+        fleetfoot_sparse::BootstrapUnit::Episode
+    } else {
+        fleetfoot_sparse::BootstrapUnit::Chunk
+    };
+    let halves = StabilityOptions { pairs: STABILITY_PAIRS, lambdas, seed: options.seed, threshold };
+    let found = stability_selection(&problem.structure, &problem.banks, &problem.assembly, unit, &halves, progress)?;
+    support.method = "stability";
+    support.how = format!(
+        "stability selection: columns in {:.0} % of {} halves; at most {:.2} false ones expected{}",
+        threshold * 100.0,
+        2 * STABILITY_PAIRS,
+        found.bound,
+        found.unimodal_bound.map_or_else(String::new, |bound| format!(" ({bound:.2} by the unimodal bound)")),
+    );
+    if found.stalled > 0 {
+        support.notes.push(format!(
+            "{} halves were finished by coordinate descent, because rounding ended their path before lambda",
+            found.stalled
+        ));
+    }
+    support.columns.clone_from(&found.support);
+    support.frequency = Some(found.frequency);
+    Ok(())
+}

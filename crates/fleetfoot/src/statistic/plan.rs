@@ -1,0 +1,143 @@
+//! What a scan would read and keep.
+
+use std::{collections::HashSet, path::PathBuf};
+
+use fleetfoot_data::{Progress, Source};
+
+use super::{
+    ContentHash, ScanOptions, StatisticFile,
+    content::hash_files,
+    scan::{chunk_bytes, default_chunk},
+};
+use crate::{
+    Dataset, Error, Recipe, StructuredTask,
+    dataset::{OpenedStructure, estimate_structure},
+};
+
+/// What a scan would read and keep.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ScanPlan {
+    /// Files to be scanned.
+    pub files: usize,
+    /// Files that are there already.
+    pub skipped: usize,
+    /// Episodes; robots' logs are not decoded to count them.
+    pub episodes: Option<usize>,
+    /// Rows; of robots' logs at most, from the counts in the files.
+    pub rows: usize,
+    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
+    pub decoded: Option<(u64, bool)>,
+    /// Fields that are read.
+    pub columns: Vec<String>,
+    /// Names of the tasks.
+    pub tasks: Vec<String>,
+    /// Names of the latents, and how many candidate functions each has.
+    pub latents: Vec<(String, usize)>,
+    /// Rows of a chunk, at most.
+    pub chunk_rows: usize,
+    /// Chunks; at least, where the episodes are not known.
+    pub chunks: usize,
+    /// Bytes of the statistic, about.
+    pub bytes: usize,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Opens the files and tells what a scan would do. Robots' logs are not decoded for it.
+///
+/// # Errors
+/// Those of opening files and of resolving the recipe.
+pub fn plan_scan(
+    recipe: &Recipe,
+    options: &ScanOptions,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<ScanPlan, Error> {
+    let chunk_rows = options.chunk_rows.map(usize::from);
+    match plan_new(recipe, chunk_rows, files, progress) {
+        // A scan skips what is there twice; hashing all bytes to know it beforehand would take as long as reading them.
+        Err(Error::Log(fleetfoot_log::Error::Duplicate { .. })) => {
+            let new = unknown(HashSet::new(), files, progress)?;
+            let plan = plan_new(recipe, chunk_rows, &new, progress)?;
+            Ok(ScanPlan { skipped: files.len() - new.len(), ..plan })
+        }
+        plan => plan,
+    }
+}
+
+impl StatisticFile {
+    /// [`plan_scan`] of a scan that goes on from this statistic: files that it has are left out, and its chunks are used.
+    ///
+    /// # Errors
+    /// As [`plan_scan`]; a recipe that asks for something else than what is here.
+    pub fn plan_append(
+        &self,
+        recipe: &Recipe,
+        options: &ScanOptions,
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<ScanPlan, Error> {
+        let (_, _, task) = Dataset::structure(recipe, files)?;
+        self.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
+        let new = unknown(self.files.iter().map(|file| file.hash).collect(), files, progress)?;
+        let plan = match new.is_empty() {
+            true => ScanPlan::new(&task, 0, self.plan.chunk_rows, 0),
+            false => plan_new(recipe, Some(self.plan.chunk_rows), &new, progress)?,
+        };
+        Ok(ScanPlan { skipped: files.len() - new.len(), ..plan })
+    }
+}
+
+/// The files whose content is not known, each content once.
+fn unknown(mut known: HashSet<ContentHash>, files: &[PathBuf], progress: &dyn Progress) -> Result<Vec<PathBuf>, Error> {
+    let new = hash_files(files, progress)?.into_iter().filter(|file| known.insert(file.hash));
+    Ok(new.map(|file| file.path).collect())
+}
+
+fn plan_new(
+    recipe: &Recipe,
+    chunk_rows: Option<usize>,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<ScanPlan, Error> {
+    let chunk = |task: &StructuredTask, rows| chunk_rows.unwrap_or_else(|| default_chunk(task, rows));
+    if let Some((task, columns, cost)) = estimate_structure(recipe, files, progress)? {
+        let rows = usize::try_from(cost.rows).unwrap_or(usize::MAX);
+        let chunk_rows = chunk(&task, rows);
+        let decoded = Some((cost.decoded_bytes, cost.cached));
+        let chunks = rows.div_ceil(chunk_rows).max(files.len());
+        return Ok(ScanPlan { rows, decoded, columns, ..ScanPlan::new(&task, files.len(), chunk_rows, chunks) });
+    }
+    let OpenedStructure { dataset, task, .. } = Dataset::for_structure(recipe, files, progress)?;
+    let view = dataset.view()?;
+    let chunk_rows = chunk(&task, view.rows());
+    let chunks = view.episodes().iter().map(|episode| episode.rows.div_ceil(chunk_rows)).sum();
+    Ok(ScanPlan {
+        episodes: Some(view.episodes().len()),
+        rows: view.rows(),
+        columns: dataset.columns(),
+        notes: dataset.notes().to_vec(),
+        ..ScanPlan::new(&task, files.len(), chunk_rows, chunks)
+    })
+}
+
+impl ScanPlan {
+    fn new(task: &StructuredTask, files: usize, chunk_rows: usize, chunks: usize) -> Self {
+        let regression = &task.regression;
+        Self {
+            files,
+            skipped: 0,
+            episodes: None,
+            rows: 0,
+            decoded: None,
+            columns: Vec::new(),
+            tasks: regression.tasks.iter().map(|task| task.name.clone()).collect(),
+            latents: regression.latents.iter().map(|latent| (latent.name.clone(), latent.functions.len())).collect(),
+            chunk_rows,
+            chunks,
+            bytes: chunks.saturating_mul(chunk_bytes(task)),
+            notes: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! From files and a recipe to a statistic: one pass, file by file, on top of what is there.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    num::NonZeroUsize,
+    path::{Path, PathBuf},
+};
+
+use fleetfoot_data::{Column, ColumnKind, Episode, Progress, Source};
+use fleetfoot_library::{Expr, View};
+use fleetfoot_sparse::Plan;
+use fleetfoot_stats::Grid;
+
+use super::{
+    ContentHash, FileRecord, LabelKey, StatisticError, StatisticFile,
+    content::{Hashed, hash_files},
+    subset::Subset,
+};
+use crate::{Dataset, Error, Recipe, StructuredTask, dataset::OpenedStructure};
+
+/// Rows that are scanned between two moments at which the work can be kept.
+const GROUP_ROWS: usize = 1 << 18;
+/// Bytes that the statistics of all chunks should fit into.
+const BUDGET: usize = 256 << 20;
+
+/// What a user may choose of a scan.
+#[derive(Debug, Clone, Default)]
+pub struct ScanOptions {
+    /// Labels from the files' paths; they stand above the recipe's.
+    pub keys: Vec<LabelKey>,
+    /// Rows of a chunk, at most; chosen by the number of rows when not given.
+    pub chunk_rows: Option<NonZeroUsize>,
+}
+
+/// What a scan did beside what it found.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ScanReport {
+    /// Files scanned.
+    pub files: usize,
+    /// Episodes scanned.
+    pub episodes: usize,
+    /// Rows scanned.
+    pub rows: u64,
+    /// Files and episodes that were there already, each with the reason.
+    pub skipped: Vec<String>,
+    /// What had to be assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Scans files once. With `base` its plan is used and its rows are kept: files whose content it has, and episodes that it has, are skipped.
+///
+/// # Errors
+/// Those of opening and reading files; a recipe that asks for something else than `base` holds; text where numbers are needed; no complete row.
+pub fn scan(
+    recipe: &Recipe,
+    options: &ScanOptions,
+    base: Option<StatisticFile>,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<(StatisticFile, ScanReport), Error> {
+    let mut scan = Scan::new(recipe, options, base, "the statistic");
+    scan.run(hash_files(files, progress)?, progress, &mut |_| Ok(()))?;
+    scan.finish()
+}
+
+/// A scan under way.
+pub(super) struct Scan<'a> {
+    recipe: &'a Recipe,
+    options: &'a ScanOptions,
+    /// What is complete, file by file.
+    pub(super) file: Option<StatisticFile>,
+    whose: String,
+    pub(super) report: ScanReport,
+    pub(super) group_rows: usize,
+}
+
+impl<'a> Scan<'a> {
+    /// Goes on from `base`, which messages call `whose`.
+    pub(super) fn new(recipe: &'a Recipe, options: &'a ScanOptions, base: Option<StatisticFile>, whose: &str) -> Self {
+        Self {
+            recipe,
+            options,
+            file: base,
+            whose: whose.to_owned(),
+            report: ScanReport::default(),
+            group_rows: GROUP_ROWS,
+        }
+    }
+
+    /// Scans what is new; `keep` is called whenever more files are complete.
+    pub(super) fn run(
+        &mut self,
+        files: Vec<Hashed>,
+        progress: &dyn Progress,
+        keep: &mut dyn FnMut(&mut StatisticFile) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let files = self.new_files(files);
+        if files.is_empty() {
+            return Ok(());
+        }
+        let paths: Vec<PathBuf> = files.iter().map(|file| file.path.clone()).collect();
+        if let Some(file) = &self.file {
+            // Told before the files are opened, which may take long.
+            let (_, _, task) = Dataset::structure(self.recipe, &paths)?;
+            file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
+        }
+        let OpenedStructure { dataset, task, recipe, fields } = Dataset::for_structure(self.recipe, &paths, progress)?;
+        self.report.notes.extend_from_slice(dataset.notes());
+        refuse_text(&task, dataset.fields())?;
+        let view = dataset.view()?;
+        let mut file = match self.file.take() {
+            Some(file) => file,
+            None => {
+                progress.stage("pilot");
+                let chunk_rows = self.options.chunk_rows.map_or_else(|| default_chunk(&task, view.rows()), Into::into);
+                let plan = Plan::new(task.regression.clone(), task.also.clone(), chunk_rows, &view)?;
+                StatisticFile::empty(plan, &recipe, &task, &fields)
+            }
+        };
+        let added = self.add(&mut file, &files, &view, progress, keep);
+        self.file = Some(file);
+        added
+    }
+
+    /// The files whose content is not there yet, each content once.
+    fn new_files(&mut self, files: Vec<Hashed>) -> Vec<Hashed> {
+        let mut known: HashMap<ContentHash, String> =
+            self.file.iter().flat_map(|file| &file.files).map(|file| (file.hash, file.name.clone())).collect();
+        let mut new = Vec::new();
+        for file in files {
+            let name = file.path.to_string_lossy().into_owned();
+            match known.get(&file.hash) {
+                Some(same) if *same == name => self.report.skipped.push(format!("{name}: it is there already")),
+                Some(same) => self.report.skipped.push(format!("{name}: the same content as {same}")),
+                None => {
+                    known.insert(file.hash, name);
+                    new.push(file);
+                }
+            }
+        }
+        new
+    }
+
+    fn add(
+        &mut self,
+        file: &mut StatisticFile,
+        files: &[Hashed],
+        view: &View<'_>,
+        progress: &dyn Progress,
+        keep: &mut dyn FnMut(&mut StatisticFile) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let logs = self.logs(file, files, view.episodes())?;
+        let pending = logs.iter().flat_map(|log| &log.pending).map(|(episode, ..)| view.episodes()[*episode].rows);
+        let whole =
+            Whole { outer: progress, total: pending.map(|rows| rows.div_ceil(file.plan.chunk_rows.max(1))).sum() };
+        progress.stage("scan");
+        for group in groups(&logs, view.episodes(), self.group_rows) {
+            let episodes: Vec<usize> =
+                group.iter().flat_map(|log| &log.pending).map(|(episode, ..)| *episode).collect();
+            let subset = Subset::new(view, episodes);
+            let found = file.plan.scan(&subset, &whole)?;
+            file.scanned.merge(found)?;
+            for log in group {
+                self.report.files += 1;
+                let Hashed { path, hash, bytes } = &files[log.file];
+                file.files.push(FileRecord { name: path.to_string_lossy().into_owned(), hash: *hash, bytes: *bytes });
+                for (episode, number, labels) in &log.pending {
+                    let episode = &view.episodes()[*episode];
+                    self.report.episodes += 1;
+                    self.report.rows += episode.rows as u64;
+                    file.add_episode(episode, *hash, *number, labels.clone());
+                }
+            }
+            file.arrange();
+            keep(file)?;
+        }
+        Ok(())
+    }
+
+    /// The episodes of every file that are not there yet.
+    fn logs(&mut self, known: &StatisticFile, files: &[Hashed], episodes: &[Episode]) -> Result<Vec<Log>, Error> {
+        let mut logs: Vec<Log> = (0..files.len()).map(|file| Log { file, pending: Vec::new() }).collect();
+        let places: HashMap<&Path, usize> =
+            files.iter().enumerate().map(|(at, file)| (file.path.as_path(), at)).collect();
+        let place = |episode: &Episode| episode.file.as_deref().and_then(|path| places.get(path).copied()).unwrap_or(0);
+        let mut counts = vec![0_u32; files.len()];
+        episodes.iter().for_each(|episode| counts[place(episode)] += 1);
+        let mut numbers = vec![0_u32; files.len()];
+        for (index, episode) in episodes.iter().enumerate() {
+            let at = place(episode);
+            numbers[at] += 1;
+            if let Some(same) = known.episode(episode.id) {
+                self.report.skipped.push(format!("{}: the same rows as {}", episode.name, same.name));
+                continue;
+            }
+            let mut labels = episode.labels.clone();
+            for key in &self.options.keys {
+                labels.insert(key.name().to_owned(), key.value(&files[at].path)?);
+            }
+            logs[at].pending.push((index, if counts[at] > 1 { numbers[at] } else { 0 }, labels));
+        }
+        Ok(logs)
+    }
+
+    /// What was found.
+    pub(super) fn finish(self) -> Result<(StatisticFile, ScanReport), Error> {
+        let Self { file, mut report, .. } = self;
+        let Some(mut file) = file else { return Err(Error::Request("no file is given".into())) };
+        file.command = None;
+        let counts = file.scanned.counts();
+        if counts.complete == 0 {
+            return Err(Error::Request(format!(
+                "no row can be used: {} lack neighbours at the border of their episode, {} have a missing value; look at the columns with \
+                 `fleetfoot info --values`, or give other files",
+                counts.at_border, counts.incomplete
+            )));
+        }
+        let empty: Vec<&str> = file
+            .episodes
+            .iter()
+            .filter(|episode| file.scanned.rows.get(&episode.id).is_none_or(|rows| rows.complete == 0))
+            .map(|episode| episode.name.as_str())
+            .collect();
+        if let Some(first) = empty.first() {
+            report.notes.push(format!("{} episodes have no complete row, {first} among them", empty.len()));
+        }
+        Ok((file, report))
+    }
+}
+
+/// The episodes of a file that are to be scanned: index, number within the file, labels.
+struct Log {
+    file: usize,
+    pending: Vec<(usize, u32, BTreeMap<String, String>)>,
+}
+
+/// Consecutive files of about `rows` rows in all.
+fn groups<'l>(logs: &'l [Log], episodes: &[Episode], rows: usize) -> Vec<&'l [Log]> {
+    let (mut groups, mut first, mut some) = (Vec::new(), 0, 0);
+    for (at, log) in logs.iter().enumerate() {
+        some += log.pending.iter().map(|(episode, ..)| episodes[*episode].rows).sum::<usize>();
+        if some >= rows || at + 1 == logs.len() {
+            groups.push(&logs[first..=at]);
+            (first, some) = (at + 1, 0);
+        }
+    }
+    groups
+}
+
+/// Rows of a chunk, by the bytes that the statistics of one chunk take.
+pub(super) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
+    Grid::for_budget(rows, 1, chunk_bytes(task), BUDGET)
+}
+
+/// Bytes of the statistics of one chunk.
+pub(super) fn chunk_bytes(task: &StructuredTask) -> usize {
+    let numbers = |d: usize| d * (d + 1) / 2 + d + 8;
+    let terms = |task: &fleetfoot_sparse::Task| task.terms.clone();
+    let functions = |latent: usize| task.regression.latents[latent].functions.len();
+    let tasks = task.regression.tasks.iter().map(|task| terms(task).iter().map(|term| functions(term.latent)).sum());
+    8 * tasks.map(|columns: usize| numbers(columns + 1)).chain([numbers(task.also.len())]).sum::<usize>()
+}
+
+/// Codes of texts are numbered by the files that are open, which is no number to sum.
+fn refuse_text(task: &StructuredTask, fields: &[Column]) -> Result<(), StatisticError> {
+    let regression = &task.regression;
+    let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
+    let tasks =
+        regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient).chain([&task.target]));
+    let all = functions.chain(tasks).chain(&regression.weight).chain(&task.also);
+    let used: BTreeSet<_> = all.flat_map(Expr::columns).collect();
+    let text =
+        |name: &str| fields.iter().any(|field| field.name == name && matches!(field.kind, ColumnKind::Category(_)));
+    for (column, source) in task.aliases.iter().filter(|(column, _)| used.contains(column.name.as_str())) {
+        if source.columns().iter().any(|name| text(name)) {
+            return Err(StatisticError::Text { column: column.name.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// Progress of a part of the chunks, told as progress of all.
+struct Whole<'a> {
+    outer: &'a dyn Progress,
+    total: usize,
+}
+
+impl Progress for Whole<'_> {
+    fn advance(&self, units: usize, _total: usize) {
+        self.outer.advance(units, self.total);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.outer.cancelled()
+    }
+}

@@ -1,0 +1,129 @@
+//! Statistics joined, parted, compacted.
+
+use super::*;
+
+#[test]
+fn scans_of_parts_merge_in_any_order_to_the_scan_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2, 3], 2);
+    let all = scanned(&files, None);
+    let plan = all.without_rows();
+    let parts: Vec<StatisticFile> = files.chunks(2).map(|files| scanned(files, Some(plan.clone()))).collect();
+    for order in [[0, 1, 2], [2, 0, 1], [1, 2, 0], [2, 1, 0]] {
+        let mut whole = parts[order[0]].clone();
+        for &part in &order[1..] {
+            whole.merge("one", parts[part].clone(), "other").unwrap();
+        }
+        assert_eq!(whole, all);
+        assert_eq!(bytes(&whole), bytes(&all), "{order:?}");
+    }
+}
+
+#[test]
+fn appending_gives_the_scan_of_all_with_the_first_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2, 3], 2);
+    let first = scanned(&files[..3], None);
+    let (appended, report) = scan(&recipe(), &options(), Some(first.clone()), &files, &Silent).unwrap();
+    assert_eq!((report.files, report.episodes, report.skipped.len()), (3, 3, 3));
+    assert_eq!(bytes(&appended), bytes(&scanned(&files, Some(first.without_rows()))));
+    // Everything is there: nothing is read, nothing changes.
+    let (again, report) = scan(&recipe(), &options(), Some(appended.clone()), &files, &Silent).unwrap();
+    assert_eq!((report.files, report.skipped.len()), (0, 6));
+    assert_eq!(again, appended);
+}
+
+#[test]
+fn the_same_log_never_counts_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1], 2);
+    let first = scanned(&files, None);
+    // The same bytes under another name, and the same rows in another file.
+    let (copy, rewritten) = (folder.path().join("copy.csv"), folder.path().join("rewritten.csv"));
+    fs::copy(&files[0], &copy).unwrap();
+    fs::write(&rewritten, fs::read_to_string(&files[1]).unwrap().replace('\n', "\r\n")).unwrap();
+    let (file, report) = scan(&recipe(), &options(), Some(first.clone()), &[copy.clone(), rewritten], &Silent).unwrap();
+    assert_eq!(file.scanned, first.scanned);
+    assert!(report.skipped[0].contains("copy.csv: the same content as"), "{:?}", report.skipped);
+    assert!(report.skipped[1].contains("the same rows as"), "{:?}", report.skipped);
+    assert_eq!(scanned(&[files[0].clone(), copy], None).episodes.len(), 1);
+    let mut merged = first.clone();
+    let message = merged.merge("a.stats", first.clone(), "b.stats").unwrap_err().to_string();
+    assert!(
+        message.contains("a.stats") && message.contains("b.stats") && message.contains("flight_0.csv"),
+        "{message}"
+    );
+    assert_eq!(merged, first, "unchanged");
+}
+
+#[test]
+fn other_plans_are_refused_with_the_difference() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2], 1);
+    let first = scanned(&files[..1], None);
+    let message = |recipe: &str, options: &ScanOptions| {
+        let recipe = Recipe::parse(recipe, "test").unwrap();
+        scan(&recipe, options, Some(first.clone()), &files[1..], &Silent).unwrap_err().to_string()
+    };
+    let wider = message(&RECIPE.replace("degree = 2", "degree = 3"), &options());
+    assert!(wider.contains("  + T : x^3") && !wider.contains("  - "), "{wider}");
+    let column = message(&RECIPE.replace("v = \"v\"", "v = \"2*v\""), &options());
+    assert!(column.contains("  - column v = v") && column.contains("  + column v = 2*v"), "{column}");
+    let chunks = message(RECIPE, &ScanOptions { chunk_rows: NonZeroUsize::new(50), ..options() });
+    assert!(chunks.contains("  - chunk_rows = 40") && chunks.contains("  + chunk_rows = 50"), "{chunks}");
+    // The same recipe, its own pilot.
+    let mut own = first.clone();
+    let message = own.merge("a.stats", scanned(&files[1..], None), "b.stats").unwrap_err().to_string();
+    assert!(message.contains("other coordinates") && message.contains("--plan"), "{message}");
+    assert!(first.resolve(&Recipe::parse(&RECIPE.replace("T - D", "T + D"), "test").unwrap()).is_err());
+    // What does not change the sums may differ.
+    let stronger = RECIPE.replace("degree = 2", "degree = 2, penalty = 0.5");
+    assert_eq!(first.resolve(&Recipe::parse(&stronger, "test").unwrap()).unwrap().penalties[1], 0.5);
+}
+
+#[test]
+fn what_is_left_after_a_drop_is_a_scan_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2, 3], 2);
+    let all = scanned(&files, None);
+    let plan = all.without_rows();
+    let id = all.episodes.iter().find(|episode| episode.name.contains("/1/flight_0")).unwrap().id.to_string();
+    let path = files[0].to_string_lossy().into_owned();
+    let name = |path: &str| Unwanted::File(path.to_owned());
+    for unwanted in [Unwanted::Episode(path.clone()), Unwanted::Episode(id[..10].to_owned()), name(&path)] {
+        let mut left = all.clone();
+        assert_eq!(left.drop_episodes(&[unwanted]).unwrap(), [path.as_str()]);
+        assert_eq!(bytes(&left), bytes(&scanned(&files[1..], Some(plan.clone()))));
+    }
+    let mut left = all.clone();
+    let label = |value: &str| Unwanted::Label("aircraft".into(), value.into());
+    assert_eq!(left.drop_episodes(&[label("1"), label("3")]).unwrap().len(), 4);
+    assert_eq!(bytes(&left), bytes(&scanned(&files[2..4], Some(plan))));
+    // A dropped log can be appended again.
+    let again = scanned(&files, Some(left.clone()));
+    assert_eq!(bytes(&again), bytes(&all));
+
+    let refused = |file: &mut StatisticFile, one| file.drop_episodes(&[one]).unwrap_err().to_string();
+    let message = refused(&mut left, label("7"));
+    assert!(message.contains("--where aircraft=7 matches no episode; there is aircraft=2"), "{message}");
+    assert!(refused(&mut left, Unwanted::Episode("x".into())).contains("flight_1.csv"));
+    assert!(refused(&mut left, label("2")).contains("all 2 episodes"));
+}
+
+#[test]
+fn compaction_keeps_the_totals_and_the_episodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = scanned(&fleet(folder.path(), &[1, 2], 2), None);
+    let mut compact = whole.clone();
+    compact.compact();
+    assert_eq!(compact.chunks(), 4);
+    assert!(bytes(&compact).len() < bytes(&whole).len());
+    for (small, large) in compact.scanned.tasks.iter().zip(&whole.scanned.tasks) {
+        for episode in &whole.episodes {
+            let of = |stats: &fleetfoot_stats::Stats| stats.total(|key| key.episode == episode.id).unwrap();
+            assert_eq!(of(&small.stats), of(&large.stats), "the sum within an episode is in key order either way");
+        }
+    }
+    let again = StatisticFile::from_bytes(&bytes(&compact), Path::new("run.stats")).unwrap().0;
+    assert_eq!(again, compact);
+}

@@ -1,0 +1,24 @@
+//! Bolasso and stability selection: what many resamples of the data agree on (block-sparse bolasso paper, section 7.1).
+//!
+//! The lasso keeps the columns that made the data but also, with a probability that does not fall to zero, others that are correlated with them. These
+//! change from resample to resample; the intersection of the supports is consistent (Bach 2008; Theorem 7.1 of the paper) at lambda = lambda_0 / sqrt(n)
+//! ([`bach_lambda`]). Three resamplings: rows as in the paper ([`row_bootstrap`], one pass), chunks or episodes ([`block_bootstrap`], no pass), and
+//! complementary halves ([`stability_selection`], no pass).
+
+mod blocks;
+mod counts;
+mod error;
+mod joint;
+mod pairs;
+mod resample;
+mod rows;
+mod selection;
+mod stability;
+mod tile;
+
+pub use blocks::{BootstrapUnit, block_bootstrap};
+pub use counts::{multinomial_counts, poisson_counts};
+pub use error::BolassoError;
+pub use rows::row_bootstrap;
+pub use selection::{BootstrapOptions, Selection, bach_lambda, refit};
+pub use stability::{Stability, StabilityOptions, stability_selection};

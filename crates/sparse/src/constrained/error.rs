@@ -1,0 +1,75 @@
+//! What can be wrong with constraints.
+
+use fleetfoot_data::{Cancelled, Error};
+use fleetfoot_library::UnknownColumn;
+
+use crate::SparseError;
+
+/// Why a constrained fit has no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConstrainedError {
+    /// The problem or a strength is not valid.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// The problem is known by its Gram matrix.
+    #[error(
+        "constrained fits need the square-root form: assemble the problem from the tasks' R factors, not from a Gram matrix"
+    )]
+    NotSquareRoot,
+    /// A coefficient that does not exist.
+    #[error("constraint `{name}` is about coefficient {coefficient}; there are {coefficients}, counted from 0")]
+    NoSuchCoefficient {
+        /// The constraint.
+        name: String,
+        /// The coefficient.
+        coefficient: usize,
+        /// How many there are.
+        coefficients: usize,
+    },
+    /// A constraint holds NaN or an infinity.
+    #[error("constraint `{name}` holds a number that is not finite: leave out what does not bound")]
+    NotFinite {
+        /// The constraint.
+        name: String,
+    },
+    /// Bounds between which nothing lies.
+    #[error("{name} cannot lie between {low} and {high}: the first is the lower bound, and infinities are open ends")]
+    Bounds {
+        /// The coefficient.
+        name: String,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// No coefficients satisfy all constraints.
+    #[error("no coefficients satisfy these constraints together: {}; loosen one of them", constraints.join(", "))]
+    Infeasible {
+        /// Names of constraints that contradict each other, none of which can be left out of the contradiction.
+        constraints: Vec<String>,
+    },
+    /// The decomposition or the interior-point solver refused the problem.
+    #[error("the convex program cannot be solved ({reason}): look for huge or tiny numbers among the constraints")]
+    Program {
+        /// What it says.
+        reason: String,
+    },
+    /// A limit on a latent that does not exist.
+    #[error("a limit is set on latent {latent}; the regression has {latents}, counted from 0")]
+    NoSuchLatent {
+        /// The latent.
+        latent: usize,
+        /// How many there are.
+        latents: usize,
+    },
+    /// The source has no such column.
+    #[error(transparent)]
+    UnknownColumn(#[from] UnknownColumn),
+    /// The source cannot be read.
+    #[error(transparent)]
+    Data(#[from] Error),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

@@ -1,0 +1,18 @@
+//! What a fit on a support is worth: standard errors, intervals, coefficients that cannot be told apart, and the logs that carry it.
+//!
+//! Everything here is conditional on the support: a support that was chosen on the same rows makes intervals too short, by an amount that these formulas
+//! do not know. [`crate::stability_selection`] and the replicates of the bolasso speak of the choice itself.
+
+mod bootstrap;
+mod confounded;
+mod covariance;
+mod error;
+mod influence;
+mod least_squares;
+
+pub use bootstrap::{BootstrapInterval, bootstrap_intervals};
+pub use confounded::{Confounded, Confounding, confounded};
+pub use covariance::{Clusters, Covariance, clustered_covariance};
+pub use error::InferenceError;
+pub use influence::{Influence, InfluenceReport, influence};
+pub use least_squares::least_squares_on;

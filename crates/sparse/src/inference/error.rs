@@ -1,0 +1,61 @@
+//! Why a question about a fit has no answer.
+
+use fleetfoot_data::Cancelled;
+
+use crate::SparseError;
+
+/// A question about a fit that cannot be answered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum InferenceError {
+    /// The problem cannot be posed.
+    #[error(transparent)]
+    Problem(#[from] SparseError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// A support names a coefficient beyond the last.
+    #[error("coefficient {column} is asked for, there are {columns}")]
+    NoSuchCoefficient {
+        /// The coefficient.
+        column: usize,
+        /// How many there are.
+        columns: usize,
+    },
+    /// Coefficients that depend on the others of their support.
+    #[error(
+        "the rows and priors do not tell coefficients {columns:?} from the others of the support: drop them, add a prior, or ask which are confounded"
+    )]
+    NotIdentified {
+        /// The dependent coefficients.
+        columns: Vec<usize>,
+    },
+    /// A coefficient is NaN or infinite.
+    #[error("coefficient {column} is not finite in the estimate or in a replicate")]
+    NotFinite {
+        /// The coefficient.
+        column: usize,
+    },
+    /// No spread between fewer than two clusters.
+    #[error(
+        "{clusters} cluster(s): the spread between clusters needs two; cluster by chunk, or scan with shorter chunks"
+    )]
+    TooFewClusters {
+        /// How many there are.
+        clusters: usize,
+    },
+    /// No spread between fewer than two replicates.
+    #[error("{replicates} replicate(s): quantiles need at least two, and useful ones some hundreds")]
+    TooFewReplicates {
+        /// How many there are.
+        replicates: usize,
+    },
+    /// A level or limit out of range.
+    #[error("{name} is {value}: it lies between 0 and 1")]
+    Share {
+        /// What it is.
+        name: &'static str,
+        /// The value.
+        value: f64,
+    },
+}

@@ -1,0 +1,19 @@
+//! Choosing lambda: cross-validation by reweighting, and information criteria. No pass over rows.
+
+mod criteria;
+mod cross_validation;
+mod effective;
+mod error;
+mod folds;
+mod held_out;
+mod score;
+
+pub use criteria::{CriteriaOptions, InformationCriteria, NoiseVariance, information_criteria, task_criteria};
+pub use cross_validation::{
+    Lambdas, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task,
+};
+pub use effective::effective_rows;
+pub use error::SelectError;
+pub use folds::{Folds, RandomSplits};
+pub use held_out::HeldOut;
+pub use score::CrossValidation;

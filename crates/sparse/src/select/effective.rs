@@ -1,0 +1,51 @@
+//! How many rows count as independent.
+
+use fleetfoot_stats::BatchMeans;
+
+use super::SelectError;
+use crate::{Banks, SparseError, Structure};
+
+/// Rows that count as independent, by the batch means of the residuals of the coefficients `theta` (p) over the chunks: the fewest of the measured tasks
+/// ([`BatchMeans`]). Chunks shorter than the correlation time leave it too large.
+///
+/// # Errors
+/// When the lengths disagree, or the statistics have no rows.
+pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Result<f64, SelectError> {
+    let (p, found) = (structure.coefficients(), theta.len());
+    if found != p {
+        return Err(SparseError::Length { what: "the coefficients", found, expected: p }.into());
+    }
+    let (tasks, found) = (structure.tasks.len(), banks.tasks().len());
+    if found != tasks {
+        return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected: tasks }.into());
+    }
+    let mut least: Option<f64> = None;
+    let totals = banks.total();
+    for (task, (preconditioner, bank)) in banks.tasks().iter().enumerate() {
+        if structure.tasks[task].prior {
+            continue;
+        }
+        let own: Vec<f64> = structure.columns(task).into_iter().map(|j| theta[j]).collect();
+        if preconditioner.dimension() != own.len() + 1 {
+            let (found, expected) = (preconditioner.dimension(), own.len() + 1);
+            return Err(SparseError::Length { what: "a task's statistic", found, expected }.into());
+        }
+        // The residual is linear in the preconditioned row z: `(centre + z A) e`.
+        let error: Vec<f64> = own.iter().map(|theta| -theta).chain([1.0]).collect();
+        let (centre, map) = preconditioner.raw_map();
+        let weights = |i: usize| (0..error.len()).map(|j| map[(i, j)] * error[j]).sum::<f64>();
+        let weights: Vec<f64> = (0..error.len()).map(weights).collect();
+        let constant: f64 = centre.iter().zip(&error).map(|(centre, error)| centre * error).sum();
+        let mut means = BatchMeans::new(1);
+        for k in 0..bank.len() {
+            let chunk = bank.member(k);
+            let mean: f64 = chunk.mean.iter().zip(&weights).map(|(mean, weight)| mean * weight).sum();
+            means.add(chunk.weight, &[constant + mean]);
+        }
+        let root = &totals[task];
+        let squares = root.error(faer::MatRef::from_column_major_slice(&own, own.len(), 1), &[0.0]);
+        let rows = means.effective_weight(root.weight, &squares);
+        least = Some(least.map_or(rows, |least| least.min(rows)));
+    }
+    least.filter(|rows| *rows > 0.0).ok_or(SparseError::NoRows.into())
+}

@@ -1,0 +1,97 @@
+//! What can be wrong with a choice of lambda.
+
+use fleetfoot_data::Cancelled;
+
+use crate::SparseError;
+
+/// Folds that cannot be made, or a criterion that has no value.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SelectError {
+    /// Fewer than two folds.
+    #[error("{count} folds are asked for: cross-validation needs at least 2")]
+    FoldCount {
+        /// How many.
+        count: usize,
+    },
+    /// Too little to make folds of.
+    #[error(
+        "{found} {what} cannot make {needed} folds: ask for fewer folds, add episodes, or scan with shorter chunks"
+    )]
+    TooFew {
+        /// Chunks, episodes or groups.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many folds were asked for.
+        needed: usize,
+    },
+    /// The share of held-out rows is out of range.
+    #[error("a share of {value} of the rows is to be held out: it lies between 0 and 1, both excluded")]
+    Share {
+        /// The value.
+        value: f64,
+    },
+    /// A fold that has no rows on one side.
+    #[error("fold {fold} has no rows to {side}: use fewer folds, a shorter purge gap, or shorter chunks")]
+    EmptyFold {
+        /// The fold, from 0.
+        fold: usize,
+        /// "train" or "test".
+        side: &'static str,
+    },
+    /// Lists that must have one entry a member.
+    #[error("{what} has {found} members, {expected} are needed")]
+    Members {
+        /// The list.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// No lambda to choose from.
+    #[error("there is no lambda to choose from: the list is empty, or the paths of the folds have no lambda in common")]
+    NoLambdas,
+    /// A task that does not exist.
+    #[error("task {task} is asked for, there are {tasks}")]
+    NoSuchTask {
+        /// The task that was asked for.
+        task: usize,
+        /// How many there are.
+        tasks: usize,
+    },
+    /// The noise variance of least squares is not known.
+    #[error(
+        "the noise variance cannot be taken from least squares: {observations} observations, {features} features, and the path ends at lambda = {end}; \
+         continue it to 0, give the variance, or let it be profiled out"
+    )]
+    NoVariance {
+        /// Number of observations.
+        observations: f64,
+        /// Degrees of freedom at the end of the path.
+        features: f64,
+        /// Where the path ends.
+        end: f64,
+    },
+    /// EBIC's gamma is out of range.
+    #[error("gamma is {value}: it lies between 0 (BIC) and 1")]
+    Gamma {
+        /// The value.
+        value: f64,
+    },
+    /// An option out of its range.
+    #[error("{name} is {value}: it is positive and finite")]
+    NotPositive {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A problem that cannot be posed.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

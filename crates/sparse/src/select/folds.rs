@@ -1,0 +1,406 @@
+//! Folds: which stored statistics train and which test, as weights of the members.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use faer::{Mat, MatRef};
+use fleetfoot_data::{EpisodeId, mix};
+use fleetfoot_stats::Key;
+
+use super::SelectError;
+use crate::SparseError;
+
+/// Training and test weights of every member in every fold: 0 or 1, so that a fold is a reweighting of [`Banks`](crate::Banks).
+///
+/// Members are known by their keys and rows ([`Banks::keys`](crate::Banks::keys), [`Banks::rows`](crate::Banks::rows)). Neighbouring rows of a log are
+/// correlated, so no fold cuts through a chunk, folds are whole episodes where there are enough of them, and where an episode is cut the `purge`
+/// chunks beside the held-out ones do not train either.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Folds {
+    train: Mat<f64>,
+    test: Mat<f64>,
+}
+
+/// Repeated random splits, [`Folds::random_splits`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RandomSplits {
+    /// Share of the rows that is held out.
+    pub share: f64,
+    /// Number of splits.
+    pub repeats: usize,
+    /// Seed.
+    pub seed: u64,
+    /// Chunks left out on both sides of a held-out span, where an episode is cut.
+    pub purge: u32,
+}
+
+impl Default for RandomSplits {
+    /// 30 splits of 33 % (block-sparse bolasso paper, section 9.2), one chunk purged.
+    fn default() -> Self {
+        Self { share: 0.33, repeats: 30, seed: 0, purge: 1 }
+    }
+}
+
+impl Folds {
+    /// k folds of nearly equal numbers of rows, each held out once.
+    ///
+    /// With at least k episodes the folds are whole episodes, the longest placed first, each into the fold with the fewest rows. With fewer,
+    /// they are contiguous spans of chunks (in the order of episode and chunk), and `purge` chunks on both sides of a span, in the same episode,
+    /// do not train.
+    ///
+    /// # Errors
+    /// When k < 2, there are fewer than k chunks, or a fold has no rows on one side.
+    pub fn k_fold(keys: &[Key], rows: &[u64], k: usize, purge: u32) -> Result<Self, SelectError> {
+        check_rows(keys, rows)?;
+        if k < 2 {
+            return Err(SelectError::FoldCount { count: k });
+        }
+        let episodes = lengths(keys, rows, |key| key.episode);
+        if episodes.len() >= k {
+            let fold_of = balance(&episodes, k);
+            return Self::of_tests(keys, 0, k, |key, fold| fold_of.get(&key.episode) == Some(&fold));
+        }
+        let chunks = lengths(keys, rows, |key| (key.episode, key.chunk));
+        if chunks.len() < k {
+            return Err(SelectError::TooFew { what: "chunks", found: chunks.len(), needed: k });
+        }
+        let fold_of = spans(&chunks, k);
+        Self::of_tests(keys, purge, k, |key, fold| fold_of.get(&(key.episode, key.chunk)) == Some(&fold))
+    }
+
+    /// Every episode held out once.
+    ///
+    /// # Errors
+    /// When there are fewer than two episodes.
+    pub fn leave_one_episode_out(keys: &[Key]) -> Result<Self, SelectError> {
+        Self::by(keys, |key| Some(key.episode))
+    }
+
+    /// Every group of members held out once: `group` names the group of a member; members without one always train.
+    ///
+    /// # Errors
+    /// When there are fewer than two groups, or nothing is left to train on.
+    pub fn by<G: Ord>(keys: &[Key], group: impl Fn(&Key) -> Option<G>) -> Result<Self, SelectError> {
+        let groups: Vec<Option<G>> = keys.iter().map(group).collect();
+        let distinct: Vec<&G> = groups.iter().flatten().collect::<BTreeSet<_>>().into_iter().collect();
+        if distinct.len() < 2 {
+            return Err(SelectError::TooFew { what: "groups", found: distinct.len(), needed: 2 });
+        }
+        let k = distinct.len();
+        let held_out = |m: usize, fold: usize| groups[m].as_ref() == Some(distinct[fold]);
+        let test = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(held_out(m, fold))));
+        let train = Mat::from_fn(keys.len(), k, |m, fold| 1.0 - test[(m, fold)]);
+        Self::new(train, test)
+    }
+
+    /// Repeated random splits: in each, about [`RandomSplits::share`] of the rows is held out.
+    ///
+    /// With enough episodes for two on either side, whole episodes are drawn, in an order that is a hash of seed, split and episode; with fewer,
+    /// one contiguous span of chunks is, which begins at random and may go round from the last chunk to the first, with its purge gaps.
+    ///
+    /// # Errors
+    /// When the share is not between 0 and 1, there are no splits, or a split has no rows on one side.
+    pub fn random_splits(keys: &[Key], rows: &[u64], options: &RandomSplits) -> Result<Self, SelectError> {
+        check_rows(keys, rows)?;
+        let &RandomSplits { share, repeats, seed, purge } = options;
+        if !(share > 0.0 && share < 1.0) {
+            return Err(SelectError::Share { value: share });
+        }
+        if repeats == 0 {
+            return Err(SelectError::FoldCount { count: 0 });
+        }
+        let episodes = lengths(keys, rows, |key| key.episode);
+        if episodes.len() as f64 * share.min(1.0 - share) >= 2.0 {
+            let drawn: Vec<BTreeSet<EpisodeId>> = (0..repeats)
+                .map(|repeat| {
+                    let address = |episode: &EpisodeId| {
+                        let (low, high) = (episode.0 as u64, (episode.0 >> 64) as u64);
+                        let start = mix(mix(seed).wrapping_add(repeat as u64));
+                        mix(mix(start.wrapping_add(low)).wrapping_add(high))
+                    };
+                    let mut order: Vec<(EpisodeId, u64)> = episodes.iter().map(|(id, n)| (*id, *n)).collect();
+                    order.sort_by_key(|(id, _)| (address(id), *id));
+                    take(order, share)
+                })
+                .collect();
+            return Self::of_tests(keys, 0, repeats, |key, fold| drawn[fold].contains(&key.episode));
+        }
+        let chunks: Vec<((EpisodeId, u32), u64)> =
+            lengths(keys, rows, |key| (key.episode, key.chunk)).into_iter().collect();
+        if chunks.len() < 2 {
+            return Err(SelectError::TooFew { what: "chunks", found: chunks.len(), needed: 2 });
+        }
+        let drawn: Vec<BTreeSet<(EpisodeId, u32)>> = (0..repeats)
+            .map(|repeat| {
+                let random = mix(mix(seed).wrapping_add(repeat as u64));
+                let start = (u128::from(random) * chunks.len() as u128) >> 64;
+                let mut order = chunks.clone();
+                order.rotate_left(start as usize);
+                take(order, share)
+            })
+            .collect();
+        Self::of_tests(keys, purge, repeats, |key, fold| drawn[fold].contains(&(key.episode, key.chunk)))
+    }
+
+    /// Folds from weights (members x folds, finite, not negative).
+    ///
+    /// # Errors
+    /// When the shapes disagree, or a fold has no member on one side.
+    pub fn new(train: Mat<f64>, test: Mat<f64>) -> Result<Self, SelectError> {
+        if train.nrows() != test.nrows() {
+            let (found, expected) = (test.nrows(), train.nrows());
+            return Err(SelectError::Members { what: "the test weights", found, expected });
+        }
+        if train.ncols() != test.ncols() || train.ncols() == 0 {
+            return Err(SelectError::FoldCount { count: train.ncols().min(test.ncols()) });
+        }
+        for (side, weights) in [("train", &train), ("test", &test)] {
+            for fold in 0..weights.ncols() {
+                let column = weights.col_as_slice(fold);
+                if let Some(&value) = column.iter().find(|value| !(**value >= 0.0 && value.is_finite())) {
+                    return Err(SparseError::Strength { name: "a member's weight", value }.into());
+                }
+                if column.iter().all(|&value| value == 0.0) {
+                    return Err(SelectError::EmptyFold { fold, side });
+                }
+            }
+        }
+        Ok(Self { train, test })
+    }
+
+    /// Folds from what each holds out; what is within `purge` chunks of that in the same episode does not train.
+    fn of_tests(
+        keys: &[Key],
+        purge: u32,
+        k: usize,
+        held_out: impl Fn(&Key, usize) -> bool,
+    ) -> Result<Self, SelectError> {
+        let mut train = Mat::zeros(keys.len(), k);
+        let mut test = Mat::zeros(keys.len(), k);
+        for fold in 0..k {
+            let chunks: BTreeSet<(EpisodeId, u32)> =
+                keys.iter().filter(|key| held_out(key, fold)).map(|key| (key.episode, key.chunk)).collect();
+            for (m, key) in keys.iter().enumerate() {
+                let (first, last) = (key.chunk.saturating_sub(purge), key.chunk.saturating_add(purge));
+                if chunks.contains(&(key.episode, key.chunk)) {
+                    test[(m, fold)] = 1.0;
+                } else if chunks.range((key.episode, first)..=(key.episode, last)).next().is_none() {
+                    train[(m, fold)] = 1.0;
+                }
+            }
+        }
+        Self::new(train, test)
+    }
+
+    /// Number of folds.
+    pub fn len(&self) -> usize {
+        self.train.ncols()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of members.
+    pub fn members(&self) -> usize {
+        self.train.nrows()
+    }
+
+    /// Training weights (members x folds).
+    pub fn train(&self) -> MatRef<'_, f64> {
+        self.train.as_ref()
+    }
+
+    /// Test weights (members x folds).
+    pub fn test(&self) -> MatRef<'_, f64> {
+        self.test.as_ref()
+    }
+
+    /// Whether a member is held out by more than one fold, as in repeated random splits.
+    pub fn overlap(&self) -> bool {
+        (0..self.members()).any(|m| (0..self.len()).filter(|&fold| self.test[(m, fold)] > 0.0).count() > 1)
+    }
+}
+
+fn check_rows(keys: &[Key], rows: &[u64]) -> Result<(), SelectError> {
+    if keys.len() == rows.len() {
+        Ok(())
+    } else {
+        Err(SelectError::Members { what: "the list of rows", found: rows.len(), expected: keys.len() })
+    }
+}
+
+/// Rows of every unit, in order.
+fn lengths<U: Ord>(keys: &[Key], rows: &[u64], unit: impl Fn(&Key) -> U) -> BTreeMap<U, u64> {
+    let mut lengths = BTreeMap::new();
+    keys.iter().zip(rows).for_each(|(key, rows)| *lengths.entry(unit(key)).or_insert(0) += rows);
+    lengths
+}
+
+/// The fold of every episode: the longest first, each to the fold with the fewest rows (then the fewest episodes, then the first).
+fn balance(episodes: &BTreeMap<EpisodeId, u64>, k: usize) -> BTreeMap<EpisodeId, usize> {
+    let mut order: Vec<(EpisodeId, u64)> = episodes.iter().map(|(id, rows)| (*id, *rows)).collect();
+    order.sort_by_key(|&(id, rows)| (std::cmp::Reverse(rows), id));
+    let mut filled = vec![(0_u64, 0_usize); k];
+    let place = |(id, rows): (EpisodeId, u64)| {
+        let fold = (0..k).min_by_key(|&fold| (filled[fold], fold)).unwrap_or(0);
+        filled[fold].0 += rows;
+        filled[fold].1 += 1;
+        (id, fold)
+    };
+    order.into_iter().map(place).collect()
+}
+
+/// The fold of every chunk: contiguous spans, cut where the middle of a chunk passes a k-th of the rows; none is empty.
+fn spans<U: Ord + Copy>(chunks: &BTreeMap<U, u64>, k: usize) -> BTreeMap<U, usize> {
+    let total: u64 = chunks.values().sum();
+    let (mut before, mut fold) = (0_u64, 0_usize);
+    let mut fold_of = BTreeMap::new();
+    for (at, (unit, rows)) in chunks.iter().enumerate() {
+        let middle = 2 * before + rows;
+        let wanted = (u128::from(middle) * k as u128 / u128::from((2 * total).max(1))) as usize;
+        // At most one fold on; and no later than the chunks that are left suffice for the folds that are.
+        let last = chunks.len() - at <= k - 1 - fold;
+        if at > 0 && (wanted > fold || last) && fold + 1 < k {
+            fold += 1;
+        }
+        fold_of.insert(*unit, fold);
+        before += rows;
+    }
+    fold_of
+}
+
+/// The first units whose rows come nearest to a share of all: at least one, and not all.
+fn take<U: Ord>(order: Vec<(U, u64)>, share: f64) -> BTreeSet<U> {
+    let wanted = share * order.iter().map(|(_, rows)| *rows as f64).sum::<f64>();
+    let most = order.len().saturating_sub(1);
+    let mut taken = BTreeSet::new();
+    let mut sum = 0.0;
+    for (unit, rows) in order.into_iter().take(most) {
+        let after = sum + rows as f64;
+        if !taken.is_empty() && (after - wanted).abs() > (sum - wanted).abs() {
+            break;
+        }
+        taken.insert(unit);
+        sum = after;
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_stats::Fold;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn key(episode: u128, chunk: u32) -> Key {
+        Key { episode: EpisodeId(episode), chunk, fold: Fold::default(), partition: 0, region: 0 }
+    }
+
+    fn members(lengths: &[(u32, u64)]) -> (Vec<Key>, Vec<u64>) {
+        let keys =
+            lengths.iter().enumerate().flat_map(|(e, &(chunks, _))| (0..chunks).map(move |c| key(e as u128 * 7, c)));
+        let rows = lengths.iter().flat_map(|&(chunks, rows)| vec![rows; chunks as usize]);
+        (keys.collect(), rows.collect())
+    }
+
+    fn sides(folds: &Folds, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        let of = |weights: MatRef<'_, f64>| (0..folds.members()).filter(|&m| weights[(m, fold)] > 0.0).collect();
+        (of(folds.train()), of(folds.test()))
+    }
+
+    #[test]
+    fn spans_have_gaps_on_both_sides() {
+        let (keys, rows) = members(&[(6, 10), (6, 10)]);
+        let folds = Folds::k_fold(&keys, &rows, 4, 1).unwrap();
+        assert_eq!(sides(&folds, 0), (vec![4, 5, 6, 7, 8, 9, 10, 11], vec![0, 1, 2]));
+        assert_eq!(sides(&folds, 1), (vec![0, 1, 6, 7, 8, 9, 10, 11], vec![3, 4, 5]));
+        assert_eq!(sides(&folds, 2), (vec![0, 1, 2, 3, 4, 5, 10, 11], vec![6, 7, 8]));
+        assert!(!folds.overlap());
+    }
+
+    #[test]
+    fn what_cannot_be_split_is_told() {
+        let (keys, rows) = members(&[(3, 10)]);
+        assert_eq!(
+            Folds::k_fold(&keys, &rows, 10, 0),
+            Err(SelectError::TooFew { what: "chunks", found: 3, needed: 10 })
+        );
+        assert_eq!(Folds::k_fold(&keys, &rows, 3, 2), Err(SelectError::EmptyFold { fold: 0, side: "train" }));
+        assert!(matches!(Folds::leave_one_episode_out(&keys), Err(SelectError::TooFew { .. })));
+        let options = RandomSplits { share: 1.0, ..RandomSplits::default() };
+        assert_eq!(Folds::random_splits(&keys, &rows, &options), Err(SelectError::Share { value: 1.0 }));
+    }
+
+    #[test]
+    fn groups_are_held_out_and_what_has_none_trains() {
+        let (keys, _) = members(&[(2, 10), (1, 10), (3, 10)]);
+        let folds = Folds::by(&keys, |key| (key.episode.0 > 0).then_some(key.episode)).unwrap();
+        assert_eq!(folds.len(), 2);
+        assert_eq!(sides(&folds, 0), (vec![0, 1, 3, 4, 5], vec![2]));
+        assert_eq!(sides(&folds, 1), (vec![0, 1, 2], vec![3, 4, 5]));
+    }
+
+    #[test]
+    fn an_episode_more_does_not_reorder_the_others() {
+        let (keys, rows) = members(&[(1, 10); 30]);
+        let options = RandomSplits { repeats: 50, ..RandomSplits::default() };
+        let all = Folds::random_splits(&keys, &rows, &options).unwrap();
+        let fewer = Folds::random_splits(&keys[1..], &rows[1..], &options).unwrap();
+        let moved: usize =
+            (0..50).map(|fold| (1..30).filter(|&m| all.test[(m, fold)] != fewer.test[(m - 1, fold)]).count()).sum();
+        // Only those at the border of the share may change sides.
+        assert!(moved <= 50, "{moved}");
+        // Every episode is held out about a third of the time: 16.7 of 50, deviation 3.3.
+        for m in 0..30 {
+            let count = (0..50).filter(|&fold| all.test[(m, fold)] > 0.0).count();
+            assert!((4..=30).contains(&count), "{m}: {count}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_member_is_held_out_once(lengths in prop::collection::vec((1_u32..6, 1_u64..500), 2..12), k in 2_usize..8) {
+            let (keys, rows) = members(&lengths);
+            prop_assume!(keys.len() >= k);
+            let folds = Folds::k_fold(&keys, &rows, k, 0).unwrap();
+            for m in 0..keys.len() {
+                let count = (0..k).filter(|&fold| folds.test[(m, fold)] > 0.0).count();
+                prop_assert_eq!(count, 1);
+                for fold in 0..k {
+                    prop_assert_eq!(folds.train[(m, fold)] + folds.test[(m, fold)], 1.0);
+                }
+            }
+            // No fold is fuller than another by more than its largest unit.
+            let filled: Vec<u64> = (0..k).map(|fold| (0..keys.len()).filter(|&m| folds.test[(m, fold)] > 0.0).map(|m| rows[m]).sum()).collect();
+            let largest = if lengths.len() >= k {
+                lengths.iter().map(|&(chunks, rows)| u64::from(chunks) * rows).max()
+            } else {
+                rows.iter().copied().max()
+            }
+            .unwrap();
+            if lengths.len() >= k {
+                prop_assert!(filled.iter().max().unwrap() - filled.iter().min().unwrap() <= largest);
+            }
+        }
+
+        #[test]
+        fn splits_hold_out_their_share(lengths in prop::collection::vec((1_u32..6, 1_u64..50), 8..30), seed in any::<u64>()) {
+            let (keys, rows) = members(&lengths);
+            let options = RandomSplits { seed, repeats: 5, ..RandomSplits::default() };
+            let folds = Folds::random_splits(&keys, &rows, &options).unwrap();
+            let total: u64 = rows.iter().sum();
+            let largest = lengths.iter().map(|&(chunks, rows)| u64::from(chunks) * rows).max().unwrap();
+            for fold in 0..5 {
+                let (train, test) = sides(&folds, fold);
+                prop_assert_eq!(train.len() + test.len(), keys.len());
+                let held: u64 = test.iter().map(|&m| rows[m]).sum();
+                prop_assert!((held as f64 - 0.33 * total as f64).abs() <= largest as f64);
+                for (a, b) in train.iter().flat_map(|&a| test.iter().map(move |&b| (a, b))) {
+                    prop_assert!(keys[a].episode != keys[b].episode);
+                }
+            }
+        }
+    }
+}

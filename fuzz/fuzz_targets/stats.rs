@@ -1,0 +1,10 @@
+//! Statistics as files, none of their bytes to be trusted.
+//!
+//! What is done with them stands in `body/stats.rs`, which the tests share.
+
+#![no_main]
+
+#[path = "body/stats.rs"]
+mod body;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| _ = body::run(data));

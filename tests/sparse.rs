@@ -1,0 +1,292 @@
+//! `fit sparse` from the command line: from logs and from their statistic, shared latents and plain recipes, and what the rest of the command makes of the models.
+
+use std::fs;
+
+include!("runner.rs");
+
+/// Six climbs and the recipe beside them.
+fn climbs() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let generate = ["generate", "aircraft", "-o", "runs", "--runs", "6", "--seconds", "300", "--format", "parquet"];
+    fleetfoot(folder.path(), &generate).ok();
+    folder
+}
+
+fn fit(folder: &Path, arguments: &[&str]) -> Said {
+    let all: Vec<&str> = ["fit", "sparse", "--json"].into_iter().chain(arguments.iter().copied()).collect();
+    fleetfoot(folder, &all)
+}
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+fn same(folder: &Path, a: &str, b: &str) {
+    let read = |name: &str| fs::read(folder.join(name)).expect("a file");
+    assert!(read(a) == read(b), "{a} and {b} differ");
+}
+
+const RECIPE: &str = "runs/robot.toml";
+
+#[test]
+fn the_aircraft_from_logs_to_equations() {
+    let folder = climbs();
+    let path = folder.path();
+    let found = fit(path, &["-c", RECIPE, "runs", "-o", "data.json", "--keep", "run.stats"]).ok().json();
+    assert!(number(&found["certificate"]["kkt"]) < 1e-8 && number(&found["certificate"]["gap"]) < 1e-6, "{found}");
+    let tasks = found["tasks"].as_array().unwrap();
+    let names: Vec<&str> = tasks.iter().map(|task| task["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["along", "normal", "fuel", "prior of Isp"]);
+    assert!(number(&tasks[0]["r2"]) > 0.97 && number(&tasks[1]["r2"]) > 0.98, "{tasks:?}");
+    assert!(tasks[2]["r2"].is_null(), "a target that is 0 has no variance to explain");
+    assert!(tasks[..3].iter().all(|task| number(&task["held_out_rms"]) > 0.0) && tasks[3]["held_out_rms"].is_null());
+    // Thrust on the order of 100 kN a unit of fan speed and density: the prior keeps it from shrinking to 0.
+    let latents = found["latents"].as_array().unwrap();
+    let sizes: Vec<usize> = latents.iter().map(|latent| latent["functions"].as_array().unwrap().len()).collect();
+    assert_eq!(sizes, [15, 10, 10, 10]);
+    assert!(
+        latents[0]["functions"].as_array().unwrap().iter().any(|function| number(&function["coefficient"]).abs() > 1e4)
+    );
+
+    // The same from the statistic, and on any number of threads, to the byte.
+    fit(path, &["-c", RECIPE, "runs", "-o", "one.json", "--threads", "1"]).ok();
+    fit(path, &["-c", RECIPE, "run.stats", "-o", "stats.json", "--threads", "2"]).ok();
+    fleetfoot(path, &["scan", "-c", RECIPE, "runs", "-o", "scanned.stats"]).ok();
+    fit(path, &["-c", RECIPE, "scanned.stats", "-o", "scanned.json"]).ok();
+    for other in ["one.json", "stats.json", "scanned.json"] {
+        same(path, "data.json", other);
+    }
+
+    let shown = fleetfoot(path, &["show", "data.json"]).ok().out;
+    for part in ["d(V)/dt = (T*cos(alpha) - D)/m - 9.80665*sin(gamma)", "d(m)/dt = -T/Isp", "latent T:", "T = ", "*N1*"]
+    {
+        assert!(shown.contains(part), "{part} is missing from {shown}");
+    }
+    let scores = fleetfoot(path, &["score", "data.json", "runs", "--json"]).ok().json();
+    assert!(number(&scores["rows"]) > 1500.0, "{scores}");
+    fleetfoot(path, &["predict", "data.json", "runs", "-o", "pred.parquet"]).ok();
+    fleetfoot(path, &["rollout", "data.json", "runs", "--horizon", "50", "--starts", "4"]).ok();
+}
+
+#[test]
+fn bolassos_priors_and_labels() {
+    let folder = climbs();
+    let path = folder.path();
+    fit(path, &["-c", RECIPE, "runs", "--keep", "run.stats", "--lambda", "1e-3"]).ok();
+    let bolasso = |arguments: &[&str]| {
+        let all: Vec<&str> =
+            ["run.stats", "--lambda", "0.1/sqrt(n)"].into_iter().chain(arguments.iter().copied()).collect();
+        fit(path, &all).ok().json()
+    };
+    let hard = bolasso(&["--bolasso", "episodes:40", "--frequencies", "f.parquet"]);
+    let soft = bolasso(&["--bolasso", "episodes:40", "--threshold", "0.5"]);
+    let selected = |found: &serde_json::Value| -> Vec<bool> {
+        let functions =
+            found["latents"].as_array().unwrap().iter().flat_map(|latent| latent["functions"].as_array().unwrap());
+        functions
+            .map(|function| {
+                let frequency = number(&function["frequency"]);
+                assert!((0.0..=1.0).contains(&frequency));
+                function["selected"].as_bool().unwrap()
+            })
+            .collect()
+    };
+    let (hard, soft) = (selected(&hard), selected(&soft));
+    assert!(hard.iter().zip(&soft).all(|(hard, soft)| *soft || !hard), "what all agree on, half of them do");
+    assert!(soft.iter().any(|&selected| selected));
+    assert!(fs::metadata(path.join("f.parquet")).unwrap().len() > 500);
+    // A stronger prior moves the impulse towards what is believed.
+    let distance = |strength: &str| {
+        let found = bolasso(&["--prior-strength", strength]);
+        number(&found["tasks"][3]["rms"])
+    };
+    assert!(distance("1e4") < distance("1e-2"));
+    let rows = fit(path, &["-c", RECIPE, "runs", "--lambda", "1e-3", "--bolasso", "rows:16"]).ok().json();
+    assert!(rows["selection"].as_str().unwrap().contains("16 replicates of rows"), "{rows}");
+    fit(path, &["run.stats", "--bolasso", "rows"]).fails(&["a statistic has no rows", "episodes"]);
+
+    for (aircraft, run) in [("a", 0), ("a", 1), ("a", 2), ("b", 3), ("b", 4), ("b", 5)] {
+        fs::create_dir_all(path.join("fleet").join(aircraft)).unwrap();
+        let file = fs::read_dir(path.join("runs")).unwrap().flatten().map(|entry| entry.path());
+        let mut logs: Vec<_> = file.filter(|file| file.extension().is_some_and(|e| e == "parquet")).collect();
+        logs.sort();
+        fs::copy(&logs[run], path.join("fleet").join(aircraft).join(logs[run].file_name().unwrap())).unwrap();
+    }
+    let by =
+        ["-c", RECIPE, "fleet", "--key", "aircraft={dir1}", "--by", "aircraft", "--lambda", "1e-3", "-o", "m.json"];
+    let found = fit(path, &by).ok().json();
+    let values: Vec<&str> =
+        found["models"].as_array().unwrap().iter().map(|model| model["value"].as_str().unwrap()).collect();
+    assert_eq!(values, ["a", "b"]);
+    assert!(path.join("m_a.json").exists() && path.join("m_b.json").exists());
+    fit(path, &["run.stats", "--by", "aircraft"]).fails(&["--by aircraft", "no label", "--key"]);
+}
+
+#[test]
+fn the_disturbed_climb_is_the_most_influential() {
+    let folder = climbs();
+    let path = folder.path();
+    // A climb that burns a fifth more fuel for the same thrust.
+    let world = fleetfoot(path, &["generate", "aircraft", "--print-world"]).ok().out;
+    let thirsty = world.replacen("coefficient = 277.0 ", "coefficient = 231.0 ", 1);
+    assert_ne!(world, thirsty);
+    fs::write(path.join("thirsty.toml"), thirsty).unwrap();
+    let one = ["--world", "thirsty.toml", "--runs", "1", "--first-run", "6", "--seconds", "300"];
+    let generate = [&["generate", "aircraft", "-o", "other", "--format", "parquet"][..], &one].concat();
+    fleetfoot(path, &generate).ok();
+    let odd = "other/aircraft_06.parquet";
+    assert!(path.join(odd).exists());
+
+    let all = ["-c", RECIPE, "runs", odd, "--lambda", "1e-3"];
+    let with = |more: &[&'static str]| -> Vec<&str> { all.iter().chain(more).copied().collect() };
+    fit(path, &with(&["-o", "plain.json", "--keep", "all.stats"])).ok();
+    let found = fit(path, &with(&["-o", "left_out.json", "--influence"])).ok().json();
+    same(path, "plain.json", "left_out.json");
+    let influence = &found["influence"];
+    let episodes = influence["episodes"].as_array().unwrap();
+    let of = |key: &str| -> Vec<f64> { episodes.iter().map(|episode| number(&episode[key])).collect() };
+    let distances = of("cooks_distance");
+    assert_eq!(episodes.len(), 7);
+    assert_eq!(episodes[0]["name"], "aircraft_06.parquet");
+    assert!(distances.is_sorted_by(|a, b| a >= b) && distances[0] > 2.0 * distances[1], "{distances:?}");
+    assert!(episodes.iter().all(|episode| number(&episode["held_out_rms"]) >= number(&episode["in_sample_rms"])));
+    let mean = |key: &str| {
+        let squares: f64 = of("share").iter().zip(of(key)).map(|(share, error)| share * error * error).sum();
+        squares.sqrt()
+    };
+    // The in-sample errors come from the episodes' own moments and from those of all rows, and from the tasks' table.
+    let in_sample = number(&influence["in_sample_rms"]);
+    assert!((mean("in_sample_rms") / in_sample - 1.0).abs() < 1e-6, "{influence}");
+    assert!((mean("held_out_rms") / number(&influence["held_out_rms"]) - 1.0).abs() < 1e-9, "{influence}");
+    let tasks = found["tasks"].as_array().unwrap()[..3].iter();
+    let squares: f64 = tasks.map(|task| (number(&task["rms"]) / number(&task["scale"])).powi(2)).sum();
+    assert!((squares.sqrt() / in_sample - 1.0).abs() < 1e-6, "{squares} {influence}");
+    // What the climb does to the fit is to the impulse, or to what the fuel equation ties to it.
+    let change = &episodes[0]["largest_change"];
+    assert!(number(&change["standard_errors"]).abs() > 1.0, "{change}");
+    assert!(["T: ", "Isp: "].iter().any(|latent| change["coefficient"].as_str().unwrap().starts_with(latent)));
+
+    let text = fleetfoot(path, &["fit", "sparse", "all.stats", "--lambda", "1e-3", "--influence"]).ok().out;
+    for part in
+        ["with every episode predicted by the others", "7 of 7 episodes", "Cook's distance", "aircraft_06.parquet"]
+    {
+        assert!(text.contains(part), "{part} is missing from {text}");
+    }
+    let single = fit(path, &["-c", RECIPE, odd, "--lambda", "1e-3", "--influence"]).ok().json();
+    assert!(single["influence"].is_null());
+    assert!(single["notes"].to_string().contains("needs at least two"), "{}", single["notes"]);
+}
+
+#[test]
+fn a_bolasso_tells_intervals_of_what_it_selected() {
+    let folder = climbs();
+    let path = folder.path();
+    let bolasso = ["--lambda", "0.1/sqrt(n)", "--bolasso", "episodes:60", "--threshold", "0.7"];
+    let found = fit(path, &[&["-c", RECIPE, "runs", "--keep", "run.stats"][..], &bolasso].concat()).ok().json();
+    let latents = found["latents"].as_array().unwrap();
+    let (mut intervals, mut around) = (0, 0);
+    for function in latents.iter().flat_map(|latent| latent["functions"].as_array().unwrap()) {
+        let Some(interval) = function["lasso_interval"].as_array() else {
+            assert_eq!(function["selected"], false, "{function}");
+            continue;
+        };
+        assert_eq!(function["selected"], true, "{function}");
+        let (low, high, lasso) = (number(&interval[0]), number(&interval[1]), number(&function["lasso"]));
+        assert!(low < high, "{function}");
+        intervals += 1;
+        // Replicates spread around the lasso on all rows, which at a quarter of the width beyond an end is still near.
+        let room = 0.25 * (high - low);
+        around += usize::from(low - room < lasso && lasso < high + room);
+    }
+    assert!(intervals > 8 && around == intervals, "{around} of {intervals}: {latents:?}");
+    let text = fleetfoot(path, &[&["fit", "sparse", "run.stats"][..], &bolasso].concat()).ok().out;
+    assert!(text.contains("95 % of lassos"), "{text}");
+    let tables = text.lines().skip_while(|line| !line.starts_with("T: "));
+    assert!(tables.filter(|line| line.starts_with("  ")).all(|line| line.chars().count() <= 100), "{text}");
+    let plain = fleetfoot(path, &["fit", "sparse", "-c", RECIPE, "run.stats", "--lambda", "1e-3"]).ok().out;
+    assert!(!plain.contains("95 %"), "{plain}");
+}
+
+#[test]
+fn bounds_hold_at_every_row() {
+    let folder = climbs();
+    let path = folder.path();
+    let text = fs::read_to_string(path.join(RECIPE)).unwrap();
+    // What nothing forbids is below this somewhere: the bound is active.
+    let bounded = text.replacen("D = { times = \"q\"", "D = { at_least = 2.6e4, times = \"q\"", 1);
+    assert_ne!(bounded, text);
+    fs::write(path.join("bounded.toml"), bounded).unwrap();
+    let found = fit(path, &["-c", "bounded.toml", "runs", "--lambda", "1e-4", "--keep", "b.stats"]).ok().json();
+    let notes = found["notes"].to_string();
+    assert!(notes.contains("D is at least 26000 at every row"), "{notes}");
+    fit(path, &["-c", "bounded.toml", "b.stats", "--lambda", "1e-4"]).fails(&["[latents] D", "needs the rows"]);
+}
+
+#[test]
+fn a_plain_recipe_is_what_pwa_fits_without_a_penalty() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    for run in 0..4 {
+        fs::write(path.join(format!("run{run}.csv")), robot_csv(400, f64::from(run))).expect("a file");
+    }
+    let recipe = "[states]\nv = { column = \"v [m/s]\", derivative = \"dv\" }\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n[model]\ndegree = 2\n";
+    fs::write(path.join("robot.toml"), recipe).unwrap();
+    let logs = ["run0.csv", "run1.csv", "run2.csv", "run3.csv"];
+    let with = |arguments: &[&'static str]| -> Vec<&str> { arguments.iter().copied().chain(logs).collect() };
+    fit(path, &with(&["-c", "robot.toml", "-o", "sparse.json", "--lambda", "0"])).ok();
+    fleetfoot(path, &[&["fit", "pwa"][..], &with(&["-c", "robot.toml", "-o", "pwa.json"])].concat()).ok();
+    let latent = |file: &str| -> serde_json::Value {
+        let text = fs::read_to_string(path.join(file)).unwrap();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["model"]["latents"][0].clone()
+    };
+    let (sparse, pwa) = (latent("sparse.json"), latent("pwa.json"));
+    assert_eq!(sparse["name"], pwa["name"]);
+    assert!((number(&sparse["constants"][0]) - number(&pwa["constants"][0])).abs() < 1e-10);
+    for (a, b) in sparse["coefficients"][0].as_array().unwrap().iter().zip(pwa["coefficients"][0].as_array().unwrap()) {
+        assert!((number(a) - number(b)).abs() < 1e-9, "{sparse} {pwa}");
+    }
+    // A large lambda leaves the free constant alone.
+    let none = fit(path, &with(&["-c", "robot.toml", "--lambda", "1e3"])).ok().json();
+    let functions = none["latents"][0]["functions"].as_array().unwrap();
+    let used: Vec<&str> = functions
+        .iter()
+        .filter(|function| number(&function["coefficient"]) != 0.0)
+        .map(|function| function["function"].as_str().unwrap())
+        .collect();
+    assert_eq!(used, ["1"]);
+    let chosen = fit(path, &with(&["-c", "robot.toml", "--select", "bic"])).ok().json();
+    assert!(chosen["lambda"]["how"].as_str().unwrap().contains("BIC"), "{chosen}");
+    fit(path, &with(&["-c", "robot.toml", "--l1-ratio", "0.5"])).ok();
+    fit(path, &with(&["-c", "robot.toml", "--adaptive"])).ok();
+    let plan = fit(path, &with(&["-c", "robot.toml", "--dry-run"])).ok().json();
+    assert_eq!((plan["passes"].as_u64(), plan["rows"].as_u64()), (Some(1), Some(1600)));
+}
+
+#[test]
+fn what_cannot_be_done_is_said() {
+    let folder = climbs();
+    let path = folder.path();
+    let edited = |from: &str, to: &str| {
+        let text = fs::read_to_string(path.join(RECIPE)).unwrap();
+        let changed = text.replacen(from, to, 1);
+        assert_ne!(changed, text, "{from}");
+        fs::write(path.join("bad.toml"), changed).unwrap();
+        fit(path, &["-c", "bad.toml", "runs"])
+    };
+    edited("right = \"T*cos(alpha) - D\"", "right = \"T*cos(alpha) - DD\"").fails(&["[tasks] along right", "DD"]);
+    edited("right = \"T*cos(alpha) - D\"", "right = \"T*D\"").fails(&["[tasks] along right", "product of two latents"]);
+    edited(", scale = 1e4", "").fails(&["[tasks] fuel", "constant", "scale"]);
+    edited("of = [\"rho\", \"M\"]", "of = [\"roh\", \"M\"]").fails(&["[latents] T of", "roh", "rho"]);
+    edited("target = \"0\"", "targt = \"0\"").fails(&["bad.toml", "targt"]);
+    edited("(T*cos(alpha) - D)/m - 9.80665*sin(gamma)", "9.80665*sin(gamma)").fails(&["[states] V equation", "known"]);
+    for (flags, words) in [
+        (["--lambda", "many"], ["lambda = many", "auto"]),
+        (["--folds", "1"], ["folds = 1", "episodes"]),
+        (["--bolasso", "days"], ["bolasso = days", "chunks"]),
+        (["--threshold", "2"], ["threshold = 2", "at most 1"]),
+        (["--select", "best"], ["select = best", "one-se"]),
+    ] {
+        let all: Vec<&str> = ["-c", RECIPE, "runs"].into_iter().chain(flags).collect();
+        fit(path, &all).fails(&words);
+    }
+}
