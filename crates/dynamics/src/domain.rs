@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// Whether a row lies within the ranges of the regressors seen in training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Domain {
     /// Every regressor is within the range that its region saw.
     #[default]
@@ -19,7 +19,7 @@ pub enum Domain {
     OutsideTraining,
 }
 
-/// The regions' statistics of the first latent's regressors, ready to measure rows.
+/// The regions' statistics of a latent's regressors, ready to measure rows.
 pub(crate) struct TrainingDomain {
     functions: usize,
     width: usize,
@@ -47,15 +47,16 @@ pub(crate) struct Place {
 }
 
 impl TrainingDomain {
-    /// The domain of the model's first latent; `None` where the model has no latent or no statistics.
-    pub(crate) fn new(model: &Model) -> Option<Self> {
-        let latent = model.latents.first()?;
-        let regions = &model.partitions[latent.partition].regions;
-        let functions = model.libraries[latent.library].len();
-        if regions.is_empty() || regions.iter().any(|region| region.mean.len() != functions) {
+    /// The domain of the functions `kept` of a library over a partition; `None` where the partition has no statistics of them.
+    pub(crate) fn new(model: &Model, library: usize, partition: usize, kept: &[usize]) -> Option<Self> {
+        let regions = &model.partitions[partition].regions;
+        let all = model.libraries[library].len();
+        if regions.is_empty() || regions.iter().any(|region| region.mean.len() != all) {
             return None;
         }
-        let covariance = overall_covariance(regions, functions);
+        let regions: Vec<Region> = regions.iter().map(|region| restricted(region, kept)).collect();
+        let functions = kept.len();
+        let covariance = overall_covariance(&regions, functions);
         let scale: Vec<f64> = (0..functions)
             .map(|j| {
                 let deviation = covariance[packed(j, j)].sqrt();
@@ -123,6 +124,17 @@ impl TrainingDomain {
     /// Number of regions.
     pub(crate) fn regions(&self) -> usize {
         self.regions.len()
+    }
+}
+
+/// What a region says of some of its functions.
+fn restricted(region: &Region, kept: &[usize]) -> Region {
+    let pairs = kept.iter().enumerate().flat_map(|(a, &i)| kept[..=a].iter().map(move |&j| packed(i, j)));
+    Region {
+        mean: kept.iter().map(|&j| region.mean[j]).collect(),
+        range: kept.iter().map(|&j| region.range[j]).collect(),
+        covariance: pairs.map(|at| region.covariance[at]).collect(),
+        ..region.clone()
     }
 }
 

@@ -239,19 +239,24 @@ impl<'a> Batch<'a> {
             if none[b] {
                 self.end[b] = End::NoRegion;
                 self.steps[b] = step;
-            } else if let (Some(ranges), None) = (&self.simulator.ranges, self.left[b]) {
-                let group = &self.simulator.compiled.groups[ranges.group];
-                let mut features = vec![0.0; ranges.width];
-                for (j, feature) in features[..group.kept.len()].iter_mut().enumerate() {
-                    *feature = self.workspace.values[(group.first + j) * self.workspace.stride + b];
-                }
-                let at = region as usize * ranges.width;
-                let (low, high) = (&ranges.low[at..at + ranges.width], &ranges.high[at..at + ranges.width]);
-                if !within(pulp::Scalar, &features, low, high) {
-                    self.left[b] = Some(step);
-                }
+            } else if self.left[b].is_none() && !self.inside(b) {
+                self.left[b] = Some(step);
             }
         }
+    }
+
+    /// Whether the regressors of every latent are within the ranges of their region.
+    fn inside(&self, b: usize) -> bool {
+        self.simulator.ranges.iter().all(|ranges| {
+            let group = &self.simulator.compiled.groups[ranges.group];
+            let region = self.workspace.regions.get(group.regions).map_or(0, |regions| regions[b]);
+            let mut features = vec![0.0; ranges.width];
+            for (j, feature) in features[..group.kept.len()].iter_mut().enumerate() {
+                *feature = self.workspace.values[(group.first + j) * self.workspace.stride + b];
+            }
+            let at = region as usize * ranges.width;
+            within(pulp::Scalar, &features, &ranges.low[at..at + ranges.width], &ranges.high[at..at + ranges.width])
+        })
     }
 
     /// Replaces the slopes of the continuous states by the mean of the four Runge-Kutta stages.

@@ -137,13 +137,12 @@ impl AffineKernel {
 
     /// Lays out a region's training ranges by slot.
     fn fill_ranges(&mut self, simulator: &Simulator, terms: &Terms, region: usize) {
-        let Some(ranges) = &simulator.ranges else {
-            return;
-        };
-        for j in 0..simulator.compiled.groups[ranges.group].kept.len() {
-            let to = region * self.slots + terms.slots[terms.first[ranges.group] + j];
-            self.low[to] = self.low[to].max(ranges.low[region * ranges.width + j]);
-            self.high[to] = self.high[to].min(ranges.high[region * ranges.width + j]);
+        for ranges in &simulator.ranges {
+            for j in 0..simulator.compiled.groups[ranges.group].kept.len() {
+                let to = region * self.slots + terms.slots[terms.first[ranges.group] + j];
+                self.low[to] = self.low[to].max(ranges.low[region * ranges.width + j]);
+                self.high[to] = self.high[to].min(ranges.high[region * ranges.width + j]);
+            }
         }
     }
 }

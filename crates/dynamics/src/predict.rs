@@ -35,7 +35,10 @@ pub struct Predictor {
     targets: Program,
     wrapped: Vec<bool>,
     names: Vec<String>,
-    domain: Option<(usize, TrainingDomain)>,
+    /// Groups of latents that have statistics.
+    domains: Vec<(usize, TrainingDomain)>,
+    /// The first latent's group.
+    reported: Option<usize>,
     halo: Halo,
 }
 
@@ -54,7 +57,7 @@ pub struct Predicted {
     pub residual: Vec<f64>,
     /// Region of each row in the first latent's partition; `u32::MAX` for none.
     pub region: Vec<u32>,
-    /// Mahalanobis distance of the first latent's regressors from their region's mean under the region's covariance; NaN without a prediction.
+    /// Mahalanobis distance of the regressors from their region's mean under the region's covariance, of the latent that is farthest; NaN without a prediction.
     pub distance: Vec<f64>,
     /// The same distance under the covariance of all training rows.
     pub centre_distance: Vec<f64>,
@@ -116,16 +119,22 @@ impl Predictor {
         let halo = [compiled.functions.halo(), compiled.rights.halo(), targets.halo()]
             .iter()
             .fold(Halo::default(), |a, b| Halo { before: a.before.max(b.before), after: a.after.max(b.after) });
-        let group = model.latents.first().and_then(|latent| {
+        let reported = model.latents.first().and_then(|latent| {
             compiled.groups.iter().position(|group| {
                 group.library == latent.library && compiled.partitions[group.regions].partition == latent.partition
             })
         });
+        let domain = |(at, group): (usize, &Latents)| {
+            let partition = compiled.partitions[group.regions].partition;
+            Some((at, TrainingDomain::new(model, group.library, partition, &group.kept)?))
+        };
+        let domains = compiled.groups.iter().enumerate().filter_map(domain).collect();
         Ok(Self {
             targets,
             wrapped: equations.iter().map(|equation| wraps(model, equation)).collect(),
             names: model.outputs(),
-            domain: group.zip(TrainingDomain::new(model)),
+            domains,
+            reported,
             halo,
             compiled,
         })
@@ -177,7 +186,7 @@ impl Predictor {
             let inside = measurable.contains(&global);
             out.status[shift + row] = self.finish_row(workspace, row, shift + row, inside, out);
         }
-        if let Some((group, domain)) = &self.domain {
+        for (group, domain) in &self.domains {
             pulp::Arch::new().dispatch(Places {
                 group: &self.compiled.groups[*group],
                 domain,
@@ -232,7 +241,7 @@ impl Predictor {
         if model.regions.iter().any(|regions| regions[row] == u32::MAX) {
             return if measurable { RowStatus::NoRegion } else { border };
         }
-        let regions = self.domain.as_ref().map_or(0, |(group, _)| self.compiled.groups[*group].regions);
+        let regions = self.reported.map_or(0, |group| self.compiled.groups[group].regions);
         out.region[at] = model.regions.get(regions).map_or(0, |regions| regions[row]);
         let (mut finite, mut measured) = (true, true);
         for equation in 0..self.names.len() {
@@ -276,7 +285,12 @@ impl pulp::WithSimd for Places<'_> {
         place.resize(self.domain.scratch(), 0.0);
         for row in 0..self.rows {
             let at = self.shift + row;
-            let region = self.out.region[at] as usize;
+            let region = match model.regions.get(self.group.regions) {
+                // A row without a prediction has no place.
+                _ if self.out.region[at] == u32::MAX => continue,
+                Some(regions) => regions[row] as usize,
+                None => 0,
+            };
             if region >= self.domain.regions() {
                 continue;
             }
@@ -284,9 +298,10 @@ impl pulp::WithSimd for Places<'_> {
                 *feature = model.values[(self.group.first + j) * model.stride + row];
             }
             let found = self.domain.place(simd, region, features, place);
-            self.out.distance[at] = found.distance;
-            self.out.centre_distance[at] = found.centre_distance;
-            self.out.domain[at] = found.domain;
+            // A model is as far from its training as the worst of its latents; a maximum leaves NaN behind.
+            self.out.distance[at] = self.out.distance[at].max(found.distance);
+            self.out.centre_distance[at] = self.out.centre_distance[at].max(found.centre_distance);
+            self.out.domain[at] = self.out.domain[at].max(found.domain);
         }
     }
 }

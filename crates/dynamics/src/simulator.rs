@@ -9,7 +9,7 @@ use fleetfoot_model::{Equation, Model, Role, packed};
 use crate::{
     Error, Method, Start, Step, Trajectory,
     affine::AffineKernel,
-    compiled::Compiled,
+    compiled::{Compiled, Latents},
     controller::{Controller, Driver},
     integrate::Advance,
     kernel::padded,
@@ -55,7 +55,8 @@ pub struct Simulator {
     pub(crate) columns: Vec<String>,
     pub(crate) states: Vec<State>,
     pub(crate) compiled: Compiled,
-    pub(crate) ranges: Option<Ranges>,
+    /// Of every group of latents that has statistics.
+    pub(crate) ranges: Vec<Ranges>,
     /// Index among the compiled partitions of the one whose regions are reported.
     pub(crate) reported: usize,
     /// Columns that are recorded and used, with the lags at which they are used: `(column, most, least)`.
@@ -98,8 +99,12 @@ impl Simulator {
         let (states, equations) = advanced_states(model)?;
         let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &columns, &equations, None)?;
-        let ranges = ranges(model, &compiled);
-        let reported = ranges.as_ref().map_or(0, |ranges| compiled.groups[ranges.group].regions);
+        let ranges = (0..compiled.groups.len()).filter_map(|group| ranges(model, &compiled, group)).collect();
+        let first = model.latents.first().and_then(|latent| {
+            let partition = |group: &Latents| compiled.partitions[group.regions].partition;
+            compiled.groups.iter().find(|group| group.library == latent.library && partition(group) == latent.partition)
+        });
+        let reported = first.map_or(0, |group| group.regions);
         let mut simulator = Self {
             columns: model.columns.iter().map(|column| column.name.clone()).collect(),
             names: states.iter().map(|state| model.columns[state.column].name.clone()).collect(),
@@ -362,16 +367,17 @@ fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error>
     Ok((states, equations))
 }
 
-/// The ranges of the first latent's regressors, where it takes part.
-fn ranges(model: &Model, compiled: &Compiled) -> Option<Ranges> {
-    let latent = model.latents.first()?;
-    let group = compiled.groups.iter().position(|group| {
-        group.library == latent.library && compiled.partitions[group.regions].partition == latent.partition
-    })?;
+/// The ranges of the regressors of a group of latents; `None` where its partition has no statistics of them.
+fn ranges(model: &Model, compiled: &Compiled, group: usize) -> Option<Ranges> {
+    let partition = compiled.partitions[compiled.groups[group].regions].partition;
+    let functions = model.libraries[compiled.groups[group].library].len();
+    if model.partitions[partition].regions.iter().any(|region| region.range.len() != functions) {
+        return None;
+    }
     let kept = &compiled.groups[group].kept;
     let width = padded(kept.len());
     let bounds = |end: usize, pad: f64| -> Vec<f64> {
-        let regions = &model.partitions[latent.partition].regions;
+        let regions = &model.partitions[partition].regions;
         regions
             .iter()
             .flat_map(|region| {

@@ -12,9 +12,10 @@ use crate::Error;
 /// Chunks beside held-out ones of the same episode that do not train.
 const PURGE: u32 = 1;
 
-/// Lambdas that are compared, and the least of them over the largest. Equations of physics may be nearly exact, so the least is smaller than usual.
-const LAMBDAS: usize = 120;
-const LEAST_LAMBDA: f64 = 1e-4;
+/// Lambdas that are compared, and the least of them over the largest. Equations of physics may be nearly exact, and a strong prior makes the largest one
+/// large: so the least is smaller than usual.
+const LAMBDAS: usize = 161;
+const LEAST_LAMBDA: f64 = 1e-8;
 
 /// Lambda, and where it comes from.
 #[derive(Debug, Clone)]

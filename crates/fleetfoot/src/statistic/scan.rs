@@ -95,16 +95,16 @@ impl<'a> Scan<'a> {
         progress: &dyn Progress,
         keep: &mut dyn FnMut(&mut StatisticFile) -> Result<(), Error>,
     ) -> Result<(), Error> {
+        if let (Some(file), Some(first)) = (&self.file, files.first()) {
+            // Told before the files are opened, which may take long, and also when all of them are there already.
+            let (_, _, task) = Dataset::structure(self.recipe, std::slice::from_ref(&first.path))?;
+            file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
+        }
         let files = self.new_files(files);
         if files.is_empty() {
             return Ok(());
         }
         let paths: Vec<PathBuf> = files.iter().map(|file| file.path.clone()).collect();
-        if let Some(file) = &self.file {
-            // Told before the files are opened, which may take long.
-            let (_, _, task) = Dataset::structure(self.recipe, &paths)?;
-            file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
-        }
         let OpenedStructure { dataset, task, recipe, fields } = Dataset::for_structure(self.recipe, &paths, progress)?;
         self.report.notes.extend_from_slice(dataset.notes());
         refuse_text(&task, dataset.fields())?;

@@ -71,6 +71,10 @@ fn other_plans_are_refused_with_the_difference() {
     assert!(column.contains("  - column v = v") && column.contains("  + column v = 2*v"), "{column}");
     let chunks = message(RECIPE, &ScanOptions { chunk_rows: NonZeroUsize::new(50), ..options() });
     assert!(chunks.contains("  - chunk_rows = 40") && chunks.contains("  + chunk_rows = 50"), "{chunks}");
+    // Also when there is nothing new to scan.
+    let other = Recipe::parse(&RECIPE.replace("degree = 2", "degree = 3"), "test").unwrap();
+    let known = scan(&other, &options(), Some(first.clone()), &files[..1], &Silent).unwrap_err().to_string();
+    assert!(known.contains("  + T : x^3"), "{known}");
     // The same recipe, its own pilot.
     let mut own = first.clone();
     let message = own.merge("a.stats", scanned(&files[1..], None), "b.stats").unwrap_err().to_string();
