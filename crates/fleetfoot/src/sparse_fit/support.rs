@@ -106,7 +106,10 @@ pub(super) fn select(
     };
     if let Some((what, replicates)) = options.bolasso {
         progress.stage("bootstrap");
-        bolasso(problem, file, options, lambda, (what, replicates), source, &mut support, progress)?;
+        let threshold = options.threshold.unwrap_or(1.0);
+        let bootstrap = BootstrapOptions { replicates, lambda, seed: options.seed, threshold };
+        let found = resample(problem, file, what, &bootstrap, source, progress)?;
+        support.agree(found, what, &bootstrap);
     } else if options.stability {
         progress.stage("halves");
         stability(problem, options, lambda, &mut support, progress)?;
@@ -114,51 +117,53 @@ pub(super) fn select(
     Ok(support)
 }
 
-#[expect(clippy::too_many_arguments, reason = "what a bootstrap needs, and the support that it fills")]
-fn bolasso(
+/// The replicates of a bolasso.
+fn resample(
     problem: &Problem<'_>,
     file: &StatisticFile,
-    options: &SparseOptions,
-    lambda: f64,
-    (what, replicates): (Resampled, usize),
+    what: Resampled,
+    bootstrap: &BootstrapOptions,
     source: Option<&dyn Source>,
-    support: &mut Support,
     progress: &dyn Progress,
-) -> Result<(), Error> {
-    let threshold = options.threshold.unwrap_or(1.0);
-    let bootstrap = BootstrapOptions { replicates, lambda, seed: options.seed, threshold };
-    let found = match (what, source) {
+) -> Result<Selection, Error> {
+    Ok(match (what, source) {
         (Resampled::Units(unit), _) => {
-            block_bootstrap(&problem.structure, &problem.banks, &problem.assembly, unit, &bootstrap, progress)?
+            block_bootstrap(&problem.structure, &problem.banks, &problem.assembly, unit, bootstrap, progress)?
         }
-        (Resampled::Rows, Some(source)) => row_bootstrap(&file.plan, &problem.assembly, source, &bootstrap, progress)?,
+        (Resampled::Rows, Some(source)) => row_bootstrap(&file.plan, &problem.assembly, source, bootstrap, progress)?,
         (Resampled::Rows, None) => {
             return Err(Error::Request(
                 "bolasso = rows: a statistic has no rows to draw; give the logs instead, or resample `chunks` or `episodes`, which needs no rows"
                     .into(),
             ));
         }
-    };
-    let unit = match what {
-        Resampled::Rows => "rows",
-        Resampled::Units(fleetfoot_sparse::BootstrapUnit::Chunk) => "chunks",
-        Resampled::Units(_) => "episodes",
-    };
-    support.method = "bolasso";
-    support.how = format!("bolasso: columns in {:.0} % of {replicates} replicates of {unit}", threshold * 100.0);
-    for (count, what) in [
-        (found.stalled, "were finished by coordinate descent, because rounding ended their path before lambda"),
-        (found.unconverged, "did not converge, and count as they are"),
-        (found.empty, "drew no rows and were left out"),
-    ] {
-        if count > 0 {
-            support.notes.push(format!("{count} of {replicates} replicates {what}"));
+    })
+}
+
+impl Support {
+    /// Keeps what the replicates agree on.
+    fn agree(&mut self, found: Selection, what: Resampled, bootstrap: &BootstrapOptions) {
+        let BootstrapOptions { replicates, threshold, .. } = *bootstrap;
+        let unit = match what {
+            Resampled::Rows => "rows",
+            Resampled::Units(fleetfoot_sparse::BootstrapUnit::Chunk) => "chunks",
+            Resampled::Units(_) => "episodes",
+        };
+        self.method = "bolasso";
+        self.how = format!("bolasso: columns in {:.0} % of {replicates} replicates of {unit}", threshold * 100.0);
+        for (count, what) in [
+            (found.stalled, "were finished by coordinate descent, because rounding ended their path before lambda"),
+            (found.unconverged, "did not converge, and count as they are"),
+            (found.empty, "drew no rows and were left out"),
+        ] {
+            if count > 0 {
+                self.notes.push(format!("{count} of {replicates} replicates {what}"));
+            }
         }
+        self.columns.clone_from(&found.support);
+        self.frequency = Some(found.frequency.clone());
+        self.replicates = Some(found);
     }
-    support.columns.clone_from(&found.support);
-    support.frequency = Some(found.frequency.clone());
-    support.replicates = Some(found);
-    Ok(())
 }
 
 fn stability(

@@ -11,7 +11,7 @@ use fleetfoot_stats::{Bank, Gram, Key, Preconditioner, SquareRoot};
 
 use super::{
     BolassoError, BootstrapUnit,
-    resample::{Frame, Sums, check, divide_right, packed, scale, spread, triangle_of},
+    resample::{Frame, Sums, divide_right, packed, scale, spread, triangle_of},
 };
 use crate::{Assembly, Banks, SparseError, Structure, kernel::Slab};
 
@@ -124,7 +124,7 @@ impl<'a> Joint<'a> {
         unit: BootstrapUnit,
         progress: &dyn Progress,
     ) -> Result<Self, BolassoError> {
-        let penalty = check(structure, assembly)?;
+        let penalty = structure.penalty(assembly)?;
         let total = banks.total();
         // What is wrong with the statistic shows here, once.
         structure.assemble(&total, assembly)?;

@@ -3,7 +3,7 @@
 use faer::{Accum, Mat, Par, linalg::matmul::matmul};
 
 use crate::{
-    Assembly, CoordinateOptions, Penalty, Quadratic, Sign, Solution, SparseError, Structure, coordinate_descent,
+    Assembly, CoordinateOptions, Penalty, Quadratic, Sign, Solution, SparseError, coordinate_descent,
     kernel::{Slab, norm},
     lars::lasso_at,
     rows::compress,
@@ -70,40 +70,6 @@ pub(crate) fn spread(square: f64, sum: f64, weight: f64, centre: f64) -> f64 {
 
 /// A deviation below this, relative to the mean, is rounding.
 const STILL: f64 = 1e-13;
-
-/// What [`Structure::assemble`] would refuse about options that do not depend on the rows, and the penalty.
-pub(crate) fn check(structure: &Structure, assembly: &Assembly) -> Result<Penalty, SparseError> {
-    let (p, tasks, latents) = (structure.coefficients(), structure.tasks.len(), structure.functions.len());
-    let optional = |found: usize, expected: usize| if found == 0 { expected } else { found };
-    let tikhonov = assembly.tikhonov.as_ref();
-    for (what, found, expected) in [
-        ("the task weights", assembly.weights.len(), tasks),
-        ("the penalty factors of the latents", optional(assembly.latents.len(), latents), latents),
-        ("the penalty factors", optional(assembly.factors.len(), p), p),
-        ("the signs", optional(assembly.signs.len(), p), p),
-        ("a row of Gamma", tikhonov.map_or(p, |tikhonov| tikhonov.gamma.ncols()), p),
-        ("the prior", tikhonov.map_or(p, |tikhonov| tikhonov.prior.len()), p),
-    ] {
-        if found != expected {
-            return Err(SparseError::Length { what, found, expected });
-        }
-    }
-    let strengths = assembly.weights.iter().map(|&weight| ("a task weight", weight));
-    let latent = assembly.latents.iter().map(|&factor| ("a latent's penalty factor", factor));
-    let tikhonov = tikhonov.map(|tikhonov| ("the Tikhonov strength", tikhonov.strength));
-    for (name, value) in strengths.chain(latent).chain(tikhonov) {
-        crate::penalty::check_strength(name, value)?;
-    }
-    let latent_of = structure.latent_of();
-    let factor = |j: usize| {
-        assembly.factors.get(j).copied().unwrap_or(1.0) * assembly.latents.get(latent_of[j]).copied().unwrap_or(1.0)
-    };
-    let factors: Vec<f64> = (0..p).map(factor).collect();
-    if let Some(column) = factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {
-        return Err(SparseError::PenaltyFactor { column, value: factors[column] });
-    }
-    Ok(Penalty { standardise: false, factors, signs: assembly.signs.clone() })
-}
 
 impl<'a> Frame<'a> {
     pub(crate) fn new(triangle: Mat<f64>, unit: Vec<f64>, size: f64, assembly: &'a Assembly, penalty: Penalty) -> Self {

@@ -11,7 +11,7 @@ use super::{
     BolassoError, BootstrapOptions, Selection,
     counts::PoissonCounts,
     pairs::Pairs,
-    resample::{Frame, Sums, check, packed, scale, spread, triangle_of},
+    resample::{Frame, Sums, packed, scale, spread, triangle_of},
     tile::{Library, Pool, Tile},
 };
 use crate::{Assembly, Plan, Regression, ScanError, SparseError, kernel::Slab};
@@ -42,7 +42,7 @@ pub fn row_bootstrap(
     progress: &dyn Progress,
 ) -> Result<Selection, BolassoError> {
     options.check()?;
-    let penalty = check(&plan.regression.structure(), assembly)?;
+    let penalty = plan.regression.structure().penalty(assembly)?;
     let columns = Columns::new(plan, assembly, source)?;
     let stride = PoissonCounts::stride(options.replicates);
     let sums = accumulate(plan, &columns, source, options.seed, stride, progress)?;

@@ -7,6 +7,7 @@ use super::Structure;
 use crate::{
     Penalty, Quadratic, Sign, Solution, SparseError,
     kernel::{Slab, norm},
+    penalty::check_strength,
     rows::compress,
 };
 
@@ -69,7 +70,8 @@ impl Structure {
     /// # Errors
     /// When lengths disagree, a weight is negative, there are no rows, or a statistic is not finite.
     pub fn assemble(&self, roots: &[SquareRoot], assembly: &Assembly) -> Result<Assembled, SparseError> {
-        self.check(roots, assembly)?;
+        let penalty = self.penalty(assembly)?;
+        self.check(roots)?;
         let p = self.coefficients();
         let n = roots.iter().map(|root| root.weight).fold(0.0, f64::max);
         if n.is_nan() || n <= 0.0 {
@@ -87,10 +89,6 @@ impl Structure {
             stack.add_tikhonov(tikhonov, &scale);
         }
         let problem = stack.finish(n);
-        let latent_of = self.latent_of();
-        let latent = |j: usize| assembly.latents.get(latent_of[j]).copied().unwrap_or(1.0);
-        let factors = (0..p).map(|j| assembly.factors.get(j).copied().unwrap_or(1.0) * latent(j)).collect();
-        let penalty = Penalty { standardise: false, factors, signs: assembly.signs.clone() };
         Ok(Assembled { problem: problem?, penalty, scale })
     }
 
@@ -117,18 +115,17 @@ impl Structure {
         (0..p).map(scale).collect()
     }
 
-    fn check(&self, roots: &[SquareRoot], assembly: &Assembly) -> Result<(), SparseError> {
-        let (p, tasks) = (self.coefficients(), self.tasks.len());
+    /// Factors and signs for the solvers, once the options are those of this structure.
+    ///
+    /// # Errors
+    /// When lengths disagree, or a weight, a factor or a strength is out of range.
+    pub(crate) fn penalty(&self, assembly: &Assembly) -> Result<Penalty, SparseError> {
+        let (p, latents) = (self.coefficients(), self.functions.len());
         let optional = |found: usize, expected: usize| if found == 0 { expected } else { found };
         let tikhonov = assembly.tikhonov.as_ref();
         for (what, found, expected) in [
-            ("the list of the tasks' statistics", roots.len(), tasks),
-            ("the task weights", assembly.weights.len(), tasks),
-            (
-                "the penalty factors of the latents",
-                optional(assembly.latents.len(), self.functions.len()),
-                self.functions.len(),
-            ),
+            ("the task weights", assembly.weights.len(), self.tasks.len()),
+            ("the penalty factors of the latents", optional(assembly.latents.len(), latents), latents),
             ("the penalty factors", optional(assembly.factors.len(), p), p),
             ("the signs", optional(assembly.signs.len(), p), p),
             ("a row of Gamma", tikhonov.map_or(p, |tikhonov| tikhonov.gamma.ncols()), p),
@@ -138,19 +135,32 @@ impl Structure {
                 return Err(SparseError::Length { what, found, expected });
             }
         }
+        let weights = assembly.weights.iter().map(|&weight| ("a task weight", weight));
+        let latents = assembly.latents.iter().map(|&factor| ("a latent's penalty factor", factor));
+        let tikhonov = tikhonov.map(|tikhonov| ("the Tikhonov strength", tikhonov.strength));
+        for (name, value) in weights.chain(latents).chain(tikhonov) {
+            check_strength(name, value)?;
+        }
+        let latent_of = self.latent_of();
+        let latent = |j: usize| assembly.latents.get(latent_of[j]).copied().unwrap_or(1.0);
+        let factor = |j: usize| assembly.factors.get(j).copied().unwrap_or(1.0) * latent(j);
+        let factors: Vec<f64> = (0..p).map(factor).collect();
+        if let Some(column) = factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {
+            return Err(SparseError::PenaltyFactor { column, value: factors[column] });
+        }
+        Ok(Penalty { standardise: false, factors, signs: assembly.signs.clone() })
+    }
+
+    fn check(&self, roots: &[SquareRoot]) -> Result<(), SparseError> {
+        let (found, expected) = (roots.len(), self.tasks.len());
+        if found != expected {
+            return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected });
+        }
         for (task, root) in roots.iter().enumerate() {
-            let expected = self.columns(task).len();
-            if root.regressors() != expected {
-                return Err(SparseError::Length { what: "a task's statistic", found: root.regressors(), expected });
+            let (found, expected) = (root.regressors(), self.columns(task).len());
+            if found != expected {
+                return Err(SparseError::Length { what: "a task's statistic", found, expected });
             }
-        }
-        for (name, values) in [("a task weight", &assembly.weights), ("a latent's penalty factor", &assembly.latents)] {
-            for &value in values {
-                crate::penalty::check_strength(name, value)?;
-            }
-        }
-        if let Some(tikhonov) = tikhonov {
-            crate::penalty::check_strength("the Tikhonov strength", tikhonov.strength)?;
         }
         Ok(())
     }
