@@ -2,7 +2,7 @@
 
 use std::fs;
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// A robot on a belt: vx' = 6 (u_v - vx), w' = 9 (u_w - w), x' = vx cos(yaw) - belt; commanded open loop. `speed` is its log's name of the belt's speed.
 fn treadmill_csv(rows: usize, phase: f64) -> String {

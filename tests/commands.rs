@@ -2,7 +2,7 @@
 
 use std::fs;
 
-include!("runner.rs");
+use crate::runner::*;
 
 fn logs() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fs};
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// Every file below a folder but the cache's, by its path.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs};
 
 use fleetfoot::{Source, log::Selection};
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// A hexapod's runs, short and without the seconds before the log begins.
 const SHORT: [&str; 4] = ["generate", "hexapod", "--set", "settle=0.1"];

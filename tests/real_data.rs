@@ -5,7 +5,7 @@
 
 use std::{fs, path::PathBuf};
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// The folder of the data, or a word about why a test does nothing.
 fn data(file: &str) -> Option<PathBuf> {

@@ -8,7 +8,7 @@ use fleetfoot::{
     message::write::{Header, JointState, Odometry, Time, Twist},
 };
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// Nanoseconds of the first message's log time, and what the simulated clock of the headers is behind it.
 const LOG_START: i64 = 1_790_000_000_000_000_000;

@@ -1,33 +1,30 @@
-// Runs the command and looks at what it says. Included by the tests of the command.
+//! Runs the command and looks at what it says.
 
-use std::{
+pub(crate) use std::{
     path::Path,
     process::{Command, Output},
 };
 
 /// What a run said.
-struct Said {
-    code: i32,
-    out: String,
-    err: String,
+pub(crate) struct Said {
+    pub(crate) code: i32,
+    pub(crate) out: String,
+    pub(crate) err: String,
 }
 
 impl Said {
     /// The output as JSON; for runs with `--json`.
-    #[allow(dead_code)]
-    fn json(&self) -> serde_json::Value {
+    pub(crate) fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}\n{}", self.out, self.err))
     }
 
-    #[allow(dead_code)]
-    fn ok(self) -> Self {
+    pub(crate) fn ok(self) -> Self {
         assert_eq!(self.code, 0, "{}{}", self.out, self.err);
         self
     }
 
     /// The message of a run that must fail with exit code 1, naming all of these.
-    #[allow(dead_code)]
-    fn fails(self, words: &[&str]) -> String {
+    pub(crate) fn fails(self, words: &[&str]) -> String {
         assert_eq!(self.code, 1, "{}{}", self.out, self.err);
         assert!(!self.err.contains("panicked"), "{}", self.err);
         for word in words {
@@ -38,16 +35,18 @@ impl Said {
 }
 
 /// Runs `fleetfoot` in a folder.
-fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_fleetfoot")).current_dir(folder).args(arguments).output().expect("the command runs");
+pub(crate) fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
+    let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("the command runs");
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
     Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
 }
 
 /// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
-#[allow(dead_code)]
-fn robot_csv(rows: usize, phase: f64) -> String {
+pub(crate) fn robot_csv(rows: usize, phase: f64) -> String {
     let dt = 0.01;
     let (mut x, mut v) = (0.0f64, 0.0f64);
     let mut text = String::from("t,x,v [m/s],u,mode,dv\n");

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-include!("runner.rs");
+use crate::runner::*;
 
 /// Six climbs and the recipe beside them.
 fn climbs() -> tempfile::TempDir {

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-include!("runner.rs");
+use crate::runner::*;
 
 const RECIPE: &str = "[latents]\nT = { of = [\"x\"], degree = 2 }\nD = { functions = [\"v\", \"v^2\"] }\n\
                       [tasks]\nalong = { target = \"a\", right = \"T - D\" }\nnormal = { target = \"b\", right = \"2*T\" }\n\

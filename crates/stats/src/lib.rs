@@ -16,6 +16,7 @@ pub use reduce::{TILE_ROWS, reduce};
 
 // numerics
 mod batch_means;
+mod compressed;
 mod errors;
 mod factor;
 mod gram;
@@ -33,6 +34,7 @@ mod svd;
 mod tile;
 mod triangle;
 pub use batch_means::BatchMeans;
+pub use compressed::Compressed;
 pub use errors::{ErrorSum, ErrorSums};
 pub use factor::Factor;
 pub use gram::Gram;

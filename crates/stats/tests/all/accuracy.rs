@@ -21,7 +21,7 @@ struct Design {
 }
 
 fn designs() -> Vec<Design> {
-    let text = include_str!("data/designs.txt");
+    let text = include_str!("../data/designs.txt");
     let mut designs: Vec<Design> = Vec::new();
     let (mut beta, mut row) = (0, 0);
     for line in text.lines().filter(|line| !line.starts_with('#')) {

@@ -1,10 +1,8 @@
 //! Rollouts against closed forms.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::*;
+use crate::common::*;
 use fleetfoot_data::{Silent, Source, with_threads};
 use fleetfoot_dynamics::{
     Baseline, Basis, End, Error, Method, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,

@@ -1,12 +1,10 @@
 //! Agreement with an interior-point solver on the quadratic program, which is written down from the rows.
 
-mod common;
-
+use crate::common::{Form, Rows, degenerate, ordinary, penalties};
 use clarabel::{
     algebra::CscMatrix,
     solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
 };
-use common::{Form, Rows, degenerate, ordinary, penalties};
 use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Sign, Strength, coordinate_descent, lambda_max, lars};
 
 /// The program in b+ and b-: coefficients of unit deviation, a target of unit deviation. The minimiser in these units, and its objective.

@@ -28,7 +28,7 @@ fn numbers<'a>(words: impl Iterator<Item = &'a str>) -> Vec<f64> {
 
 fn read() -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    let mut lines = include_str!("data/paths_sklearn.txt").lines().skip(1);
+    let mut lines = include_str!("../data/paths_sklearn.txt").lines().skip(1);
     while let Some(line) = lines.next() {
         let mut words = line.split_whitespace();
         match words.next() {

@@ -1,8 +1,6 @@
 //! The paths of LARS: certificates at every knot, and between them.
 
-mod common;
-
-use common::{FORMS, Form, Rows, degenerate, ordinary, penalties};
+use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties};
 use fleetfoot_sparse::{LarsOptions, Method, Path, PathStatus, Penalty, SparseError, lars};
 
 /// Knots whose violations, found from the statistic and from the rows, are below 1e-8 of scale; lambda falls strictly; the end is reached.
@@ -85,7 +83,7 @@ fn plain_lars_is_equiangular() {
 
 #[test]
 fn a_path_that_is_stopped_is_the_beginning_of_the_whole_one() {
-    let rows = common::leaves_and_returns();
+    let rows = crate::common::leaves_and_returns();
     let problem = rows.problem(Form::Root);
     let penalty = Penalty::standardised();
     let whole = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
@@ -145,7 +143,7 @@ fn what_is_left_out_is_named() {
             assert_eq!((&path.collinear[..], &path.constant[..]), expected, "{}, {form:?}", rows.name);
         }
     }
-    let wide = common::random(20, 12, 30);
+    let wide = crate::common::random(20, 12, 30);
     let path = lars(&wide.problem(Form::Root), &Penalty::standardised(), &LarsOptions::default()).expect("a path");
     assert_eq!(path.status, PathStatus::Saturated);
     let last = path.knots.last().expect("a knot");
@@ -165,7 +163,7 @@ fn exactly_explained_targets_end_with_the_truth() {
 /// The square-root form keeps the digits of a QR where the Gram matrix has lost them.
 #[test]
 fn ill_conditioned_columns_end_at_least_squares() {
-    let rows = common::polynomials();
+    let rows = crate::common::polynomials();
     let n = rows.n();
     let z = faer::Mat::from_fn(n, 8, |i, j| if j < 7 { rows.x[(i, j)] } else { rows.y[i] });
     let mut factor = fleetfoot_stats::Factor::new(7, 1);
@@ -190,7 +188,7 @@ fn paths_of_ill_conditioned_features_end_before_they_are_wrong() {
     let mut ended = 0;
     for seed in 0..4 {
         for spread in [1.0, 0.3, 0.1] {
-            let rows = common::features(seed, spread);
+            let rows = crate::common::features(seed, spread);
             for (what, penalty) in penalties(rows.p()) {
                 check(&rows, Form::Root, what, &penalty, &LarsOptions::default());
                 let problem = rows.problem(Form::Gram);

@@ -1,9 +1,6 @@
 //! Bolasso and stability selection against plain solves of every replicate.
 
-#[path = "common/mod.rs"]
-mod common;
-
-use common::gaussian;
+use crate::common::gaussian;
 use faer::Mat;
 use fleetfoot_data::{Column, Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Design, DesignRows, Expr, Scope};

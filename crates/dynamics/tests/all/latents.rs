@@ -1,8 +1,6 @@
 //! Models whose equations share latents, each with a library and a partition of its own: held against hand-computed values.
 
-mod common;
-
-use common::{column, identity, parse, region, source};
+use crate::common::{column, identity, parse, region, source};
 use fleetfoot_data::{Silent, Source};
 use fleetfoot_dynamics::{
     Method, Predicted, Predictor, PredictorWorkspace, RolloutOptions, RowStatus, ScoreOptions, Simulator, Starts, score,

@@ -1,8 +1,6 @@
 //! Choosing lambda: agreement with scikit-learn, and with brute force on the rows.
 
-mod common;
-
-use common::{aircraft, gaussian, tasks::Tasks};
+use crate::common::{aircraft, gaussian, tasks::Tasks};
 use faer::Mat;
 use fleetfoot_data::{Column, EpisodeId, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Scope};
@@ -62,7 +60,7 @@ struct Case {
 
 fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    let mut lines = include_str!("data/select_sklearn.txt").lines().skip(1);
+    let mut lines = include_str!("../data/select_sklearn.txt").lines().skip(1);
     while let Some(line) = lines.next() {
         let words: Vec<&str> = line.split_whitespace().collect();
         let mut block = |count: usize| -> Vec<Vec<f64>> {

@@ -7,9 +7,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-#[path = "../../../fuzz/fuzz_targets/body/cdr.rs"]
+#[path = "../../../../fuzz/fuzz_targets/body/cdr.rs"]
 mod cdr;
-#[path = "../../../fuzz/fuzz_targets/body/reader.rs"]
+#[path = "../../../../fuzz/fuzz_targets/body/reader.rs"]
 mod reader;
 
 /// What the targets call a hang.

@@ -1,14 +1,12 @@
 //! Laws of the minimiser as properties: scaling, permutation, shifts, and certificates of problems nobody chose.
 
-mod common;
-
-use common::{Form, integers, random};
+use crate::common::{Form, integers, random};
 use faer::Mat;
 use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Quadratic, Sign, coordinate_descent, lars};
 use proptest::prelude::*;
 
 fn problem(x: &Mat<f64>, y: &[f64], form: Form) -> Quadratic {
-    common::Rows { name: "changed".into(), x: x.clone(), y: y.to_vec(), unique: true }.problem(form)
+    crate::common::Rows { name: "changed".into(), x: x.clone(), y: y.to_vec(), unique: true }.problem(form)
 }
 
 /// Coefficients of both solvers at a share of the way.
@@ -39,7 +37,7 @@ proptest! {
         let rows = random(seed, n + p, p);
         let factor = 10.0_f64.powi(exponent);
         let y: Vec<f64> = rows.y.iter().map(|y| factor * y).collect();
-        for form in common::FORMS {
+        for form in crate::common::FORMS {
             let (a, b) = (problem(&rows.x, &rows.y, form), problem(&rows.x, &y, form));
             let penalty = Penalty::default();
             let lambda = share * lars(&a, &penalty, &LarsOptions::default()).expect("a path").knots[0].l1;
@@ -58,7 +56,7 @@ proptest! {
         let rows = random(seed, n + p, p);
         let factor = |j: usize| if j.is_multiple_of(2) { 10.0_f64.powi(exponent) } else { -0.5 };
         let x = Mat::from_fn(n + p, p, |i, j| factor(j) * (rows.x[(i, j)] + shift));
-        for form in common::FORMS {
+        for form in crate::common::FORMS {
             let (a, b) = (problem(&rows.x, &rows.y, form), problem(&x, &rows.y, form));
             let penalty = Penalty::standardised();
             let lambda = share * lars(&a, &penalty, &LarsOptions::default()).expect("a path").knots[0].l1;
@@ -82,7 +80,7 @@ proptest! {
             ..Penalty::standardised()
         };
         let penalty = Penalty { factors, signs, ..Penalty::standardised() };
-        for form in common::FORMS {
+        for form in crate::common::FORMS {
             let (a, b) = (problem(&rows.x, &rows.y, form), problem(&x, &rows.y, form));
             let lambda = share * lars(&a, &penalty, &LarsOptions::default()).expect("a path").knots[0].l1;
             prop_assume!(lambda > 0.0);
@@ -108,8 +106,8 @@ proptest! {
     #[test]
     fn problems_of_few_values_are_certified(seed in 0_u64..100_000, n in 2_usize..16, p in 1_usize..16, kind in 0_usize..6) {
         let rows = integers(seed, n, p);
-        let (what, penalty) = common::penalties(p).swap_remove(kind);
-        for form in common::FORMS {
+        let (what, penalty) = crate::common::penalties(p).swap_remove(kind);
+        for form in crate::common::FORMS {
             let problem = rows.problem(form);
             let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
             prop_assert!(path.knots.last().is_some_and(|knot| knot.l1 == 0.0), "{what} {form:?} {:?}", path.status);

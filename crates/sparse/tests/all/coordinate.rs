@@ -1,8 +1,6 @@
 //! Coordinate descent: certificates, and agreement with the path of LARS.
 
-mod common;
-
-use common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
+use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
 use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Solution, coordinate_descent, lambda_grid, lars};
 
 /// Difference of two sets of coefficients, in units of what moves the prediction by the target's deviation.
@@ -92,7 +90,7 @@ fn a_library_much_wider_than_the_data_is_solved() {
 
 #[test]
 fn not_converging_is_a_status() {
-    let rows = common::polynomials();
+    let rows = crate::common::polynomials();
     let problem = rows.problem(Form::Root);
     let penalty = Penalty::standardised();
     let lambda = 1e-5 * problem.target_deviation();

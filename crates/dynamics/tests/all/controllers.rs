@@ -1,10 +1,8 @@
 //! Closed loops around models, against closed forms.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::*;
+use crate::common::*;
 use fleetfoot_data::{MemorySource, Silent, with_threads};
 use fleetfoot_dynamics::{
     End, Error, Method, RolloutOptions, Simulator, Start, Starts, Step, Trajectory,

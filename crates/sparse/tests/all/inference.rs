@@ -1,8 +1,6 @@
 //! Inference against formulas over the rows, refits and constructed confounding.
 
-mod common;
-
-use common::gaussian;
+use crate::common::gaussian;
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_data::{Column, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Scope};

@@ -1,8 +1,6 @@
 //! Problems from every kind of statistic, what is refused, and the adaptive lasso.
 
-mod common;
-
-use common::{Form, degenerate, random};
+use crate::common::{Form, degenerate, random};
 use faer::Mat;
 use fleetfoot_sparse::{
     CoordinateOptions, Initial, LarsOptions, Method, Penalty, Quadratic, Sign, SparseError, Strength, adaptive,
@@ -51,7 +49,7 @@ fn every_statistic_of_the_same_weighted_rows_gives_the_same_path() {
 #[test]
 fn mean_squared_error_and_r2_are_those_of_the_rows() {
     for rows in [random(3, 40, 5), random(4, 9, 12)] {
-        for form in common::FORMS {
+        for form in crate::common::FORMS {
             let path = lars(&rows.problem(form), &Penalty::default(), &LarsOptions::default()).expect("a path");
             let mean = rows.y.iter().sum::<f64>() / rows.n() as f64;
             let total = rows.y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / rows.n() as f64;
@@ -98,7 +96,7 @@ fn unpenalised_columns_are_partialled_out() {
     let y = z(&|i| rows.y[i]);
     let partialled = Quadratic::from_rows(x.as_ref(), &y, None, true).expect("rows");
     let expected = lars(&partialled, &Penalty::default(), &LarsOptions::default()).expect("a path");
-    for form in common::FORMS {
+    for form in crate::common::FORMS {
         let path = lars(&rows.problem(form), &penalty, &LarsOptions::default()).expect("a path");
         assert_eq!(path.knots.len(), expected.knots.len());
         for (a, b) in path.knots.iter().zip(&expected.knots) {
@@ -160,7 +158,7 @@ fn the_adaptive_lasso_is_the_lasso_of_rescaled_columns() {
 fn degrees_of_freedom_are_the_trace_of_the_hat_matrix() {
     // Orthogonal columns: each counts 1 / (1 + l2 / variance).
     let rows = degenerate().into_iter().find(|rows| rows.name == "equal correlations").expect("the problem");
-    for form in common::FORMS {
+    for form in crate::common::FORMS {
         let problem = rows.problem(form);
         for l2 in [0.0, 0.5] {
             let options = LarsOptions { l2, ..LarsOptions::default() };
@@ -274,7 +272,7 @@ fn pure_ridge_is_that_of_the_small_solves() {
     factor.push(Mat::from_fn(40, 6, |i, j| if j < 5 { rows.x[(i, j)] } else { rows.y[i] }).as_ref(), None);
     let expected = ridge(&factor.square_root(), &[1.0; 5], 0.4, None);
     let options = CoordinateOptions { l1_ratio: 0.0, ..CoordinateOptions::default() };
-    for form in common::FORMS {
+    for form in crate::common::FORMS {
         let found = coordinate_descent(&rows.problem(form), &Penalty::default(), &[0.4], &options).expect("a solution");
         assert!(found[0].converged && close(&found[0].dense(5), expected.coefficients.col_as_slice(0), 1e-11));
         assert!((found[0].intercept - expected.intercept[0]).abs() < 1e-10);

@@ -1,8 +1,6 @@
 //! Constrained fits beside closed forms, the enumeration of active sets and non-negative paths.
 
-mod common;
-
-use common::{degenerate, gaussian, ordinary};
+use crate::common::{degenerate, gaussian, ordinary};
 use faer::{Mat, linalg::solvers::Solve};
 use fleetfoot_sparse::{
     Assembled, Assembly, Constrained, ConstrainedError, ConstrainedOptions, ConstrainedStatus, Constraints,

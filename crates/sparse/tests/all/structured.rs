@@ -1,8 +1,6 @@
 //! Assembly of structured problems, against the block matrix written out, and the laws that its minimiser obeys.
 
-mod common;
-
-use common::{aircraft, gaussian, tasks, tasks::Tasks};
+use crate::common::{aircraft, gaussian, tasks, tasks::Tasks};
 use faer::Mat;
 use fleetfoot_sparse::{
     Assembled, LarsOptions, Path, PathStatus, Penalty, Quadratic, Strength, Tikhonov, certificate, lars,

@@ -28,7 +28,7 @@ fn numbers<'a>(words: impl Iterator<Item = &'a str>) -> Vec<f64> {
 
 fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    let mut lines = include_str!("data/many_sklearn.txt").lines().skip(1);
+    let mut lines = include_str!("../data/many_sklearn.txt").lines().skip(1);
     while let Some(line) = lines.next() {
         let words: Vec<&str> = line.split(' ').collect();
         match words[0] {

@@ -1,8 +1,6 @@
 //! One-step predictions and scores against naive computations.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use fleetfoot_data::{Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_dynamics::{
     Baseline, Basis, Domain, Error, Predicted, Predictor, PredictorWorkspace, RowStatus, ScoreOptions, Scores, score,

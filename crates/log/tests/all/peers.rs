@@ -3,9 +3,7 @@
 //! `FLEETFOOT_PYTHON` names a Python with the packages of `tests/peers/README.md`; `FLEETFOOT_DATA` a folder whose `mcap/` holds real logs
 //! (else `../shared/data` beside the checkout is tried). Where they are absent, a test says so and ends.
 
-#[path = "peers/hold.rs"]
 mod hold;
-#[path = "peers/oracle.rs"]
 mod oracle;
 
 use std::{

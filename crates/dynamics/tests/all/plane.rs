@@ -1,10 +1,8 @@
 //! Projections onto a plane against their definition, row by row.
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::{column, model, parse, partition, random_hybrid, source};
+use crate::common::{column, model, parse, partition, random_hybrid, source};
 use fleetfoot_data::{Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_dynamics::{Axis, Error, Mahalanobis, Predicted, Predictor, PredictorWorkspace, RowStatus, plane};
 use fleetfoot_model::{Model, Prediction, Role, Rule};

@@ -1,0 +1,8 @@
+//! What models do: simulated, scored, closed.
+
+mod common;
+mod controllers;
+mod latents;
+mod plane;
+mod rollouts;
+mod scores;

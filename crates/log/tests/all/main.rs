@@ -1,0 +1,10 @@
+//! Recordings in and out of files.
+
+mod channels;
+mod corpus;
+mod csv;
+mod damage;
+mod fixtures;
+mod mcap_writer;
+mod parquet;
+mod peers;

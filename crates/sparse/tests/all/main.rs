@@ -1,0 +1,16 @@
+//! Sparse regression, against certificates, peers and its own laws.
+
+mod bolasso;
+mod clarabel;
+mod common;
+mod constrained;
+mod constrained_latent;
+mod coordinate;
+mod degenerate;
+mod inference;
+mod lars;
+mod laws;
+mod problem;
+mod select;
+mod sklearn;
+mod structured;

@@ -1,0 +1,12 @@
+//! The command, as its users run it.
+
+mod bad_input;
+mod closed_loop;
+mod commands;
+mod demo;
+mod generate;
+mod real_data;
+mod robot_logs;
+mod runner;
+mod sparse;
+mod stats_files;
