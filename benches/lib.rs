@@ -4,6 +4,7 @@
 //! The Python that runs the peers is `FLEETFOOT_PYTHON`, else `python3`; a peer that is not installed is reported as absent, never as a number.
 
 use std::{
+    hint::black_box,
     path::{Path, PathBuf},
     process::Command,
     time::Instant,
@@ -20,6 +21,25 @@ pub fn best_of<R>(times: usize, mut work: impl FnMut() -> R) -> (f64, R) {
         result = Some(value);
     }
     (best, result.expect("at least one run"))
+}
+
+/// Fused multiply-adds per second of one core, in registers: the physical limit of sums. `None` where there is no loop for the processor.
+pub fn fma_rate() -> Option<f64> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use peak::STEPS;
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has AVX-512F.
+            let (seconds, _) = best_of(300, || black_box(unsafe { peak::avx512() }));
+            return Some((12 * 8 * STEPS) as f64 / seconds);
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has AVX2 and FMA.
+            let (seconds, _) = best_of(300, || black_box(unsafe { peak::avx2() }));
+            return Some((12 * 4 * STEPS) as f64 / seconds);
+        }
+    }
+    None
 }
 
 /// The largest resident set of this process so far, MiB. NaN where the system does not tell.
@@ -55,4 +75,36 @@ pub fn write_f64(path: &Path, values: &[f64]) -> std::io::Result<()> {
 pub fn read_f64(path: &Path) -> std::io::Result<Vec<f64>> {
     let bytes = std::fs::read(path)?;
     Ok(bytes.chunks_exact(8).map(|chunk| f64::from_le_bytes(chunk.try_into().expect("eight bytes"))).collect())
+}
+
+#[cfg(target_arch = "x86_64")]
+mod peak {
+    use std::arch::x86_64::*;
+
+    pub(super) const STEPS: usize = 100_000;
+
+    /// Twelve independent chains of fused multiply-adds in registers; the sum keeps them alive.
+    #[target_feature(enable = "avx512f")]
+    pub(super) fn avx512() -> f64 {
+        let (a, b) = (_mm512_set1_pd(0.999_999_9), _mm512_set1_pd(1e-9));
+        let mut sums = [_mm512_set1_pd(1.0); 12];
+        for _ in 0..STEPS {
+            for sum in &mut sums {
+                *sum = _mm512_fmadd_pd(*sum, a, b);
+            }
+        }
+        sums.into_iter().map(|sum| _mm512_reduce_add_pd(sum)).sum()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn avx2() -> f64 {
+        let (a, b) = (_mm256_set1_pd(0.999_999_9), _mm256_set1_pd(1e-9));
+        let mut sums = [_mm256_set1_pd(1.0); 12];
+        for _ in 0..STEPS {
+            for sum in &mut sums {
+                *sum = _mm256_fmadd_pd(*sum, a, b);
+            }
+        }
+        sums.into_iter().map(|sum| _mm256_cvtsd_f64(sum)).sum()
+    }
 }

@@ -1,9 +1,9 @@
 //! The Gram matrix of a polynomial library from moments, beside numpy's matrix product on the ready-made library.
 
-use std::{hint::black_box, path::Path};
+use std::path::Path;
 
 use faer::Mat;
-use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_benches::{best_of, fma_rate, peak_rss_mib, peer, read_f64, write_f64};
 use fleetfoot_data::{Cancelled, Silent, parallel_map, with_threads};
 use fleetfoot_stats::{Gram, PolynomialMoments, PolynomialPlan, TILE_ROWS};
 use rand::{RngExt, SeedableRng};
@@ -66,57 +66,6 @@ fn raw_gram(plan: &PolynomialPlan, gram: &Gram) -> Mat<f64> {
         let centred = if i == 0 || j == 0 { 0.0 } else { raw[(i - 1, j - 1)] };
         centred + gram.weight * means[i] * means[j]
     })
-}
-
-#[cfg(target_arch = "x86_64")]
-mod peak {
-    use std::arch::x86_64::*;
-
-    pub(super) const STEPS: usize = 100_000;
-
-    /// Twelve independent chains of fused multiply-adds in registers; the sum keeps them alive.
-    #[target_feature(enable = "avx512f")]
-    pub(super) fn avx512() -> f64 {
-        let (a, b) = (_mm512_set1_pd(0.999_999_9), _mm512_set1_pd(1e-9));
-        let mut sums = [_mm512_set1_pd(1.0); 12];
-        for _ in 0..STEPS {
-            for sum in &mut sums {
-                *sum = _mm512_fmadd_pd(*sum, a, b);
-            }
-        }
-        sums.into_iter().map(|sum| _mm512_reduce_add_pd(sum)).sum()
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) fn avx2() -> f64 {
-        let (a, b) = (_mm256_set1_pd(0.999_999_9), _mm256_set1_pd(1e-9));
-        let mut sums = [_mm256_set1_pd(1.0); 12];
-        for _ in 0..STEPS {
-            for sum in &mut sums {
-                *sum = _mm256_fmadd_pd(*sum, a, b);
-            }
-        }
-        sums.into_iter().map(|sum| _mm256_cvtsd_f64(sum)).sum()
-    }
-}
-
-/// Fused multiply-adds per second of one core, in registers; `None` where this bench has no loop for the processor.
-fn peak_rate() -> Option<f64> {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use peak::STEPS;
-        if is_x86_feature_detected!("avx512f") {
-            // SAFETY: the processor has AVX-512F.
-            let (seconds, _) = best_of(300, || black_box(unsafe { peak::avx512() }));
-            return Some((12 * 8 * STEPS) as f64 / seconds);
-        }
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has AVX2 and FMA.
-            let (seconds, _) = best_of(300, || black_box(unsafe { peak::avx2() }));
-            return Some((12 * 4 * STEPS) as f64 / seconds);
-        }
-    }
-    None
 }
 
 struct Case {
@@ -211,7 +160,7 @@ fn compare(case: &Case, signals: &[Vec<f64>], plan: &PolynomialPlan, gram: &Gram
 
 fn main() {
     let signals = signals(6);
-    let peak = peak_rate();
+    let peak = fma_rate();
     match peak {
         Some(peak) => println!("{ROWS} rows; fused multiply-adds in registers, one core: {:.1} GFMA/s", 1e-9 * peak),
         None => println!("{ROWS} rows"),

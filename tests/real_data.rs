@@ -8,7 +8,7 @@ use std::{fs, path::PathBuf};
 use crate::runner::*;
 
 /// The folder of the data, or a word about why a test does nothing.
-fn data(file: &str) -> Option<PathBuf> {
+pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("FLEETFOOT_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let path = folder.join(file);

@@ -1,11 +1,17 @@
 //! Arguments.
 
+mod export;
+mod narx;
+mod sindy;
 mod sparse;
 mod statistic;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
+pub(crate) use narx::{FitNarx, NarxArgs};
+pub(crate) use sindy::{FitSindy, SindyArgs};
 pub(crate) use sparse::{FitSparse, SparseArgs};
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
 
@@ -56,6 +62,8 @@ pub(crate) enum Command {
     Rollout(Rollout),
     /// Print a model's equations and regions.
     Show(Show),
+    /// Write a model as C, Rust, Python, LaTeX or arrays.
+    Export(Export),
     /// Simulate a robot and write its logs, with known truth, and the recipe to fit them.
     Generate(Box<Generate>),
 }
@@ -66,6 +74,10 @@ pub(crate) enum Fit {
     Pwa(Box<FitPwa>),
     /// Sparse equations over latent functions, shared between equations where the recipe says so.
     Sparse(Box<FitSparse>),
+    /// Equations: sparse sums of candidate functions (SINDy), beside what is known of the dynamics.
+    Sindy(Box<FitSindy>),
+    /// Outputs from their own past and that of the inputs, polynomial and piecewise where asked for (NARX).
+    Narx(Box<FitNarx>),
 }
 
 #[derive(Debug, Args)]

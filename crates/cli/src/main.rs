@@ -26,6 +26,8 @@ fn main() -> ExitCode {
         Command::Init(arguments) => commands::init::init(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit::pwa(arguments, &context),
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
+        Command::Fit(Fit::Narx(arguments)) => commands::fit_narx::narx(arguments, &context),
+        Command::Fit(Fit::Sindy(arguments)) => commands::fit_sindy::sindy(arguments, &context),
         Command::Scan(arguments) => commands::scan::scan(arguments, &context),
         Command::Stats(arguments) => commands::stats::stats(arguments, &context),
         Command::Score(arguments) => commands::score::score(arguments, &context),
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
         Command::Generate(arguments) => commands::generate::generate(arguments, &context),
         Command::Show(arguments) => commands::show::show(arguments, &context),
+        Command::Export(arguments) => commands::export::export(arguments, &context),
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,

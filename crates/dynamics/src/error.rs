@@ -96,6 +96,19 @@ pub enum Error {
         /// Rows each needs.
         needed: usize,
     },
+    /// Nowhere to begin a free run.
+    #[error(
+        "no row to start a free run from in {episodes} episodes: it needs {needed} consecutive rows with all values, the longest episode has {longest}; \
+         fill the gaps, or give longer episodes"
+    )]
+    NoCompleteRow {
+        /// Episodes tried.
+        episodes: usize,
+        /// Consecutive rows that the shortest run needs.
+        needed: usize,
+        /// Rows of the longest episode.
+        longest: usize,
+    },
     /// A plane that nothing can be projected onto.
     #[error("a plane cannot be made: {0}")]
     Plane(String),

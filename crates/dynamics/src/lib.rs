@@ -3,6 +3,7 @@
 //! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
 //! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
+//! - [`free_run`]: whole episodes simulated from their first complete rows.
 //! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
@@ -16,6 +17,7 @@ mod compiled;
 pub mod controller;
 mod domain;
 mod error;
+mod free_run;
 mod general;
 mod horizon;
 mod integrate;
@@ -35,6 +37,7 @@ mod window;
 pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
+pub use free_run::{FreeRun, FreeRunOptions, FreeRunOutcome, FreeRunScore, OutputErrors, free_run};
 pub use horizon::{Horizon, HorizonScore, UsefulHorizon};
 pub use integrate::{Method, Step};
 pub use mahalanobis::Mahalanobis;

@@ -18,7 +18,12 @@ pub(crate) struct Window<'a> {
     map: &'a [usize],
 }
 
-impl Window<'_> {
+impl<'a> Window<'a> {
+    /// The recording around a start in a block that holds its whole episode.
+    pub(crate) fn of_episode(block: &'a Block, start: Start, map: &'a [usize]) -> Self {
+        Self { block, at: start.row, start, map }
+    }
+
     /// A column of the model from `from` to `to`, in rows relative to the start.
     #[inline(always)]
     pub(crate) fn values(&self, column: usize, from: i64, to: i64) -> &[f64] {

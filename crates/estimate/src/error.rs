@@ -1,7 +1,7 @@
 //! What can be wrong with a nonlinear problem.
 
 use fleetfoot_data::{Cancelled, Error};
-use fleetfoot_library::UnknownColumn;
+use fleetfoot_library::{FilterError, UnknownColumn};
 
 /// Why parameters cannot be estimated.
 #[derive(Debug, thiserror::Error)]
@@ -82,12 +82,29 @@ pub enum EstimateError {
         /// Parameters.
         parameters: usize,
     },
+    /// A delay that may take any time.
+    #[error(
+        "how long `{filter}` may last is not bounded: give its parameters finite bounds, which say what rows have a past"
+    )]
+    Delay {
+        /// The delay.
+        filter: String,
+    },
+    /// A target without functions.
+    #[error("the target `{target}` has no functions to be made of: name at least one")]
+    NoFunctions {
+        /// The target.
+        target: String,
+    },
     /// The factorisation of the Jacobian failed.
     #[error("the derivatives are too large to be factored: choose other units or initial values")]
     Overflow,
     /// The source has no such column.
     #[error(transparent)]
     UnknownColumn(#[from] UnknownColumn),
+    /// A filter that cannot be.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
     /// The source cannot be read.
     #[error(transparent)]
     Data(#[from] Error),

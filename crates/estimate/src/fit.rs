@@ -1,62 +1,16 @@
-//! Levenberg-Marquardt with a region of trust (More, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+//! Nonlinear least squares, and what it answers.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 
 use crate::{
-    EstimateError, Parameter, Residual,
+    EstimateError, Options, Parameter, Residual, Status, Uncertain,
     covariance::Inverse,
-    evaluate::{Evaluation, Pass, Rows},
+    descent::{Descent, norm},
+    evaluate::{Nonlinear, Objective},
     problem::{Problem, substitute},
-    step::{Region, Step, step},
 };
-
-/// When the iteration ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Largest cosine of the angle between the residual and a column of the Jacobian at a minimum.
-    pub gradient: f64,
-    /// Least step, relative to the parameters, both in units of their columns' lengths.
-    pub step: f64,
-    /// Relative reduction of the cost below which it is the gradient that decides.
-    pub cost: f64,
-    /// Trial steps at most; each is one pass over the rows.
-    pub max_iterations: usize,
-    /// First radius of trust, relative to the initial parameters, both in units of their columns' lengths.
-    pub radius: f64,
-    /// Rows of a chunk, at most: what the clustered covariance takes for correlated.
-    pub chunk_rows: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { gradient: 1e-12, step: 1e-13, cost: 1e-13, max_iterations: 500, radius: 1.0, chunk_rows: 65_536 }
-    }
-}
-
-/// Why the iteration ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Status {
-    /// The residual is orthogonal to the columns of the Jacobian.
-    Gradient,
-    /// Neither the cost nor the gradient can be lowered any further: rounding.
-    Cost,
-    /// The step is as small as was asked for.
-    Step,
-    /// The residuals are zero up to the rounding of the targets.
-    Zero,
-    /// As many steps as were allowed: this is not a minimum.
-    Iterations,
-}
-
-impl Status {
-    /// Whether this is a minimum.
-    pub fn converged(self) -> bool {
-        self != Self::Iterations
-    }
-}
 
 /// Parameters of least squares.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,8 +26,8 @@ pub struct Estimate {
     pub rows: u64,
     /// Cost over degrees of freedom (residuals of all rows less the free parameters); NaN without any.
     pub variance: f64,
-    /// Covariance of the parameters (p x p) for independent errors of equal variance (after weights): `variance (J'J)^-1`. Zero where a parameter is fixed
-    /// or at a bound; without meaning for those that are undetermined.
+    /// Covariance of the parameters (p x p) for independent errors of equal variance (after weights): `variance (J'J)^-1`. Zero where a parameter
+    /// is fixed or at a bound; without meaning for those that are undetermined.
     pub covariance: Mat<f64>,
     /// Covariance for errors that are correlated within chunks: the sandwich over chunks; `None` for a single chunk.
     pub clustered: Option<Mat<f64>>,
@@ -103,6 +57,20 @@ impl Estimate {
         (0..self.values.len()).map(of).collect()
     }
 
+    /// Standard errors for errors that are correlated within chunks; `None` for a single chunk.
+    pub fn clustered_errors(&self) -> Option<Vec<f64>> {
+        let clustered = self.clustered.as_ref()?;
+        let of =
+            |j: usize| if self.undetermined.contains(&j) { f64::INFINITY } else { clustered[(j, j)].max(0.0).sqrt() };
+        Some((0..self.values.len()).map(of).collect())
+    }
+
+    /// A parameter with its standard error, to be printed: `0.0716 +- 0.0009`.
+    pub fn uncertain(&self, name: &str) -> Option<Uncertain> {
+        let j = self.names.iter().position(|known| known == name)?;
+        Some(Uncertain { value: self.values[j], error: self.standard_errors()[j] })
+    }
+
     /// An expression with the estimates in place of the parameters.
     pub fn insert(&self, expr: &Expr) -> Expr {
         substitute(&self.names, expr, &self.values)
@@ -111,9 +79,14 @@ impl Estimate {
 
 /// Minimises the weighted sum of squared residuals over all rows of the source at which targets and columns are finite.
 ///
+/// Models may use filters, `lag1(u, tau)` and `delay(u, d)` (see [`fleetfoot_library::FilterKind`]), with parameters in their constants and
+/// inputs. A row counts where what lags read is there, and what delays read for as long as the delay's bounds allow, so that the rows do not
+/// depend on the parameters.
+///
 /// # Errors
-/// When names clash, a parameter is unused or starts outside its bounds, a weight or an option is out of range, a column does not exist, a model is not
-/// finite at the initial values, there are fewer residuals than parameters, the source cannot be read, or the user stops it.
+/// When names clash, a parameter is unused or starts outside its bounds, a weight or an option is out of range, a column does not exist, a delay
+/// has no upper bound, a model is not finite at the initial values, there are fewer residuals than parameters, the source cannot be read, or the
+/// user stops it.
 pub fn nonlinear_least_squares(
     residuals: &[Residual],
     parameters: &[Parameter],
@@ -123,218 +96,45 @@ pub fn nonlinear_least_squares(
 ) -> Result<Estimate, EstimateError> {
     options.check()?;
     let problem = Problem::new(residuals, parameters, source)?;
-    let rows = Rows::new(&problem, source, options.chunk_rows, progress)?;
+    let objective = Nonlinear::new(&problem, source, options.chunk_rows, progress);
     progress.stage("nonlinear least squares");
-    let mut descent = Descent::new(&rows, parameters.iter().map(|parameter| parameter.initial).collect(), options)?;
-    let mut iterations = 0;
-    let status = loop {
-        if let Some(status) = descent.done() {
-            break status;
-        }
-        if iterations == options.max_iterations {
-            break Status::Iterations;
-        }
-        iterations += 1;
-        if let Some(status) = descent.advance()? {
-            break status;
-        }
-    };
-    descent.finish(status, iterations)
+    let initial = parameters.iter().map(|parameter| parameter.initial).collect();
+    let mut descent = Descent::new(&objective, initial, options)?;
+    let (status, iterations) = descent.run()?;
+    Estimate::at(&objective, descent, status, iterations)
 }
 
-impl Options {
-    fn check(&self) -> Result<(), EstimateError> {
-        let allowed = "it is at least 0 and below 1";
-        for (option, value) in [
-            ("the gradient tolerance", self.gradient),
-            ("the step tolerance", self.step),
-            ("the cost tolerance", self.cost),
-        ] {
-            if !(0.0..1.0).contains(&value) {
-                return Err(EstimateError::Option { option, value, allowed });
-            }
-        }
-        if !(self.radius > 0.0 && self.radius.is_finite()) {
-            let allowed = "it is positive and finite";
-            return Err(EstimateError::Option { option: "the radius", value: self.radius, allowed });
-        }
-        Ok(())
-    }
-}
-
-/// A gradient is lower when it is below this share of the one before: the iteration converges linearly where residuals are large, and rounding does not
-/// go on falling.
-const LOWER_GRADIENT: f64 = 0.95;
-
-/// Where the iteration stands.
-struct Descent<'a> {
-    rows: &'a Rows<'a>,
-    options: &'a Options,
-    theta: Vec<f64>,
-    at: Evaluation,
-    /// Lengths of the columns of the Jacobian, half of what they were remembered (p).
-    scale: Vec<f64>,
-    radius: f64,
-    /// Whether a step was tried.
-    started: bool,
-}
-
-impl<'a> Descent<'a> {
-    fn new(rows: &'a Rows<'a>, theta: Vec<f64>, options: &'a Options) -> Result<Self, EstimateError> {
-        let at = match rows.evaluate(&theta)? {
-            Pass::Finite(at) => at,
-            Pass::NotFinite(episode, row) => return Err(EstimateError::NotFinite { episode, row }),
-        };
-        let residuals = at.rows * rows.problem.tasks.len() as u64;
-        if residuals < theta.len() as u64 {
-            return Err(EstimateError::TooFewRows { residuals, parameters: theta.len() });
-        }
-        let mut descent = Self { rows, options, scale: vec![0.0; theta.len()], radius: 0.0, started: false, theta, at };
-        descent.rescale();
-        let size = descent.size();
-        descent.radius = options.radius * if size > 0.0 { size } else { 1.0 };
-        Ok(descent)
-    }
-
-    /// `|D theta|`.
-    fn size(&self) -> f64 {
-        norm(self.theta.iter().zip(&self.scale).map(|(theta, scale)| theta * scale))
-    }
-
-    /// Marquardt's scaling, with a memory that fades: to forget at once (a column that vanishes at a plateau) lets steps run away, never to forget (as
-    /// MINPACK does) holds back parameters whose columns were long far from the minimum.
-    fn rescale(&mut self) {
-        for (j, scale) in self.scale.iter_mut().enumerate() {
-            *scale = (0.5 * *scale).max(norm(self.at.jacobian.col_as_slice(j).iter().copied()));
-            if *scale == 0.0 || !scale.is_finite() {
-                *scale = 1.0;
-            }
-        }
-    }
-
-    /// Least and greatest step of every parameter: none out of a bound that the gradient pushes against.
-    fn room(&self) -> Vec<[f64; 2]> {
-        let room = |(j, &[low, high]): (usize, &[f64; 2])| {
-            let (theta, slope) = (self.theta[j], self.slope(&self.at, j));
-            let pushed = (theta <= low && slope > 0.0) || (theta >= high && slope < 0.0);
-            if pushed { [0.0; 2] } else { [low - theta, high - theta] }
-        };
-        self.rows.problem.bounds.iter().enumerate().map(room).collect()
-    }
-
-    /// Half the derivative of the cost.
-    fn slope(&self, at: &Evaluation, j: usize) -> f64 {
-        at.jacobian.col_as_slice(j).iter().zip(&at.rhs).map(|(a, r)| a * r).sum()
-    }
-
-    /// The largest cosine between the residual and the columns of free parameters.
-    fn gradient(&self, at: &Evaluation, room: &[[f64; 2]]) -> f64 {
-        let cosine = |j: usize| {
-            let length = norm(at.jacobian.col_as_slice(j).iter().copied()) * at.cost.sqrt();
-            if length > 0.0 { self.slope(at, j).abs() / length } else { 0.0 }
-        };
-        (0..room.len()).filter(|&j| room[j][0] < room[j][1]).map(cosine).fold(0.0, f64::max)
-    }
-
-    fn done(&self) -> Option<Status> {
-        // 4 eps of every target.
-        if self.at.cost <= (4.0 * f64::EPSILON).powi(2) * self.at.targets {
-            return Some(Status::Zero);
-        }
-        (self.gradient(&self.at, &self.room()) <= self.options.gradient).then_some(Status::Gradient)
-    }
-
-    /// One trial step: taken or not, or the end.
-    fn advance(&mut self) -> Result<Option<Status>, EstimateError> {
-        let room = self.room();
-        let region = Region { scale: &self.scale, radius: self.radius, room: &room };
-        let trial = step(&self.at, &region)?;
-        if !self.started {
-            self.radius = self.radius.min(trial.length.max(f64::MIN_POSITIVE));
-            self.started = true;
-        }
-        let bounds = &self.rows.problem.bounds;
-        let theta = self.theta.iter().zip(&trial.step).zip(bounds);
-        let theta: Vec<f64> = theta.map(|((theta, s), [low, high])| (theta + s).clamp(*low, *high)).collect();
-        let after = match self.rows.evaluate(&theta)? {
-            Pass::Finite(after) if after.cost.is_finite() => after,
-            _ => {
-                self.radius = 0.25 * self.radius.min(trial.length);
-                return Ok((self.radius <= self.options.step * self.size()).then_some(Status::Step));
-            }
-        };
-        let (predicted, actual) = (trial.predicted / self.at.cost, 1.0 - after.cost / self.at.cost);
-        if predicted <= self.options.cost && actual.abs() <= 10.0 * self.options.cost {
-            // Costs are equal up to rounding: a step is as good as the gradient that it leaves.
-            let better = self.gradient(&after, &room) <= LOWER_GRADIENT * self.gradient(&self.at, &room);
-            if better {
-                self.accept(theta, after);
-            }
-            return Ok((!better).then_some(Status::Cost));
-        }
-        let ratio = if predicted > 0.0 { actual / predicted } else { 0.0 };
-        self.adjust_radius(&trial, ratio, actual);
-        let small = trial.length <= self.options.step * self.size();
-        if ratio >= 1e-4 {
-            self.accept(theta, after);
-        }
-        Ok((small || self.radius <= self.options.step * self.size()).then_some(Status::Step))
-    }
-
-    /// Shrinks the region where the model was poor, to where a parabola through both costs has its minimum; widens it where it was good.
-    fn adjust_radius(&mut self, trial: &Step, ratio: f64, actual: f64) {
-        if ratio <= 0.25 {
-            let slope = norm_slope(self, trial);
-            let factor = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
-            self.radius = factor.clamp(0.1, 0.5) * self.radius.min(10.0 * trial.length);
-        } else if ratio >= 0.75 || !trial.bounded {
-            self.radius = 2.0 * trial.length;
-        }
-    }
-
-    fn accept(&mut self, theta: Vec<f64>, at: Evaluation) {
-        (self.theta, self.at) = (theta, at);
-        self.rescale();
-    }
-
-    fn finish(self, status: Status, iterations: usize) -> Result<Estimate, EstimateError> {
-        let room = self.room();
-        let bounds = &self.rows.problem.bounds;
+impl Estimate {
+    /// What is known where a descent ended.
+    pub(crate) fn at(
+        objective: &Nonlinear<'_>,
+        descent: Descent<'_>,
+        status: Status,
+        iterations: usize,
+    ) -> Result<Self, EstimateError> {
+        let room = descent.room();
+        let bounds = objective.bounds();
         let free: Vec<usize> = (0..room.len()).filter(|&j| room[j][0] < room[j][1]).collect();
         let fixed = |j: &usize| !free.contains(j) && bounds[*j][0] < bounds[*j][1];
-        let lengths = (0..room.len()).map(|j| norm(self.at.jacobian.col_as_slice(j).iter().copied()));
+        let lengths = (0..room.len()).map(|j| norm(descent.at.jacobian.col_as_slice(j).iter().copied()));
         let lengths: Vec<f64> = lengths.map(|length| if length > 0.0 { length } else { 1.0 }).collect();
-        let inverse = Inverse::new(&self.at, &lengths, &free)?;
-        let freedom = (self.at.rows * self.rows.problem.tasks.len() as u64) as f64 - free.len() as f64;
-        let variance = if freedom > 0.0 { self.at.cost / freedom } else { f64::NAN };
+        let inverse = Inverse::new(&descent.at, &lengths, &free)?;
+        let freedom = (descent.at.rows * objective.residuals() as u64) as f64 - free.len() as f64;
+        let variance = if freedom > 0.0 { descent.at.cost / freedom } else { f64::NAN };
         Ok(Estimate {
-            names: self.rows.problem.names.clone(),
-            cost: self.at.cost,
-            rows: self.at.rows,
+            names: objective.problem.layout.names.clone(),
+            cost: descent.at.cost,
+            rows: descent.at.rows,
             variance,
             covariance: inverse.covariance(variance),
-            clustered: inverse.clustered(&self.at.scores),
+            clustered: inverse.clustered(&descent.at.scores),
             condition: inverse.condition,
             at_bounds: (0..room.len()).filter(fixed).collect(),
-            gradient: self.gradient(&self.at, &room),
+            gradient: descent.gradient(&descent.at, &room),
             undetermined: inverse.undetermined,
             status,
             iterations,
-            values: self.theta,
+            values: descent.theta,
         })
     }
-}
-
-/// Relative slope of the cost along the step, not positive: `r'J s / r'r`.
-fn norm_slope(descent: &Descent<'_>, trial: &Step) -> f64 {
-    let along: f64 = trial.step.iter().enumerate().map(|(j, s)| s * descent.slope(&descent.at, j)).sum();
-    (along / descent.at.cost).min(0.0)
-}
-
-fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = values.clone().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    if largest == 0.0 || !largest.is_finite() {
-        return largest;
-    }
-    largest * values.map(|value| (value / largest).powi(2)).sum::<f64>().sqrt()
 }

@@ -1,11 +1,11 @@
 //! Residuals and parameters, checked; exact derivatives.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use fleetfoot_data::Source;
-use fleetfoot_library::{Expr, Node};
+use fleetfoot_library::Expr;
 
-use crate::EstimateError;
+use crate::{EstimateError, reads::Reads, rows::Layout};
 
 /// One equation: `target - model` should be small at every row.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,24 +55,13 @@ impl Parameter {
     }
 }
 
-/// A residual times the root of its weight, and its derivatives.
-#[derive(Debug, Clone)]
-pub(crate) struct Task {
-    /// `sqrt(weight) target`.
-    pub(crate) target: Expr,
-    /// `sqrt(weight) (target - model)`.
-    pub(crate) value: Expr,
-    /// Index of every parameter that it depends on, and its derivative with respect to that.
-    pub(crate) slopes: Vec<(usize, Expr)>,
-}
-
 /// What is minimised.
 #[derive(Debug, Clone)]
 pub(crate) struct Problem {
-    pub(crate) tasks: Vec<Task>,
-    /// Columns, with their lags, that the residuals read.
-    pub(crate) leaves: Vec<Expr>,
-    pub(crate) names: Vec<String>,
+    /// Of every residual of positive weight: `sqrt(weight) target`, and as outputs the slopes of `sqrt(weight) (target - model)` and itself.
+    pub(crate) layout: Layout,
+    /// The parameter of every slope.
+    pub(crate) slopes: Vec<Vec<usize>>,
     pub(crate) bounds: Vec<[f64; 2]>,
 }
 
@@ -83,50 +72,41 @@ impl Problem {
         source: &dyn Source,
     ) -> Result<Self, EstimateError> {
         check_parameters(parameters, source)?;
-        if let Some(bad) = residuals.iter().find(|residual| !(residual.weight >= 0.0 && residual.weight.is_finite())) {
-            return Err(EstimateError::Weight { residual: bad.name.clone(), weight: bad.weight });
-        }
-        let index: HashMap<&str, usize> =
-            parameters.iter().enumerate().map(|(j, parameter)| (parameter.name.as_str(), j)).collect();
-        let (mut leaves, mut tasks, mut used) = (Vec::new(), Vec::new(), HashSet::new());
-        for residual in residuals.iter().filter(|residual| residual.weight > 0.0) {
-            let difference = residual.target.clone() - &residual.model;
-            for leaf in columns_of(&difference) {
-                let Node::Column { name, lag } = leaf.node() else { continue };
-                match index.get(&**name) {
-                    Some(_) if *lag != 0 => {
-                        let name = name.to_string();
-                        return Err(EstimateError::Lagged { residual: residual.name.clone(), name });
-                    }
-                    Some(&j) => _ = used.insert(j),
-                    None if leaves.contains(&leaf) => {}
-                    None => leaves.push(leaf),
-                }
+        let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
+        let mut layout = Layout { names, targets: Vec::new(), outputs: Vec::new(), presence: Vec::new() };
+        let (mut slopes, mut reads) = (Vec::new(), Reads::new(parameters, source));
+        for residual in residuals {
+            check_weight(&residual.name, residual.weight)?;
+            if residual.weight == 0.0 {
+                continue;
             }
+            let difference = residual.target.clone() - &residual.model;
+            reads.add(&residual.name, &difference)?;
             let weighted = |expr: Expr| (Expr::number(residual.weight.sqrt()) * expr).simplified();
             let (target, value) = (weighted(residual.target.clone()), weighted(difference));
-            let slope = |(j, parameter): (usize, &Parameter)| {
-                let slope = value.derivative(&parameter.name);
-                (slope.as_number() != Some(0.0)).then_some((j, slope))
-            };
-            let slopes = parameters.iter().enumerate().filter_map(slope).collect();
-            tasks.push(Task { target, value, slopes });
+            let (mut outputs, mut of) = (Vec::new(), Vec::new());
+            for (j, parameter) in parameters.iter().enumerate() {
+                let slope = value.sensitivity(&parameter.name);
+                if slope.as_number() != Some(0.0) {
+                    outputs.push(slope);
+                    of.push(j);
+                }
+            }
+            outputs.push(value);
+            layout.targets.push(target);
+            layout.outputs.push(outputs);
+            slopes.push(of);
         }
-        if let Some((_, parameter)) = parameters.iter().enumerate().find(|(j, _)| !used.contains(j)) {
-            return Err(EstimateError::Unused { name: parameter.name.clone() });
-        }
-        Ok(Self {
-            tasks,
-            leaves,
-            names: parameters.iter().map(|parameter| parameter.name.clone()).collect(),
-            bounds: parameters.iter().map(|parameter| parameter.bounds).collect(),
-        })
+        layout.presence = reads.presence()?;
+        Ok(Self { layout, slopes, bounds: parameters.iter().map(|parameter| parameter.bounds).collect() })
     }
+}
 
-    /// The expression with numbers in place of the parameters.
-    pub(crate) fn at(&self, expr: &Expr, theta: &[f64]) -> Expr {
-        substitute(&self.names, expr, theta)
+pub(crate) fn check_weight(residual: &str, weight: f64) -> Result<(), EstimateError> {
+    if weight >= 0.0 && weight.is_finite() {
+        return Ok(());
     }
+    Err(EstimateError::Weight { residual: residual.to_owned(), weight })
 }
 
 /// `expr` with numbers in place of the named parameters.
@@ -134,7 +114,7 @@ pub(crate) fn substitute(names: &[String], expr: &Expr, theta: &[f64]) -> Expr {
     expr.substituted(|name| names.iter().position(|known| known == name).map(|j| Expr::number(theta[j])))
 }
 
-fn check_parameters(parameters: &[Parameter], source: &dyn Source) -> Result<(), EstimateError> {
+pub(crate) fn check_parameters(parameters: &[Parameter], source: &dyn Source) -> Result<(), EstimateError> {
     if parameters.is_empty() {
         return Err(EstimateError::NoParameters);
     }
@@ -152,15 +132,4 @@ fn check_parameters(parameters: &[Parameter], source: &dyn Source) -> Result<(),
         }
     }
     Ok(())
-}
-
-/// Every column of an expression with its lag, once.
-fn columns_of(expr: &Expr) -> Vec<Expr> {
-    let (mut columns, mut seen) = (Vec::new(), HashSet::new());
-    expr.fold(|part, _: &[()]| {
-        if matches!(part.node(), Node::Column { .. }) && seen.insert(part.clone()) {
-            columns.push(part.clone());
-        }
-    });
-    columns
 }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, path::PathBuf};
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
-use fleetfoot_library::{Expr, ParseErrorKind, View};
+use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
 use fleetfoot_log::{
     Base, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, MaxGap, Recording, Selection, Stamp, TimeSpec,
     TimeUnit, TopicInfo,
@@ -13,6 +13,7 @@ use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 use crate::{
     Error, Gap, Recipe,
     labels::Labelled,
+    sindy::EquationTask,
     structure::StructuredTask,
     task::{Task, aliases_of_model},
     wildcard::is_match,
@@ -151,7 +152,7 @@ fn add_roles(join: &mut JoinSpec, columns: &[ModelColumn], aliases: &[(Column, E
             .iter()
             .zip(columns)
             .filter(move |(_, column)| column.role == role)
-            .flat_map(|((_, expr), _)| expr.columns())
+            .flat_map(|((_, expr), _)| expr.sources())
     };
     let states: BTreeSet<String> = uses(Role::State).map(|name| name.to_string()).collect();
     for field in uses(Role::Input).filter(|field| !states.contains(&**field)) {
@@ -171,7 +172,7 @@ fn full_selection(recipe: &Recipe, model: &[ModelColumn], aliases: &[(Column, Ex
     let labels = label_names(recipe);
     let mut columns: Vec<String> = Vec::new();
     for (_, expression) in aliases {
-        columns.extend(expression.columns().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
+        columns.extend(expression.sources().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
     }
     // The channel of the first column makes the rows unless the recipe says otherwise.
     let first = columns.first().cloned().map(Base::Channel);
@@ -205,6 +206,18 @@ pub(crate) fn estimate_structure(
     progress: &dyn Progress,
 ) -> Result<Option<(StructuredTask, Vec<String>, Estimate)>, Error> {
     let (recipe, _, task) = Dataset::structure(recipe, files)?;
+    let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
+    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
+}
+
+/// What opening robots' logs for a fit of equations will cost, with its task and the fields that are read; `None` for tables.
+pub(crate) fn estimate_equations(
+    recipe: &Recipe,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<Option<(EquationTask, Vec<String>, Estimate)>, Error> {
+    let (recipe, task) = Dataset::equations(recipe, files)?;
     let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
     let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
@@ -251,6 +264,17 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
     Ok(selection)
 }
 
+/// Aliases, each with what its numbers stand for, which is known once all files are open.
+fn described(source: &dyn Source, aliases: &[(Column, Expr)]) -> Vec<(Column, Expr)> {
+    let mut aliases = aliases.to_vec();
+    for (column, expression) in &mut aliases {
+        if let Some(field) = expression.as_column().and_then(|name| source.column_index(name)) {
+            column.kind = source.columns()[field].kind.clone();
+        }
+    }
+    aliases
+}
+
 impl Dataset {
     /// Opens files for a recipe; `labels` are the columns that partitions need beside the recipe's.
     pub fn for_recipe(
@@ -289,6 +313,33 @@ impl Dataset {
         let (recipe, fields, task) = Self::structure(recipe, files)?;
         let dataset = Self::open(&recipe, &task.columns, &task.aliases, files, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields })
+    }
+
+    /// What a recipe means for a fit of equations on files, with its wildcards written out.
+    fn equations(recipe: &Recipe, files: &[PathBuf]) -> Result<(Recipe, EquationTask), Error> {
+        let (fields, info) = fields(recipe, files)?;
+        let recipe = recipe.expand(&fields)?;
+        let task = EquationTask::resolve(&recipe, &fields).map_err(|error| explained(error, &info))?;
+        Ok((recipe, task))
+    }
+
+    /// Opens files for a fit of equations.
+    ///
+    /// # Errors
+    /// Those of the recipe and of opening.
+    pub fn for_equations(
+        recipe: &Recipe,
+        files: &[PathBuf],
+        progress: &dyn Progress,
+    ) -> Result<(Self, EquationTask), Error> {
+        let (recipe, task) = Self::equations(recipe, files)?;
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, files, progress)?;
+        Ok((dataset, task))
+    }
+
+    /// Sees the same fields through other aliases from now on.
+    pub(crate) fn see(&mut self, aliases: &[(Column, Expr)]) {
+        self.aliases = described(&self.source, aliases);
     }
 
     /// Opens files for a model: its columns, clock and labels are those of its training.
@@ -337,13 +388,7 @@ impl Dataset {
         let selection = full_selection(recipe, model, aliases)?;
         let recording = fleetfoot_log::open_with_progress(files, &selection, progress)?;
         let source = Labelled::new(recording, &labels);
-        let mut aliases = aliases.to_vec();
-        for (column, expression) in &mut aliases {
-            // What the numbers stand for is known now that all files are open.
-            if let Some(field) = expression.as_column().and_then(|name| source.column_index(name)) {
-                column.kind = source.columns()[field].kind.clone();
-            }
-        }
+        let aliases = described(&source, aliases);
         Ok(Self { source, aliases, recodings: Vec::new() })
     }
 
@@ -363,9 +408,17 @@ impl Dataset {
         }
     }
 
-    /// The source that fits, scores and rollouts read: the aliases as columns.
+    /// The source that fits, scores and rollouts read: the aliases as columns. Filters in them are computed from the fields.
+    ///
+    /// # Errors
+    /// An alias reads what is not there, or a filter's constant is out of its range.
     pub fn view(&self) -> Result<View<'_>, Error> {
-        let mut view = View::new(&self.source, &self.aliases)?;
+        let expressions: Vec<Expr> = self.aliases.iter().map(|(_, expression)| expression.clone()).collect();
+        let mut view = if expressions.iter().any(|expression| !expression.filters().is_empty()) {
+            View::over(Box::new(Filtered::of(&self.source, &expressions)?), &self.aliases)?
+        } else {
+            View::new(&self.source, &self.aliases)?
+        };
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }

@@ -96,12 +96,27 @@ pub enum Error {
     /// A model file was refused.
     #[error(transparent)]
     Model(#[from] fleetfoot_model::FileError),
+    /// The model cannot be written in another language.
+    #[error(transparent)]
+    Export(#[from] fleetfoot_model::ExportError),
     /// Prediction, scoring or rolling out failed.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),
     /// A `.stats` file, or what was asked of it, was refused.
     #[error(transparent)]
     Statistic(#[from] crate::statistic::StatisticError),
+    /// Sparse models could not be made.
+    #[error(transparent)]
+    Threshold(fleetfoot_sparse::ThresholdError),
+    /// The statistic of a system of equations could not be made.
+    #[error(transparent)]
+    System(fleetfoot_sparse::SystemError),
+    /// Parameters inside expressions could not be estimated.
+    #[error(transparent)]
+    Estimate(fleetfoot_estimate::EstimateError),
+    /// A filter cannot be computed.
+    #[error(transparent)]
+    Filter(#[from] fleetfoot_library::FilterError),
     /// The pass over the rows failed.
     #[error(transparent)]
     Scan(#[from] fleetfoot_sparse::ScanError),
@@ -138,7 +153,23 @@ macro_rules! or_cancelled {
     };
 }
 
-or_cancelled!(Select(SelectError), Bolasso(BolassoError), Inference(InferenceError), Constrained(ConstrainedError));
+or_cancelled!(
+    Select(SelectError),
+    Bolasso(BolassoError),
+    Inference(InferenceError),
+    Constrained(ConstrainedError),
+    Threshold(ThresholdError),
+    System(SystemError)
+);
+
+impl From<fleetfoot_estimate::EstimateError> for Error {
+    fn from(error: fleetfoot_estimate::EstimateError) -> Self {
+        match error {
+            fleetfoot_estimate::EstimateError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Estimate(other),
+        }
+    }
+}
 
 fn nearest(candidates: &[String]) -> String {
     match candidates {

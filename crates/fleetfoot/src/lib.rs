@@ -11,14 +11,17 @@ mod controller;
 mod dataset;
 pub mod demo;
 mod error;
+mod export;
 mod fit;
 pub mod generate;
 mod init;
 mod labels;
+mod narx;
 mod output;
 mod project;
 mod recipe;
 mod run;
+mod sindy;
 mod sparse_fit;
 pub mod statistic;
 mod structure;
@@ -28,14 +31,24 @@ mod wildcard;
 pub use controller::controller;
 pub use dataset::Dataset;
 pub use error::Error;
+pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
+pub use narx::{
+    NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,
+    NarxSelection, NarxTerm, TermRule, fit_narx,
+};
 pub use project::{Projected, project};
 pub use recipe::{
-    EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, ModelSection, Recipe, SparseSection,
-    State, TaskSection, Time,
+    EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,
+    NarxSection, NarxTerms, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection, Threshold, Time,
 };
 pub use run::{RolledOut, Scored, Written, predict, rollout, score};
+pub use sindy::{
+    Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint, Parameter, ParameterReport,
+    Provenance, RegionReport, SindyFitted, SindyOptimizer, SindyOptions, SindyPlan, SindyReport, SindyRequest,
+    TermReport, fit_sindy, plan_sindy,
+};
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, FoldRule, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
     Resampled, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value, fit_sparse,

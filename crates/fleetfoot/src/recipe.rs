@@ -9,8 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+mod narx;
+mod sindy;
 mod sparse;
 
+pub use narx::{NarxSection, NarxTerms};
+pub use sindy::{LibrarySection, ParameterSection, SindySection, Threshold};
 pub use sparse::{LatentSection, SparseSection, TaskSection};
 
 /// What a user says about the recordings and the model.
@@ -35,6 +39,18 @@ pub struct Recipe {
     /// How a sparse regression goes: what the flags of `fit sparse` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub sparse: SparseSection,
+    /// Candidate functions of the equations of `fit sindy`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub library: LibrarySection,
+    /// Numbers inside expressions that are not known.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub parameters: IndexMap<String, ParameterSection>,
+    /// How equations are found: what the flags of `fit sindy` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub sindy: SindySection,
+    /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub narx: NarxSection,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
@@ -75,6 +91,15 @@ pub struct State {
     /// What is predicted of it, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub equation: Option<String>,
+    /// What is known of the right side, an expression over columns and parameters: only the rest is learnt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<String>,
+    /// Candidate functions of its equation, in place of `[library]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub library: Option<Vec<String>>,
+    /// Terms that its equation has in any case.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fixed: Vec<String>,
     /// Whether it stands in the library and the partition; yes unless said otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regressor: Option<bool>,

@@ -10,6 +10,7 @@ mod options;
 mod problem;
 mod report;
 mod support;
+pub(crate) mod words;
 
 use std::{
     collections::BTreeSet,

@@ -24,6 +24,7 @@ pub(crate) struct Aliases<'a> {
     pub(crate) columns: Vec<Column>,
     pub(crate) expressions: Vec<(DataColumn, Expr)>,
     pub(crate) texts: &'a IndexMap<String, String>,
+    hidden: Vec<String>,
 }
 
 impl<'a> Aliases<'a> {
@@ -34,7 +35,7 @@ impl<'a> Aliases<'a> {
             text: source.text().to_owned(),
             source,
         })?;
-        Ok(Self { fields, scope, columns: Vec::new(), expressions: Vec::new(), texts })
+        Ok(Self { fields, scope, columns: Vec::new(), expressions: Vec::new(), texts, hidden: Vec::new() })
     }
 
     /// The aliases with the recipe's states and inputs among their columns.
@@ -109,15 +110,7 @@ impl<'a> Aliases<'a> {
 
     /// [`Aliases::over_aliases`] with latents beside the aliases; a latent hides a field of its name.
     pub(crate) fn over_latents(&mut self, text: &str, latents: &[String], place: &str) -> Result<Expr, Error> {
-        // In this scope every alias stands for itself.
-        let names: Vec<&str> = self
-            .texts
-            .keys()
-            .map(String::as_str)
-            .chain(self.columns.iter().map(|column| column.name.as_str()))
-            .chain(self.fields.iter().map(|field| field.name.as_str()))
-            .chain(latents.iter().map(String::as_str))
-            .collect();
+        let names = self.own_names(latents);
         let expression = if names.contains(&text.trim()) {
             Expr::column(text.trim())
         } else {
@@ -127,12 +120,44 @@ impl<'a> Aliases<'a> {
                 source,
             })?
         };
-        for name in expression.columns() {
-            if !latents.iter().any(|latent| **latent == *name) {
+        self.add_used(&expression, latents, place)?;
+        Ok(expression)
+    }
+
+    /// The names that expressions over aliases may use.
+    fn own_names<'b>(&'b self, latents: &'b [String]) -> Vec<&'b str> {
+        self.texts
+            .keys()
+            .map(String::as_str)
+            .chain(self.columns.iter().map(|column| column.name.as_str()))
+            .chain(self.fields.iter().map(|field| field.name.as_str()))
+            .chain(latents.iter().chain(&self.hidden).map(String::as_str))
+            .collect()
+    }
+
+    /// The scope in which every alias stands for itself, with latents beside the aliases.
+    pub(crate) fn own_scope(&self, latents: &[String]) -> Scope {
+        Scope::new(self.own_names(latents))
+    }
+
+    /// Adds the columns that an expression over aliases and latents speaks of, as auxiliary ones.
+    pub(crate) fn add_used(&mut self, expression: &Expr, latents: &[String], place: &str) -> Result<(), Error> {
+        for name in expression.sources() {
+            if !latents.iter().chain(&self.hidden).any(|hidden| **hidden == *name) {
                 self.add(&name, None, None, Role::Auxiliary, false, place)?;
             }
         }
-        Ok(expression)
+        Ok(())
+    }
+
+    /// Whether a name stands for a column already.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.own_names(&[]).contains(&name)
+    }
+
+    /// Lets these names stand in expressions without being columns: parameters, whose values are not known yet.
+    pub(crate) fn hide(&mut self, names: &[String]) {
+        self.hidden.extend_from_slice(names);
     }
 
     fn unknown(&self, name: &str, place: &str) -> Error {
@@ -256,12 +281,18 @@ pub(crate) fn state_equation(
 }
 
 /// An angle stands as its cosine and sine.
-fn seen(column: &Column) -> Vec<Expr> {
+pub(crate) fn seen(column: &Column) -> Vec<Expr> {
     let x = Expr::column(column.name.as_str());
     if column.angle { vec![x.cos(), x.sin()] } else { vec![x] }
 }
 
 pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
+    let variables = variables(recipe, aliases, equations)?;
+    Ok(Library::polynomial(&variables, recipe.model.degree.unwrap_or(1).max(1))?.functions().to_vec())
+}
+
+/// What libraries range over: states and inputs (angles as cosine and sine), and their past where the recipe asks for it.
+pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
     let predicted = |name: &str| equations.iter().any(|e| e.prediction == Prediction::Value && e.subject == name);
     let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
     let present: Vec<Expr> = aliases
@@ -281,10 +312,10 @@ pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equat
     if variables.is_empty() {
         return Err(Error::Request("no regressors: name states or inputs (--states, --inputs, or the recipe)".into()));
     }
-    Ok(Library::polynomial(&variables, recipe.model.degree.unwrap_or(1).max(1))?.functions().to_vec())
+    Ok(variables)
 }
 
-fn partition_columns(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Expr>, Error> {
+pub(crate) fn partition_columns(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Expr>, Error> {
     let Some(on) = &recipe.model.partition_on else {
         let regressor = |name: &str| recipe.states.get(name).is_some_and(|state| state.regressor != Some(false));
         let states: Vec<Expr> = aliases

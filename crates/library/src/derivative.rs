@@ -1,7 +1,7 @@
 //! Exact derivatives.
 
 use crate::{
-    Binary, Expr, Node, Unary,
+    Binary, Expr, Filter, Node, Unary,
     simplify::{difference, power, product, quotient, sum, unary},
 };
 
@@ -11,9 +11,32 @@ impl Expr {
     /// The same column at another lag is a constant, as is time. Where a function has a kink, one of its one-sided
     /// derivatives or their mean stands: `abs` gives `sign`, 0 at 0; `max` and `min` give the derivative of their second
     /// argument where both are equal; `sign` and `step` give 0; `wrap` gives the derivative of its argument.
+    /// A filter's column is a column like any other: see [`Expr::sensitivity`] for what its constant does.
     pub fn derivative(&self, name: &str) -> Expr {
+        self.chain_rule(|leaf| match leaf {
+            Node::Column { name: own, lag: 0 } if **own == *name => Expr::number(1.0),
+            _ => Expr::number(0.0),
+        })
+    }
+
+    /// The derivative with respect to a parameter, a name that stands for the same number at every row: as [`Expr::derivative`], and through filters,
+    /// whose slopes are columns of their own: of `lag1(m1, tau)` with respect to `tau`, `lag1_slope(m1, tau)`.
+    ///
+    /// The second derivative of a filter with respect to its constant is NaN.
+    pub fn sensitivity(&self, parameter: &str) -> Expr {
+        self.chain_rule(|leaf| match leaf {
+            Node::Column { name, lag: 0 } if **name == *parameter => Expr::number(1.0),
+            Node::Column { name, lag } => match Filter::of(name) {
+                Some(filter) => filter.sensitivity(parameter).shifted(*lag),
+                None => Expr::number(0.0),
+            },
+            _ => Expr::number(0.0),
+        })
+    }
+
+    /// The derivative, given those of the leaves.
+    fn chain_rule(&self, of_leaf: impl Fn(&Node) -> Expr) -> Expr {
         self.fold(|expr, slopes: &[Expr]| match (expr.node(), slopes) {
-            (Node::Column { name: own, lag: 0 }, _) if **own == *name => Expr::number(1.0),
             (Node::Unary(function, x), [dx]) if !dx.is_number(0.0) => of_unary(*function, expr, x, dx.clone()),
             (Node::Power(x, k), [dx]) => {
                 product(product(Expr::number(f64::from(*k)), power(x.clone(), k.saturating_sub(1))), dx.clone())
@@ -21,6 +44,7 @@ impl Expr {
             (Node::Binary(function, a, b), [da, db]) if !(da.is_number(0.0) && db.is_number(0.0)) => {
                 of_binary(*function, expr, (a, b), da.clone(), db.clone())
             }
+            (leaf, []) => of_leaf(leaf),
             _ => Expr::number(0.0),
         })
     }

@@ -23,6 +23,18 @@ pub fn central_difference(x: &Expr, angle: bool) -> Expr {
     rise / (time.shifted(-1) - time.shifted(1))
 }
 
+/// An estimate of the error of [`central_difference`]: a third of its difference from the one over twice the rows, `(D1 - D2) / 3` (Richardson). The error of
+/// even stamps is `h^2 x'''/6` and this is it up to h^4; noise of the signal makes it 0.37 times as large as the error that it makes in the difference.
+pub fn central_difference_error(x: &Expr, angle: bool) -> Expr {
+    let time = Expr::time();
+    let rise = if angle {
+        (-2..2).map(|lag| step(x, true).shifted(lag)).reduce(|sum, next| sum + next).unwrap_or(Expr::number(0.0))
+    } else {
+        x.shifted(-2) - x.shifted(2)
+    };
+    (central_difference(x, angle) - rise / (time.shifted(-2) - time.shifted(2))) / Expr::number(3.0)
+}
+
 /// `x[k] - x[k-1]`.
 fn step(x: &Expr, angle: bool) -> Expr {
     let rise = x - x.shifted(1);

@@ -8,7 +8,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::{Binary, Unary, function::integer_power};
+use crate::{Binary, Filter, Unary, function::integer_power};
 
 /// What stands at the root of an expression.
 #[derive(Debug, Clone)]
@@ -157,10 +157,18 @@ impl Expr {
         })
     }
 
-    /// Replaces columns by what `replace(name)` gives, shifted by the column's lag; `None` leaves the column.
+    /// Replaces columns by what `replace(name)` gives, shifted by the column's lag; `None` leaves the column, unless it is a filter's, whose
+    /// arguments are then substituted: `tau` by 0.05 makes `lag1(m1, 0.05)` of `lag1(m1, tau)`.
     pub fn substituted(&self, mut replace: impl FnMut(&str) -> Option<Expr>) -> Self {
+        self.substituted_by(&mut replace)
+    }
+
+    pub(crate) fn substituted_by(&self, replace: &mut dyn FnMut(&str) -> Option<Expr>) -> Self {
         self.rebuild(|node| match node {
-            Node::Column { name, lag } => replace(name).map(|with| with.shifted(*lag)),
+            Node::Column { name, lag } => {
+                let with = replace(name).or_else(|| Some(Filter::of(name)?.substituted(replace).column()));
+                with.map(|with| with.shifted(*lag))
+            }
             _ => None,
         })
     }
@@ -243,6 +251,11 @@ impl Expr {
         first.into_iter().chain(second)
     }
 
+    /// The hash of the tree: equal for equal expressions, and the same in every run.
+    pub(crate) fn digest(&self) -> u64 {
+        self.0.hash
+    }
+
     fn address(&self) -> *const () {
         Arc::as_ptr(&self.0).cast()
     }
@@ -305,6 +318,9 @@ impl Drop for Inner {
 
 impl PartialEq for Expr {
     fn eq(&self, other: &Self) -> bool {
+        if self.0.hash != other.0.hash {
+            return false;
+        }
         let mut stack = vec![(self, other)];
         let mut compared = std::collections::HashSet::new();
         while let Some((a, b)) = stack.pop() {

@@ -3,15 +3,19 @@
 //! An [`Expr`] is an immutable tree over the columns of a recording, their lags and time. It is read from text within a
 //! [`Scope`] ([`Expr::parse`], where the grammar stands), printed so that it reads back equal, differentiated exactly
 //! ([`Expr::derivative`]), and compiled together with others into a [`Program`] that evaluates blocks of rows. A
-//! [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
+//! [`Filter`] is a column that remembers, provided by a [`Filtered`] source. A [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
 
 mod derivative;
 mod design;
 mod difference;
 mod expr;
+mod filter;
+mod filtered;
 mod function;
 mod kernel;
+mod latex;
 mod library;
+mod monomial;
 mod nearest;
 mod parse;
 mod print;
@@ -19,11 +23,17 @@ mod program;
 mod rotation;
 mod scope;
 mod simplify;
+mod straight_line;
+mod sum;
+mod terms;
+mod unit;
 mod view;
 
 pub use design::{Design, DesignRows};
-pub use difference::{backward_difference, central_difference, forward_difference};
+pub use difference::{backward_difference, central_difference, central_difference_error, forward_difference};
 pub use expr::{Expr, Node};
+pub use filter::{Filter, FilterKind};
+pub use filtered::{FilterError, Filtered};
 pub use function::{Binary, Unary};
 pub use kernel::Scratch;
 pub use library::{Library, LibraryError, MAX_FUNCTIONS};
@@ -32,4 +42,7 @@ pub use parse::{ParseError, ParseErrorKind};
 pub use program::{Leaf, Program, UnknownColumn};
 pub use rotation::Quaternion;
 pub use scope::Scope;
+pub use straight_line::{Argument, Statement, StraightLine};
+pub use terms::{PolynomialLibrary, Terms, TermsError, Vocabulary};
+pub use unit::{Unit, UnitError, coefficient_unit};
 pub use view::View;

@@ -119,7 +119,7 @@ fn extend(head: Option<&Expr>, variables: &[Expr], degree: i32, functions: &mut 
 }
 
 /// `binomial(variables + degree, degree) - 1`, unless it overflows.
-fn monomials(variables: usize, degree: u32) -> Option<usize> {
+pub(crate) fn monomials(variables: usize, degree: u32) -> Option<usize> {
     let mut count: u128 = 1;
     // The smaller side of the binomial keeps the loop short; the product of i consecutive numbers is divisible by i!.
     let (smaller, larger) = ((degree as usize).min(variables), (degree as usize).max(variables));

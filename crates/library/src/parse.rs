@@ -2,12 +2,14 @@
 
 mod call;
 mod error;
+mod item;
 mod name;
 
 pub use error::{ParseError, ParseErrorKind};
+pub(crate) use item::parse_item;
 pub(crate) use name::is_bare_name;
 
-use crate::{Binary, Expr, Scope};
+use crate::{Binary, Expr, Filter, FilterKind, Scope};
 use name::{constant, identifier_length, topic_length};
 
 /// Parentheses, signs and exponents inside each other.
@@ -31,6 +33,8 @@ impl Expr {
     /// topic fields /odom.twist.twist.linear.x, /joint_states.position[left_crank]
     /// rows         lag(x, 2) two rows earlier, lead(x, 1) one row later, of any expression; time() in seconds
     /// differences  forward(x), backward(x), central(x): over the actual time stamps
+    /// filters      lag1(x, tau) first-order lag, delay(x, d) seconds earlier; tau and d of numbers and parameters, see FilterKind;
+    ///              also lag1_slope, delay_slope (their derivatives with respect to tau and d) and present(x, d)
     /// rotations    yaw(q) pitch(q) roll(q): intrinsic Z-Y-X angles of a quaternion
     ///              rotate(q, v).x from the body's axes to the world's, rotate_inv(q, v).x back; also .y and .z
     /// ```
@@ -67,6 +71,16 @@ enum Power {
     Sign,
 }
 
+/// The filter that a name defines, if it is the text of one. Whether the name is the canonical one is for the caller to see.
+pub(crate) fn filter_of(name: &str) -> Option<Filter> {
+    let scope = Scope::of_name();
+    let mut parser = Parser { text: name, scope: &scope, at: 0, depth: 0 };
+    let function = parser.name("a filter").ok()?;
+    parser.expect("(", "`(`").ok()?;
+    let filter = parser.filter(FilterKind::named(&function)?, 0).ok()?;
+    parser.peek().is_none().then_some(filter)
+}
+
 struct Parser<'a> {
     text: &'a str,
     scope: &'a Scope,
@@ -78,18 +92,23 @@ impl<'a> Parser<'a> {
     /// Operator precedence parsing: a value, then all operators that bind more tightly than `outer`.
     fn expression(&mut self, outer: Power) -> Result<Expr, ParseError> {
         self.nested(|parser| {
-            let mut left = parser.operand()?;
-            while let Some((function, length, right)) = parser.operator(outer) {
-                let position = parser.at;
-                parser.at += length;
-                let argument = parser.expression(right)?;
-                left = Expr::binary(function, left, argument);
-                if left.size() > MAX_SIZE {
-                    return Err(parser.error(position, ParseErrorKind::TooLarge));
-                }
-            }
-            Ok(left)
+            let left = parser.operand()?;
+            parser.operators(left, outer)
         })
+    }
+
+    /// All operators behind `left` that bind more tightly than `outer`, with their right sides.
+    fn operators(&mut self, mut left: Expr, outer: Power) -> Result<Expr, ParseError> {
+        while let Some((function, length, right)) = self.operator(outer) {
+            let position = self.at;
+            self.at += length;
+            let argument = self.expression(right)?;
+            left = Expr::binary(function, left, argument);
+            if left.size() > MAX_SIZE {
+                return Err(self.error(position, ParseErrorKind::TooLarge));
+            }
+        }
+        Ok(left)
     }
 
     /// The next operator, if it binds more tightly than `outer`: its function, its length, and how its right side is read.

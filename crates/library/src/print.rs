@@ -123,5 +123,7 @@ fn print_lagged(lag: i32, f: &mut Formatter<'_>, leaf: impl FnOnce(&mut Formatte
 }
 
 fn print_name(name: &str, f: &mut Formatter<'_>) -> fmt::Result {
-    if is_bare_name(name) { f.write_str(name) } else { write!(f, "`{}`", name.replace('`', "``")) }
+    // In a library's item the bare name of a function is a library.
+    let plain = is_bare_name(name) && name != "identity" && Unary::ALL.iter().all(|function| function.name() != name);
+    if plain { f.write_str(name) } else { write!(f, "`{}`", name.replace('`', "``")) }
 }

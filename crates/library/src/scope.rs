@@ -15,6 +15,8 @@ use crate::{Expr, ParseError, ParseErrorKind, nearest, parse::is_bare_name};
 pub struct Scope {
     /// Every name is a column.
     open: bool,
+    /// The text is a filter's name, in which inner filters already stand as their columns are called.
+    of_name: bool,
     columns: BTreeSet<Arc<str>>,
     aliases: BTreeMap<String, Expr>,
     /// Aliases of the common beginning of a vector's or a quaternion's fields.
@@ -37,6 +39,15 @@ impl Scope {
     /// Takes every name for a column: for text whose recording is not at hand, such as a model's.
     pub fn open() -> Self {
         Self { open: true, ..Self::default() }
+    }
+
+    /// For the text of a filter's name.
+    pub(crate) fn of_name() -> Self {
+        Self { of_name: true, ..Self::open() }
+    }
+
+    pub(crate) fn is_of_name(&self) -> bool {
+        self.of_name
     }
 
     /// Gives an expression a name.

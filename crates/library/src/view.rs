@@ -12,10 +12,25 @@ use crate::{Expr, Leaf, Program, Scratch, UnknownColumn};
 
 /// A source whose columns are expressions over another source's columns.
 pub struct View<'a> {
-    inner: &'a dyn Source,
+    inner: Inner<'a>,
     columns: Vec<Column>,
     aliases: Vec<Alias>,
     reach: Halo,
+}
+
+/// A source that is lent or kept.
+pub(crate) enum Inner<'a> {
+    Borrowed(&'a dyn Source),
+    Owned(Box<dyn Source + 'a>),
+}
+
+impl Inner<'_> {
+    pub(crate) fn source(&self) -> &dyn Source {
+        match self {
+            Self::Borrowed(source) => *source,
+            Self::Owned(source) => source.as_ref(),
+        }
+    }
 }
 
 enum Alias {
@@ -27,8 +42,24 @@ enum Alias {
 
 impl<'a> View<'a> {
     /// Sees `inner` through `aliases`: the column as it shall be called and described, and the expression that gives its values.
+    ///
+    /// # Errors
+    /// An expression reads a column that `inner` does not have.
     pub fn new(inner: &'a dyn Source, aliases: &[(Column, Expr)]) -> Result<Self, UnknownColumn> {
-        let names: Vec<&str> = inner.columns().iter().map(|column| column.name.as_str()).collect();
+        Self::through(Inner::Borrowed(inner), aliases)
+    }
+
+    /// [`View::new`] of a source that the view keeps.
+    ///
+    /// # Errors
+    /// An expression reads a column that `inner` does not have.
+    pub fn over(inner: Box<dyn Source + 'a>, aliases: &[(Column, Expr)]) -> Result<Self, UnknownColumn> {
+        Self::through(Inner::Owned(inner), aliases)
+    }
+
+    fn through(inner: Inner<'a>, aliases: &[(Column, Expr)]) -> Result<Self, UnknownColumn> {
+        let names: Vec<String> = inner.source().columns().iter().map(|column| column.name.clone()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let mut view = Self { inner, columns: Vec::new(), aliases: Vec::new(), reach: Halo::default() };
         for (column, expression) in aliases {
             let program = Program::compile(std::slice::from_ref(expression), &names)?;
@@ -64,12 +95,12 @@ impl Source for View<'_> {
     }
 
     fn episodes(&self) -> &[Episode] {
-        self.inner.episodes()
+        self.inner.source().episodes()
     }
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
         let wide = Halo { before: halo.before + self.reach.before, after: halo.after + self.reach.after };
-        let block = self.inner.read(episode, rows, wide)?;
+        let block = self.inner.source().read(episode, rows, wide)?;
         let before = block.before.min(halo.before);
         let after = block.after.min(halo.after);
         let from = block.before - before;
@@ -104,7 +135,7 @@ impl Source for View<'_> {
 }
 
 /// Values of a one-output program on rows of a block counted with its halo; NaN where a lag reaches beyond the block.
-fn evaluate(
+pub(crate) fn evaluate(
     program: &Program,
     block: &Block,
     seconds: Option<&[f64]>,

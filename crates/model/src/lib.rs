@@ -9,6 +9,7 @@
 
 mod column;
 mod equation;
+mod export;
 mod file;
 mod latent;
 mod partition;
@@ -18,6 +19,10 @@ mod validate;
 
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
+pub use export::{
+    Cost, Export, ExportError, ExportOptions, ExportedFile, Operations, Precision, Signals, StepMethod, Target,
+    TestResult, TestVector, evaluate_at, export, signals, test_vectors,
+};
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use partition::{Partition, Rule, UnseenLabel};

@@ -126,6 +126,25 @@ impl Partition {
         }
     }
 
+    /// The name of a region, for people: `all`, `inner`, `3`, `grass`, `grass/2`.
+    pub fn region_name(&self, region: usize) -> String {
+        match &self.rule {
+            Rule::Whole => "all".into(),
+            Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
+            Rule::Linear { .. } => region.to_string(),
+            Rule::Labels { names, rules, .. } => {
+                let mut offset = 0;
+                for (name, rule) in names.iter().zip(rules) {
+                    if region < offset + rule.count() {
+                        return if rule.count() == 1 { name.clone() } else { format!("{name}/{}", region - offset) };
+                    }
+                    offset += rule.count();
+                }
+                "pooled".into()
+            }
+        }
+    }
+
     /// Standardises raw columns in place.
     pub fn standardise(&self, columns: &mut [&mut [f64]]) {
         for ((column, &centre), &scale) in columns.iter_mut().zip(&self.centre).zip(&self.scale) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::Source;
-use fleetfoot_model::{Latent, Model, Partition, Region, Rule, Training};
+use fleetfoot_model::{Latent, Model, Region, Training};
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
@@ -40,7 +40,7 @@ impl Fit<'_> {
             .map(|(region, fitted)| {
                 let ranges = &self.scan.ranges[candidate.full][region];
                 self.region(
-                    region_name(&partition, region),
+                    partition.region_name(region),
                     fitted,
                     roots.get(&(region as u32)),
                     ranges,
@@ -121,24 +121,6 @@ impl Fit<'_> {
             rank: fitted.rank,
             condition: fitted.condition,
             confounded: if null { Vec::new() } else { fitted.confounded.clone() },
-        }
-    }
-}
-
-fn region_name(partition: &Partition, region: usize) -> String {
-    match &partition.rule {
-        Rule::Whole => "all".into(),
-        Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
-        Rule::Linear { .. } => region.to_string(),
-        Rule::Labels { names, rules, .. } => {
-            let mut offset = 0;
-            for (name, rule) in names.iter().zip(rules) {
-                if region < offset + rule.count() {
-                    return if rule.count() == 1 { name.clone() } else { format!("{name}/{}", region - offset) };
-                }
-                offset += rule.count();
-            }
-            "pooled".into()
         }
     }
 }

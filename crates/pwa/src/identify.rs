@@ -10,7 +10,8 @@ use crate::{
     Error, Options, Problem, Specification,
     errors::{Errors, Measure, PartErrors},
     fit::{Base, Solver, region_models},
-    regions::{Segmentation, segment},
+    partition::{Prepared, prepare},
+    regions::Segmentation,
     residual::padded,
     rows::Rows,
     scan::{Scan, pilot, scan},
@@ -20,7 +21,7 @@ use crate::{
 };
 
 /// Bytes that all stored statistics may take.
-const STATS_BUDGET: usize = 192 << 20;
+pub(crate) const STATS_BUDGET: usize = 192 << 20;
 
 /// A model and how it was found.
 #[derive(Debug, Clone)]
@@ -109,22 +110,7 @@ pub fn identify(
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
-    let rows = Rows::compile(problem, &options.partitions, source)?;
-    let regions: usize =
-        options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
-    let bytes = gram_bytes(rows.dimension());
-    let grid = Grid {
-        chunk_rows: Grid::for_budget(source.rows(), regions, bytes, STATS_BUDGET),
-        folds: options.folds,
-        purge: options.purge.max(rows.halo().before + rows.halo().after),
-    };
-    check_purge(&grid, source)?;
-    let chunks = grid.chunks(source.episodes());
-    progress.stage("survey");
-    let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
-    check(problem, &rows, &survey)?;
-    progress.stage("partition");
-    let segmentation = segment(problem, options, &rows, &survey, progress)?;
+    let Prepared { rows, grid, chunks, survey, segmentation } = prepare(problem, options, source, progress)?;
     let preconditioner = pilot(&rows, source)?;
     progress.stage("regression");
     let plan = plan_hash(problem, &grid, &segmentation, &preconditioner);
@@ -165,11 +151,11 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     Cost { clustered_rows, bytes: clustered_rows * per_row + statistics + blocks }
 }
 
-fn gram_bytes(width: usize) -> usize {
+pub(crate) fn gram_bytes(width: usize) -> usize {
     8 * (width + 4) * (width + 4) / 2
 }
 
-fn expected_regions(specification: &Specification) -> usize {
+pub(crate) fn expected_regions(specification: &Specification) -> usize {
     match specification {
         Specification::Null | Specification::Average => 0,
         Specification::ZScore(_) => 2,
@@ -190,35 +176,6 @@ fn plan_hash(problem: &Problem, grid: &Grid, segmentation: &Segmentation, precon
         text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
     }
     fleetfoot_stats::plan_hash(&text, preconditioner)
-}
-
-/// A purge gap reaches into the neighbouring spans only, so it must not be longer than a span.
-fn check_purge(grid: &Grid, source: &dyn Source) -> Result<(), Error> {
-    let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
-    let spans = grid.folds > 1 && source.episodes().len() < usize::from(grid.folds);
-    let span = longest / usize::from(grid.folds.max(1));
-    // Spans of a few rows cannot keep even the reach of the lags apart; such data are too few for folds anyway, and the fit says what it has.
-    if spans && grid.purge > span && span > 0 {
-        return Err(Error::PurgeTooLong { purge: grid.purge, span, folds: grid.folds });
-    }
-    Ok(())
-}
-
-fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {
-    if survey.complete < rows.regressors as u64 + 2 {
-        return Err(Error::TooFewRows {
-            complete: survey.complete,
-            regressors: rows.regressors + 1,
-            at_border: survey.at_border,
-            incomplete: survey.incomplete,
-        });
-    }
-    for (target, equation) in problem.equations.iter().filter(|equation| equation.target.is_some()).enumerate() {
-        if survey.scales.get(target, target) <= 0.0 {
-            return Err(Error::ConstantTarget { target: equation.label(), value: survey.scales.mean[target] });
-        }
-    }
-    Ok(())
 }
 
 /// All that is known when the statistic is complete.

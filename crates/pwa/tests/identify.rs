@@ -3,7 +3,7 @@
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Library};
 use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
-use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify};
+use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify, partition};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -326,4 +326,23 @@ fn intervals_hold_the_error_and_pairs_are_tighter() {
     assert!((better.value - expected).abs() < 1e-12);
     options.folds = 10;
     assert_eq!(run(&problem(&["x", "u"]), &options, &source).basis, Basis::Folds(10));
+}
+
+#[test]
+fn partitions_alone_are_those_of_the_identification() {
+    let source = hybrid(600, 3, 0.01, 5);
+    let mut options = options("average,zscore:1.2,kmeans:3,labels:mode,labels:mode+kmeans:2");
+    // Folds cut the rows into other chunks, whose sums round differently.
+    (options.keep_all, options.folds) = (true, 0);
+    let problem = problem(&["x", "u"]);
+    let identified = run(&problem, &options, &source);
+    let alone = partition(&problem, &options, &source, &Silent).unwrap();
+    assert_eq!((alone.rows, alone.partitions.len()), (identified.rows, 5));
+    for ((specification, found), model) in alone.partitions.iter().zip(&identified.models) {
+        let whole = &model.partitions[0];
+        assert_eq!(found.specification, specification.to_string());
+        assert_eq!((&found.columns, &found.centre, &found.scale), (&whole.columns, &whole.centre, &whole.scale));
+        assert_eq!(found.rule, whole.rule);
+        assert_eq!((found.rule.count(), found.regions.len()), (whole.regions.len(), 0));
+    }
 }

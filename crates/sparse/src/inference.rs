@@ -9,6 +9,7 @@ mod covariance;
 mod error;
 mod influence;
 mod least_squares;
+mod system;
 
 pub use bootstrap::{BootstrapInterval, bootstrap_intervals};
 pub use confounded::{Confounded, Confounding, confounded};
@@ -16,3 +17,4 @@ pub use covariance::{Clusters, Covariance, clustered_covariance};
 pub use error::InferenceError;
 pub use influence::{Influence, InfluenceReport, influence};
 pub use least_squares::least_squares_on;
+pub use system::{system_effective_rows, system_errors};

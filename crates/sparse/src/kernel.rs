@@ -250,7 +250,7 @@ pub(crate) fn add_scaled_in<S: Simd>(simd: S, factor: f64, x: &[f64], y: &mut [f
 }
 
 #[inline(always)]
-fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
+pub(crate) fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
     let (x, _) = S::as_simd_f64s(x);
     let (y, _) = S::as_simd_f64s(y);
     let mut sums = [simd.splat_f64s(0.0); 4];

@@ -29,12 +29,15 @@ mod inference;
 mod kernel;
 mod lars;
 mod moments;
+mod narx;
 mod path;
 mod penalty;
 mod quadratic;
 mod rows;
 mod select;
 mod structured;
+mod system;
+mod threshold;
 mod warm;
 
 pub use adaptive::{Initial, adaptive, degrees_of_freedom};
@@ -52,9 +55,11 @@ pub use coordinate::{CoordinateOptions, coordinate_descent, lambda_grid, lambda_
 pub use error::SparseError;
 pub use inference::{
     BootstrapInterval, Clusters, Confounded, Confounding, Covariance, InferenceError, Influence, InfluenceReport,
-    bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on,
+    bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on, system_effective_rows,
+    system_errors,
 };
 pub use lars::{LarsOptions, Method, lars};
+pub use narx::{NarxFold, NarxLibrary, NarxOrder, OrderChoice, OrderOptions, OrderScore, OrderSearch, search_orders};
 pub use path::{Path, PathStatus, Solution};
 pub use penalty::{Penalty, Sign, Strength};
 pub use quadratic::Quadratic;
@@ -66,4 +71,11 @@ pub use select::{
 pub use structured::{
     Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
     TaskError, TaskShape, TaskStats, Term, Tikhonov,
+};
+pub use system::{System, SystemError, SystemPlan, SystemScan, Unit, sampled_mean_squares};
+pub use threshold::{
+    Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
+    FrolsChoice, LassoPath, Matching, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Step,
+    StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, choose_by_cross_validation,
+    ensemble, optimize, sweep, sweep_thresholds,
 };

@@ -8,6 +8,7 @@ mod folds;
 mod held_out;
 mod score;
 
+pub(crate) use criteria::log_binomial;
 pub use criteria::{CriteriaOptions, InformationCriteria, NoiseVariance, information_criteria, task_criteria};
 pub use cross_validation::{
     Lambdas, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task,
@@ -17,3 +18,4 @@ pub use error::SelectError;
 pub use folds::{Folds, RandomSplits};
 pub use held_out::HeldOut;
 pub use score::CrossValidation;
+pub(crate) use score::Scored;

@@ -28,6 +28,9 @@ pub struct Compressed {
     pub total: Vec<f64>,
     /// Rounding of every column of `r` (p): what is shorter is no information.
     pub noise: Vec<f64>,
+    /// Mean squared error that is in the targets themselves (q), such as that of a difference for a derivative: below it no model is better than another. 0
+    /// unless [`Compressed::known_to`] said otherwise.
+    pub resolution: Vec<f64>,
 }
 
 impl SquareRoot {
@@ -76,7 +79,18 @@ impl Compressed {
             residual: (0..q).map(|t| residual[t] + left(t)).collect(),
             total,
             noise,
+            resolution: vec![0.0; q],
         }
+    }
+
+    /// The same problem, its targets known to these mean squared errors (q).
+    ///
+    /// # Panics
+    /// When there is not one a target.
+    #[must_use]
+    pub fn known_to(self, resolution: &[f64]) -> Self {
+        assert_eq!(resolution.len(), self.targets(), "one mean squared error a target");
+        Self { resolution: resolution.to_vec(), ..self }
     }
 
     /// Number of columns, p.
@@ -104,6 +118,7 @@ impl Compressed {
         }
         let noise = columns.iter().map(|&column| self.noise[column]).collect();
         Self::triangular((self.rows, self.weight), k, &mut stack, &self.residual, self.total.clone(), noise)
+            .known_to(&self.resolution)
     }
 
     /// The weighted sum of squared errors, per target, of coefficients (p x q); they may have been fitted on any rows.
@@ -159,7 +174,8 @@ mod tests {
             for t in 0..2 {
                 let direct: f64 = (0..60)
                     .map(|i| {
-                        let value = |j: usize| if constant { if j == 0 { 1.0 } else { x[(i, j - 1)] } } else { x[(i, j)] };
+                        let value =
+                            |j: usize| if constant { if j == 0 { 1.0 } else { x[(i, j - 1)] } } else { x[(i, j)] };
                         (x[(i, 3 + t)] - (0..p).map(|j| value(j) * b[(j, t)]).sum::<f64>()).powi(2)
                     })
                     .sum();

@@ -40,7 +40,7 @@ pub use factor::Factor;
 pub use gram::Gram;
 pub use interval::{Basis, Estimate, student_t_95};
 pub use log_determinant::LogDeterminant;
-pub use polynomial::{PolynomialError, PolynomialMoments, PolynomialPlan, PolynomialScratch};
+pub use polynomial::{PolynomialBank, PolynomialError, PolynomialMoments, PolynomialPlan, PolynomialScratch};
 pub use precondition::{Preconditioner, PreconditionerError};
 pub use row_gram::RowGram;
 pub use score::Score;

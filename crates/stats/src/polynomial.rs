@@ -32,6 +32,7 @@
 //! ```
 
 mod affine;
+mod bank;
 mod convert;
 mod double;
 mod functions;
@@ -46,8 +47,9 @@ mod tests;
 
 use faer::{Mat, MatRef};
 
-use crate::Gram;
+use crate::{Gram, Preconditioner};
 use affine::AffineMap;
+pub use bank::PolynomialBank;
 use functions::Functions;
 use graded::Graded;
 use kernel::{AddRows, Program, Registers, Rows, Workspace};
@@ -266,21 +268,26 @@ impl PolynomialPlan {
     /// # Panics
     /// If the moments belong to a plan of another shape.
     pub fn gram(&self, moments: &PolynomialMoments) -> Gram {
+        self.gram_of(moments.rows(), &moments.values())
+    }
+
+    /// [`PolynomialPlan::gram`] of plain sums.
+    fn gram_of(&self, rows: u64, sums: &[f64]) -> Gram {
         let (p, q) = (self.functions(), self.targets());
-        let (sums, weight) = (moments.values(), moments.weight());
         assert_eq!(sums.len(), self.sums(), "moments of this plan");
+        let weight = sums[0];
         let cross = |i: usize, t: usize| sums[self.moments.len() + t * self.library.len() + i];
         let pairs = self.moments.len() + q * self.library.len();
         let first = |i: usize| {
-            if i < p { self.table.product(i + 1, 0, &sums) } else { cross(0, i - p) }
+            if i < p { self.table.product(i + 1, 0, sums) } else { cross(0, i - p) }
         };
         let second = |i: usize, j: usize| match (i < p, j < p) {
-            (true, true) => self.table.product(i + 1, j + 1, &sums),
+            (true, true) => self.table.product(i + 1, j + 1, sums),
             (false, true) => cross(j + 1, i - p),
             _ => sums[pairs + (i - p) * (i - p + 1) / 2 + j - p],
         };
         let mut gram = Gram::new(p + q);
-        gram.rows = moments.rows();
+        gram.rows = rows;
         gram.weight = weight;
         if weight == 0.0 {
             return gram;
@@ -351,6 +358,18 @@ impl PolynomialPlan {
             "coefficients p x q"
         );
         convert::from_monomials(&self.library, &self.map, coefficients, intercept)
+    }
+
+    /// From the basis to raw monomials: with it, [`Preconditioner::square_root`] of a Gram matrix of this plan is a factor of the raw monomials and the targets,
+    /// made without their Gram matrix.
+    ///
+    /// `order[i]` is the place of monomial i ([`PolynomialPlan::exponents`]) among the raw columns.
+    ///
+    /// # Panics
+    /// When `order` is not a permutation of the functions.
+    pub fn preconditioner(&self, order: &[usize]) -> Preconditioner {
+        let columns = convert::triangle(&self.library, &self.map);
+        Preconditioner::of_columns(columns, order, self.targets(), self.condition)
     }
 
     /// What defines the basis and the centres, little-endian: for the hash of a frozen plan.

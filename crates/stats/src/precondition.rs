@@ -146,6 +146,57 @@ impl Preconditioner {
         }
     }
 
+    /// The way back from rows that are made in their coordinates: raw column `order[k]` is the constant of `columns[k]` plus the first k + 1 coordinates times its
+    /// factors; `targets` more columns stay as they are.
+    ///
+    /// # Panics
+    /// When `order` is not a permutation or a column has another length.
+    pub(crate) fn of_columns(columns: Vec<(f64, Vec<f64>)>, order: &[usize], targets: usize, condition: f64) -> Self {
+        let p = columns.len();
+        let mut found = Self { order: order.to_vec(), condition, ..Self::identity(p, targets) };
+        for (k, (constant, factors)) in columns.into_iter().enumerate() {
+            found.centre[order[k]] = constant;
+            found.triangle[packed(k)..packed(k + 1)].copy_from_slice(&factors);
+        }
+        let mut sorted = order.to_vec();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..p), "a permutation of the columns");
+        found
+    }
+
+    /// One change of coordinates for the targets of several that share their regressors; `None` where the coordinates of the regressors differ, or there are none.
+    pub fn joined(parts: &[&Self]) -> Option<Self> {
+        let first = parts.first()?;
+        let p = first.regressors;
+        let same = |part: &Self| {
+            (part.regressors, &part.order, part.is_native()) == (p, &first.order, first.is_native())
+                && part.centre[..p] == first.centre[..p]
+                && part.triangle[..packed(p)] == first.triangle[..packed(p)]
+        };
+        if !parts.iter().all(|part| same(part)) {
+            return None;
+        }
+        let q = parts.iter().map(|part| part.targets).sum();
+        let mut joined = Self { order: first.order.clone(), rank: first.rank, ..Self::identity(p, q) };
+        joined.condition = first.condition;
+        joined.confounded.clone_from(&first.confounded);
+        joined.centre[..p].copy_from_slice(&first.centre[..p]);
+        joined.triangle[..packed(p)].copy_from_slice(&first.triangle[..packed(p)]);
+        let targets = parts.iter().flat_map(|part| (p..part.dimension()).map(move |column| (part, column)));
+        for (target, (part, column)) in (p..).zip(targets) {
+            joined.centre[target] = part.centre[column];
+            let entries = &mut joined.triangle[packed(target)..packed(target + 1)];
+            entries[..p].copy_from_slice(&part.column(column)[..p]);
+            entries[target] = part.column(column)[column];
+        }
+        Some(if first.is_native() { joined } else { joined.with_solver() })
+    }
+
+    /// Whether rows are in these coordinates from the start, and were not brought there by arithmetic on the raw columns.
+    pub(crate) fn is_native(&self) -> bool {
+        self.solver == Solver::Nothing
+    }
+
     fn with_solver(mut self) -> Self {
         let triangle = &self.triangle;
         let in_order = self.order.iter().copied().eq(0..self.regressors);

@@ -65,6 +65,9 @@ impl Preconditioner {
         };
         let made_from: Vec<f64> = (0..p).map(made_from).collect();
         let floor = |k: usize| {
+            if self.is_native() {
+                return noise_level(p) * length[k];
+            }
             let centre = self.centre()[self.order()[k]].abs() * weight.sqrt();
             noise_level(p) * (made_from[k] + centre) / self.column(k)[k].abs()
         };

@@ -279,7 +279,7 @@ pub(crate) fn cache(channels: &ChannelArgs, model: &std::path::Path) -> Option<C
     }
 }
 
-fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
+pub(crate) fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
             Ok((name.trim().to_owned(), value.trim().to_owned()))

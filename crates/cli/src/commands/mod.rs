@@ -1,7 +1,10 @@
 //! One file a command.
 
 pub(crate) mod demo;
+pub(crate) mod export;
 pub(crate) mod fit;
+pub(crate) mod fit_narx;
+pub(crate) mod fit_sindy;
 pub(crate) mod fit_sparse;
 pub(crate) mod generate;
 pub(crate) mod info;

@@ -2,6 +2,7 @@
 
 use fleetfoot_sparse::BootstrapUnit;
 
+use super::words;
 use crate::{Error, SparseSection};
 
 /// How lambda is given.
@@ -107,10 +108,13 @@ impl SparseOptions {
                 "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
             ));
         }
+        let select = section.select.as_deref().unwrap_or("one-se");
+        let folds = section.folds.as_deref().unwrap_or("10");
         Ok(Self {
             lambda: lambda(section.lambda.as_deref().unwrap_or("auto"))?,
-            criterion: criterion(section.select.as_deref().unwrap_or("one-se"))?,
-            folds: folds(section.folds.as_deref().unwrap_or("10"))?,
+            criterion: words::criterion(select)
+                .ok_or_else(|| refused("select", select, "cv, one-se, aic, bic or ebic"))?,
+            folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
             l1_ratio,
             adaptive: section.adaptive.unwrap_or(false),
             bolasso,
@@ -143,31 +147,6 @@ fn lambda(text: &str) -> Result<LambdaRule, Error> {
             text,
             "auto, a number of zero or more, or a number over the root of the rows, `0.5/sqrt(n)`",
         )),
-    }
-}
-
-fn criterion(text: &str) -> Result<Criterion, Error> {
-    Ok(match text {
-        "cv" => Criterion::CrossValidation,
-        "one-se" => Criterion::OneStandardError,
-        "aic" => Criterion::Aic,
-        "bic" => Criterion::Bic,
-        "ebic" => Criterion::Ebic,
-        _ => return Err(refused("select", text, "cv, one-se, aic, bic or ebic")),
-    })
-}
-
-fn folds(text: &str) -> Result<FoldRule, Error> {
-    let allowed = "a number of folds from 2 on, `episodes`, or `splits:30`";
-    let number =
-        |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);
-    match text.split_once(':') {
-        None if text == "episodes" => Ok(FoldRule::Episodes),
-        None => number(text, 2).map(FoldRule::Count).ok_or_else(|| refused("folds", text, allowed)),
-        Some(("splits", count)) => {
-            number(count, 1).map(FoldRule::Splits).ok_or_else(|| refused("folds", text, allowed))
-        }
-        Some(_) => Err(refused("folds", text, allowed)),
     }
 }
 

@@ -1,7 +1,15 @@
-//! Function calls: elementary functions, lags, differences and rotations.
+//! Function calls: elementary functions, lags, differences, filters and rotations.
+
+use std::fmt;
 
 use super::{MAX_LAG, MAX_SIZE, ParseError, ParseErrorKind, Parser, Power};
-use crate::{Binary, Expr, Quaternion, Unary, backward_difference, central_difference, forward_difference, nearest};
+use crate::{
+    Binary, Expr, Filter, FilterKind, Quaternion, Unary, backward_difference, central_difference, forward_difference,
+    nearest,
+};
+
+/// Filters inside each other.
+const MAX_FILTERS: usize = 8;
 
 impl Parser<'_> {
     /// A function's arguments and value; its name and the parenthesis are read.
@@ -22,6 +30,9 @@ impl Parser<'_> {
                 return self.component(vector);
             }
             _ => {}
+        }
+        if let Some(kind) = FilterKind::named(function) {
+            return self.filter_column(kind, start);
         }
         let arguments = self.arguments()?;
         let count = |expected: usize| ParseErrorKind::Arguments {
@@ -87,6 +98,33 @@ impl Parser<'_> {
         }
     }
 
+    /// The column of `x, constant)` of a filter.
+    fn filter_column(&mut self, kind: FilterKind, start: usize) -> Result<Expr, ParseError> {
+        let filter = self.filter(kind, start)?;
+        if self.scope.is_of_name() {
+            return Ok(Expr::column(&self.text[start..self.at]));
+        }
+        let too_large = |parser: &Self| parser.error(start, ParseErrorKind::FilterTooLarge { function: kind.name() });
+        if filter.levels() > MAX_FILTERS {
+            return Err(too_large(self));
+        }
+        // Aliases written out may make it longer, or deeper, than what can be read again.
+        let mut name = Bounded(String::new());
+        match fmt::Write::write_fmt(&mut name, format_args!("{filter}")) {
+            Ok(()) if Filter::of(&name.0).is_some() => Ok(Expr::column(name.0)),
+            _ => Err(too_large(self)),
+        }
+    }
+
+    /// `x, constant)` of a filter.
+    pub(super) fn filter(&mut self, kind: FilterKind, start: usize) -> Result<Filter, ParseError> {
+        let [input, constant] = self.exactly(kind.name(), start)?;
+        if !constant.is_constant() {
+            return Err(self.error(start, ParseErrorKind::NotConstant { function: kind.name() }));
+        }
+        Ok(Filter { kind, input, constant })
+    }
+
     fn quaternion(&mut self) -> Result<Quaternion, ParseError> {
         let start = self.start();
         let name = self.name("a quaternion: the name before its .x, or quat(x, y, z, w)")?;
@@ -146,7 +184,20 @@ impl Parser<'_> {
     }
 }
 
-fn named_unary(name: &str) -> Option<Unary> {
+/// Text up to the longest name of a filter.
+struct Bounded(String);
+
+impl fmt::Write for Bounded {
+    fn write_str(&mut self, part: &str) -> fmt::Result {
+        if self.0.len() + part.len() > Filter::MAX_NAME {
+            return Err(fmt::Error);
+        }
+        self.0.push_str(part);
+        Ok(())
+    }
+}
+
+pub(super) fn named_unary(name: &str) -> Option<Unary> {
     Unary::ALL.into_iter().find(|function| *function != Unary::Neg && function.name() == name)
 }
 
@@ -160,8 +211,9 @@ fn named_binary(name: &str) -> Option<Binary> {
     }
 }
 
-fn function_names() -> impl Iterator<Item = &'static str> {
+pub(super) fn function_names() -> impl Iterator<Item = &'static str> {
     let others = ["pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central"];
     let rotations = ["yaw", "pitch", "roll", "rotate", "rotate_inv", "vec", "quat"];
-    Unary::ALL.into_iter().skip(1).map(Unary::name).chain(others).chain(rotations)
+    let filters = FilterKind::ALL.into_iter().map(FilterKind::name);
+    Unary::ALL.into_iter().skip(1).map(Unary::name).chain(others).chain(rotations).chain(filters)
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{MAX_DEPTH, MAX_SIZE, MAX_TEXT};
+use crate::{MAX_FUNCTIONS, nearest};
 
 /// Why and where a text is not an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,6 +57,21 @@ pub enum ParseErrorKind {
         /// How many it was given.
         found: usize,
     },
+    /// The constant of a filter that is not one.
+    #[error("the second argument of `{function}` does not change with time: write it with numbers and parameters")]
+    NotConstant {
+        /// The filter.
+        function: &'static str,
+    },
+    /// A filter whose definition is too long for a name.
+    #[error(
+        "this `{function}` is too large: filters nest at most 8 levels deep, and have at most {} bytes, aliases written out",
+        crate::Filter::MAX_NAME
+    )]
+    FilterTooLarge {
+        /// The filter.
+        function: &'static str,
+    },
     /// A vector or a quaternion whose components are not there.
     #[error("`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}", suggestion(nearest))]
     NoComponents {
@@ -80,6 +96,25 @@ pub enum ParseErrorKind {
         "too long: an expression may have {MAX_TEXT} bytes and, with its aliases written out, {MAX_SIZE} terms and operations"
     )]
     TooLarge,
+    /// A library beyond [`MAX_FUNCTIONS`] candidate functions.
+    #[error(
+        "this library has {} candidate functions, at most {MAX_FUNCTIONS} are possible; lower the degree or the number of lags, or \
+         name fewer variables",
+        functions.map_or("more than 2^64".to_owned(), |functions| functions.to_string())
+    )]
+    TooManyFunctions {
+        /// How many there would be, unless they cannot be counted.
+        functions: Option<usize>,
+    },
+    /// A candidate function that is zero or not a number everywhere.
+    #[error("this is {value} everywhere, which is no candidate function")]
+    NoFunction {
+        /// What it simplifies to.
+        value: String,
+    },
+    /// A library of the variables where there are none.
+    #[error("there are no variables for this library to range over; name some, as in `poly(2, [x, y])`")]
+    NoVariables,
 }
 
 impl ParseError {
@@ -105,6 +140,16 @@ impl ParseError {
     /// The alias whose text it is, if any.
     pub fn alias(&self) -> Option<&str> {
         self.detail.alias.as_deref()
+    }
+
+    /// With these names too among those that an unknown one may have meant.
+    pub(super) fn with_names(mut self, names: &[&str]) -> Self {
+        use ParseErrorKind::{UnknownFunction, UnknownName};
+        if let UnknownName { name, nearest: known } | UnknownFunction { name, nearest: known } = &mut self.detail.kind {
+            let before = std::mem::take(known);
+            *known = nearest(name, before.iter().map(String::as_str).chain(names.iter().copied()));
+        }
+        self
     }
 
     pub(crate) fn in_alias(mut self, alias: String) -> Self {

@@ -1,9 +1,11 @@
 //! The spelling of names: identifiers, topic fields, reserved words.
 
-/// Whether a name can be written without backticks.
+use crate::Filter;
+
+/// Whether a name can be written without backticks: an identifier, a topic's field, or a filter's definition.
 pub(crate) fn is_bare_name(name: &str) -> bool {
     let length = if name.starts_with('/') { topic_length(name) } else { identifier_length(name) };
-    length > 0 && length == name.len() && constant(name).is_none()
+    (length > 0 && length == name.len() && constant(name).is_none()) || Filter::of(name).is_some()
 }
 
 /// The value of a reserved word.
@@ -25,10 +27,14 @@ pub(super) fn identifier_length(text: &str) -> usize {
     let word = |from: usize| text[from..].find(|c| !is_word(c)).map_or(text.len(), |length| from + length);
     let mut at = word(0);
     loop {
-        let part = word((at + 1).min(text.len()));
-        let end = match text.as_bytes().get(at) {
-            Some(b'.') if part > at + 1 => part,
-            Some(b'[') if part > at + 1 && text.as_bytes().get(part) == Some(&b']') => part + 1,
+        // Only behind an ASCII character is the next byte the beginning of one.
+        let Some(open @ (b'.' | b'[')) = text.as_bytes().get(at) else {
+            return at;
+        };
+        let part = word(at + 1);
+        let end = match (part > at + 1, open) {
+            (true, b'.') => part,
+            (true, _) if text.as_bytes().get(part) == Some(&b']') => part + 1,
             _ => return at,
         };
         at = word(end);

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use crate::strategy::expressions;
 
-const NAMES: [&str; 14] = [
+const NAMES: [&str; 16] = [
     "x",
     "q.w",
     "u[2]",
@@ -20,6 +20,8 @@ const NAMES: [&str; 14] = [
     "2x",
     "φ_1",
     "/",
+    "lag1(x, tau)",
+    "delay(lag1(u[2], 1)^2, d)",
 ];
 
 fn parse(text: &str) -> Result<Expr, ParseError> {
@@ -50,12 +52,12 @@ proptest! {
         let text = expr.to_string();
         let back = Expr::parse(&text, &Scope::open());
         prop_assert_eq!(back.as_ref(), Ok(&expr), "{}", text);
-        let columns: Vec<&str> = NAMES.to_vec();
+        let columns: Vec<&str> = NAMES.into_iter().chain(["tau", "d"]).collect();
         prop_assert_eq!(Expr::parse(&text, &Scope::new(columns)), Ok(expr));
     }
 
     #[test]
-    fn no_text_makes_the_parser_panic(text in r"([a-z/`.\[\]()+*^ ,-]|[0-9]|lag\(|rotate\(|vec\(|yaw\(|quat\(|φ|e9|1\.|\.x){0,40}") {
+    fn no_text_makes_the_parser_panic(text in r"([a-z/`.\[\]()+*^ ,-]|[0-9]|lag\(|lag1\(|delay\(|rotate\(|vec\(|yaw\(|quat\(|φ|e9|1\.|\.x){0,40}") {
         if let Err(error) = parse(&text) {
             prop_assert!(text.is_char_boundary(error.position()));
             prop_assert!(!error.to_string().is_empty());

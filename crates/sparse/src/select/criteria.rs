@@ -168,7 +168,7 @@ fn deviances(
 }
 
 /// `ln C(n, k)`.
-fn log_binomial(n: usize, k: usize) -> f64 {
+pub(crate) fn log_binomial(n: usize, k: usize) -> f64 {
     let k = k.min(n - k.min(n));
     (1..=k).map(|i| ((n - k + i) as f64 / i as f64).ln()).sum()
 }

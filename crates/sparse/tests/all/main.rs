@@ -11,6 +11,8 @@ mod inference;
 mod lars;
 mod laws;
 mod problem;
+mod pysindy;
 mod select;
 mod sklearn;
 mod structured;
+mod thresholds;

@@ -94,12 +94,7 @@ pub(super) fn to_monomials(
 }
 
 /// Raw monomials -> Chebyshev coefficients: `x^a = x_k x^{a - e_k}` with x_k an affine form of v and `2 v_l T_b = T_{b + e_l} + T_{|b - e_l|}`.
-pub(super) fn from_monomials(
-    library: &Graded,
-    map: &AffineMap,
-    coefficients: MatRef<'_, f64>,
-    intercept: &[f64],
-) -> (Mat<f64>, Vec<f64>) {
+fn monomials(library: &Graded, map: &AffineMap) -> Expansion {
     let (m, forms) = (map.variables(), map.inverse_forms());
     let raise = raised(library, m);
     let half = Double::from(0.5);
@@ -130,5 +125,28 @@ pub(super) fn from_monomials(
         }
         expansion.set(i, &column);
     }
-    expansion.apply(coefficients, intercept)
+    expansion
+}
+
+/// Coefficients of raw monomials as coefficients of the basis.
+pub(super) fn from_monomials(
+    library: &Graded,
+    map: &AffineMap,
+    coefficients: MatRef<'_, f64>,
+    intercept: &[f64],
+) -> (Mat<f64>, Vec<f64>) {
+    monomials(library, map).apply(coefficients, intercept)
+}
+
+/// Every raw monomial in the basis: its constant, and its coefficients down to its own place, all later ones being zero.
+///
+/// A variable of the basis is a combination of the base columns up to its own, so what a monomial expands to is of lower degree or, in the
+/// same degree, has more of the earlier variables: it stands before it in graded lexicographic order.
+pub(super) fn triangle(library: &Graded, map: &AffineMap) -> Vec<(f64, Vec<f64>)> {
+    let expansion = monomials(library, map);
+    let column = |i: usize| {
+        let values = &expansion.column(i)[..=i];
+        (values[0].to_f64(), values[1..].iter().map(|value| value.to_f64()).collect())
+    };
+    (1..library.len()).map(column).collect()
 }

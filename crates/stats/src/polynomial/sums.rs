@@ -83,6 +83,10 @@ impl PolynomialMoments {
         self.totals.iter().all(|total| total.is_finite())
     }
 
+    pub(super) fn sums(&self) -> usize {
+        self.totals.len()
+    }
+
     pub(super) fn total(&self, index: usize) -> f64 {
         let total = self.totals[index] + self.lost[index];
         // An infinite total has a NaN for its lost part.

@@ -1,6 +1,6 @@
 //! The aircraft study at a small scale: the points of the block-sparse bolasso paper's Figures 2, 3 and 5.
 
-#[path = "../examples/aircraft_study/main.rs"]
+#[path = "../../examples/aircraft_study/main.rs"]
 #[allow(dead_code, reason = "the study's command has parts that its test does not call")]
 mod study;
 

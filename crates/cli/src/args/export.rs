@@ -1,0 +1,63 @@
+//! Arguments of `export`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// The model.
+    #[arg(value_name = "MODEL")]
+    pub(crate) model: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    pub(crate) to: ExportTo,
+    /// Floating-point numbers of C and Rust: 32 or 64 bits.
+    #[arg(long, value_enum, default_value_t = ExportPrecision::Double)]
+    pub(crate) precision: ExportPrecision,
+    /// In front of all names, and the files' name: lower-case letters, digits and _.
+    #[arg(long, value_name = "NAME", default_value = "model")]
+    pub(crate) prefix: String,
+    /// Make steps of this fixed length of a model of derivatives; without it, every step is given its length.
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) discretize: Option<f64>,
+    /// How derivatives are integrated.
+    #[arg(long, value_enum, default_value_t = ExportMethod::Rk4)]
+    pub(crate) method: ExportMethod,
+    /// Leave the check of the training domain away: two numbers a function and region less.
+    #[arg(long)]
+    pub(crate) no_domain: bool,
+    /// The folder to write to.
+    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportTo {
+    /// C99 without heap, with a test.
+    C,
+    /// A Rust module without the standard library.
+    Rust,
+    /// A Python module without dependencies.
+    Python,
+    /// Equations in LaTeX.
+    Latex,
+    /// Arrays for NumPy.
+    Npz,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportPrecision {
+    /// 32 bits.
+    Float,
+    /// 64 bits.
+    Double,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportMethod {
+    /// x + h f(x).
+    Euler,
+    /// Fourth-order Runge-Kutta.
+    Rk4,
+}

@@ -1,0 +1,60 @@
+//! `fleetfoot export`.
+
+use fleetfoot::{
+    Error,
+    model::{ExportOptions, Precision, StepMethod, Target},
+};
+use serde_json::json;
+
+use super::{Context, read_model};
+use crate::args::{Export, ExportMethod, ExportPrecision, ExportTo};
+
+pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error> {
+    let model = read_model(&arguments.model)?;
+    let mut options = ExportOptions::new(match arguments.to {
+        ExportTo::C => Target::C,
+        ExportTo::Rust => Target::Rust,
+        ExportTo::Python => Target::Python,
+        ExportTo::Latex => Target::Latex,
+        ExportTo::Npz => Target::Npz,
+    });
+    options.precision = match arguments.precision {
+        ExportPrecision::Float => Precision::Float,
+        ExportPrecision::Double => Precision::Double,
+    };
+    options.method = match arguments.method {
+        ExportMethod::Euler => StepMethod::Euler,
+        ExportMethod::Rk4 => StepMethod::Rk4,
+    };
+    options.prefix.clone_from(&arguments.prefix);
+    options.discretize = arguments.discretize;
+    options.domain = !arguments.no_domain;
+    let exported = fleetfoot::export(&model, &options, &arguments.output)?;
+    let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
+    let cost = exported.cost.as_ref().map(|cost| {
+        let calls: serde_json::Map<String, serde_json::Value> = cost
+            .calls
+            .iter()
+            .map(|(name, operations)| {
+                let counts = json!({
+                    "multiplications": operations.multiplications,
+                    "additions": operations.additions,
+                    "divisions": operations.divisions,
+                    "comparisons": operations.comparisons,
+                    "functions": operations.functions,
+                });
+                (name.clone(), counts)
+            })
+            .collect();
+        json!({ "tables": cost.tables, "code": cost.code, "model": cost.model, "stack": cost.stack, "calls": calls })
+    });
+    context.print(&json!({ "files": files, "compared": exported.compared, "cost": cost }), || {
+        let mut lines = vec![format!("wrote {}", files.join(", "))];
+        if let Some(cost) = &exported.cost {
+            lines.push(format!("compared with the engine at {} points", exported.compared));
+            lines.extend(cost.lines());
+        }
+        lines.join("\n")
+    });
+    Ok(())
+}

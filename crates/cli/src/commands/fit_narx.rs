@@ -1,0 +1,269 @@
+//! `fleetfoot fit narx`.
+
+use fleetfoot::{
+    Error, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxTerms, Recipe, dynamics::Baseline,
+    fit_narx, log::write_atomic,
+};
+use serde_json::{Value, json};
+
+use super::{Context, files, fit, real};
+use crate::{
+    args::{FitNarx, NarxArgs},
+    table::{count, number, ratio, table},
+};
+
+/// Models that are shown of those tried.
+const BEST: usize = 10;
+
+pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> {
+    let mut recipe = fit::recipe(&arguments.recipe)?;
+    apply(&mut recipe, &arguments.narx);
+    if let Some(partition) = &arguments.partition {
+        recipe.model.partition = Some(partition.clone());
+    }
+    if let Some(on) = &arguments.partition_on {
+        recipe.model.partition_on = Some(on.0.clone());
+    }
+    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
+    let data = files(&arguments.data)?;
+    let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
+    fit::refuse_overwriting(&arguments.output, &data)?;
+    fit::refuse_overwriting(&arguments.output, &free_run)?;
+    let bar = context.bar();
+    let fitted = fit_narx(&recipe, &NarxRequest { free_run }, &data, &bar);
+    bar.finish();
+    let fitted = fitted?;
+    write_atomic(&arguments.output, fitted.model.to_json().as_bytes())?;
+    context.notes(&fitted.report.notes);
+    context.print(&to_json(&fitted, arguments), || to_text(&fitted.report, arguments.tried));
+    context.say(format!("wrote {}", arguments.output.display()));
+    Ok(())
+}
+
+/// Flags stand above the recipe.
+fn apply(recipe: &mut Recipe, arguments: &NarxArgs) {
+    for output in arguments.outputs.iter().flat_map(|list| &list.0) {
+        recipe.states.entry(output.clone()).or_default();
+    }
+    let narx = &mut recipe.narx;
+    narx.lags_out = arguments.lags_out.or(narx.lags_out);
+    narx.lags_in = arguments.lags_in.or(narx.lags_in);
+    narx.direct = arguments.direct.then_some(true).or(narx.direct);
+    narx.order = arguments.order.clone().or(narx.order.take());
+    if let Some(text) = &arguments.terms {
+        narx.terms = Some(text.parse().map_or_else(|_| NarxTerms::Word(text.clone()), NarxTerms::Number));
+    }
+    narx.max_terms = arguments.max_terms.or(narx.max_terms);
+    narx.select = arguments.select.clone().or(narx.select.take());
+    narx.folds = arguments.folds.or(narx.folds);
+    narx.decimate = arguments.decimate.or(narx.decimate);
+    narx.test_share = arguments.test_share.or(narx.test_share);
+    narx.seed = arguments.seed.or(narx.seed);
+    narx.starts = arguments.starts.or(narx.starts);
+}
+
+fn to_text(report: &NarxReport, tried: bool) -> String {
+    let direct = if report.direct { ", inputs at once" } else { "" };
+    let mut text = format!(
+        "{} rows of {}; {} at the border of an episode and {} with a missing value left out\nNARX, {}{direct}: {}; {}\n",
+        report.rows,
+        count(report.episodes, "episode"),
+        report.left_out[0],
+        report.left_out[1],
+        report.order,
+        count(report.candidates, "candidate"),
+        if report.regions.len() > 1 {
+            format!("{} regions by {}", report.regions.len(), report.partition)
+        } else {
+            "one region".into()
+        },
+    );
+    if let Some(choice) = &report.choice {
+        text.push_str(&format!("chosen by {choice}\n"));
+    }
+    if !report.tried.is_empty() {
+        text.push_str(&format!("\n{}\n", tried_table(&report.tried, if tried { usize::MAX } else { BEST })));
+    }
+    if let Some(search) = &report.orders {
+        text.push_str(&format!("\n{}\n", orders_table(search, if tried { usize::MAX } else { BEST })));
+    }
+    for region in &report.regions {
+        if report.regions.len() > 1 {
+            let shared = if region.shared { ", terms of all rows" } else { "" };
+            text.push_str(&format!("\nregion {} ({} rows{shared})", region.name, region.rows));
+        }
+        for equation in &region.equations {
+            let rows = equation
+                .terms
+                .iter()
+                .map(|term| vec![term.function.clone(), number(term.coefficient), share(term.err)])
+                .collect();
+            text.push_str(&format!("\n{}\n", table(&[&equation.label, "coefficient", "ERR %"], rows)));
+        }
+    }
+    for (name, scores) in [
+        ("training rows", Some(&report.train)),
+        ("rows kept back", report.test.as_ref()),
+        ("other files", report.files.as_ref()),
+    ] {
+        if let Some(scores) = scores {
+            text.push_str(&format!("\n{}\n", scores_table(name, scores)));
+        }
+    }
+    text
+}
+
+fn share(err: f64) -> String {
+    if err.is_nan() { "-".into() } else { format!("{:.4}", 100.0 * err) }
+}
+
+/// The best models, the best first.
+fn tried_table(tried: &[NarxCandidate], most: usize) -> String {
+    let mut order: Vec<&NarxCandidate> = tried.iter().collect();
+    order.sort_by(|a, b| a.rrse.total_cmp(&b.rrse));
+    let several = tried.iter().any(|candidate| candidate.partition != tried[0].partition);
+    let seeds = tried.iter().any(|candidate| candidate.seed != tried[0].seed);
+    let rows = order.iter().take(most).map(|candidate| {
+        let mut row = vec![candidate.order.to_string()];
+        row.extend(several.then(|| candidate.specification.clone()));
+        row.extend(seeds.then(|| candidate.seed.to_string()));
+        row.extend([candidate.terms.to_string(), error(candidate.rrse), fit_percent(candidate.rrse)]);
+        row
+    });
+    let mut header = vec!["free runs, held out"];
+    header.extend(several.then_some("partition"));
+    header.extend(seeds.then_some("seed"));
+    header.extend(["terms", "RRSE", "FIT %"]);
+    table(&header, rows.collect())
+}
+
+fn orders_table(search: &fleetfoot::sparse::OrderSearch, most: usize) -> String {
+    let chosen = search.choice();
+    let mut order: Vec<_> = search.scores.iter().collect();
+    order.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let rows = order.iter().take(most).map(|score| {
+        let terms = score.terms.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+        let mark = if score.order == chosen.order { " *" } else { "" };
+        vec![
+            format!("{}{mark}", score.order),
+            score.candidates.to_string(),
+            terms,
+            number(score.value),
+            score.standard_error.map_or("-".into(), number),
+        ]
+    });
+    table(&["one-step errors", "candidates", "terms", "value", "standard error"], rows.collect())
+}
+
+fn error(rrse: f64) -> String {
+    if rrse.is_infinite() { "diverged".into() } else { format!("{rrse:.4}") }
+}
+
+fn fit_percent(rrse: f64) -> String {
+    if rrse.is_infinite() { "-".into() } else { format!("{:.2}", 100.0 * (1.0 - rrse)) }
+}
+
+fn scores_table(name: &str, scores: &NarxScores) -> String {
+    let mut rows = Vec::new();
+    for target in &scores.one_step.targets {
+        let of = |wanted: Baseline| {
+            target
+                .baselines
+                .iter()
+                .find(|baseline| baseline.baseline == wanted)
+                .map_or(f64::NAN, |b| b.rmse / target.deviation)
+        };
+        rows.push(vec![
+            format!("{}, one step", target.name),
+            number(target.rmse),
+            error(target.rmse / target.deviation),
+            fit_percent(target.rmse / target.deviation),
+            ratio(of(Baseline::Null)),
+            ratio(of(Baseline::Persistence)),
+        ]);
+    }
+    for output in &scores.free_run.outputs {
+        let errors = &output.errors;
+        rows.push(vec![
+            format!("{}, free run", output.name),
+            number(errors.rmse),
+            error(errors.rrse),
+            fit_percent(errors.rrse),
+            ratio(errors.null.unwrap_or(f64::NAN)),
+            ratio(errors.persistence),
+        ]);
+    }
+    let mut text = table(&[name, "RMSE", "RRSE", "FIT %", "null model", "persistence"], rows);
+    for run in scores.free_run.runs.iter().filter(|run| run.lost_at.is_some()).take(BEST) {
+        let at = run.lost_at.unwrap_or_default();
+        text.push_str(&format!(
+            "\n  the run from row {} of episode {} ends at row {at}: {:?}",
+            run.start.row, run.start.episode, run.end
+        ));
+    }
+    text
+}
+
+fn to_json(fitted: &NarxFitted, arguments: &FitNarx) -> Value {
+    let report = &fitted.report;
+    let order = |order: &fleetfoot::sparse::NarxOrder| json!({ "lags_out": order.outputs, "lags_in": order.inputs, "degree": order.degree });
+    let tried = report.tried.iter().map(|candidate| {
+        json!({
+            "order": order(&candidate.order), "partition": candidate.specification, "seed": candidate.seed, "terms": candidate.terms, "rrse": real(candidate.rrse),
+            "folds": candidate.folds.iter().map(|&value| real(value)).collect::<Vec<_>>(),
+        })
+    });
+    let orders = report.orders.iter().flat_map(|search| &search.scores).map(|score| {
+        json!({
+            "order": order(&score.order), "candidates": score.candidates, "terms": score.terms, "value": real(score.value),
+            "standard_error": score.standard_error.map(real), "rss": score.rss,
+        })
+    });
+    let regions = report.regions.iter().map(|region| {
+        let equations = region.equations.iter().map(|equation| {
+            let terms = equation.terms.iter().map(|term| {
+                json!({ "function": term.function, "coefficient": real(term.coefficient), "err": real(term.err) })
+            });
+            json!({ "label": equation.label, "terms": terms.collect::<Vec<_>>() })
+        });
+        json!({ "name": region.name, "rows": region.rows, "shared": region.shared, "equations": equations.collect::<Vec<_>>() })
+    });
+    json!({
+        "model": arguments.output, "rows": report.rows, "episodes": report.episodes, "at_border": report.left_out[0], "incomplete": report.left_out[1],
+        "order": order(&report.order), "direct": report.direct, "candidates": report.candidates, "partition": report.partition, "seed": fitted.model.training.seed, "choice": report.choice,
+        "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
+        "train": scores_json(&report.train), "test": report.test.as_ref().map(scores_json), "files": report.files.as_ref().map(scores_json),
+        "notes": report.notes,
+    })
+}
+
+fn scores_json(scores: &NarxScores) -> Value {
+    let one_step = scores.one_step.targets.iter().map(|target| {
+        let baselines = target.baselines.iter().map(|baseline| (format!("{:?}", baseline.baseline).to_lowercase(), real(baseline.rmse)));
+        json!({
+            "name": target.name, "rmse": real(target.rmse), "rrse": real(target.rmse / target.deviation), "r2": real(target.r2),
+            "baseline_rmse": baselines.collect::<serde_json::Map<_, _>>(),
+        })
+    });
+    let errors = |errors: &fleetfoot::dynamics::OutputErrors| {
+        json!({
+            "rows": errors.rows, "lost": errors.lost, "rrse": real(errors.rrse), "fit": real(errors.fit), "rmse": real(errors.rmse), "nrmse": real(errors.nrmse),
+            "largest": real(errors.largest), "persistence_rrse": real(errors.persistence), "null_rrse": errors.null.map(real),
+        })
+    };
+    let outputs = scores.free_run.outputs.iter().map(|output| {
+        let mut value = errors(&output.errors);
+        value["name"] = json!(output.name);
+        value
+    });
+    let runs = scores.free_run.runs.iter().map(|run| {
+        json!({
+            "episode": run.start.episode, "row": run.start.row, "steps": run.steps, "end": format!("{:?}", run.end).to_lowercase(), "lost_at": run.lost_at,
+            "left_domain": run.left_domain, "outputs": run.outputs.iter().map(errors).collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "one_step": one_step.collect::<Vec<_>>(), "free_run": outputs.collect::<Vec<_>>(), "runs": runs.collect::<Vec<_>>(),
+        "episodes_skipped": scores.free_run.skipped,
+    })
+}

@@ -1,0 +1,315 @@
+//! `fleetfoot fit sindy`.
+
+use std::path::PathBuf;
+
+use fleetfoot::{
+    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
+    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_statistic, log::write_atomic, plan_sindy,
+};
+use serde_json::json;
+
+use super::{Context, files, fit, real};
+use crate::{
+    args::{FitSindy, SindyArgs},
+    table::{bytes, count, number, ratio, table},
+};
+
+pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
+    let mut recipe = fit::recipe(&arguments.recipe)?;
+    apply(&mut recipe, &arguments.sindy)?;
+    recipe.model.partition = arguments.partition.clone().or(recipe.model.partition.take());
+    if let Some(on) = &arguments.partition_on {
+        recipe.model.partition_on = Some(on.0.clone());
+    }
+    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
+    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
+    fit::refuse_overwriting(&arguments.output, &files)?;
+    if arguments.dry_run {
+        return dry_run(&recipe, &files, context);
+    }
+    let bar = context.bar();
+    let request = SindyRequest { front: arguments.front || arguments.keep_front };
+    let fitted = fit_sindy(&recipe, request, &files, &bar);
+    bar.finish();
+    let fitted = fitted?;
+    write_atomic(&arguments.output, fitted.model.to_json().as_bytes())?;
+    let mut written = vec![arguments.output.clone()];
+    if arguments.keep_front {
+        written.extend(fitted.write_front(&arguments.output)?);
+    }
+    context.notes(&fitted.report.notes);
+    context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted.report, arguments.front));
+    for path in &written {
+        context.say(format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Flags stand above the recipe.
+fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
+    if let Some(items) = &arguments.library {
+        recipe.library.functions.clone_from(&items.0);
+    }
+    for text in &arguments.nominal {
+        let (name, expression) = fit::pair("--nominal", text)?;
+        state(recipe, "--nominal", &name)?.nominal = Some(expression);
+    }
+    for text in &arguments.fixed {
+        let (name, items) = fit::pair("--fixed", text)?;
+        let items: crate::args::List =
+            items.parse().map_err(|problem| Error::Request(format!("--fixed {text}: {problem}")))?;
+        state(recipe, "--fixed", &name)?.fixed = items.0;
+    }
+    for text in &arguments.parameter {
+        let (name, section) = parameter(text)?;
+        recipe.parameters.insert(name, section);
+    }
+    let sindy = &mut recipe.sindy;
+    sindy.optimizer = arguments.optimizer.clone().or(sindy.optimizer.take());
+    if let Some(text) = &arguments.threshold {
+        sindy.threshold = Some(text.parse().map_or_else(|_| Threshold::Word(text.clone()), Threshold::Number));
+        sindy.terms = None;
+    }
+    if arguments.terms.is_some() {
+        sindy.terms = arguments.terms;
+        sindy.threshold = sindy.threshold.take().filter(|_| arguments.threshold.is_some());
+    }
+    sindy.ridge = arguments.ridge.or(sindy.ridge);
+    sindy.normalize = arguments.normalize.then_some(true).or(sindy.normalize);
+    sindy.select = arguments.select.clone().or(sindy.select.take());
+    sindy.folds = arguments.folds.clone().or(sindy.folds.take());
+    sindy.ensemble = arguments.ensemble.clone().or(sindy.ensemble.take());
+    sindy.inclusion = arguments.inclusion.or(sindy.inclusion);
+    sindy.seed = arguments.seed.or(sindy.seed);
+    Ok(())
+}
+
+fn state<'a>(recipe: &'a mut Recipe, flag: &str, name: &str) -> Result<&'a mut fleetfoot::State, Error> {
+    let known: Vec<String> = recipe.states.keys().cloned().collect();
+    recipe.states.get_mut(name).ok_or_else(|| {
+        let near = fleetfoot::library::nearest(name, known.iter().map(String::as_str));
+        let near = near.first().map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        Error::Request(format!("{flag}: `{name}` is not a state{near}"))
+    })
+}
+
+/// `tau=0.05`, `tau=0.05 in 0.01..0.3`.
+fn parameter(text: &str) -> Result<(String, ParameterSection), Error> {
+    let refused = || {
+        Error::Request(format!(
+            "--parameter {text}: write NAME=VALUE, or NAME=VALUE in LEAST..GREATEST: `tau=0.05 in 0.01..0.3`"
+        ))
+    };
+    let (name, value) = fit::pair("--parameter", text)?;
+    let (initial, bounds) = match value.split_once(" in ") {
+        None => (value.as_str(), None),
+        Some((initial, range)) => (initial, Some(range.split_once("..").ok_or_else(refused)?)),
+    };
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| refused());
+    let bounds = bounds.map(|(least, most)| Ok::<_, Error>([number(least)?, number(most)?])).transpose()?;
+    Ok((name, ParameterSection { initial: number(initial)?, bounds, unit: None }))
+}
+
+fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), Error> {
+    let bar = context.bar();
+    let plan = plan_sindy(recipe, files, &bar);
+    bar.finish();
+    let plan = plan?;
+    context.notes(&plan.notes);
+    context.print(
+        &json!({
+            "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes), "cached": plan.decoded.map(|(_, cached)| cached),
+            "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "equations": plan.equations,
+            "candidates": plan.candidates, "parameters": plan.parameters, "regions": plan.regions, "memory_bytes": plan.memory,
+        }),
+        || plan_text(&plan),
+    );
+    Ok(())
+}
+
+fn plan_text(plan: &SindyPlan) -> String {
+    let decoded = match plan.decoded {
+        None => String::new(),
+        Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
+        Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
+    };
+    let parameters = match plan.parameters.as_slice() {
+        [] => String::new(),
+        names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
+    };
+    let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
+    let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
+    format!(
+        "{}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}{more}{parameters}\n{}, about {} of memory",
+        count(plan.files, "file"),
+        plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
+        plan.rows,
+        plan.columns.len(),
+        plan.columns.join(", "),
+        count(plan.equations.len(), "equation"),
+        plan.equations.join(", "),
+        count(plan.candidates.len(), "candidate"),
+        some.join(", "),
+        count(plan.regions, "region"),
+        bytes(plan.memory as u64),
+    )
+}
+
+fn to_text(report: &SindyReport, front: bool) -> String {
+    let [border, incomplete, unassigned] = report.left_out;
+    let none = if unassigned > 0 { format!(", {unassigned} in no region") } else { String::new() };
+    let mut text = format!(
+        "{} rows of {}, {border} left out at borders, {incomplete} incomplete{none}; {}\n{}; {}\n",
+        report.rows,
+        count(report.episodes, "episode"),
+        count(report.candidates.len(), "candidate"),
+        report.method,
+        report.choice,
+    );
+    if let Some(ensemble) = &report.ensemble {
+        text.push_str(&format!("{ensemble}\n"));
+    }
+    for parameter in &report.parameters {
+        text.push_str(&format!("{}\n", parameter_text(parameter)));
+    }
+    for region in &report.regions {
+        if report.regions.len() > 1 {
+            text.push_str(&format!("\nregion {} ({} rows)\n", region.name, region.rows));
+        }
+        text.push('\n');
+        for equation in &region.equations {
+            text.push_str(&format!("{} = {}\n", equation.label, equation.right));
+        }
+        text.push_str(&format!("\n{}\n", scores(region)));
+        text.push_str(&format!("\n{}\n", terms(region)));
+        for equation in &region.equations {
+            for group in &equation.confounded {
+                text.push_str(&format!("\n{}: hard to tell apart: {}\n", equation.label, group.join(" ~ ")));
+            }
+            if front {
+                text.push_str(&format!("\n{}: error by number of terms\n{}\n", equation.label, front_text(equation)));
+            }
+        }
+    }
+    text
+}
+
+fn parameter_text(parameter: &ParameterReport) -> String {
+    let unit = parameter.unit.as_ref().map_or_else(String::new, |unit| format!(" {unit}"));
+    let bound = if parameter.at_bound { " (at its bound)" } else { "" };
+    format!(
+        "{} = {}{unit}{bound}",
+        parameter.name,
+        Uncertain { value: parameter.value, error: parameter.standard_error }
+    )
+}
+
+fn scores(region: &RegionReport) -> String {
+    let share = |value: f64| if value.is_nan() { "-".to_owned() } else { format!("{value:.6}") };
+    let rows = region.equations.iter().map(|equation| {
+        vec![
+            equation.label.clone(),
+            format!("{} of {}", equation.terms.len(), equation.candidates),
+            number(equation.rms),
+            share(equation.r2),
+            number(equation.held_out),
+            share(equation.held_out_r2),
+        ]
+    });
+    table(&["equation", "terms", "error (rms)", "R2", "held out (rms)", "R2"], rows.collect())
+}
+
+fn terms(region: &RegionReport) -> String {
+    let all = || region.equations.iter().flat_map(|equation| &equation.terms);
+    let with_inclusion = all().any(|term| term.inclusion.is_some());
+    let with_unit = all().any(|term| term.unit.is_some());
+    let mut header = vec!["equation", "term", "coefficient", "standard error"];
+    if with_unit {
+        header.push("unit");
+    }
+    if with_inclusion {
+        header.push("inclusion");
+    }
+    let mut rows = Vec::new();
+    for equation in &region.equations {
+        for (at, term) in equation.terms.iter().enumerate() {
+            let label = if at == 0 { equation.label.clone() } else { String::new() };
+            let fixed = if term.fixed { " (fixed)" } else { "" };
+            let mut row =
+                vec![label, format!("{}{fixed}", term.function), six(term.coefficient), number(term.standard_error)];
+            if with_unit {
+                row.push(term.unit.clone().unwrap_or_else(|| "-".into()));
+            }
+            if with_inclusion {
+                row.push(term.inclusion.map_or_else(|| "-".into(), ratio));
+            }
+            rows.push(row);
+        }
+    }
+    table(&header, rows)
+}
+
+/// Six significant digits.
+fn six(value: f64) -> String {
+    let magnitude = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    if (-4..6).contains(&magnitude) {
+        format!("{value:.*}", (5 - magnitude).max(0) as usize)
+    } else {
+        format!("{value:.5e}")
+    }
+}
+
+fn front_text(equation: &EquationReport) -> String {
+    let row = |point: &FrontPoint| {
+        let chosen = if point.chosen { "<- chosen" } else { "" };
+        vec![
+            point.terms.to_string(),
+            number(point.rms),
+            number(point.held_out),
+            number(point.parameter),
+            point.functions.join(", "),
+            chosen.to_owned(),
+        ]
+    };
+    let header = ["terms", "error (rms)", "held out (rms)", "parameter", "functions", ""];
+    table(&header, equation.front.iter().map(row).collect())
+}
+
+fn to_json(fitted: &SindyFitted, output: &std::path::Path) -> serde_json::Value {
+    let report = &fitted.report;
+    json!({
+        "model": output.display().to_string(), "hash": fitted.model.hash(),
+        "rows": report.rows, "episodes": report.episodes,
+        "rows_at_border": report.left_out[0], "rows_incomplete": report.left_out[1], "rows_unassigned": report.left_out[2],
+        "method": report.method, "choice": report.choice, "folds": report.folds, "ensemble": report.ensemble,
+        "candidates": report.candidates,
+        "parameters": report.parameters.iter().map(|parameter| json!({
+            "name": parameter.name, "value": real(parameter.value), "standard_error": real(parameter.standard_error),
+            "unit": parameter.unit, "at_bound": parameter.at_bound,
+        })).collect::<Vec<_>>(),
+        "regions": report.regions.iter().map(|region| json!({
+            "name": region.name, "rows": region.rows,
+            "equations": region.equations.iter().map(equation_json).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "notes": report.notes,
+    })
+}
+
+fn equation_json(equation: &EquationReport) -> serde_json::Value {
+    json!({
+        "label": equation.label, "right": equation.right, "candidates": equation.candidates,
+        "rms": real(equation.rms), "r2": real(equation.r2),
+        "held_out_rms": real(equation.held_out), "held_out_r2": real(equation.held_out_r2),
+        "parameter": real(equation.parameter), "correlation": real(equation.correlation),
+        "terms": equation.terms.iter().map(|term| json!({
+            "function": term.function, "coefficient": real(term.coefficient), "standard_error": real(term.standard_error),
+            "unit": term.unit, "inclusion": term.inclusion.map(real), "fixed": term.fixed,
+        })).collect::<Vec<_>>(),
+        "inclusion": equation.inclusion.as_ref().map(|shares| shares.iter().map(|&share| real(share)).collect::<Vec<_>>()),
+        "confounded": equation.confounded,
+        "front": equation.front.iter().map(|point| json!({
+            "terms": point.terms, "rms": real(point.rms), "held_out_rms": real(point.held_out), "parameter": real(point.parameter),
+            "chosen": point.chosen, "functions": point.functions,
+        })).collect::<Vec<_>>(),
+    })
+}

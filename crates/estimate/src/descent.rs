@@ -1,0 +1,256 @@
+//! Levenberg-Marquardt with a region of trust (More, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+
+use crate::{
+    EstimateError,
+    evaluate::{Evaluation, Objective, Pass},
+    step::{Region, Step, step},
+};
+
+/// When the iteration ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Largest cosine of the angle between the residual and a column of the Jacobian at a minimum.
+    pub gradient: f64,
+    /// Least step, relative to the parameters, both in units of their columns' lengths.
+    pub step: f64,
+    /// Relative reduction of the cost below which it is the gradient that decides.
+    pub cost: f64,
+    /// Trial steps at most; each is one pass over the rows.
+    pub max_iterations: usize,
+    /// First radius of trust, relative to the initial parameters, both in units of their columns' lengths.
+    pub radius: f64,
+    /// Rows of a chunk, at most: what the clustered covariance takes for correlated.
+    pub chunk_rows: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { gradient: 1e-12, step: 1e-13, cost: 1e-13, max_iterations: 500, radius: 1.0, chunk_rows: 65_536 }
+    }
+}
+
+/// Why the iteration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Status {
+    /// The residual is orthogonal to the columns of the Jacobian.
+    Gradient,
+    /// Neither the cost nor the gradient can be lowered any further: rounding.
+    Cost,
+    /// The step is as small as was asked for.
+    Step,
+    /// The residuals are zero up to the rounding of the targets.
+    Zero,
+    /// As many steps as were allowed: this is not a minimum.
+    Iterations,
+}
+
+impl Status {
+    /// Whether this is a minimum.
+    pub fn converged(self) -> bool {
+        self != Self::Iterations
+    }
+}
+
+impl Options {
+    pub(crate) fn check(&self) -> Result<(), EstimateError> {
+        let allowed = "it is at least 0 and below 1";
+        for (option, value) in [
+            ("the gradient tolerance", self.gradient),
+            ("the step tolerance", self.step),
+            ("the cost tolerance", self.cost),
+        ] {
+            if !(0.0..1.0).contains(&value) {
+                return Err(EstimateError::Option { option, value, allowed });
+            }
+        }
+        if !(self.radius > 0.0 && self.radius.is_finite()) {
+            let allowed = "it is positive and finite";
+            return Err(EstimateError::Option { option: "the radius", value: self.radius, allowed });
+        }
+        Ok(())
+    }
+}
+
+/// A gradient is lower when it is below this share of the one before: the iteration converges linearly where residuals are large, and rounding
+/// does not go on falling.
+const LOWER_GRADIENT: f64 = 0.95;
+
+/// Where the iteration stands.
+pub(crate) struct Descent<'a> {
+    objective: &'a dyn Objective,
+    options: &'a Options,
+    pub(crate) theta: Vec<f64>,
+    pub(crate) at: Evaluation,
+    /// Lengths of the columns of the Jacobian, half of what they were remembered (p).
+    scale: Vec<f64>,
+    radius: f64,
+    /// Whether a step was tried.
+    started: bool,
+}
+
+impl<'a> Descent<'a> {
+    /// # Errors
+    /// When the parameters are refused, or there are fewer residuals than unknowns.
+    pub(crate) fn new(
+        objective: &'a dyn Objective,
+        theta: Vec<f64>,
+        options: &'a Options,
+    ) -> Result<Self, EstimateError> {
+        match objective.evaluate(&theta)? {
+            Pass::Finite(at) => Self::from(objective, theta, at, options),
+            Pass::Refused(error) => Err(error),
+        }
+    }
+
+    /// From parameters that are evaluated.
+    pub(crate) fn from(
+        objective: &'a dyn Objective,
+        theta: Vec<f64>,
+        at: Evaluation,
+        options: &'a Options,
+    ) -> Result<Self, EstimateError> {
+        let residuals = at.rows * objective.residuals() as u64;
+        if residuals < objective.unknowns() as u64 {
+            return Err(EstimateError::TooFewRows { residuals, parameters: objective.unknowns() });
+        }
+        let scale = vec![0.0; theta.len()];
+        let mut descent = Self { objective, options, scale, radius: 0.0, started: false, theta, at };
+        descent.rescale();
+        let size = descent.size();
+        descent.radius = options.radius * if size > 0.0 { size } else { 1.0 };
+        Ok(descent)
+    }
+
+    /// Steps until one of the reasons to end; the reason, and how many steps were tried.
+    pub(crate) fn run(&mut self) -> Result<(Status, usize), EstimateError> {
+        let mut iterations = 0;
+        loop {
+            if let Some(status) = self.done() {
+                return Ok((status, iterations));
+            }
+            if iterations == self.options.max_iterations {
+                return Ok((Status::Iterations, iterations));
+            }
+            iterations += 1;
+            if let Some(status) = self.advance()? {
+                return Ok((status, iterations));
+            }
+        }
+    }
+
+    /// `|D theta|`.
+    fn size(&self) -> f64 {
+        norm(self.theta.iter().zip(&self.scale).map(|(theta, scale)| theta * scale))
+    }
+
+    /// Marquardt's scaling, with a memory that fades: to forget at once (a column that vanishes at a plateau) lets steps run away, never to
+    /// forget (as MINPACK does) holds back parameters whose columns were long far from the minimum.
+    fn rescale(&mut self) {
+        for (j, scale) in self.scale.iter_mut().enumerate() {
+            *scale = (0.5 * *scale).max(norm(self.at.jacobian.col_as_slice(j).iter().copied()));
+            if *scale == 0.0 || !scale.is_finite() {
+                *scale = 1.0;
+            }
+        }
+    }
+
+    /// Least and greatest step of every parameter: none out of a bound that the gradient pushes against.
+    pub(crate) fn room(&self) -> Vec<[f64; 2]> {
+        let room = |(j, &[low, high]): (usize, &[f64; 2])| {
+            let (theta, slope) = (self.theta[j], self.slope(&self.at, j));
+            let pushed = (theta <= low && slope > 0.0) || (theta >= high && slope < 0.0);
+            if pushed { [0.0; 2] } else { [low - theta, high - theta] }
+        };
+        self.objective.bounds().iter().enumerate().map(room).collect()
+    }
+
+    /// Half the derivative of the cost.
+    fn slope(&self, at: &Evaluation, j: usize) -> f64 {
+        at.jacobian.col_as_slice(j).iter().zip(&at.rhs).map(|(a, r)| a * r).sum()
+    }
+
+    /// The largest cosine between the residual and the columns of free parameters.
+    pub(crate) fn gradient(&self, at: &Evaluation, room: &[[f64; 2]]) -> f64 {
+        let cosine = |j: usize| {
+            let length = norm(at.jacobian.col_as_slice(j).iter().copied()) * at.cost.sqrt();
+            if length > 0.0 { self.slope(at, j).abs() / length } else { 0.0 }
+        };
+        (0..room.len()).filter(|&j| room[j][0] < room[j][1]).map(cosine).fold(0.0, f64::max)
+    }
+
+    fn done(&self) -> Option<Status> {
+        // 4 eps of every target.
+        if self.at.cost <= (4.0 * f64::EPSILON).powi(2) * self.at.targets {
+            return Some(Status::Zero);
+        }
+        (self.gradient(&self.at, &self.room()) <= self.options.gradient).then_some(Status::Gradient)
+    }
+
+    /// One trial step: taken or not, or the end.
+    fn advance(&mut self) -> Result<Option<Status>, EstimateError> {
+        let room = self.room();
+        let region = Region { scale: &self.scale, radius: self.radius, room: &room };
+        let trial = step(&self.at, &region)?;
+        if !self.started {
+            self.radius = self.radius.min(trial.length.max(f64::MIN_POSITIVE));
+            self.started = true;
+        }
+        let bounds = self.objective.bounds();
+        let theta = self.theta.iter().zip(&trial.step).zip(bounds);
+        let theta: Vec<f64> = theta.map(|((theta, s), [low, high])| (theta + s).clamp(*low, *high)).collect();
+        let after = match self.objective.evaluate(&theta)? {
+            Pass::Finite(after) if after.cost.is_finite() => after,
+            _ => {
+                self.radius = 0.25 * self.radius.min(trial.length);
+                return Ok((self.radius <= self.options.step * self.size()).then_some(Status::Step));
+            }
+        };
+        let (predicted, actual) = (trial.predicted / self.at.cost, 1.0 - after.cost / self.at.cost);
+        if predicted <= self.options.cost && actual.abs() <= 10.0 * self.options.cost {
+            // Costs are equal up to rounding: a step is as good as the gradient that it leaves.
+            let better = self.gradient(&after, &room) <= LOWER_GRADIENT * self.gradient(&self.at, &room);
+            if better {
+                self.accept(theta, after);
+            }
+            return Ok((!better).then_some(Status::Cost));
+        }
+        let ratio = if predicted > 0.0 { actual / predicted } else { 0.0 };
+        self.adjust_radius(&trial, ratio, actual);
+        let small = trial.length <= self.options.step * self.size();
+        if ratio >= 1e-4 {
+            self.accept(theta, after);
+        }
+        Ok((small || self.radius <= self.options.step * self.size()).then_some(Status::Step))
+    }
+
+    /// Shrinks the region where the model was poor, to where a parabola through both costs has its minimum; widens it where it was good.
+    fn adjust_radius(&mut self, trial: &Step, ratio: f64, actual: f64) {
+        if ratio <= 0.25 {
+            let slope = norm_slope(self, trial);
+            let factor = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
+            self.radius = factor.clamp(0.1, 0.5) * self.radius.min(10.0 * trial.length);
+        } else if ratio >= 0.75 || !trial.bounded {
+            self.radius = 2.0 * trial.length;
+        }
+    }
+
+    fn accept(&mut self, theta: Vec<f64>, at: Evaluation) {
+        (self.theta, self.at) = (theta, at);
+        self.rescale();
+    }
+}
+
+/// Relative slope of the cost along the step, not positive: `r'J s / r'r`.
+fn norm_slope(descent: &Descent<'_>, trial: &Step) -> f64 {
+    let along: f64 = trial.step.iter().enumerate().map(|(j, s)| s * descent.slope(&descent.at, j)).sum();
+    (along / descent.at.cost).min(0.0)
+}
+
+pub(crate) fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = values.clone().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    largest * values.map(|value| (value / largest).powi(2)).sum::<f64>().sqrt()
+}

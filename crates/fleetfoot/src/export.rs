@@ -1,0 +1,67 @@
+//! Code and documents made from a model, tested against the engine before they are written.
+
+mod engine;
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_model::{Cost, ExportOptions, Model, Target, TestVector, test_vectors};
+
+use crate::Error;
+
+/// Test vectors of exported C.
+const VECTORS: usize = 32;
+
+/// Seed of the test vectors' points.
+const SEED: u64 = 1;
+
+/// What was written.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Exported {
+    /// The files.
+    pub files: Vec<PathBuf>,
+    /// What the code takes; `None` for documents.
+    pub cost: Option<Cost>,
+    /// Points at which the code and the engine were compared.
+    pub compared: usize,
+}
+
+/// Writes a model in another language into a folder.
+///
+/// Code (C, Rust, Python) is compared with the engine first, at points drawn within the training domain ([`engine_vectors`]). The test of C compares with the engine's values.
+///
+/// # Errors
+/// [`Error::Export`]; [`Error::Request`] where the code and the engine disagree; [`Error::Write`].
+pub fn export(model: &Model, options: &ExportOptions, folder: &Path) -> Result<Exported, Error> {
+    let vectors = match options.target {
+        Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
+        Target::Latex | Target::Npz => Vec::new(),
+    };
+    let exported = fleetfoot_model::export(model, options, &vectors)?;
+    let write = |path: &Path, bytes: &[u8]| {
+        std::fs::write(path, bytes).map_err(|source| Error::Write { path: path.to_owned(), source })
+    };
+    std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+    let mut files = Vec::new();
+    for file in exported.files {
+        let path = folder.join(&file.name);
+        write(&path, &file.bytes)?;
+        files.push(path);
+    }
+    Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
+}
+
+/// Test vectors with the engine's values: next states from a rollout of one step, outputs from a prediction.
+///
+/// # Errors
+/// [`Error::Export`]; [`Error::Request`] where the code, interpreted, and the engine differ by more than rounding or give different regions.
+pub fn engine_vectors(
+    model: &Model,
+    options: &ExportOptions,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<TestVector>, Error> {
+    let mut vectors = test_vectors(model, options, count, seed)?;
+    engine::replace(model, options, &mut vectors)?;
+    Ok(vectors)
+}

@@ -1,0 +1,88 @@
+//! What a fit of an autoregression found, for people and for programs.
+
+use fleetfoot_dynamics::{FreeRun, Scores};
+use fleetfoot_sparse::{NarxOrder, OrderSearch};
+
+use super::NarxCandidate;
+
+/// What a fit of an autoregression found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct NarxReport {
+    /// Rows that trained.
+    pub rows: u64,
+    /// Episodes, or parts of them, that trained.
+    pub episodes: usize,
+    /// Rows without all lags, and rows with a missing value.
+    pub left_out: [u64; 2],
+    /// Lags and degree of the model.
+    pub order: NarxOrder,
+    /// Whether inputs act at once.
+    pub direct: bool,
+    /// Candidate functions of this order, the constant among them.
+    pub candidates: usize,
+    /// The partition, as users write it.
+    pub partition: String,
+    /// What order, terms and partition were chosen by, for people; `None` where all were given.
+    pub choice: Option<String>,
+    /// Models that were simulated to choose one, in the order in which they were tried.
+    pub tried: Vec<NarxCandidate>,
+    /// Orders that were compared by one-step errors, where they were.
+    pub orders: Option<OrderSearch>,
+    /// The regions.
+    pub regions: Vec<NarxRegion>,
+    /// On the rows that trained.
+    pub train: NarxScores,
+    /// On the rows kept back.
+    pub test: Option<NarxScores>,
+    /// On other files.
+    pub files: Option<NarxScores>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Scores on some rows.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct NarxScores {
+    /// One row ahead, beside the null model and persistence.
+    pub one_step: Scores,
+    /// Whole episodes, simulated.
+    pub free_run: FreeRun,
+}
+
+/// The equations of a region.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct NarxRegion {
+    /// Its name.
+    pub name: String,
+    /// Its rows.
+    pub rows: u64,
+    /// Whether it saw too few rows for terms of its own and has those of all rows.
+    pub shared: bool,
+    /// The equations.
+    pub equations: Vec<NarxEquation>,
+}
+
+/// An equation.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct NarxEquation {
+    /// Its left side: `next(y)`.
+    pub label: String,
+    /// Its terms, in the order in which forward regression took them.
+    pub terms: Vec<NarxTerm>,
+}
+
+/// A term.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct NarxTerm {
+    /// The function; `1` for the constant.
+    pub function: String,
+    /// Its coefficient.
+    pub coefficient: f64,
+    /// Share of the target's square sum that it took away when it entered; NaN without forward regression.
+    pub err: f64,
+}

@@ -1,0 +1,178 @@
+//! Parts of episodes, and every n-th row of them, as episodes of their own: what trains, what is held out, what is tested.
+
+use std::ops::Range;
+
+use fleetfoot_data::{Block, Column, Episode, EpisodeId, Error, Halo, ScalarBuffer, Source, mix};
+
+/// A source whose episodes are spans of another source's, every n-th row of them.
+///
+/// No row beyond a span is seen, so that lags do not reach from what is tested into what trained.
+pub(crate) struct Spans<'a> {
+    inner: &'a dyn Source,
+    /// Episode and rows of the other source behind every episode of this one.
+    spans: Vec<(usize, Range<usize>)>,
+    episodes: Vec<Episode>,
+    every: usize,
+}
+
+impl<'a> Spans<'a> {
+    /// These spans of rows; empty ones are left out. `every` is at least 1. The first row of a span is kept, then every n-th.
+    pub(crate) fn new(inner: &'a dyn Source, spans: Vec<(usize, Range<usize>)>, every: usize) -> Result<Self, Error> {
+        let every = every.max(1);
+        let spans: Vec<(usize, Range<usize>)> = spans.into_iter().filter(|(_, rows)| !rows.is_empty()).collect();
+        let mut episodes = Vec::with_capacity(spans.len());
+        for (episode, rows) in &spans {
+            let whole = &inner.episodes()[*episode];
+            if *rows == (0..whole.rows) && every == 1 {
+                episodes.push(whole.clone());
+                continue;
+            }
+            let last = rows.start + (rows.len() - 1) / every * every;
+            let stamp = |row: usize| inner.read(*episode, row..row + 1, Halo::default()).map(|block| block.stamps()[0]);
+            let part = if *rows == (0..whole.rows) { String::new() } else { format!("[{}..{}]", rows.start, rows.end) };
+            episodes.push(Episode {
+                id: part_id(whole.id, rows, every),
+                name: format!("{}{part}", whole.name),
+                rows: rows.len().div_ceil(every),
+                start: stamp(rows.start)?,
+                end: stamp(last)?,
+                period: whole.period * every as f64,
+                ..whole.clone()
+            });
+        }
+        Ok(Self { inner, spans, episodes, every })
+    }
+
+    /// Every episode cut into its first rows and the `tested` last ones.
+    pub(crate) fn split(
+        inner: &'a dyn Source,
+        tested: impl Fn(usize) -> usize,
+        every: usize,
+    ) -> Result<(Self, Self), Error> {
+        let rows = |episode: usize| inner.episodes()[episode].rows;
+        let cut = |episode: usize| rows(episode).saturating_sub(tested(rows(episode)));
+        let count = inner.episodes().len();
+        let train = (0..count).map(|e| (e, 0..cut(e))).collect();
+        let test = (0..count).map(|e| (e, cut(e)..rows(e))).collect();
+        Ok((Self::new(inner, train, every)?, Self::new(inner, test, every)?))
+    }
+
+    /// The episodes cut into `count` spans or more of about the same length, and the fold (0 to count - 1) of each: whole episodes in turn where there are as many, else
+    /// every episode into as many contiguous spans.
+    pub(crate) fn folds(inner: &'a dyn Source, count: usize) -> Result<(Self, Vec<usize>), Error> {
+        let episodes = inner.episodes();
+        let mut spans = Vec::new();
+        let mut folds = Vec::new();
+        for (e, episode) in episodes.iter().enumerate() {
+            if episodes.len() >= count {
+                spans.push((e, 0..episode.rows));
+                folds.push(e % count);
+                continue;
+            }
+            for part in 0..count {
+                let rows = episode.rows * part / count..episode.rows * (part + 1) / count;
+                if !rows.is_empty() {
+                    spans.push((e, rows));
+                    folds.push(part);
+                }
+            }
+        }
+        Ok((Self::new(inner, spans, 1)?, folds))
+    }
+}
+
+/// The same part of the same episode is the same again.
+fn part_id(whole: EpisodeId, rows: &Range<usize>, every: usize) -> EpisodeId {
+    let key =
+        [rows.start as u64, rows.end as u64, every as u64].into_iter().fold(0, |key, value| mix(mix(key) ^ value));
+    EpisodeId(whole.0 ^ (u128::from(key) << 64 | u128::from(mix(key))))
+}
+
+impl Source for Spans<'_> {
+    fn columns(&self) -> &[Column] {
+        self.inner.columns()
+    }
+
+    fn episodes(&self) -> &[Episode] {
+        &self.episodes
+    }
+
+    fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
+        let (inner, span) = &self.spans[episode];
+        let info = &self.episodes[episode];
+        if rows.start > rows.end || rows.end > info.rows {
+            return Err(Error::OutOfRange {
+                episode: info.name.clone(),
+                start: rows.start,
+                end: rows.end,
+                rows: info.rows,
+            });
+        }
+        let before = halo.before.min(rows.start);
+        let after = halo.after.min(info.rows - rows.end);
+        let (from, to) = (rows.start - before, rows.end + after);
+        // The last row that is wanted ends the read, not the row before the next wanted one.
+        let end = if to > from { span.start + (to - 1) * self.every + 1 } else { span.start + from * self.every };
+        let block = self.inner.read(*inner, span.start + from * self.every..end, Halo::default())?;
+        let (time, columns) = if self.every == 1 {
+            (block.time, block.columns)
+        } else {
+            let thin = |values: &ScalarBuffer<f64>| values.iter().step_by(self.every).copied().collect();
+            (block.time.iter().step_by(self.every).copied().collect(), block.columns.iter().map(thin).collect())
+        };
+        Ok(Block { first: rows.start, before, rows: rows.len(), after, start: info.start, time, columns })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fleetfoot_data::MemorySource;
+
+    fn source() -> MemorySource {
+        let mut source = MemorySource::new(vec![Column::float("x")]);
+        source.push_uniform("a", 0.5, vec![(0..101).map(f64::from).collect()]);
+        source.push_uniform("b", 0.5, vec![(0..7).map(|i| 1000.0 + f64::from(i)).collect()]);
+        source
+    }
+
+    #[test]
+    fn halos_end_at_the_span_and_rows_are_every_nth() {
+        let inner = source();
+        let spans = Spans::new(&inner, vec![(0, 20..75), (1, 3..3), (1, 0..7)], 10).unwrap();
+        let rows: Vec<usize> = spans.episodes().iter().map(|episode| episode.rows).collect();
+        assert_eq!(rows, [6, 1]);
+        assert_eq!((spans.episodes()[0].start, spans.episodes()[0].end), (10_000_000_000, 35_000_000_000));
+        assert_eq!(spans.episodes()[0].period, 5.0);
+        let block = spans.read(0, 1..3, Halo { before: 5, after: 9 }).unwrap();
+        assert_eq!((block.first, block.before, block.rows, block.after), (1, 1, 2, 3));
+        assert_eq!(block.columns[0].to_vec(), [20.0, 30.0, 40.0, 50.0, 60.0, 70.0]);
+        assert_eq!(block.seconds(), [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]);
+        assert_eq!(spans.read(1, 0..1, Halo::default()).unwrap().columns[0].to_vec(), [1000.0]);
+        assert!(spans.read(0, 3..7, Halo::default()).is_err());
+        assert!(spans.read(0, 2..2, Halo::default()).unwrap().columns[0].is_empty());
+    }
+
+    #[test]
+    fn whole_episodes_keep_their_identity_and_parts_have_their_own() {
+        let inner = source();
+        let whole = Spans::new(&inner, vec![(0, 0..101), (1, 0..7)], 1).unwrap();
+        assert_eq!(whole.episodes(), inner.episodes());
+        let (train, test) = Spans::split(&inner, |rows| rows / 5, 1).unwrap();
+        assert_eq!(train.episodes().iter().map(|e| e.rows).collect::<Vec<_>>(), [81, 6]);
+        assert_eq!(test.episodes().iter().map(|e| e.rows).collect::<Vec<_>>(), [20, 1]);
+        assert!(train.episodes()[0].id != test.episodes()[0].id && train.episodes()[0].id != inner.episodes()[0].id);
+        assert_eq!(test.read(0, 0..1, Halo { before: 9, after: 0 }).unwrap().columns[0].to_vec(), [81.0]);
+        assert_eq!(test.episodes()[0].name, "a[81..101]");
+    }
+
+    #[test]
+    fn folds_are_episodes_where_there_are_enough_and_spans_else() {
+        let inner = source();
+        let (spans, folds) = Spans::folds(&inner, 2).unwrap();
+        assert_eq!((spans.episodes().len(), folds), (2, vec![0, 1]));
+        let (spans, folds) = Spans::folds(&inner, 3).unwrap();
+        assert_eq!(folds, [0, 1, 2, 0, 1, 2]);
+        assert_eq!(spans.rows(), 108);
+    }
+}

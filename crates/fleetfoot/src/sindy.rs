@@ -1,0 +1,178 @@
+//! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
+//!
+//! A recipe becomes an [`EquationTask`]; one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
+//! standard errors) follows from the statistic ([`fit_sindy`]).
+
+mod estimation;
+mod evidence;
+mod filters;
+mod model;
+mod options;
+mod parameters;
+mod plan;
+mod report;
+mod solve;
+mod statistic;
+mod task;
+mod units;
+
+use std::path::{Path, PathBuf};
+
+use faer::Mat;
+use fleetfoot_data::Progress;
+use fleetfoot_model::Model;
+use fleetfoot_sparse::{Clusters, system_errors};
+
+use crate::{Error, Recipe};
+pub use evidence::Evidence;
+pub use model::Provenance;
+pub use options::{Ensemble, SindyOptimizer, SindyOptions};
+pub use parameters::Parameter;
+pub use plan::{SindyPlan, plan_sindy};
+pub use report::{EquationReport, FrontPoint, ParameterReport, RegionReport, SindyReport, TermReport};
+use solve::{Solved, Solver};
+pub use task::{EquationTask, FittedEquation};
+
+/// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
+const ENOUGH_EPISODES: usize = 10;
+
+/// What is wanted beside the model.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SindyRequest {
+    /// The models of other numbers of terms.
+    pub front: bool,
+}
+
+/// Equations, and how they came about.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct SindyFitted {
+    /// The model.
+    pub model: Model,
+    /// Scores, terms, the front.
+    pub report: SindyReport,
+    /// Models of the front by their number of terms an equation, at most; of one region, where they were asked for.
+    pub front: Vec<(usize, Model)>,
+}
+
+impl SindyFitted {
+    /// Writes the models of the front beside the chosen one's file: `model.json` and 3 terms make `model_terms3.json`; tells the files.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn write_front(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
+        let stem = chosen.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
+        let extension = chosen.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
+        let write = |(terms, model): &(usize, Model)| {
+            let path = chosen.with_file_name(format!("{stem}_terms{terms}.{extension}"));
+            fleetfoot_log::write_atomic(&path, model.to_json().as_bytes())?;
+            Ok(path)
+        };
+        self.front.iter().map(write).collect()
+    }
+}
+
+/// Finds equations in logs, or in one `.stats` file without a pass.
+///
+/// # Errors
+/// Those of the recipe, of reading, of estimating parameters, and of the solvers.
+pub fn fit_sindy(
+    recipe: &Recipe,
+    request: SindyRequest,
+    files: &[PathBuf],
+    progress: &dyn Progress,
+) -> Result<SindyFitted, Error> {
+    // What is wrong with the options is said before the pass.
+    let options = SindyOptions::new(&recipe.sindy)?;
+    let (mut evidence, recipe) = if crate::is_statistic(files) {
+        Evidence::of_statistic(recipe, files)?
+    } else {
+        (Evidence::of_logs(recipe, options.seed, files, progress)?, recipe.clone())
+    };
+    let mut notes = std::mem::take(&mut evidence.notes);
+    let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
+    let regions: Vec<Vec<Solved>> = (0..evidence.scan.regions())
+        .map(|region| solver.solve(region, &mut notes, progress))
+        .collect::<Result<_, _>>()?;
+    let method = match &evidence.partition {
+        None => format!("sindy {}", options.optimizer.name()),
+        Some(partition) => format!("sindy {}, {}", options.optimizer.name(), partition.specification),
+    };
+    let provenance = evidence.provenance(&method, &recipe, options.seed);
+    let chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
+    let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
+    let front = if request.front && regions.len() == 1 {
+        front_models(&evidence, &regions[0], &provenance)
+    } else {
+        Vec::new()
+    };
+    let folds = solver.folds();
+    let report = report(&evidence, &options, folds, &regions, &chosen, notes);
+    Ok(SindyFitted { model, report, front })
+}
+
+/// Coefficients (candidates x equations) of a model of every equation.
+fn coefficients<'a>(region: &'a [Solved], of: impl Fn(&'a Solved) -> &'a fleetfoot_sparse::Step) -> Mat<f64> {
+    let p = region.first().map_or(0, |found| found.step.coefficients.len());
+    Mat::from_fn(p, region.len(), |j, t| of(&region[t]).coefficients[j])
+}
+
+/// For every number of terms on any equation's front the model in which each equation has its best with at most so many.
+fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance) -> Vec<(usize, Model)> {
+    let terms = |found: &Solved, k: usize| found.sweep.trail.steps[k].terms();
+    let sizes: std::collections::BTreeSet<usize> =
+        region.iter().flat_map(|found| found.sweep.front.iter().map(|&k| terms(found, k))).collect();
+    let model = |size: usize| {
+        let b = coefficients(region, |found| {
+            let front = &found.sweep.front;
+            let best = front.iter().rev().find(|&&k| terms(found, k) <= size).or(front.first());
+            best.map_or(&found.step, |&k| &found.sweep.trail.steps[k])
+        });
+        (size, evidence.task.model(&evidence.scan, None, &[b], provenance.clone()))
+    };
+    sizes.into_iter().map(model).collect()
+}
+
+fn report(
+    evidence: &Evidence,
+    options: &SindyOptions,
+    folds: usize,
+    regions: &[Vec<Solved>],
+    chosen: &[Mat<f64>],
+    mut notes: Vec<String>,
+) -> SindyReport {
+    let (task, scan, counts) = (&evidence.task, &evidence.scan, evidence.scan.counts());
+    let clusters = if evidence.episodes.len() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
+    let found = regions.iter().enumerate().map(|(region, solved)| {
+        let supports: Vec<Vec<usize>> = solved.iter().map(|found| found.step.support.clone()).collect();
+        let b = chosen[region].as_ref();
+        let errors = system_errors(scan, region, task.constant, b, &supports, clusters);
+        if let Err(error) = &errors {
+            notes.push(format!("no standard errors: {error}"));
+        }
+        let problem = scan.root(region).compressed(task.constant);
+        let equations = solved.iter().enumerate().map(|(target, found)| {
+            let error = |j: usize| errors.as_ref().map_or(f64::NAN, |errors| errors[(j, target)]);
+            let moments = [problem.weight, problem.total[target]];
+            report::equation(task, target, found, moments, error)
+        });
+        RegionReport { name: evidence.region_name(region), rows: scan.rows(region), equations: equations.collect() }
+    });
+    let regions = found.collect();
+    SindyReport {
+        rows: (0..scan.regions()).map(|region| scan.rows(region)).sum(),
+        episodes: evidence.episodes.len(),
+        left_out: [counts.at_border, counts.incomplete, scan.unassigned()],
+        method: options.method_in_words(),
+        choice: options.choice_in_words(folds),
+        folds,
+        ensemble: options.ensemble_in_words(),
+        parameters: evidence.parameters.clone(),
+        candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
+        regions,
+        notes,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,200 @@
+//! What equations are fitted on: a task whose parameters are known, and the statistic of its rows.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::PathBuf,
+};
+
+use fleetfoot_data::{Episode, Progress, Source};
+use fleetfoot_model::Partition;
+use fleetfoot_pwa::{Problem, Specification};
+use fleetfoot_sparse::{System, SystemPlan, SystemScan, sampled_mean_squares};
+
+use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
+use crate::{Dataset, Error, Recipe};
+
+/// A task and the statistic of its rows.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Evidence {
+    /// The task, numbers in place of its parameters.
+    pub task: EquationTask,
+    /// The regions, where there are several.
+    pub partition: Option<Partition>,
+    /// The statistic of all rows.
+    pub scan: SystemScan,
+    /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
+    pub resolution: Vec<f64>,
+    /// The parameters' estimates.
+    pub parameters: Vec<ParameterReport>,
+    /// Sampling period, seconds.
+    pub step: f64,
+    /// Identities and names of the episodes that have rows.
+    pub episodes: Vec<(String, String)>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+impl Evidence {
+    /// Reads logs: one pass for the statistic, one before it for a partition, and one a step for parameters.
+    ///
+    /// # Errors
+    /// Those of the recipe, of reading, of estimating parameters and of partitions; no rows, or fewer than candidates.
+    pub fn of_logs(recipe: &Recipe, seed: u64, files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
+        let (mut dataset, mut task) = Dataset::for_equations(recipe, files, progress)?;
+        refuse_large(&task, dataset.rows())?;
+        let mut notes = dataset.notes().to_vec();
+        notes.extend(task.unit_notes());
+        let mut parameters = Vec::new();
+        if !task.parameters.is_empty() {
+            progress.stage("parameters");
+            let found = estimation::estimate(&task, &dataset.view()?, &mut notes, progress)?;
+            let values: BTreeMap<String, f64> =
+                found.iter().map(|parameter| (parameter.name.clone(), parameter.value)).collect();
+            task = task.settled(&values);
+            dataset.see(&task.aliases);
+            parameters = found;
+        }
+        for name in task.filtered_states() {
+            notes.push(format!("`{name}` filters a state: a rollout takes it from the recording, as it does inputs"));
+        }
+        let view = dataset.view()?;
+        let partition = partition(recipe, &task, seed, dataset.step(), &view, &mut notes, progress)?;
+        progress.stage("scan");
+        let system = System { partition: partition.clone(), ..task.system() };
+        let scan = SystemPlan::new(system, None, &view)?.scan(&view, progress)?;
+        let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
+        let mut seen = BTreeSet::new();
+        let name = |episode: &Episode| (episode.id.to_string(), episode.name.clone());
+        let episodes = view.episodes().iter().filter(|episode| used.contains(&episode.id) && seen.insert(episode.id));
+        let episodes = episodes.map(name).collect();
+        let resolution = task.resolution(&view)?;
+        let found = Self { task, partition, scan, resolution, parameters, step: dataset.step(), episodes, notes };
+        found.check()?;
+        Ok(found)
+    }
+
+    /// What a model of this evidence carries.
+    pub fn provenance(&self, method: &str, recipe: &Recipe, seed: u64) -> Provenance {
+        Provenance {
+            method: method.to_owned(),
+            recipe: recipe.to_toml(),
+            seed,
+            step: self.step,
+            episodes: self.episodes.clone(),
+        }
+    }
+
+    /// Name of a region.
+    pub fn region_name(&self, region: usize) -> String {
+        self.partition.as_ref().map_or_else(|| "all".to_owned(), |partition| partition.region_name(region))
+    }
+
+    /// Refuses what no equation can come of.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let rows: u64 = (0..self.scan.regions()).map(|region| self.scan.rows(region)).sum();
+        let counts = self.scan.counts();
+        if rows == 0 {
+            return Err(Error::Request(format!(
+                "no rows: {} lack neighbours at the border of their episode, {} lack a value, and the others have the weight 0; \
+                 `fleetfoot info --values` tells which columns have missing values",
+                counts.at_border, counts.incomplete
+            )));
+        }
+        let most = self.task.most_allowed() as u64;
+        let (region, least) = (0..self.scan.regions())
+            .map(|region| (region, self.scan.rows(region)))
+            .min_by_key(|(_, rows)| *rows)
+            .unwrap_or((0, rows));
+        if least <= most {
+            let place = if self.scan.regions() > 1 {
+                format!("region {} of the partition", self.region_name(region))
+            } else {
+                "the data".to_owned()
+            };
+            return Err(Error::Request(format!(
+                "{place} have {least} complete rows for {most} candidates; name fewer candidates (--library, --degree){}, or give more data",
+                if self.scan.regions() > 1 { ", or fewer regions" } else { "" }
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Of a mean squared error of differences, as it is estimated, what models are not compared below: twice the error. (That of noise is estimated at 0.14 of what it
+/// is, so that models of noisy rows stand well above it.)
+const MARGIN: f64 = 4.0;
+
+impl EquationTask {
+    /// The mean squared error, with a margin, of the differences that derivatives are measured by; from a sample of the rows.
+    fn resolution(&self, source: &dyn Source) -> Result<Vec<f64>, Error> {
+        let errors: Vec<_> = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
+        let mut found = sampled_mean_squares(&errors, source)?.into_iter();
+        let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| found.next()).unwrap_or(0.0);
+        Ok(self.fitted.iter().map(of).map(|square| MARGIN * square).collect())
+    }
+
+    /// What is summed, in one region.
+    pub fn system(&self) -> System {
+        System {
+            also: self.also(),
+            weight: self.weight.clone(),
+            ..System::new(self.functions.clone(), self.fitted.iter().map(|equation| equation.target.clone()).collect())
+        }
+    }
+}
+
+/// Refuses a library that the rows cannot carry, before they are read.
+fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
+    let most = task.most_allowed();
+    if rows <= most {
+        return Err(Error::Request(format!(
+            "the data have {rows} rows for {most} candidates of one equation; name fewer candidates (--library, --degree), or give more data"
+        )));
+    }
+    Ok(())
+}
+
+/// The regions that the recipe asks for; `None` for one.
+fn partition(
+    recipe: &Recipe,
+    task: &EquationTask,
+    seed: u64,
+    step: f64,
+    source: &dyn Source,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Option<Partition>, Error> {
+    let Some(specification) = specification(recipe)? else { return Ok(None) };
+    let problem = Problem {
+        columns: task.columns.clone(),
+        library: task.functions.clone(),
+        equations: task.equations.clone(),
+        partition_columns: task.partition_columns.clone(),
+        weight: task.weight.clone(),
+        step,
+    };
+    let mut options = fleetfoot_pwa::Options::default();
+    options.partitions = vec![specification];
+    options.seed = seed;
+    let mut found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
+    notes.append(&mut found.notes);
+    Ok(found.partitions.pop().map(|(_, partition)| partition))
+}
+
+/// The one partition that a recipe asks for; `None` for one region.
+pub(super) fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
+    let Some(text) = &recipe.model.partition else { return Ok(None) };
+    let mut list = Specification::parse_list(text)?;
+    match (list.pop(), list.is_empty()) {
+        (Some(Specification::Average), true) => Ok(None),
+        (Some(Specification::Null), true) => Err(Error::Request(
+            "--partition null: a null model has no equations; write average, zscore:1.5, kmeans:5 or labels:COLUMN"
+                .into(),
+        )),
+        (Some(one), true) => Ok(Some(one)),
+        _ => Err(Error::Request(format!(
+            "--partition {text}: equations are fitted in the regions of one partition; name one, and compare models with `fleetfoot score`"
+        ))),
+    }
+}

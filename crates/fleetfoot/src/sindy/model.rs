@@ -1,0 +1,118 @@
+//! From coefficients to a model: one latent an equation, over the functions that any of them has, in one region or several.
+
+use std::collections::BTreeSet;
+
+use faer::Mat;
+use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training};
+use fleetfoot_sparse::{Spread, SystemScan};
+use fleetfoot_stats::Gram;
+
+use super::EquationTask;
+
+/// What a model carries beside its coefficients.
+#[derive(Debug, Clone, Default)]
+pub struct Provenance {
+    /// The method: `sindy stlsq`.
+    pub method: String,
+    /// The recipe with all flags applied, TOML.
+    pub recipe: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Sampling period, seconds.
+    pub step: f64,
+    /// Identities and names of the episodes used.
+    pub episodes: Vec<(String, String)>,
+}
+
+impl EquationTask {
+    /// The model with these coefficients: one matrix a region, candidates x fitted equations, raw units; `partition` as it was scanned, `None` for one region.
+    ///
+    /// Functions that no equation has in any region are left out of the model.
+    ///
+    /// # Panics
+    /// When there is not one matrix a region, or the shapes are not those of the task.
+    pub fn model(
+        &self,
+        scan: &SystemScan,
+        partition: Option<&Partition>,
+        coefficients: &[Mat<f64>],
+        provenance: Provenance,
+    ) -> Model {
+        assert_eq!(coefficients.len(), scan.regions(), "one matrix a region");
+        let first = usize::from(self.constant);
+        let fitted = self.fitted.len();
+        let used: Vec<usize> = (0..self.functions.len())
+            .filter(|j| coefficients.iter().any(|b| (0..fitted).any(|t| b[(first + j, t)] != 0.0)))
+            .collect();
+        let constant = |b: &Mat<f64>, t: usize| if self.constant { b[(0, t)] } else { 0.0 };
+        let partition = partition.cloned().unwrap_or_else(Partition::whole);
+        let regions = coefficients.iter().enumerate().map(|(region, b)| {
+            let functions = Mat::from_fn(self.functions.len(), fitted, |j, t| b[(first + j, t)]);
+            let constants: Vec<f64> = (0..fitted).map(|t| constant(b, t)).collect();
+            let spread = Spread::of(&scan.root(region).select(&used), 0..used.len(), 1.0);
+            let ranges = scan.ranges(region);
+            Region {
+                name: partition.region_name(region),
+                rows: scan.rows(region),
+                mean: spread.mean,
+                covariance: spread.covariance,
+                range: used.iter().map(|&j| ranges[j]).collect(),
+                residual_covariance: scan.residual_covariance(region, functions.as_ref(), &constants),
+                rank: spread.rank,
+                condition: spread.condition,
+                confounded: spread.confounded,
+            }
+        });
+        let regions = regions.collect();
+        let latents = self.fitted.iter().enumerate().map(|(t, equation)| Latent {
+            name: equation.latent.clone(),
+            library: 0,
+            partition: 0,
+            constants: coefficients.iter().map(|b| constant(b, t)).collect(),
+            coefficients: coefficients.iter().map(|b| used.iter().map(|j| b[(first + j, t)]).collect()).collect(),
+        });
+        let columns = self.model_columns(&used, &partition);
+        let states = columns.iter().filter(|column| column.role == Role::State).count();
+        let training = training(scan, fitted, states, &provenance);
+        let mut model = Model::new(provenance.method, columns, provenance.step, training);
+        model.latents = latents.collect();
+        model.libraries = vec![used.iter().map(|&j| self.functions[j].clone()).collect()];
+        model.partitions = vec![Partition { regions, ..partition }];
+        model.equations.clone_from(&self.equations);
+        model
+    }
+
+    /// States, and the columns that the model speaks of.
+    fn model_columns(&self, used: &[usize], partition: &Partition) -> Vec<Column> {
+        let functions = used.iter().map(|&j| &self.functions[j]);
+        let sides = self.equations.iter().flat_map(|equation| std::iter::once(&equation.right).chain(&equation.target));
+        let spoken = functions.chain(sides).chain(&partition.columns).flat_map(fleetfoot_library::Expr::columns);
+        let mut names: BTreeSet<String> = spoken.map(|name| name.to_string()).collect();
+        names.extend(self.equations.iter().map(|equation| equation.subject.clone()));
+        let kept = |column: &&Column| column.role != Role::Auxiliary || names.contains(&column.name);
+        self.columns.iter().filter(kept).cloned().collect()
+    }
+}
+
+/// What was seen over all rows.
+fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Provenance) -> Training {
+    let also = scan.also();
+    Training {
+        version: env!("CARGO_PKG_VERSION").into(),
+        recipe: provenance.recipe.clone(),
+        seed: provenance.seed,
+        rows: (0..scan.regions()).map(|region| scan.rows(region)).sum(),
+        episodes: provenance.episodes.clone(),
+        target_mean: also.mean[..fitted].to_vec(),
+        target_covariance: covariance(also, 0..fitted),
+        // An absolute error is no quadratic question: a statistic does not know it.
+        target_deviation: vec![f64::NAN; fitted],
+        state_covariance: covariance(also, fitted..fitted + states),
+    }
+}
+
+/// Covariance of some columns of a Gram matrix (divisor: weight), packed.
+fn covariance(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
+    let first = columns.start;
+    columns.flat_map(|i| (first..=i).map(move |j| gram.get(i, j) / gram.weight)).collect()
+}

@@ -1,0 +1,273 @@
+//! How equations are found: the words of `[sindy]`, checked once.
+
+use fleetfoot_sparse::BootstrapUnit;
+
+use crate::{Criterion, Error, FoldRule, SindySection, Threshold, sparse_fit::words};
+
+/// Which optimiser looks for the terms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SindyOptimizer {
+    /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
+    Stlsq,
+    /// Sparse relaxed regularised regression.
+    Sr3,
+    /// Stepwise sparse regression: one term less at a time.
+    Ssr,
+    /// Forward regression, orthogonal least squares by error reduction ratio.
+    Frols,
+    /// The path of the lasso.
+    Lasso,
+    /// Least squares on all candidates.
+    LeastSquares,
+}
+
+impl SindyOptimizer {
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stlsq => "stlsq",
+            Self::Sr3 => "sr3",
+            Self::Ssr => "ssr",
+            Self::Frols => "frols",
+            Self::Lasso => "lasso",
+            Self::LeastSquares => "ols",
+        }
+    }
+
+    /// Whether it has a threshold.
+    pub fn thresholds(self) -> bool {
+        matches!(self, Self::Stlsq | Self::Sr3)
+    }
+}
+
+/// What an ensemble varies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ensemble {
+    /// Chunks or episodes, drawn with replacement.
+    Units(BootstrapUnit),
+    /// Candidate functions, a share of them left out.
+    Library,
+}
+
+/// How equations are found.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SindyOptions {
+    /// The optimiser.
+    pub optimizer: SindyOptimizer,
+    /// The threshold; `None`: chosen by [`SindyOptions::criterion`].
+    pub threshold: Option<f64>,
+    /// Weight of the squared coefficients in STLSQ.
+    pub ridge: f64,
+    /// Whether thresholds and ridge see coefficients of columns of unit length.
+    pub normalize: bool,
+    /// Number of terms of every equation, where it is given.
+    pub terms: Option<usize>,
+    /// What is chosen by.
+    pub criterion: Criterion,
+    /// Which rows are held out.
+    pub folds: FoldRule,
+    /// What an ensemble varies, and how many members it has.
+    pub ensemble: Option<(Ensemble, usize)>,
+    /// Share of the members that must have a term.
+    pub inclusion: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// Ridge weight when a threshold is given and none is: pysindy's.
+const RIDGE: f64 = 0.05;
+
+/// Share of the members of an ensemble that must have a term, when none is given.
+const INCLUSION: f64 = 0.6;
+
+impl SindyOptions {
+    /// Reads the words of a recipe's `[sindy]`.
+    ///
+    /// # Errors
+    /// A word or number that is not allowed, with those that are.
+    pub fn new(section: &SindySection) -> Result<Self, Error> {
+        let optimizer = optimizer(section.optimizer.as_deref().unwrap_or("stlsq"))?;
+        let threshold = match &section.threshold {
+            None => None,
+            Some(Threshold::Word(word)) if word == "auto" => None,
+            Some(Threshold::Number(value)) if *value >= 0.0 && value.is_finite() => Some(*value),
+            Some(Threshold::Number(value)) => {
+                return Err(refused("threshold", value, "auto, or a number of zero or more"));
+            }
+            Some(Threshold::Word(word)) => return Err(refused("threshold", word, "auto, or a number of zero or more")),
+        };
+        if let (Some(value), false) = (threshold, optimizer.thresholds()) {
+            return Err(Error::Request(format!(
+                "[sindy] threshold = {value}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
+                optimizer.name()
+            )));
+        }
+        let terms = section.terms;
+        if let (Some(_), Some(count)) = (threshold, terms) {
+            return Err(Error::Request(format!(
+                "[sindy] has both `threshold` and `terms = {count}`; each says how many terms an equation has, so leave one of them away"
+            )));
+        }
+        if terms == Some(0) {
+            return Err(refused("terms", 0, "a number from 1 on"));
+        }
+        let ridge = section.ridge.unwrap_or(if threshold.is_some() { RIDGE } else { 0.0 });
+        if !(ridge >= 0.0 && ridge.is_finite()) {
+            return Err(refused("ridge", ridge, "a weight of zero or more"));
+        }
+        let inclusion = section.inclusion.unwrap_or(INCLUSION);
+        if !(inclusion > 0.0 && inclusion <= 1.0) {
+            return Err(refused("inclusion", inclusion, "a share of the members above 0, at most 1"));
+        }
+        if let (Some(value), None) = (section.inclusion, &section.ensemble) {
+            return Err(Error::Request(format!(
+                "[sindy] inclusion = {value}: there is no ensemble whose members could agree; add `ensemble = \"chunks:100\"`"
+            )));
+        }
+        let select = section.select.as_deref().unwrap_or("one-se");
+        let folds = section.folds.as_deref().unwrap_or("10");
+        Ok(Self {
+            optimizer,
+            threshold,
+            ridge,
+            normalize: section.normalize.unwrap_or(threshold.is_none()),
+            terms,
+            criterion: words::criterion(select)
+                .ok_or_else(|| refused("select", select, "cv, one-se, aic, bic or ebic"))?,
+            folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
+            ensemble: section.ensemble.as_deref().map(ensemble).transpose()?,
+            inclusion,
+            seed: section.seed.unwrap_or(0),
+        })
+    }
+}
+
+impl SindyOptions {
+    /// How terms are found, for people.
+    pub(super) fn method_in_words(&self) -> String {
+        let units = if self.normalize { "shares of the target" } else { "physical coefficients" };
+        match (self.optimizer.thresholds(), self.threshold) {
+            (true, Some(threshold)) => format!("{}, threshold {threshold} on {units}", self.optimizer.name()),
+            (true, None) => format!("{}, thresholds on {units}", self.optimizer.name()),
+            (false, _) => self.optimizer.name().to_owned(),
+        }
+    }
+
+    /// How many terms there are was chosen so, for people. `folds`: how many there were.
+    pub(super) fn choice_in_words(&self, folds: usize) -> String {
+        if let Some(terms) = self.terms {
+            return format!("at most {terms} terms an equation, as asked for");
+        }
+        if self.threshold.is_some() || self.optimizer == SindyOptimizer::LeastSquares {
+            return match folds {
+                0 => "nothing was chosen, no rows were held out".to_owned(),
+                _ => format!("nothing was chosen; held-out errors of {folds} folds"),
+            };
+        }
+        let rule = match self.criterion {
+            Criterion::OneStandardError | Criterion::CrossValidation if folds == 0 => {
+                return "least BIC, because no rows could be held out".to_owned();
+            }
+            Criterion::OneStandardError => "fewest terms within one standard error of the least held-out error",
+            Criterion::CrossValidation => "least held-out error",
+            Criterion::Aic => "least AIC",
+            Criterion::Bic => "least BIC",
+            Criterion::Ebic => "least EBIC",
+        };
+        format!("{rule}, {folds} folds")
+    }
+
+    /// What an ensemble varied, for people.
+    pub(super) fn ensemble_in_words(&self) -> Option<String> {
+        let (what, members) = self.ensemble?;
+        let what = match what {
+            Ensemble::Units(BootstrapUnit::Episode) => "resamples of episodes",
+            Ensemble::Units(_) => "resamples of chunks",
+            Ensemble::Library => "libraries without a fifth of the candidates",
+        };
+        Some(format!("terms in {:.0} % of {members} {what}", 100.0 * self.inclusion))
+    }
+}
+
+fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::Request(format!("[sindy] {what} = {value}: write {allowed}"))
+}
+
+fn optimizer(text: &str) -> Result<SindyOptimizer, Error> {
+    use SindyOptimizer::{Frols, Lasso, LeastSquares, Sr3, Ssr, Stlsq};
+    let known = [Stlsq, Sr3, Ssr, Frols, Lasso, LeastSquares];
+    known.into_iter().find(|optimizer| optimizer.name() == text).ok_or_else(|| {
+        let names: Vec<&str> = known.iter().map(|optimizer| optimizer.name()).collect();
+        refused("optimizer", text, &names.join(", "))
+    })
+}
+
+fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
+    let allowed =
+        "chunks, episodes or library, with the number of members after a colon where it is not 100: `episodes:1000`";
+    let (what, count) = match text.split_once(':') {
+        None => (text, Some(100)),
+        Some((what, count)) => (what, count.parse().ok().filter(|count: &usize| (2..=100_000).contains(count))),
+    };
+    let what = match what {
+        "chunks" => Ensemble::Units(BootstrapUnit::Chunk),
+        "episodes" => Ensemble::Units(BootstrapUnit::Episode),
+        "library" => Ensemble::Library,
+        "rows" => {
+            return Err(Error::Request(format!(
+                "[sindy] ensemble = {text}: neighbouring rows of a log are not independent, and a resample of rows would need a pass each; \
+                 resample `chunks` or `episodes`"
+            )));
+        }
+        _ => return Err(refused("ensemble", text, allowed)),
+    };
+    count.map(|count| (what, count)).ok_or_else(|| refused("ensemble", text, allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str) -> Result<SindyOptions, String> {
+        let section: SindySection = toml::from_str(text).unwrap();
+        SindyOptions::new(&section).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn words_are_read() {
+        let default = options("").unwrap();
+        assert_eq!((default.optimizer, default.threshold, default.normalize), (SindyOptimizer::Stlsq, None, true));
+        assert_eq!((default.criterion, default.folds), (Criterion::OneStandardError, FoldRule::Count(10)));
+        let physical = options("threshold = 0.1").unwrap();
+        assert_eq!((physical.threshold, physical.normalize, physical.ridge), (Some(0.1), false, 0.05));
+        assert_eq!(options("threshold = \"auto\"").unwrap().threshold, None);
+        let drawn = options("ensemble = \"episodes:50\"\ninclusion = 0.9").unwrap();
+        assert_eq!(drawn.ensemble, Some((Ensemble::Units(BootstrapUnit::Episode), 50)));
+        assert_eq!(options("ensemble = \"library\"").unwrap().ensemble, Some((Ensemble::Library, 100)));
+        assert_eq!(options("optimizer = \"frols\"\nterms = 3").unwrap().terms, Some(3));
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_said_with_what_is() {
+        for (text, parts) in [
+            ("optimizer = \"lars\"", ["optimizer = lars", "frols"]),
+            ("threshold = -1.0", ["threshold = -1", "zero or more"]),
+            ("threshold = \"small\"", ["threshold = small", "auto"]),
+            ("threshold = 0.1\noptimizer = \"frols\"", ["frols has no threshold", "terms"]),
+            ("threshold = 0.1\nterms = 3", ["both", "leave one"]),
+            ("terms = 0", ["terms = 0", "from 1 on"]),
+            ("ridge = -0.1", ["ridge = -0.1", "zero or more"]),
+            ("select = \"r2\"", ["select = r2", "one-se"]),
+            ("folds = \"1\"", ["folds = 1", "from 2 on"]),
+            ("ensemble = \"days\"", ["ensemble = days", "episodes:1000"]),
+            ("ensemble = \"chunks:1\"", ["ensemble = chunks:1", "episodes:1000"]),
+            ("ensemble = \"rows:100\"", ["ensemble = rows:100", "chunks"]),
+            ("ensemble = \"chunks\"\ninclusion = 1.5", ["inclusion = 1.5", "at most 1"]),
+            ("inclusion = 0.5", ["no ensemble", "chunks:100"]),
+        ] {
+            let message = options(text).expect_err(text);
+            assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");
+        }
+    }
+}

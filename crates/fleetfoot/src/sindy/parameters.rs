@@ -1,0 +1,46 @@
+//! Numbers inside expressions that are not known.
+
+use crate::{Error, Recipe, task::Aliases};
+
+/// A number that is to be estimated.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Parameter {
+    /// Its name in expressions.
+    pub name: String,
+    /// Where the search begins.
+    pub initial: f64,
+    /// Least and greatest value; infinite where there is none.
+    pub bounds: [f64; 2],
+    /// Unit, when known.
+    pub unit: Option<String>,
+}
+
+impl Parameter {
+    /// Those of a recipe.
+    pub(super) fn all(recipe: &Recipe, aliases: &Aliases<'_>) -> Result<Vec<Self>, Error> {
+        let parameter = |(name, section): (&String, &crate::ParameterSection)| {
+            let place = format!("[parameters] {name}");
+            if aliases.has(name) {
+                return Err(Error::Request(format!(
+                    "{place}: a column has this name too; rename the parameter, so that expressions can tell them apart"
+                )));
+            }
+            let bounds = section.bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] >= bounds[1] {
+                return Err(Error::Request(format!(
+                    "{place} bounds = [{}, {}]: write the least and the greatest value",
+                    bounds[0], bounds[1]
+                )));
+            }
+            if !section.initial.is_finite() || section.initial < bounds[0] || section.initial > bounds[1] {
+                return Err(Error::Request(format!(
+                    "{place} initial = {}: write a number within the bounds {} to {}",
+                    section.initial, bounds[0], bounds[1]
+                )));
+            }
+            Ok(Self { name: name.clone(), initial: section.initial, bounds, unit: section.unit.clone() })
+        };
+        recipe.parameters.iter().map(parameter).collect()
+    }
+}

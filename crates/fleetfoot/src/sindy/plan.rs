@@ -1,0 +1,70 @@
+//! What a fit of equations would read and keep.
+
+use std::path::PathBuf;
+
+use fleetfoot_data::Progress;
+
+use super::{EquationTask, SindyOptions, evidence::specification};
+use crate::{Dataset, Error, Recipe, dataset};
+
+/// What a fit of equations would read and keep.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct SindyPlan {
+    /// Files.
+    pub files: usize,
+    /// Episodes; robots' logs are not decoded to count them.
+    pub episodes: Option<usize>,
+    /// Rows; of robots' logs at most, from the counts in the files.
+    pub rows: usize,
+    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
+    pub decoded: Option<(u64, bool)>,
+    /// Columns that are read.
+    pub columns: Vec<String>,
+    /// Fitted equations.
+    pub equations: Vec<String>,
+    /// Candidates of any equation, the constant among them.
+    pub candidates: Vec<String>,
+    /// Parameters that are estimated first, a pass a step.
+    pub parameters: Vec<String>,
+    /// Regions, at most.
+    pub regions: usize,
+    /// Bytes of statistics, about.
+    pub memory: usize,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Opens the files and tells what [`crate::fit_sindy`] would do. Robots' logs are not decoded for it; a `.stats` file needs no plan.
+///
+/// # Errors
+/// Those of the recipe and of opening.
+pub fn plan_sindy(recipe: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<SindyPlan, Error> {
+    SindyOptions::new(&recipe.sindy)?;
+    if crate::is_statistic(files) {
+        return Err(Error::Request(
+            "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
+        ));
+    }
+    let regions = specification(recipe)?.and_then(|partition| partition.clusters()).unwrap_or(1);
+    let plan = |task: &EquationTask, columns, rows, episodes, decoded, notes| SindyPlan {
+        files: files.len(),
+        episodes,
+        rows,
+        decoded,
+        columns,
+        equations: task.fitted.iter().map(|equation| equation.label.clone()).collect(),
+        candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
+        parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
+        regions,
+        memory: fleetfoot_sparse::SystemPlan::memory(&task.system(), regions, rows),
+        notes,
+    };
+    if let Some((task, columns, cost)) = dataset::estimate_equations(recipe, files, progress)? {
+        let decoded = Some((cost.decoded_bytes, cost.cached));
+        return Ok(plan(&task, columns, cost.rows as usize, None, decoded, Vec::new()));
+    }
+    let (dataset, task) = Dataset::for_equations(recipe, files, progress)?;
+    let (episodes, notes) = (Some(dataset.episodes().len()), dataset.notes().to_vec());
+    Ok(plan(&task, dataset.columns(), dataset.rows(), episodes, None, notes))
+}

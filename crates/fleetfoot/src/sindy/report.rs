@@ -1,0 +1,239 @@
+//! What a fit of equations found, for people and for programs.
+
+use super::{EquationTask, solve::Solved};
+
+/// What a fit of equations found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct SindyReport {
+    /// Rows of positive weight.
+    pub rows: u64,
+    /// Episodes.
+    pub episodes: usize,
+    /// Rows that lack neighbours at the border of their episode, rows with a missing value, complete rows that no region took.
+    pub left_out: [u64; 3],
+    /// How terms were found, for people.
+    pub method: String,
+    /// How many terms there are was chosen so, for people.
+    pub choice: String,
+    /// Folds of the held-out errors; 0 where there are none.
+    pub folds: usize,
+    /// What an ensemble varied, for people.
+    pub ensemble: Option<String>,
+    /// Estimated numbers inside expressions.
+    pub parameters: Vec<ParameterReport>,
+    /// Candidate functions of any equation, the constant among them.
+    pub candidates: Vec<String>,
+    /// The regions; one where there is no partition.
+    pub regions: Vec<RegionReport>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// An estimated number.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ParameterReport {
+    /// Its name.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Its standard error; NaN where it cannot be said.
+    pub standard_error: f64,
+    /// Its unit, when known.
+    pub unit: Option<String>,
+    /// Whether the estimate is at one of its bounds.
+    pub at_bound: bool,
+}
+
+/// A region and its equations.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RegionReport {
+    /// Its name.
+    pub name: String,
+    /// Its rows.
+    pub rows: u64,
+    /// The fitted equations.
+    pub equations: Vec<EquationReport>,
+}
+
+/// A fitted equation in a region.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct EquationReport {
+    /// The left side.
+    pub label: String,
+    /// The right side with numbers for coefficients, its nominal part included.
+    pub right: String,
+    /// The terms of what was learnt.
+    pub terms: Vec<TermReport>,
+    /// Number of candidates that it had.
+    pub candidates: usize,
+    /// Root mean squared error on the rows of the fit.
+    pub rms: f64,
+    /// Share of the variance of what was learnt (the target less the nominal part) that is explained on these rows; NaN where it does not vary.
+    pub r2: f64,
+    /// Root mean squared error on held-out rows; NaN without folds.
+    pub held_out: f64,
+    /// Share of that variance that is explained on held-out rows; NaN without folds.
+    pub held_out_r2: f64,
+    /// The threshold, lambda or number of terms of the model that was taken.
+    pub parameter: f64,
+    /// Largest cosine between the residual and a term: 0 up to rounding for least squares.
+    pub correlation: f64,
+    /// Error against number of terms, ascending by terms.
+    pub front: Vec<FrontPoint>,
+    /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
+    pub inclusion: Option<Vec<f64>>,
+    /// Groups of terms that the rows cannot tell apart.
+    pub confounded: Vec<Vec<String>>,
+}
+
+/// A term.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct TermReport {
+    /// The function; `1` for the constant.
+    pub function: String,
+    /// Its coefficient.
+    pub coefficient: f64,
+    /// Unit of the coefficient, where those of the left side and of the function are known.
+    pub unit: Option<String>,
+    /// Standard error of the coefficient, given the terms; NaN where it cannot be said.
+    pub standard_error: f64,
+    /// Share of an ensemble's members that have the term, where there is one.
+    pub inclusion: Option<f64>,
+    /// Whether it is there in any case.
+    pub fixed: bool,
+}
+
+/// A model of the front: none with as few terms errs less.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct FrontPoint {
+    /// Number of terms.
+    pub terms: usize,
+    /// Root mean squared error on the rows of the fit.
+    pub rms: f64,
+    /// Root mean squared error on held-out rows of the models of as many terms; NaN without folds.
+    pub held_out: f64,
+    /// The threshold, lambda or number of terms.
+    pub parameter: f64,
+    /// Whether it is the model that was taken.
+    pub chosen: bool,
+    /// Its terms.
+    pub functions: Vec<String>,
+}
+
+/// The report of a fitted equation. `moments`: the weight of the rows, and the squares of the target about its mean; `error`: the standard error of a candidate.
+pub(super) fn equation(
+    task: &EquationTask,
+    target: usize,
+    found: &Solved,
+    moments: [f64; 2],
+    error: impl Fn(usize) -> f64,
+) -> EquationReport {
+    let own = &task.fitted[target];
+    let step = &found.step;
+    let [weight, total] = moments;
+    let rms = |rss: f64| (rss / weight).sqrt();
+    let terms: Vec<TermReport> = step
+        .support
+        .iter()
+        .map(|&j| TermReport {
+            function: task.candidate(j),
+            coefficient: step.coefficients[j],
+            unit: task.coefficient_unit(target, j),
+            standard_error: error(j),
+            inclusion: found.inclusion.as_ref().map(|shares| shares[j]),
+            fixed: own.fixed.contains(&j),
+        })
+        .collect();
+    let names = |columns: &[usize]| columns.iter().map(|&j| task.candidate(j)).collect::<Vec<_>>();
+    let sweep = &found.sweep;
+    let mut shown = sweep.front.clone();
+    if !shown.contains(&sweep.chosen) {
+        shown.push(sweep.chosen);
+        shown.sort_by_key(|&k| sweep.trail.steps[k].terms());
+    }
+    let point = |&k: &usize| {
+        let step = &sweep.trail.steps[k];
+        FrontPoint {
+            terms: step.terms(),
+            rms: rms(step.rss),
+            held_out: sweep.folds.as_ref().map_or(f64::NAN, |folds| folds.mean[k].sqrt()),
+            parameter: step.parameter,
+            chosen: k == sweep.chosen,
+            functions: names(&step.support),
+        }
+    };
+    EquationReport {
+        label: own.label.clone(),
+        right: right(task, target, &terms),
+        candidates: own.allowed.iter().filter(|allowed| **allowed).count(),
+        rms: rms(step.rss),
+        r2: if total > 0.0 { 1.0 - step.rss / total } else { f64::NAN },
+        held_out: found.held_out[0].sqrt(),
+        held_out_r2: found.held_out[1],
+        parameter: step.parameter,
+        correlation: step.certificate.correlation,
+        front: shown.iter().map(point).collect(),
+        inclusion: found.inclusion.clone(),
+        confounded: step.confounded.iter().map(|group| names(group)).collect(),
+        terms,
+    }
+}
+
+/// The right side with what was learnt written out behind the nominal part.
+fn right(task: &EquationTask, target: usize, terms: &[TermReport]) -> String {
+    let learnt = sum(terms.iter().map(|term| (term.function.as_str(), term.coefficient)));
+    let nominal = &task.fitted[target].nominal;
+    match nominal {
+        None => learnt,
+        Some(nominal) if learnt == "0" => nominal.to_string(),
+        Some(nominal) => match learnt.strip_prefix('-') {
+            Some(rest) => format!("{nominal} - {rest}"),
+            None => format!("{nominal} + {learnt}"),
+        },
+    }
+}
+
+/// Six significant digits, without a tail of zeros.
+pub(super) fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    if (1e-5..1e6).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
+}
+
+/// A sum of coefficients times functions, for people.
+pub(super) fn sum<'a>(terms: impl Iterator<Item = (&'a str, f64)>) -> String {
+    let mut text = String::new();
+    for (function, coefficient) in terms {
+        let size = short(coefficient.abs());
+        let product = if function == "1" { size } else { format!("{size}*{function}") };
+        text.push_str(match (text.is_empty(), coefficient < 0.0) {
+            (true, false) => "",
+            (true, true) => "-",
+            (false, false) => " + ",
+            (false, true) => " - ",
+        });
+        text.push_str(&product);
+    }
+    if text.is_empty() { "0".into() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_printed_with_signs() {
+        let terms = [("1", -0.5), ("x", 28.0), ("x*z", -1.0), ("sin(x)", 1.234_567_8e-7)];
+        assert_eq!(sum(terms.into_iter()), "-0.5 + 28*x - 1*x*z + 1.23457e-7*sin(x)");
+        assert_eq!(sum(std::iter::empty()), "0");
+        assert_eq!(short(2.666_666_666_7), "2.66667");
+    }
+}

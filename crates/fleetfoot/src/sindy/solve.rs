@@ -1,0 +1,397 @@
+//! From the statistic of a region to the terms of its equations: models of every size, their held-out errors, the choice.
+
+use std::collections::BTreeSet;
+
+use faer::Mat;
+use fleetfoot_data::Progress;
+use fleetfoot_sparse::{
+    BootstrapUnit, Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, Folds, Frols,
+    FrolsChoice, LassoPath, Optimizer, RandomSplits, Scaling, SelectError, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions,
+    SystemScan, Terms, Thresholds, ensemble, multinomial_counts, optimize, sweep, system_effective_rows,
+};
+use fleetfoot_stats::{Compressed, Fold, Key};
+
+use super::{
+    EquationTask, Evidence,
+    options::{Ensemble, SindyOptimizer, SindyOptions},
+};
+use crate::{Criterion, Error, FoldRule};
+
+/// Chunks beside held-out ones of the same episode that do not train.
+const PURGE: u32 = 1;
+
+/// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
+const THRESHOLDS: usize = 60;
+const THRESHOLDS_OF_MANY: usize = 24;
+const MANY: usize = 300;
+
+/// What was found of one equation in one region.
+pub(super) struct Solved {
+    /// The model that was taken.
+    pub(super) step: Step,
+    /// Models of every size, where there are several.
+    pub(super) sweep: Sweep,
+    /// Mean squared error on held-out rows and the share of the variance that is explained there; NaN without folds.
+    pub(super) held_out: [f64; 2],
+    /// Share of an ensemble's members that have each candidate.
+    pub(super) inclusion: Option<Vec<f64>>,
+}
+
+/// Solves the regions of some evidence.
+pub(super) struct Solver<'a> {
+    pub(super) evidence: &'a Evidence,
+    pub(super) options: &'a SindyOptions,
+    /// Whether models of other sizes than the chosen are wanted too.
+    pub(super) front: bool,
+    folds: Option<Folds>,
+}
+
+impl<'a> Solver<'a> {
+    /// Draws the folds; notes say why there are none.
+    pub(super) fn new(
+        evidence: &'a Evidence,
+        options: &'a SindyOptions,
+        front: bool,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
+        let folds = match folds(&evidence.scan, options) {
+            Ok(folds) => Some(folds),
+            Err(error @ (SelectError::TooFew { .. } | SelectError::EmptyFold { .. })) => {
+                notes.push(format!("no held-out errors: {error}"));
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        Ok(Self { evidence, options, front, folds })
+    }
+
+    /// Number of folds.
+    pub(super) fn folds(&self) -> usize {
+        self.folds.as_ref().map_or(0, Folds::len)
+    }
+
+    /// The equations of a region.
+    pub(super) fn solve(
+        &self,
+        region: usize,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Solved>, Error> {
+        let (scan, task) = (&self.evidence.scan, &self.evidence.task);
+        let problem = self.known(scan.root(region).compressed(task.constant));
+        let terms = task.terms();
+        let folds = self.fold_problems(region);
+        let sweeps = self.sweep(region, &problem, &folds, &terms, progress)?;
+        let mut solved = Vec::with_capacity(sweeps.len());
+        for (target, mut sweep) in sweeps.into_iter().enumerate() {
+            if let Some(most) = self.options.terms {
+                sweep.chosen = of_size(&sweep, most);
+            }
+            solved.push(Solved {
+                step: sweep.choice().clone(),
+                held_out: held_out(&sweep, &folds, target),
+                sweep,
+                inclusion: None,
+            });
+        }
+        if let Some((what, members)) = self.options.ensemble {
+            self.agree(region, &problem, &terms, (what, members), &mut solved, progress)?;
+        }
+        for (equation, found) in task.fitted.iter().zip(&solved) {
+            if found.step.support.is_empty() {
+                let place = if scan.regions() > 1 {
+                    format!(" in region {}", self.evidence.region_name(region))
+                } else {
+                    String::new()
+                };
+                notes.push(format!(
+                    "{}{place}: no term is left, the learnt part is 0; lower the threshold or offer other candidates",
+                    equation.label
+                ));
+            }
+        }
+        Ok(solved)
+    }
+
+    fn sweep(
+        &self,
+        region: usize,
+        problem: &Compressed,
+        folds: &[FoldProblem],
+        terms: &[Terms],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Sweep>, Error> {
+        let options = self.options;
+        let choice = match options.criterion {
+            _ if options.threshold.is_some() || options.optimizer == SindyOptimizer::LeastSquares => Choice::Optimizer,
+            Criterion::OneStandardError => Choice::Auto,
+            Criterion::CrossValidation if folds.is_empty() => Choice::Auto,
+            Criterion::CrossValidation => Choice::LeastError,
+            Criterion::Aic => Choice::Criterion(Information::Aic),
+            Criterion::Bic => Choice::Criterion(Information::Bic),
+            Criterion::Ebic => Choice::Criterion(Information::Ebic),
+        };
+        let by_criterion = matches!(choice, Choice::Criterion(_)) || (choice == Choice::Auto && folds.is_empty());
+        let criteria = match by_criterion {
+            true => CriterionOptions {
+                observations: Some(self.independent(region, problem, terms)?),
+                ..CriterionOptions::default()
+            },
+            false => CriterionOptions::default(),
+        };
+        let most = if problem.columns() > MANY { THRESHOLDS_OF_MANY } else { THRESHOLDS };
+        let every = Thresholds::Changes { most };
+        let thresholds = match options.threshold {
+            Some(threshold) => Thresholds::List(vec![self.parameter(threshold)]),
+            None => every.clone(),
+        };
+        let overlap = self.folds.as_ref().is_some_and(Folds::overlap);
+        let optimizer = self.optimizer(problem.columns());
+        let with = |thresholds| {
+            let options = SweepOptions { thresholds, choice, criteria, overlap };
+            sweep(problem, folds, terms, &optimizer, &options, progress)
+        };
+        let mut found = with(thresholds)?;
+        if self.front && options.threshold.is_some() {
+            // The models of other thresholds stand beside the one that was asked for.
+            for (own, others) in found.iter_mut().zip(with(every)?) {
+                beside(own, others);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Rows that count as independent, by the residuals of least squares on all candidates.
+    fn independent(&self, region: usize, problem: &Compressed, terms: &[Terms]) -> Result<f64, Error> {
+        let mut coefficients = Mat::zeros(problem.columns(), problem.targets());
+        for (target, terms) in terms.iter().enumerate() {
+            let found = optimize(problem, target, &Optimizer::LeastSquares, terms)?;
+            let values = &found.choice().coefficients;
+            values.iter().enumerate().for_each(|(j, &value)| coefficients[(j, target)] = value);
+        }
+        let (scan, constant) = (&self.evidence.scan, self.evidence.task.constant);
+        Ok(system_effective_rows(scan, region, constant, coefficients.as_ref()))
+    }
+
+    fn scaling(&self) -> Scaling {
+        if self.options.normalize { Scaling::Share } else { Scaling::Physical }
+    }
+
+    /// A threshold on coefficients as the optimiser's parameter.
+    fn parameter(&self, threshold: f64) -> f64 {
+        match self.options.optimizer {
+            SindyOptimizer::Sr3 => Sr3::lambda_of_threshold(threshold, Sr3::default().nu),
+            _ => threshold,
+        }
+    }
+
+    /// The optimiser; its threshold is given where it is used alone.
+    fn optimizer(&self, candidates: usize) -> Optimizer {
+        let (options, scaling) = (self.options, self.scaling());
+        let most = options.terms.unwrap_or(candidates);
+        match options.optimizer {
+            SindyOptimizer::Stlsq => Optimizer::Stlsq(Stlsq { alpha: options.ridge, scaling, ..Stlsq::default() }),
+            SindyOptimizer::Sr3 => {
+                Optimizer::Sr3(Sr3 { scaling, unbias: true, max_iterations: 10_000, ..Sr3::default() })
+            }
+            SindyOptimizer::Ssr => {
+                Optimizer::Ssr(Ssr { alpha: options.ridge, max_removals: candidates, scaling, ..Ssr::default() })
+            }
+            SindyOptimizer::Frols => {
+                Optimizer::Frols(Frols { max_terms: most, choice: FrolsChoice::Last, ..Frols::default() })
+            }
+            SindyOptimizer::Lasso => Optimizer::Lasso(LassoPath { max_terms: options.terms, ..LassoPath::default() }),
+            SindyOptimizer::LeastSquares => Optimizer::LeastSquares,
+        }
+    }
+
+    /// The optimiser with the parameter of a model.
+    fn tuned(&self, step: &Step, candidates: usize) -> Result<Optimizer, Error> {
+        match self.optimizer(candidates) {
+            Optimizer::Stlsq(stlsq) => Ok(Optimizer::Stlsq(Stlsq { threshold: step.parameter, ..stlsq })),
+            Optimizer::Sr3(sr3) => Ok(Optimizer::Sr3(Sr3 { lambda: step.parameter, ..sr3 })),
+            Optimizer::Frols(frols) => Ok(Optimizer::Frols(Frols { max_terms: step.terms().max(1), ..frols })),
+            _ => Err(Error::Request(format!(
+                "[sindy] ensemble: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or leave the ensemble away",
+                self.options.optimizer.name()
+            ))),
+        }
+    }
+
+    /// A problem whose targets are known as well as those of the evidence.
+    fn known(&self, problem: Compressed) -> Compressed {
+        problem.known_to(&self.evidence.resolution)
+    }
+
+    /// Folds that have rows of the region on both sides.
+    fn fold_problems(&self, region: usize) -> Vec<FoldProblem> {
+        let Some(folds) = &self.folds else { return Vec::new() };
+        let (scan, constant) = (&self.evidence.scan, self.evidence.task.constant);
+        let train = scan.roots(region, folds.train());
+        let test = scan.roots(region, folds.test());
+        let both = train.into_iter().zip(test).filter(|(train, test)| train.weight > 0.0 && test.weight > 0.0);
+        both.map(|(train, test)| FoldProblem {
+            train: self.known(train.compressed(constant)),
+            test: test.compressed(constant),
+        })
+        .collect()
+    }
+
+    /// Keeps the terms that the members of an ensemble agree on, with least squares on all rows.
+    fn agree(
+        &self,
+        region: usize,
+        problem: &Compressed,
+        terms: &[Terms],
+        (what, members): (Ensemble, usize),
+        solved: &mut [Solved],
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        let task = &self.evidence.task;
+        let replicates = match what {
+            Ensemble::Units(unit) => {
+                let weights = draws(&self.evidence.scan, unit, members, self.options.seed);
+                let roots = self.evidence.scan.roots(region, weights.as_ref());
+                let some = roots.into_iter().filter(|root| root.weight > 0.0);
+                some.map(|root| root.compressed(task.constant)).collect()
+            }
+            Ensemble::Library => Vec::new(),
+        };
+        for (target, found) in solved.iter_mut().enumerate() {
+            let open = task.fitted[target].allowed.iter().filter(|allowed| **allowed).count();
+            let free = open - task.fitted[target].fixed.len();
+            let options = match what {
+                Ensemble::Units(_) => {
+                    EnsembleOptions { probability: self.options.inclusion, ..EnsembleOptions::default() }
+                }
+                Ensemble::Library => EnsembleOptions {
+                    // A fifth of the candidates, one at least.
+                    leave_out: (free / 5).max(1),
+                    draws: members,
+                    seed: self.options.seed,
+                    probability: self.options.inclusion,
+                },
+            };
+            let own = one(problem, target);
+            let replicates: Vec<Compressed> = replicates.iter().map(|replicate| one(replicate, target)).collect();
+            let optimizer = self.tuned(&found.step, problem.columns())?;
+            let terms = std::slice::from_ref(&terms[target]);
+            let mut agreed = ensemble(&own, &replicates, terms, &optimizer, &options, progress)?;
+            let Some(agreed) = agreed.pop() else { continue };
+            if agreed.model.support != found.step.support {
+                found.held_out = [f64::NAN; 2];
+            }
+            let parameter = found.step.parameter;
+            found.step = agreed.model;
+            found.step.parameter = parameter;
+            found.inclusion = Some(agreed.inclusion);
+        }
+        Ok(())
+    }
+}
+
+impl EquationTask {
+    /// What every equation may and must have, for the optimisers.
+    pub fn terms(&self) -> Vec<Terms> {
+        let terms = |equation: &super::FittedEquation| Terms {
+            allowed: Some(equation.allowed.clone()),
+            fixed: equation.fixed.clone(),
+        };
+        self.fitted.iter().map(terms).collect()
+    }
+}
+
+/// One target of a problem.
+fn one(problem: &Compressed, target: usize) -> Compressed {
+    Compressed {
+        z: problem.z.as_ref().subcols(target, 1).to_owned(),
+        residual: vec![problem.residual[target]],
+        total: vec![problem.total[target]],
+        resolution: vec![problem.resolution[target]],
+        ..problem.clone()
+    }
+}
+
+/// Keys of the units of a scan, for folds.
+pub(super) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
+    let key = |unit: &fleetfoot_sparse::Unit| Key {
+        episode: unit.episode,
+        chunk: unit.chunk,
+        fold: Fold::default(),
+        partition: 0,
+        region: 0,
+    };
+    scan.units().iter().map(|unit| (key(unit), unit.rows)).unzip()
+}
+
+fn folds(scan: &SystemScan, options: &SindyOptions) -> Result<Folds, SelectError> {
+    let (keys, rows) = keys(scan);
+    match options.folds {
+        // Fewer chunks than folds: as many folds as there are chunks.
+        FoldRule::Count(k) => Folds::k_fold(&keys, &rows, k.min(keys.len()).max(2), PURGE),
+        FoldRule::Episodes => Folds::leave_one_episode_out(&keys),
+        FoldRule::Splits(repeats) => {
+            let splits = RandomSplits { repeats, seed: options.seed, purge: PURGE, ..RandomSplits::default() };
+            Folds::random_splits(&keys, &rows, &splits)
+        }
+    }
+}
+
+/// How often every unit is drawn (units x members).
+fn draws(scan: &SystemScan, unit: BootstrapUnit, members: usize, seed: u64) -> Mat<f64> {
+    let units = scan.units();
+    let groups: Vec<usize> = match unit {
+        BootstrapUnit::Episode => {
+            let episodes: BTreeSet<_> = units.iter().map(|unit| unit.episode).collect();
+            let order: Vec<_> = episodes.into_iter().collect();
+            units.iter().map(|unit| order.binary_search(&unit.episode).unwrap_or(0)).collect()
+        }
+        _ => (0..units.len()).collect(),
+    };
+    let count = groups.iter().max().map_or(0, |last| last + 1);
+    let counts: Vec<Vec<f64>> = (0..members).map(|member| multinomial_counts(seed, member, count)).collect();
+    Mat::from_fn(units.len(), members, |unit, member| counts[member][groups[unit]])
+}
+
+/// The model with the most terms up to a number, the least error among those; of none so small, the smallest.
+fn of_size(sweep: &Sweep, most: usize) -> usize {
+    let steps = &sweep.trail.steps;
+    let better = |a: &usize, b: &usize| {
+        let (a, b) = (&steps[*a], &steps[*b]);
+        a.terms().cmp(&b.terms()).then(b.rss.total_cmp(&a.rss))
+    };
+    let all = 0..steps.len();
+    let small = all.clone().filter(|&k| steps[k].terms() <= most).max_by(better);
+    small.or_else(|| all.min_by_key(|&k| steps[k].terms())).unwrap_or(0)
+}
+
+/// The held-out mean squared error of the chosen model, and the share of the variance of the held-out rows that it explains.
+fn held_out(sweep: &Sweep, folds: &[FoldProblem], target: usize) -> [f64; 2] {
+    let Some(scores) = &sweep.folds else { return [f64::NAN; 2] };
+    let error = |fold: usize| scores.errors[(sweep.chosen, fold)] * folds[fold].test.weight;
+    let errors: f64 = (0..folds.len()).map(error).sum();
+    let total: f64 = folds.iter().map(|fold| fold.test.total[target]).sum();
+    [scores.mean[sweep.chosen], if total > 0.0 { 1.0 - errors / total } else { f64::NAN }]
+}
+
+/// Puts the front of other models beside the one model of `own`.
+fn beside(own: &mut Sweep, others: Sweep) {
+    let mut others = others;
+    let chosen = own.choice().clone();
+    if let (Some(all), Some(one)) = (&mut others.folds, &own.folds) {
+        let (rows, count) = (all.errors.nrows(), all.errors.ncols());
+        all.errors =
+            Mat::from_fn(
+                rows + 1,
+                count,
+                |k, fold| if k < rows { all.errors[(k, fold)] } else { one.errors[(0, fold)] },
+            );
+        all.mean.extend_from_slice(&one.mean);
+        all.standard_error.extend_from_slice(&one.standard_error);
+        all.terms.extend_from_slice(&one.terms);
+    }
+    others.trail.steps.push(chosen);
+    others.chosen = others.trail.steps.len() - 1;
+    others.front = others.trail.front();
+    *own = others;
+}

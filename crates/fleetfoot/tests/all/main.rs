@@ -1,0 +1,5 @@
+//! The studies at a small scale: what their papers and their peers say, they say.
+
+mod aircraft_study;
+mod export;
+mod sindy_study;

@@ -1,0 +1,178 @@
+//! What the code of a model reads, keeps and gives.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_library::Leaf;
+
+use super::{ExportError, evaluation::Evaluation};
+use crate::{Equation, Model, Prediction};
+
+/// The shape of the exported code: its vectors, its memory, and the two things that it may evaluate.
+pub(super) struct Plan<'a> {
+    pub(super) model: &'a Model,
+    /// Columns that equations advance, in the order of the model's columns.
+    pub(super) states: Vec<State>,
+    /// Columns that are read and not advanced, in the order of the model's columns.
+    pub(super) inputs: Vec<Signal>,
+    /// Columns predicted in the same row.
+    pub(super) outputs: Vec<Signal>,
+    /// Values of earlier rows.
+    pub(super) delays: Vec<Delay>,
+    /// Whether the time since the start is read.
+    pub(super) time: bool,
+    /// The right sides of the states.
+    pub(super) advance: Option<Evaluation>,
+    /// The right sides of the outputs.
+    pub(super) predict: Option<Evaluation>,
+    places: BTreeMap<usize, Source>,
+}
+
+pub(super) struct State {
+    pub(super) signal: Signal,
+    pub(super) prediction: Prediction,
+}
+
+pub(super) struct Signal {
+    pub(super) name: String,
+    pub(super) unit: Option<String>,
+    pub(super) angle: bool,
+}
+
+/// The earlier values of one signal: `depth` of them, the latest last, from `offset` on in the memory. Of the time, how long ago
+/// those rows were.
+pub(super) struct Delay {
+    pub(super) source: Source,
+    pub(super) depth: usize,
+    pub(super) offset: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Source {
+    State(usize),
+    Input(usize),
+    Time,
+}
+
+impl<'a> Plan<'a> {
+    pub(super) fn new(model: &'a Model) -> Result<Self, ExportError> {
+        model.validate().map_err(ExportError::Inconsistent)?;
+        let (columns, advancing) = advanced(model)?;
+        let predicting: Vec<&Equation> =
+            model.equations.iter().filter(|equation| equation.prediction == Prediction::Value).collect();
+        if advancing.is_empty() && predicting.is_empty() {
+            return Err(ExportError::NoEquations);
+        }
+        let evaluation = |equations: &[&Equation]| match equations {
+            [] => Ok(None),
+            _ => Evaluation::new(model, equations).map(Some),
+        };
+        let (advance, predict) = (evaluation(&advancing)?, evaluation(&predicting)?);
+        let mut depths: BTreeMap<usize, i32> = BTreeMap::new();
+        let mut time: Option<i32> = None;
+        for leaf in advance.iter().chain(&predict).flat_map(|evaluation| evaluation.column_leaves(model.columns.len()))
+        {
+            if leaf.lag() < 0 {
+                let what = match leaf {
+                    Leaf::Column { column, .. } => model.columns[column].name.clone(),
+                    Leaf::Time { .. } => "time()".to_owned(),
+                };
+                return Err(ExportError::Ahead { column: what, ahead: leaf.lag().unsigned_abs() });
+            }
+            match leaf {
+                Leaf::Column { column, lag } => {
+                    let depth = depths.entry(column).or_insert(0);
+                    *depth = lag.max(*depth);
+                }
+                Leaf::Time { lag } => time = Some(lag.max(time.unwrap_or(0))),
+            }
+        }
+        let signal = |column: usize| {
+            let column = &model.columns[column];
+            Signal { name: column.name.clone(), unit: column.unit.clone(), angle: column.angle }
+        };
+        let inputs: Vec<usize> = depths.keys().copied().filter(|column| !columns.contains(column)).collect();
+        let mut places: BTreeMap<usize, Source> = BTreeMap::new();
+        places.extend(columns.iter().enumerate().map(|(i, &column)| (column, Source::State(i))));
+        places.extend(inputs.iter().enumerate().map(|(i, &column)| (column, Source::Input(i))));
+        let mut lagged: Vec<(Source, i32)> =
+            depths.iter().filter_map(|(column, &depth)| Some((*places.get(column)?, depth))).collect();
+        lagged.extend(time.map(|depth| (Source::Time, depth)));
+        lagged.retain(|(_, depth)| *depth > 0);
+        lagged.sort_unstable();
+        let mut offset = 0;
+        let delays = lagged
+            .into_iter()
+            .map(|(source, depth)| {
+                let depth = usize::try_from(depth).unwrap_or(0);
+                offset += depth;
+                Delay { source, depth, offset: offset - depth }
+            })
+            .collect();
+        Ok(Self {
+            states: columns
+                .iter()
+                .zip(&advancing)
+                .map(|(&column, equation)| State { signal: signal(column), prediction: equation.prediction })
+                .collect(),
+            inputs: inputs.iter().map(|&column| signal(column)).collect(),
+            outputs: predicting
+                .iter()
+                .map(|equation| {
+                    let angle = model.column(&equation.subject).is_some_and(|column| model.columns[column].angle);
+                    Signal { name: equation.subject.clone(), unit: equation.unit.clone(), angle }
+                })
+                .collect(),
+            delays,
+            time: time.is_some(),
+            advance,
+            predict,
+            places,
+            model,
+        })
+    }
+
+    /// Number of kept values of earlier rows.
+    pub(super) fn memory(&self) -> usize {
+        self.delays.last().map_or(0, |delay| delay.offset + delay.depth)
+    }
+
+    /// Whether a derivative is integrated.
+    pub(super) fn continuous(&self) -> bool {
+        self.states.iter().any(|state| state.prediction == Prediction::Derivative)
+    }
+
+    /// Whether values of the present row are not all that the right sides read.
+    pub(super) fn remembers(&self) -> bool {
+        self.memory() > 0 || self.time
+    }
+
+    /// Where a column is found.
+    pub(super) fn place(&self, column: usize) -> Option<Source> {
+        self.places.get(&column).copied()
+    }
+
+    /// Where an earlier value is found in the memory.
+    pub(super) fn past(&self, source: Source, lag: i32) -> Option<usize> {
+        let delay = self.delays.iter().find(|delay| delay.source == source)?;
+        let back = usize::try_from(lag).ok().filter(|back| *back > 0)?;
+        Some(delay.offset + delay.depth.checked_sub(back)?)
+    }
+}
+
+/// The columns that equations advance, in the order of the columns, and their equations.
+fn advanced(model: &Model) -> Result<(Vec<usize>, Vec<&Equation>), ExportError> {
+    let (mut columns, mut equations) = (Vec::new(), Vec::new());
+    for (index, column) in model.columns.iter().enumerate() {
+        let mut own = model
+            .equations
+            .iter()
+            .filter(|equation| equation.prediction != Prediction::Value && equation.subject == column.name);
+        let Some(equation) = own.next() else { continue };
+        if own.next().is_some() {
+            return Err(ExportError::Contradiction { state: column.name.clone() });
+        }
+        columns.push(index);
+        equations.push(equation);
+    }
+    Ok((columns, equations))
+}

@@ -1,0 +1,180 @@
+//! The functions that users of the code call, in every language: what each does, in words.
+
+use super::{
+    assemble::Assembled,
+    code::{Function, Kind},
+    plan::{Plan, Signal, Source},
+};
+use crate::Prediction;
+
+/// A public function: the inner one behind it and its documentation.
+pub(super) struct Public<'a> {
+    pub(super) name: &'static str,
+    pub(super) inner: &'a Function,
+    pub(super) doc: String,
+}
+
+impl Assembled<'_> {
+    /// The public functions that have no effect, in the order in which they are printed.
+    pub(super) fn public(&self) -> Vec<Public<'_>> {
+        let discrete = !self.plan.continuous();
+        let named = |function: &'static str, name: &'static str, doc: String| {
+            self.code.functions.iter().find(|f| f.name == function).map(|inner| Public { name, inner, doc })
+        };
+        let method = "the region of (x, u)";
+        let right = self.right_sides_doc();
+        let slopes = if discrete { "the next states (angles not wrapped)" } else { "the right sides" };
+        [
+            named("right_sides", "derivative", right).filter(|_| !discrete),
+            named("jacobian", "jacobian", format!(
+                "Exact derivatives in {method}: {slopes} are A x + B u + c to first order. A is states x states, B states x inputs, by rows.{}",
+                if self.plan.memory() > 0 { " What earlier rows contribute is in c." } else { "" }
+            )),
+            named("next", "next", format!("The states one step later.{}", self.step_doc())),
+            named("next_jacobian", "next_jacobian", "Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped).".into()),
+            named("outputs", "predict", "The outputs.".into()),
+            named("outputs_jacobian", "predict_jacobian", "Exact derivatives of the outputs: they are A x + B u + c to first order.".into()),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    fn right_sides_doc(&self) -> String {
+        let mixed = self.plan.states.iter().any(|state| state.prediction != Prediction::Derivative);
+        if mixed {
+            "The right sides of the states' equations: derivatives, per second, next values or changes.".into()
+        } else {
+            "The derivatives of the states, per second.".into()
+        }
+    }
+
+    fn step_doc(&self) -> String {
+        match self.step {
+            None => " dt is the length of the step in seconds; inputs are held over it.".into(),
+            Some(step) => format!(" A step is {step:?} s."),
+        }
+    }
+
+    /// Whether `dt` is the caller's.
+    pub(super) fn free_step(&self) -> bool {
+        self.step.is_none()
+    }
+
+    /// Names of the regions that are given.
+    pub(super) fn regions(&self) -> Vec<&str> {
+        let evaluation = self.plan.advance.as_ref().or(self.plan.predict.as_ref());
+        let partition = evaluation
+            .and_then(|evaluation| evaluation.reported.map(|index| evaluation.partitions[index].partition))
+            .map(|partition| &self.plan.model.partitions[partition]);
+        match partition {
+            Some(partition) => partition.regions.iter().map(|region| region.name.as_str()).collect(),
+            None => vec!["all"],
+        }
+    }
+
+    /// Lines that say what the model is: for the head of a file.
+    pub(super) fn about(&self) -> Vec<String> {
+        let model = self.plan.model;
+        let mut lines = vec![
+            format!("{} model {}, exported by fleetfoot {}.", model.method, model.hash(), env!("CARGO_PKG_VERSION")),
+            format!(
+                "Fitted to {} rows of {} episodes with fleetfoot {}; sampling period {:?} s.",
+                model.training.rows,
+                model.training.episodes.len(),
+                model.training.version,
+                model.step
+            ),
+            String::new(),
+        ];
+        let list = |what: &str, signals: &[&Signal]| -> Vec<String> {
+            signals.iter().enumerate().map(|(i, signal)| format!("  {what}[{i}] {}", describe(signal, model))).collect()
+        };
+        let states: Vec<&Signal> = self.plan.states.iter().map(|state| &state.signal).collect();
+        lines.extend(list("x", &states));
+        lines.extend(list("u", &self.plan.inputs.iter().collect::<Vec<_>>()));
+        lines.extend(list("y", &self.plan.outputs.iter().collect::<Vec<_>>()));
+        lines.extend(self.plan.delays.iter().map(|delay| {
+            let what = match delay.source {
+                Source::State(i) => format!("the last {} values of x[{i}]", delay.depth),
+                Source::Input(i) => format!("the last {} values of u[{i}]", delay.depth),
+                Source::Time => format!("seconds since each of the last {} rows", delay.depth),
+            };
+            format!("  past[{}..{}] {what}, oldest first", delay.offset, delay.offset + delay.depth)
+        }));
+        lines.push(String::new());
+        lines.push("Equations:".into());
+        for equation in &model.equations {
+            let right = equation.right.to_string();
+            let right: String =
+                if right.len() > 400 { right.chars().take(400).chain("...".chars()).collect() } else { right };
+            lines.push(format!("  {} = {right}", equation.label()));
+        }
+        lines.push(String::new());
+        lines.extend(self.codes());
+        lines
+    }
+
+    fn codes(&self) -> Vec<String> {
+        let text = "Every function gives a code. Zero or more: the region. From -1 down: -1 - region, where some function of the regressors is outside of the range that its region saw in training (the numbers are computed all the same: extrapolation). NO_REGION: a label that was not seen in training. NOT_FINITE: an input, a function or a result that is not a finite number. With the last two, results are not to be used and the model's variable stays as it was.";
+        fold(text, 112)
+    }
+
+    /// Numbers that a model's variable keeps.
+    pub(super) fn kept(&self) -> usize {
+        self.plan.states.len() + self.plan.memory() + usize::from(self.plan.time)
+    }
+}
+
+impl Plan<'_> {
+    /// The parameters of a public function: what a model's variable keeps is taken from there, where the model remembers.
+    pub(super) fn own(&self, name: &str) -> bool {
+        self.remembers() && matches!(name, "x" | "past" | "t")
+    }
+}
+
+impl Public<'_> {
+    /// Parameters that the caller gives: name and kind.
+    pub(super) fn parameters(&self, plan: &Plan<'_>) -> Vec<(&'static str, Kind)> {
+        let given = self.inner.parameters.iter().filter(|parameter| !plan.own(parameter.name));
+        given.map(|parameter| (self.outer_name(parameter.name), parameter.kind)).collect()
+    }
+
+    /// The name that the caller sees.
+    pub(super) fn outer_name(&self, name: &'static str) -> &'static str {
+        match (self.name, name) {
+            ("derivative", "f") => "dx",
+            ("next", "n") => "x_next",
+            ("predict", "f") => "y",
+            (_, name) => name,
+        }
+    }
+}
+
+/// The name, unit and source of a signal.
+fn describe(signal: &Signal, model: &crate::Model) -> String {
+    let unit = signal.unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"));
+    let angle = if signal.angle { ", an angle in radians" } else { "" };
+    let source = model.column(&signal.name).map(|column| model.columns[column].source.as_str());
+    let source =
+        source.filter(|source| *source != signal.name).map_or_else(String::new, |source| format!(" = {source}"));
+    format!("{}{unit}{angle}{source}", signal.name)
+}
+
+/// Text in lines of at most `width` characters, broken at blanks.
+pub(super) fn fold(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let last = lines.len() - 1;
+        if !lines[last].is_empty() && lines[last].len() + 1 + word.len() > width {
+            lines.push(word.to_owned());
+        } else {
+            let line = &mut lines[last];
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines
+}

@@ -1,0 +1,5 @@
+//! Models in files, and models as code.
+
+mod export;
+mod file;
+mod models;

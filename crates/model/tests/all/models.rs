@@ -1,0 +1,483 @@
+//! Models of all kinds for the tests of export, made from seeds.
+
+use fleetfoot_data::mix;
+use fleetfoot_library::{Expr, Scope};
+use fleetfoot_model::{
+    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel,
+};
+
+/// Numbers by counting.
+pub(crate) struct Draw {
+    seed: u64,
+    count: u64,
+}
+
+impl Draw {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self { seed: mix(seed), count: 0 }
+    }
+
+    /// Uniform in [-1, 1).
+    pub(crate) fn value(&mut self) -> f64 {
+        self.count += 1;
+        (mix(self.seed.wrapping_add(self.count)) >> 11) as f64 * (2.0 / 9_007_199_254_740_992.0) - 1.0
+    }
+
+    fn values(&mut self, count: usize) -> Vec<f64> {
+        (0..count).map(|_| self.value()).collect()
+    }
+}
+
+/// Collects the parts of a model.
+pub(crate) struct Maker {
+    pub(crate) model: Model,
+    draw: Draw,
+    labels: Vec<String>,
+}
+
+impl Maker {
+    /// `columns`: name and role, an angle where a `~` stands in front of the name.
+    pub(crate) fn new(seed: u64, method: &str, columns: &[(&str, Role)]) -> Self {
+        let columns = columns
+            .iter()
+            .map(|(name, role)| Column {
+                name: name.trim_start_matches('~').into(),
+                source: format!("`raw {name}`"),
+                unit: Some("m/s²".into()),
+                role: *role,
+                angle: name.starts_with('~'),
+            })
+            .collect();
+        let training = Training { version: "0.1.0".into(), rows: 400, seed, ..Training::default() };
+        Self { model: Model::new(method, columns, 0.02, training), draw: Draw::new(seed), labels: Vec::new() }
+    }
+
+    fn parse(&self, text: &str) -> Expr {
+        let names = self.model.columns.iter().map(|column| column.name.clone());
+        let latents = self.model.latents.iter().map(|latent| latent.name.clone());
+        Expr::parse(text, &Scope::new(names.chain(latents))).unwrap_or_else(|error| panic!("{text}: {error}"))
+    }
+
+    pub(crate) fn library(&mut self, functions: &[&str]) -> usize {
+        let functions = functions.iter().map(|text| self.parse(text)).collect();
+        self.model.libraries.push(functions);
+        self.model.libraries.len() - 1
+    }
+
+    pub(crate) fn partition(&mut self, specification: &str, columns: &[&str], rule: Rule) -> usize {
+        let labels = matches!(rule, Rule::Labels { .. });
+        if let (true, Some(label)) = (labels, columns.last()) {
+            self.labels.push((*label).to_owned());
+        }
+        let count = columns.len();
+        let plain = |i: usize| labels && i + 1 == count;
+        let scale = (0..count).map(|i| if plain(i) { 1.0 } else { 0.5 + 0.2 * i as f64 }).collect();
+        let centre = (0..count).map(|i| if plain(i) { 0.0 } else { 0.05 * i as f64 - 0.1 }).collect();
+        let columns = columns.iter().map(|text| self.parse(text)).collect();
+        self.model.partitions.push(Partition {
+            specification: specification.into(),
+            columns,
+            centre,
+            scale,
+            rule,
+            regions: Vec::new(),
+        });
+        self.model.partitions.len() - 1
+    }
+
+    /// Random centroids.
+    pub(crate) fn voronoi(&mut self, count: usize, columns: usize) -> Rule {
+        Rule::voronoi((0..count).map(|_| self.draw.values(columns).iter().map(|v| 2.0 * v).collect()).collect())
+    }
+
+    /// A latent with random coefficients, of which about `share` are not zero.
+    pub(crate) fn latent(&mut self, name: &str, library: usize, partition: usize, share: f64) {
+        let regions = self.model.partitions[partition].rule.count();
+        let functions = self.model.libraries[library].len();
+        let mut coefficients = Vec::new();
+        for _ in 0..regions {
+            let row = (0..functions).map(|_| (self.draw.value(), self.draw.value()));
+            coefficients.push(row.map(|(keep, value)| if keep.abs() < share { value } else { 0.0 }).collect());
+        }
+        let constants = self.draw.values(regions);
+        self.model.latents.push(Latent { name: name.into(), library, partition, constants, coefficients });
+    }
+
+    /// An equation; one with a latent in it is fitted.
+    pub(crate) fn equation(&mut self, subject: &str, prediction: Prediction, right: &str) {
+        let right = self.parse(right);
+        let fitted = right.columns().iter().any(|name| self.model.latents.iter().any(|l| *l.name == **name));
+        let target = fitted.then(|| Expr::column(subject));
+        self.model.equations.push(Equation { subject: subject.into(), prediction, right, target, unit: None });
+    }
+
+    /// Fills in what training knows: ranges of the functions over random rows.
+    pub(crate) fn finish(mut self) -> Model {
+        let fitted = self.model.fitted().count();
+        let states = self.model.columns.iter().filter(|column| column.role == Role::State).count();
+        let triangle = |n: usize| n * (n + 1) / 2;
+        self.model.training.target_mean = vec![0.0; fitted];
+        self.model.training.target_covariance = vec![0.0; triangle(fitted)];
+        self.model.training.target_deviation = vec![1.0; fitted];
+        self.model.training.state_covariance = vec![0.0; triangle(states)];
+        for index in 0..self.model.partitions.len() {
+            let owner = self.model.latents.iter().find(|latent| latent.partition == index);
+            let library = owner.map_or_else(Vec::new, |owner| self.model.libraries[owner.library].clone());
+            let partition = self.model.partitions[index].clone();
+            let n = library.len();
+            let count = partition.rule.count();
+            let mut rows = vec![0u64; count];
+            let mut ranges = vec![vec![[f64::INFINITY, f64::NEG_INFINITY]; n]; count];
+            for row in 0..400 {
+                let mut draw = Draw::new(1000 * index as u64 + row);
+                let base: Vec<f64> = draw.values(self.model.columns.len());
+                let value = |name: &str, lag: i32| {
+                    let column = self.model.column(name).unwrap_or(0);
+                    let x = 1.2 * (base[column] + 0.1 * f64::from(lag));
+                    if self.labels.iter().any(|label| label == name) { (base[column] * 2.0).round() } else { x }
+                };
+                let of = |expr: &Expr| expr.value(value, |lag| f64::from(row as u32) * 0.02 - 0.02 * f64::from(lag));
+                let z: Vec<f64> = partition
+                    .columns
+                    .iter()
+                    .zip(partition.centre.iter().zip(&partition.scale))
+                    .map(|(column, (centre, scale))| (of(column) - centre) / scale)
+                    .collect();
+                let Some(region) = partition.rule.assign_row(&z) else { continue };
+                rows[region as usize] += 1;
+                for (range, function) in ranges[region as usize].iter_mut().zip(&library) {
+                    let value = of(function);
+                    if value.is_finite() {
+                        *range = [range[0].min(value), range[1].max(value)];
+                    }
+                }
+            }
+            self.model.partitions[index].regions = rows
+                .into_iter()
+                .zip(ranges)
+                .enumerate()
+                .map(|(i, (rows, range))| Region {
+                    name: format!("{i}"),
+                    rows,
+                    mean: vec![0.0; n],
+                    covariance: vec![0.0; triangle(n)],
+                    range,
+                    residual_covariance: vec![0.0; triangle(fitted)],
+                    rank: n,
+                    condition: 1.0,
+                    confounded: Vec::new(),
+                })
+                .collect();
+        }
+        if let Err(problem) = self.model.validate() {
+            panic!("{}: {problem}", self.model.method);
+        }
+        self.model
+    }
+}
+
+const STATE: Role = Role::State;
+const INPUT: Role = Role::Input;
+
+/// All kinds, each with a name that is a prefix.
+pub(crate) fn all() -> Vec<(&'static str, Model)> {
+    vec![
+        ("sindy", sindy()),
+        ("pwa", pwa(9, 1)),
+        ("ball", ball()),
+        ("labels_refuse", labels(UnseenLabel::Refuse)),
+        ("labels_pool", labels(UnseenLabel::Pool)),
+        ("narx", narx()),
+        ("aircraft", aircraft()),
+        ("regression", regression()),
+        ("piecewise", piecewise()),
+        ("functions", functions()),
+        ("given", given()),
+        ("timed", timed()),
+        ("mixed", mixed()),
+        ("hostile", hostile()),
+        ("constant", constant()),
+        ("lagged_regression", lagged_regression()),
+    ]
+}
+
+/// Polynomials and trigonometric terms, mostly zero.
+pub(crate) fn sindy() -> Model {
+    let mut maker = Maker::new(1, "sindy", &[("x", STATE), ("y", STATE), ("z", STATE), ("u", INPUT)]);
+    let library = maker.library(&[
+        "x",
+        "y",
+        "z",
+        "x^2",
+        "x*y",
+        "x*z",
+        "y^2",
+        "y*z",
+        "z^2",
+        "x^3",
+        "x^2*y",
+        "sin(x)",
+        "cos(y)",
+        "sin(x)*cos(y)",
+        "exp(-z)",
+        "u",
+        "u*x",
+        "u^2*z",
+        "tanh(x + y)",
+        "x^7",
+    ]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    for (latent, subject) in [("f_x", "x"), ("f_y", "y"), ("f_z", "z")] {
+        maker.latent(latent, library, whole, 0.3);
+        maker.equation(subject, Prediction::Derivative, latent);
+    }
+    maker.finish()
+}
+
+/// Affine maps with an angle in them, nearest centroid.
+pub(crate) fn pwa(regions: usize, seed: u64) -> Model {
+    let columns =
+        [("px", STATE), ("vx", STATE), ("vy", STATE), ("~yaw", STATE), ("w", STATE), ("left", INPUT), ("right", INPUT)];
+    let mut maker = Maker::new(seed, "pwa kmeans", &columns);
+    let library = maker.library(&["vx", "vy", "w", "cos(yaw)", "sin(yaw)", "left", "right"]);
+    let rule = maker.voronoi(regions, 4);
+    let partition = maker.partition("kmeans", &["vx", "w", "cos(yaw)", "left"], rule);
+    maker.equation("px", Prediction::Derivative, "vx*cos(yaw) - vy*sin(yaw)");
+    for (latent, subject) in [("f_vx", "vx"), ("f_vy", "vy"), ("f_w", "w")] {
+        maker.latent(latent, library, partition, 1.0);
+        maker.equation(subject, Prediction::Derivative, latent);
+    }
+    maker.equation("yaw", Prediction::Derivative, "3*w");
+    maker.finish()
+}
+
+/// The z-score ball, next values.
+fn ball() -> Model {
+    let mut maker = Maker::new(3, "pwa zscore", &[("a", STATE), ("b", STATE), ("u", INPUT)]);
+    let library = maker.library(&["a", "b", "u"]);
+    let partition = maker.partition("zscore", &["a", "b"], Rule::Ball { radius: 1.3 });
+    maker.latent("f_a", library, partition, 1.0);
+    maker.latent("f_b", library, partition, 1.0);
+    maker.equation("a", Prediction::Next, "f_a");
+    maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
+    maker.finish()
+}
+
+/// By label, then a rule for each.
+fn labels(unseen: UnseenLabel) -> Model {
+    let columns = [("v", STATE), ("w", STATE), ("u", INPUT), ("ground", Role::Auxiliary)];
+    let mut maker = Maker::new(4, "pwa labels", &columns);
+    let library = maker.library(&["v", "w", "u"]);
+    let (first, second) = (maker.voronoi(3, 2), Rule::Ball { radius: 1.0 });
+    let rule = Rule::Labels {
+        values: vec![-1.0, 0.0, 2.0],
+        names: vec!["ice".into(), "grass".into(), "road".into()],
+        rules: vec![first, Rule::Whole, second],
+        unseen,
+    };
+    let partition = maker.partition("labels:ground+kmeans:3", &["v", "w", "ground"], rule);
+    maker.latent("f_v", library, partition, 1.0);
+    maker.latent("f_w", library, partition, 1.0);
+    maker.equation("v", Prediction::Derivative, "f_v");
+    maker.equation("w", Prediction::Derivative, "f_w");
+    maker.finish()
+}
+
+/// A polynomial of lags.
+fn narx() -> Model {
+    let mut maker = Maker::new(5, "narx", &[("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&[
+        "y",
+        "lag(y, 1)",
+        "lag(y, 2)",
+        "u",
+        "lag(u, 1)",
+        "lag(u, 3)",
+        "y*lag(y, 1)",
+        "u*lag(y, 2)",
+        "lag(u, 1)^2*y",
+    ]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f_y", library, whole, 0.8);
+    maker.equation("y", Prediction::Next, "f_y");
+    maker.finish()
+}
+
+/// Latents shared between equations, and an output.
+fn aircraft() -> Model {
+    let columns = [
+        ("V", STATE),
+        ("gamma", STATE),
+        ("m", STATE),
+        ("h", STATE),
+        ("alpha", INPUT),
+        ("N1", INPUT),
+        ("rho", INPUT),
+        ("lift", Role::Auxiliary),
+    ];
+    let mut maker = Maker::new(6, "sparse", &columns);
+    let thrust = maker.library(&["N1", "N1*rho", "N1*V", "N1*V^2", "N1*rho*V"]);
+    let drag = maker.library(&["V^2", "V^2*alpha", "V^2*alpha^2", "V^2*alpha^3"]);
+    let average = maker.partition("average", &[], Rule::Whole);
+    let other = maker.partition("average", &[], Rule::Whole);
+    maker.latent("T", thrust, average, 0.8);
+    maker.latent("D", drag, other, 0.8);
+    maker.latent("L", drag, other, 0.8);
+    maker.equation("V", Prediction::Derivative, "(T*cos(alpha) - D)/(m + 3) - 9.80665*sin(gamma)");
+    maker.equation(
+        "gamma",
+        Prediction::Derivative,
+        "(T*sin(alpha) + L)/((m + 3)*(V + 5)) - 9.80665/(V + 5)*cos(gamma)",
+    );
+    maker.equation("m", Prediction::Derivative, "-T/(50 + L^2)");
+    maker.equation("h", Prediction::Derivative, "V*sin(gamma)");
+    maker.equation("lift", Prediction::Value, "L*cos(alpha) + T*sin(alpha)");
+    maker.finish()
+}
+
+/// y = f(x).
+fn regression() -> Model {
+    let columns = [("a", INPUT), ("b", INPUT), ("force", Role::Auxiliary), ("torque", Role::Auxiliary)];
+    let mut maker = Maker::new(7, "sparse", &columns);
+    let library = maker.library(&["a", "b", "a*b", "sqrt(abs(a) + 1)", "a^-2*b"]);
+    let rule = maker.voronoi(4, 2);
+    let partition = maker.partition("kmeans:4", &["a", "b"], rule);
+    maker.latent("f", library, partition, 1.0);
+    maker.latent("g", library, partition, 1.0);
+    maker.equation("force", Prediction::Value, "f");
+    maker.equation("torque", Prediction::Value, "2*g - f*a");
+    maker.finish()
+}
+
+/// Sparse equations in the regions of two partitions.
+fn piecewise() -> Model {
+    let mut maker = Maker::new(8, "piecewise", &[("p", STATE), ("q", STATE), ("u", INPUT)]);
+    let first = maker.library(&["p", "q", "p^2", "p*q", "q^2", "sin(p)", "cos(q)", "u", "u*p", "u*q", "p^3", "q^3"]);
+    let second = maker.library(&["p", "q", "abs(p)", "sign(q)*q^2", "u"]);
+    let (rule, ball) = (maker.voronoi(12, 2), Rule::Ball { radius: 1.4 });
+    let cells = maker.partition("kmeans:12", &["p", "q"], rule);
+    let ball = maker.partition("zscore", &["q", "u"], ball);
+    maker.latent("f_p", first, cells, 0.25);
+    maker.latent("f_q", second, ball, 1.0);
+    maker.latent("g_q", first, cells, 0.25);
+    maker.equation("p", Prediction::Derivative, "f_p");
+    maker.equation("q", Prediction::Derivative, "f_q + g_q*p");
+    maker.finish()
+}
+
+/// Every elementary function.
+fn functions() -> Model {
+    let mut maker = Maker::new(9, "sindy", &[("x", STATE), ("~th", STATE), ("u", INPUT)]);
+    let library = maker.library(&[
+        "sin(x)",
+        "cos(x)",
+        "tan(x/2)",
+        "asin(x/4)",
+        "acos(u/4)",
+        "atan(x)",
+        "sinh(x)",
+        "cosh(x)",
+        "tanh(u)",
+        "exp(x)",
+        "log(x + 3)",
+        "sqrt(u + 4)",
+        "abs(x)",
+        "sign(x - 0.3)",
+        "step(u + 0.2)",
+        "wrap(7*th)",
+        "atan2(x, u)",
+        "min(x, u)",
+        "max(x, u*x)",
+        "(x + 3)^u",
+        "(x + 3)^1.5",
+        "x - (u - x)",
+        "x/(u + 5)",
+        "-x*(-u)",
+        "2 - (-x)",
+    ]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f", library, whole, 1.0);
+    maker.latent("g", library, whole, 1.0);
+    maker.equation("x", Prediction::Derivative, "f");
+    maker.equation("th", Prediction::Derivative, "20*g");
+    maker.finish()
+}
+
+/// Nothing fitted.
+fn given() -> Model {
+    let columns = [("x", STATE), ("y", STATE), ("~yaw", STATE), ("v", INPUT), ("w", INPUT)];
+    let mut maker = Maker::new(10, "given", &columns);
+    maker.equation("x", Prediction::Derivative, "v*cos(yaw)");
+    maker.equation("y", Prediction::Derivative, "v*sin(yaw)");
+    maker.equation("yaw", Prediction::Derivative, "w");
+    maker.finish()
+}
+
+/// Time and earlier times.
+fn timed() -> Model {
+    let mut maker = Maker::new(11, "sindy", &[("x", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "sin(2*time())", "lag(time(), 2)*x", "lag(u, 1)"]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f", library, whole, 1.0);
+    maker.equation("x", Prediction::Derivative, "f - 0.1*time()");
+    maker.finish()
+}
+
+/// A derivative and a next value.
+fn mixed() -> Model {
+    let mut maker = Maker::new(12, "mixed", &[("x", STATE), ("n", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "n", "u"]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["x", "n"], rule);
+    maker.latent("f", library, partition, 1.0);
+    maker.latent("g", library, partition, 1.0);
+    maker.equation("x", Prediction::Derivative, "f");
+    maker.equation("n", Prediction::Next, "0.5*g");
+    maker.finish()
+}
+
+/// Names that are no identifiers, clash, or try to leave a comment.
+fn hostile() -> Model {
+    let names = [
+        ("/odom.twist[0]", STATE),
+        ("class", STATE),
+        ("CLASS", STATE),
+        ("*/ int x; /*", INPUT),
+        ("é\u{202e}\\", INPUT),
+        ("\"\"\"\nimport os", INPUT),
+        ("count", INPUT),
+        ("??/", INPUT),
+        ("lambda", INPUT),
+        ("", INPUT),
+    ];
+    let mut maker = Maker::new(13, "sindy */ #error \"no\" \\", &names);
+    let quoted: Vec<String> = names.iter().map(|name| Expr::column(name.0).to_string()).collect();
+    let library: Vec<&str> = quoted.iter().map(String::as_str).filter(|name| *name != "``").collect();
+    let library = maker.library(&library);
+    let whole = maker.partition("*/ \u{2028}??/", &[], Rule::Whole);
+    for (latent, subject) in [("f", "/odom.twist[0]"), ("g", "class"), ("h", "CLASS")] {
+        maker.latent(latent, library, whole, 1.0);
+        maker.equation(subject, Prediction::Derivative, latent);
+    }
+    maker.finish()
+}
+
+/// A right side that reads nothing.
+fn constant() -> Model {
+    let mut maker = Maker::new(14, "constant", &[("x", STATE)]);
+    let library = maker.library(&[]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f", library, whole, 1.0);
+    maker.equation("x", Prediction::Derivative, "f");
+    maker.finish()
+}
+
+/// An output of lags of itself: the past is observed.
+fn lagged_regression() -> Model {
+    let mut maker = Maker::new(15, "narx", &[("u", INPUT), ("y", Role::Auxiliary)]);
+    let library = maker.library(&["lag(y, 1)", "lag(y, 2)", "u", "lag(u, 2)"]);
+    let whole = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f", library, whole, 1.0);
+    maker.equation("y", Prediction::Value, "f");
+    maker.finish()
+}

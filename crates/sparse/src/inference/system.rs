@@ -1,0 +1,260 @@
+//! Standard errors of a system of equations, from the statistics of its chunks.
+
+use faer::{Mat, MatRef};
+use fleetfoot_stats::{BatchMeans, Compressed};
+
+use super::{Clusters, InferenceError};
+use crate::{SparseError, SystemScan};
+
+/// Clusters whose statistics are in memory at once.
+const BATCH: usize = 16;
+
+/// Standard errors (p x q; NaN outside the supports, and on a support whose columns the rows do not tell apart) of least-squares coefficients (p x q, raw units) of the q targets in a region, each on its support
+/// (ascending): `c H^-1 (sum_g u_g u_g') H^-1`, H = X'X of the support and u_g the score `X_g'(y_g - X_g b)` of cluster g, less the mean score (Liang and Zeger 1986), with
+/// `c = G/(G-1) (N-1)/(N-k)` (Cameron and Miller 2015, equation (11)).
+///
+/// With `constant` the first of the p columns is the function 1, else all are those of the scan. No row is read. The errors are conditional on the supports: that
+/// they were chosen on the same rows is not in them.
+///
+/// # Errors
+/// When the shapes disagree, a coefficient is not finite, or fewer than two clusters have rows.
+pub fn system_errors(
+    scan: &SystemScan,
+    region: usize,
+    constant: bool,
+    coefficients: MatRef<'_, f64>,
+    supports: &[Vec<usize>],
+    clusters: Clusters,
+) -> Result<Mat<f64>, InferenceError> {
+    let total = scan.root(region).compressed(constant);
+    let (p, q) = (total.columns(), total.targets());
+    for (what, found, expected) in [
+        ("the rows of the coefficients", coefficients.nrows(), p),
+        ("the columns of the coefficients", coefficients.ncols(), q),
+        ("the list of supports", supports.len(), q),
+    ] {
+        if found != expected {
+            return Err(SparseError::Length { what, found, expected }.into());
+        }
+    }
+    if let Some(column) = (0..p).find(|&j| (0..q).any(|t| !coefficients[(j, t)].is_finite())) {
+        return Err(InferenceError::NotFinite { column });
+    }
+    let scores = scores(scan, region, constant, coefficients, clusters);
+    let count = scores.len();
+    if count < 2 {
+        return Err(InferenceError::TooFewClusters { clusters: count });
+    }
+    let mut errors = Mat::from_fn(p, q, |_, _| f64::NAN);
+    for (t, support) in supports.iter().enumerate() {
+        if let Some(&column) = support.iter().find(|&&column| column >= p) {
+            return Err(InferenceError::NoSuchCoefficient { column, columns: p });
+        }
+        let own = total.select(support);
+        if !identified(&own) {
+            continue;
+        }
+        let mean: Vec<f64> =
+            support.iter().map(|&j| scores.iter().map(|score| score[(j, t)]).sum::<f64>() / count as f64).collect();
+        let mut squares = vec![0.0; support.len()];
+        for score in &scores {
+            let mut moved: Vec<f64> = support.iter().zip(&mean).map(|(&j, mean)| score[(j, t)] - mean).collect();
+            inverse_times(own.r.as_ref(), &mut moved);
+            squares.iter_mut().zip(&moved).for_each(|(sum, value)| *sum += value * value);
+        }
+        let c = small_sample(count, total.rows, support.len());
+        support.iter().zip(&squares).for_each(|(&j, square)| errors[(j, t)] = (c * square).sqrt());
+    }
+    Ok(errors)
+}
+
+/// The score `X'(y - X b)` (p x q) of every cluster that has rows, in order.
+fn scores(
+    scan: &SystemScan,
+    region: usize,
+    constant: bool,
+    coefficients: MatRef<'_, f64>,
+    clusters: Clusters,
+) -> Vec<Mat<f64>> {
+    let units = scan.units();
+    let mut groups: Vec<usize> = Vec::with_capacity(units.len());
+    for (unit, own) in units.iter().enumerate() {
+        let same = clusters == Clusters::Episodes && unit > 0 && units[unit - 1].episode == own.episode;
+        groups.push(groups.last().map_or(0, |last| last + usize::from(!same)));
+    }
+    let count = groups.last().map_or(0, |last| last + 1);
+    let mut scores = Vec::with_capacity(count);
+    for first in (0..count).step_by(BATCH) {
+        let width = BATCH.min(count - first);
+        let weights = Mat::from_fn(units.len(), width, |unit, b| f64::from(u8::from(groups[unit] == first + b)));
+        for root in scan.roots(region, weights.as_ref()) {
+            if root.rows > 0 {
+                scores.push(score(&root.compressed(constant), coefficients));
+            }
+        }
+    }
+    scores
+}
+
+/// `R'(z - R b)`, which is `X'(y - X b)` of the rows behind.
+fn score(problem: &Compressed, coefficients: MatRef<'_, f64>) -> Mat<f64> {
+    let (p, q) = (problem.columns(), problem.targets());
+    let mut score = Mat::zeros(p, q);
+    for t in 0..q {
+        let mut left = problem.z.col_as_slice(t).to_vec();
+        for j in (0..p).filter(|&j| coefficients[(j, t)] != 0.0) {
+            let column = &problem.r.col_as_slice(j)[..=j];
+            left.iter_mut().zip(column).for_each(|(left, r)| *left -= coefficients[(j, t)] * r);
+        }
+        for j in 0..p {
+            let column = &problem.r.col_as_slice(j)[..=j];
+            score[(j, t)] = column.iter().zip(&left).map(|(r, left)| r * left).sum();
+        }
+    }
+    score
+}
+
+/// Whether no column is the sum of others, up to rounding.
+fn identified(own: &Compressed) -> bool {
+    (0..own.columns()).all(|k| own.r[(k, k)].abs() > own.noise[k])
+}
+
+/// Rows that count as independent, the fewest of the targets, by the batch means of the residuals of coefficients (p x q) over the chunks of a region
+/// ([`BatchMeans`]); at least 1. Chunks shorter than the correlation time leave it too large.
+///
+/// # Panics
+/// When the shapes disagree.
+pub fn system_effective_rows(scan: &SystemScan, region: usize, constant: bool, coefficients: MatRef<'_, f64>) -> f64 {
+    let first = usize::from(constant);
+    let total = scan.root(region).compressed(constant);
+    assert_eq!((coefficients.nrows(), coefficients.ncols()), (total.columns(), total.targets()), "p x q coefficients");
+    let mut means = BatchMeans::new(total.targets());
+    let count = scan.units().len();
+    for from in (0..count).step_by(BATCH) {
+        let width = BATCH.min(count - from);
+        let weights = Mat::from_fn(count, width, |unit, b| f64::from(u8::from(unit == from + b)));
+        for root in scan.roots(region, weights.as_ref()).iter().filter(|root| root.rows > 0) {
+            let residual = |t: usize| {
+                let terms = root.mean_x.iter().enumerate().map(|(j, mean)| mean * coefficients[(first + j, t)]);
+                root.mean_y[t] - terms.sum::<f64>() - if constant { coefficients[(0, t)] } else { 0.0 }
+            };
+            means.add(root.weight, &(0..total.targets()).map(residual).collect::<Vec<_>>());
+        }
+    }
+    means.effective_weight(total.weight, &total.error(coefficients)).max(1.0)
+}
+
+/// `(R'R)^-1 x` in place.
+fn inverse_times(r: MatRef<'_, f64>, x: &mut [f64]) {
+    for k in 0..x.len() {
+        let known: f64 = (0..k).map(|i| r[(i, k)] * x[i]).sum();
+        x[k] = (x[k] - known) / r[(k, k)];
+    }
+    for k in (0..x.len()).rev() {
+        let known: f64 = (k + 1..x.len()).map(|j| r[(k, j)] * x[j]).sum();
+        x[k] = (x[k] - known) / r[(k, k)];
+    }
+}
+
+/// `G/(G-1) (N-1)/(N-k)`; the second share is 1 where there are not more rows than coefficients.
+fn small_sample(clusters: usize, rows: u64, k: usize) -> f64 {
+    let (g, n) = (clusters as f64, rows as f64);
+    let share = if rows > k as u64 { (n - 1.0) / (n - k as f64) } else { 1.0 };
+    g / (g - 1.0) * share
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_data::{Column, MemorySource, Silent};
+    use fleetfoot_library::Expr;
+
+    use super::*;
+    use crate::{System, SystemPlan};
+
+    /// Two episodes of a noisy line, in chunks of 50 rows.
+    fn scan() -> (SystemScan, Vec<Vec<[f64; 3]>>) {
+        let noise = |k: u64| (fleetfoot_data::mix(k) >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+        let rows: Vec<Vec<[f64; 3]>> = (0..2)
+            .map(|e: u64| {
+                (0..170)
+                    .map(|i: u64| {
+                        let x = (0.1 * i as f64 + e as f64).sin();
+                        [x, 1.0 + 2.0 * x + noise(1000 * e + i), x * x - 3.0 * x + 0.3 * noise(7777 + 1000 * e + i)]
+                    })
+                    .collect()
+            })
+            .collect();
+        let columns = ["x", "y", "z"].map(Column::float).to_vec();
+        let mut source = MemorySource::new(columns);
+        for (e, rows) in rows.iter().enumerate() {
+            let values = (0..3).map(|c| rows.iter().map(|row| row[c]).collect()).collect();
+            source.push_uniform(format!("e{e}"), 0.01, values);
+        }
+        let x = Expr::column("x");
+        let system = System::new(vec![x.clone(), x.powi(2)], vec![Expr::column("y"), Expr::column("z")]);
+        (SystemPlan::new(system, Some(50), &source).unwrap().scan(&source, &Silent).unwrap(), rows)
+    }
+
+    #[test]
+    fn errors_are_those_of_the_rows() {
+        let (scan, rows) = scan();
+        let problem = scan.root(0).compressed(true);
+        let supports = vec![vec![0, 1], vec![1, 2]];
+        let mut coefficients = Mat::zeros(3, 2);
+        for (t, support) in supports.iter().enumerate() {
+            let own = problem.select(support);
+            let mut b: Vec<f64> = own.z.col_as_slice(t).to_vec();
+            for k in (0..2).rev() {
+                let known: f64 = (k + 1..2).map(|j| own.r[(k, j)] * b[j]).sum();
+                b[k] = (b[k] - known) / own.r[(k, k)];
+            }
+            support.iter().zip(&b).for_each(|(&j, &b)| coefficients[(j, t)] = b);
+        }
+        let found = system_errors(&scan, 0, true, coefficients.as_ref(), &supports, Clusters::Chunks).unwrap();
+        for (t, support) in supports.iter().enumerate() {
+            let x = |row: &[f64; 3], j: usize| [1.0, row[0], row[0] * row[0]][support[j]];
+            let (mut h, mut meat) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+            for chunk in rows.iter().flat_map(|rows| rows.chunks(50)) {
+                let mut u = [0.0; 2];
+                for row in chunk {
+                    let e = row[1 + t] - (0..2).map(|j| x(row, j) * coefficients[(support[j], t)]).sum::<f64>();
+                    for i in 0..2 {
+                        u[i] += x(row, i) * e;
+                        (0..2).for_each(|j| h[i][j] += x(row, i) * x(row, j));
+                    }
+                }
+                (0..2).for_each(|i| (0..2).for_each(|j| meat[i][j] += u[i] * u[j]));
+            }
+            let det = h[0][0] * h[1][1] - h[0][1] * h[1][0];
+            let inverse = [[h[1][1] / det, -h[0][1] / det], [-h[1][0] / det, h[0][0] / det]];
+            let c = 8.0 / 7.0 * 339.0 / 338.0;
+            for k in 0..2 {
+                let variance: f64 = (0..2)
+                    .flat_map(|i| (0..2).map(move |j| (i, j)))
+                    .map(|(i, j)| inverse[k][i] * meat[i][j] * inverse[j][k])
+                    .sum();
+                let expected = (c * variance).sqrt();
+                let error = found[(support[k], t)];
+                assert!((error / expected - 1.0).abs() < 1e-9, "{error} {expected}");
+            }
+        }
+        assert!(found[(2, 0)].is_nan() && found[(0, 1)].is_nan());
+        // Noise that is new at every row, with chunk means to match: about every row counts.
+        let independent = system_effective_rows(&scan, 0, true, coefficients.as_ref());
+        assert!((50.0..=340.0).contains(&independent), "{independent}");
+        let episodes = system_errors(&scan, 0, true, coefficients.as_ref(), &supports, Clusters::Episodes).unwrap();
+        assert!(episodes[(0, 0)] > 0.0 && episodes[(0, 0)] != found[(0, 0)]);
+    }
+
+    #[test]
+    fn what_cannot_be_said_is_an_error() {
+        let (scan, _) = scan();
+        let b = Mat::<f64>::zeros(3, 2);
+        let wrong = system_errors(&scan, 0, true, b.as_ref(), &[vec![0]], Clusters::Chunks).unwrap_err();
+        assert!(matches!(wrong, InferenceError::Problem(_)), "{wrong}");
+        let beyond = system_errors(&scan, 0, true, b.as_ref(), &[vec![9], vec![]], Clusters::Chunks).unwrap_err();
+        assert!(matches!(beyond, InferenceError::NoSuchCoefficient { column: 9, .. }), "{beyond}");
+        let twice = system_errors(&scan, 0, true, b.as_ref(), &[vec![0, 0], vec![1]], Clusters::Chunks).unwrap();
+        assert!(twice[(0, 0)].is_nan() && twice[(1, 1)] > 0.0);
+    }
+}

@@ -1,0 +1,159 @@
+//! Orders found again, and the columns of a smaller order beside a scan of its own.
+
+use faer::Mat;
+use fleetfoot_data::{Column, MemorySource, Silent, mix, with_threads};
+use fleetfoot_library::{Expr, Library};
+use fleetfoot_stats::Compressed;
+
+use super::*;
+use crate::{
+    system::{System, SystemPlan, SystemScan},
+    threshold::{Criterion, CriterionOptions},
+};
+
+fn order(outputs: usize, inputs: usize, degree: usize) -> NarxOrder {
+    NarxOrder { outputs, inputs, degree }
+}
+
+fn library(most: NarxOrder, direct: bool) -> NarxLibrary {
+    NarxLibrary::new(&[Expr::column("y")], &[Expr::column("u")], most, direct).unwrap()
+}
+
+/// Uniform in -1 to 1.
+fn noise(seed: u64, key: u64) -> f64 {
+    mix(mix(seed).wrapping_add(key)) as f64 / u64::MAX as f64 * 2.0 - 1.0
+}
+
+/// `y(k) = 0.6 y(k-1) - 0.3 y(k-2) + 0.8 u(k-1) + 0.4 y(k-1) u(k-1) + noise`: ny 2, nu 1, degree 2.
+fn recording(seed: u64, episodes: usize, rows: usize, size: f64) -> MemorySource {
+    let mut source = MemorySource::new(vec![Column::float("u"), Column::float("y")]);
+    for episode in 0..episodes as u64 {
+        let u: Vec<f64> = (0..rows as u64).map(|k| noise(seed + 100 * episode, k)).collect();
+        let mut y = vec![noise(seed, 7), noise(seed, 8)];
+        for k in 2..rows {
+            let e = size * noise(seed + 100 * episode + 1, k as u64);
+            y.push(0.6 * y[k - 1] - 0.3 * y[k - 2] + 0.8 * u[k - 1] + 0.4 * y[k - 1] * u[k - 1] + e);
+        }
+        source.push_uniform(format!("run {episode}"), 0.1, vec![u, y]);
+    }
+    source
+}
+
+fn scan(functions: &[Expr], source: &MemorySource) -> SystemScan {
+    let system = System::new(functions.to_vec(), vec![Expr::column("y").shifted(-1)]);
+    SystemPlan::new(system, Some(50), source).unwrap().scan(source, &Silent).unwrap()
+}
+
+#[test]
+fn every_order_has_the_candidates_of_a_library_of_its_own() {
+    for (most, direct) in
+        [(order(3, 2, 3), false), (order(2, 2, 2), true), (order(2, 0, 4), false), (order(0, 3, 2), true)]
+    {
+        let all = library(most, direct);
+        for own in all.orders() {
+            let names = |library: &NarxLibrary| library.functions().iter().map(Expr::to_string).collect::<Vec<_>>();
+            let columns = all.columns(own);
+            assert_eq!(columns[0], 0);
+            let mut taken: Vec<String> = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
+            let mut alone = names(&library(own, direct));
+            taken.sort();
+            alone.sort();
+            assert_eq!(taken, alone, "{own} of {most}");
+        }
+        assert_eq!(all.orders().last(), Some(&most));
+        assert_eq!(all.columns(most).len(), all.functions().len() + 1);
+    }
+    let names: Vec<String> = library(order(2, 1, 1), true).functions().iter().map(Expr::to_string).collect();
+    assert_eq!(names, ["y", "lag(y, 1)", "lead(u, 1)", "u"]);
+    assert!(NarxLibrary::new(&[Expr::column("y")], &[], order(60, 0, 9), false).is_err());
+    assert_eq!(library(order(2, 2, 3), false).functions(), Library::polynomial(&lagged(), 3).unwrap().functions());
+}
+
+fn lagged() -> Vec<Expr> {
+    let (y, u) = (Expr::column("y"), Expr::column("u"));
+    vec![y.clone(), y.shifted(1), u.clone(), u.shifted(1)]
+}
+
+#[test]
+fn the_order_that_made_the_data_is_found_whatever_it_is_compared_by() {
+    let source = recording(3, 8, 400, 0.05);
+    let library = library(order(4, 3, 3), false);
+    let found = scan(library.functions(), &source);
+    let problem = found.root(0).compressed(true);
+    let folds = folds(&found, 4);
+    let criterion = |criterion| OrderChoice::Criterion(criterion, CriterionOptions::default());
+    for (choice, max_terms) in [
+        (criterion(Criterion::Bic), None),
+        (criterion(Criterion::Bic), Some(10)),
+        (OrderChoice::CrossValidation { one_standard_error: true }, None),
+        (OrderChoice::CrossValidation { one_standard_error: true }, Some(10)),
+    ] {
+        let options = OrderOptions { max_terms, choice };
+        let run = || search_orders(&problem, &library, &library.orders(), &folds, &options, &Silent).unwrap();
+        let search = with_threads(1, run);
+        assert_eq!(search, with_threads(2, run), "the threads change nothing");
+        let best = search.choice();
+        assert_eq!(best.order, order(2, 1, 2), "{options:?}: {best:?}");
+        // One-step errors cannot be less than the noise, 0.05 / sqrt(3), by more than chance.
+        let rmse = (best.rss[0] / problem.weight).sqrt();
+        assert!((rmse / (0.05 / 3f64.sqrt()) - 1.0).abs() < 0.05, "{rmse}");
+        if max_terms.is_some() {
+            assert_eq!(best.terms, [4]);
+        }
+        assert_eq!(search.scores.len(), 4 * 3 * 3);
+        assert!(search.scores.windows(2).all(|pair| pair[0].candidates <= pair[1].candidates));
+    }
+}
+
+/// Every n-th episode held out.
+fn folds(scan: &SystemScan, count: usize) -> Vec<NarxFold> {
+    let mut episodes: Vec<_> = scan.units().iter().map(|unit| unit.episode).collect();
+    episodes.dedup();
+    let fold = |unit: usize| episodes.iter().position(|id| *id == scan.units()[unit].episode).unwrap() % count;
+    let train = Mat::from_fn(scan.units().len(), count, |i, f| if fold(i) == f { 0.0 } else { 1.0 });
+    let test = Mat::from_fn(scan.units().len(), count, |i, f| if fold(i) == f { 1.0 } else { 0.0 });
+    let problems = |weights: &Mat<f64>| -> Vec<Compressed> {
+        scan.roots(0, weights.as_ref()).iter().map(|root| root.compressed(true)).collect()
+    };
+    problems(&train).into_iter().zip(problems(&test)).map(|(train, test)| NarxFold { train, test }).collect()
+}
+
+#[test]
+fn one_statistic_answers_like_a_scan_of_each_order_on_the_same_rows() {
+    let source = recording(5, 3, 200, 0.1);
+    let all = library(order(3, 2, 2), false);
+    let most = scan(all.functions(), &source);
+    let search =
+        search_orders(&most.root(0).compressed(true), &all, &all.orders(), &[], &OrderOptions::default(), &Silent)
+            .unwrap();
+    for score in &search.scores {
+        // The smaller library on the rows that have all lags of the larger: the longest lag stays a condition by a term that is always zero.
+        let functions: Vec<Expr> = library(score.order, false).functions().to_vec();
+        let complete = Expr::column("y").shifted(2) + Expr::column("u").shifted(1);
+        let zero = &complete - &complete;
+        let system = System {
+            weight: Some(Expr::number(1.0) + zero),
+            ..System::new(functions, vec![Expr::column("y").shifted(-1)])
+        };
+        let own = SystemPlan::new(system, Some(50), &source).unwrap().scan(&source, &Silent).unwrap();
+        let own = own.root(0).compressed(true);
+        assert!(
+            (own.residual[0] / score.rss[0] - 1.0).abs() < 1e-9,
+            "{}: {} {}",
+            score.order,
+            own.residual[0],
+            score.rss[0]
+        );
+    }
+}
+
+#[test]
+fn cross_validation_needs_folds() {
+    let source = recording(5, 2, 60, 0.1);
+    let library = library(order(1, 1, 1), false);
+    let problem = scan(library.functions(), &source).root(0).compressed(true);
+    let choice = OrderChoice::CrossValidation { one_standard_error: false };
+    let options = OrderOptions { choice, ..OrderOptions::default() };
+    let error = search_orders(&problem, &library, &library.orders(), &[], &options, &Silent).unwrap_err().to_string();
+    assert!(error.contains("no folds"), "{error}");
+}

@@ -1,0 +1,144 @@
+//! The statistic of a system of equations: q targets over one library of p candidate functions, in one region or in those of a partition.
+//!
+//! A [`System`] says what is regressed on what. A [`SystemPlan`] freezes the coordinates on a pilot sample and cuts the rows into chunks; its one pass makes a
+//! [`SystemScan`]: one statistic a chunk and region, for all targets together. Everything that a fit, a choice of terms, folds and replicates ask is
+//! then a weighted sum of those statistics, in the square-root form that solvers take.
+
+mod columns;
+mod plan;
+mod polynomial;
+mod ranges;
+mod sampled;
+mod scan;
+mod statistic;
+mod tasks;
+
+#[cfg(test)]
+mod tests;
+
+use fleetfoot_data::{Cancelled, EpisodeId, Error};
+use fleetfoot_library::{Expr, UnknownColumn};
+use fleetfoot_model::Partition;
+
+pub use plan::SystemPlan;
+pub use sampled::sampled_mean_squares;
+pub use statistic::SystemScan;
+
+/// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System {
+    /// Candidate functions over the columns of a source (p). The constant is not among them: it is known of any rows, as their weight and means.
+    pub functions: Vec<Expr>,
+    /// Targets (q), measured or differences of what was measured.
+    pub targets: Vec<Expr>,
+    /// More columns whose moments are wanted: states, measured targets.
+    pub also: Vec<Expr>,
+    /// Row weights, finite and not negative.
+    pub weight: Option<Expr>,
+    /// The regions; `None` is one region for all rows. A row without a region (an unseen label) takes part in nothing and is counted.
+    pub partition: Option<Partition>,
+}
+
+impl System {
+    /// One region, no weights, no further moments.
+    pub fn new(functions: Vec<Expr>, targets: Vec<Expr>) -> Self {
+        Self { functions, targets, also: Vec::new(), weight: None, partition: None }
+    }
+
+    /// Number of regions.
+    pub fn regions(&self) -> usize {
+        self.partition.as_ref().map_or(1, |partition| partition.rule.count())
+    }
+
+    fn check(&self) -> Result<(), SystemError> {
+        if self.targets.is_empty() {
+            return Err(SystemError::NoTarget);
+        }
+        let Some(partition) = &self.partition else {
+            return Ok(());
+        };
+        let (columns, centre, scale) = (partition.columns.len(), partition.centre.len(), partition.scale.len());
+        if self.regions() == 0 || centre != columns || scale != columns {
+            return Err(SystemError::Partition { regions: self.regions(), columns, centre, scale });
+        }
+        Ok(())
+    }
+}
+
+/// The rows behind one statistic: a chunk of an episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unit {
+    /// The episode.
+    pub episode: EpisodeId,
+    /// The chunk of the episode, counted from its start.
+    pub chunk: u32,
+    /// Rows of positive weight that take part.
+    pub rows: u64,
+}
+
+/// Why there is no statistic.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SystemError {
+    /// Nothing to regress.
+    #[error("the system has no target: name at least one equation to fit")]
+    NoTarget,
+    /// A partition that cannot assign rows.
+    #[error(
+        "the partition has {regions} regions over {columns} columns with {centre} centres and {scale} scales: it needs at least one region, and a centre and a \
+         scale for every column"
+    )]
+    Partition {
+        /// Its regions.
+        regions: usize,
+        /// Its columns.
+        columns: usize,
+        /// Its centres.
+        centre: usize,
+        /// Its scales.
+        scale: usize,
+    },
+    /// A task that is not an equation of a system.
+    #[error(
+        "task {task} is not `target = f` with f over the candidate functions of the first task: only such tasks make a system of equations"
+    )]
+    TaskShape {
+        /// Its name.
+        task: String,
+    },
+    /// Statistics that were not made together.
+    #[error("the statistics of the tasks have different coordinates or chunks: scan all tasks with one plan")]
+    TaskCoordinates,
+    /// The source has no such column.
+    #[error(transparent)]
+    UnknownColumn(#[from] UnknownColumn),
+    /// The source cannot be read.
+    #[error(transparent)]
+    Data(#[from] Error),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// A row weight below zero.
+    #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
+    NegativeWeight {
+        /// The episode.
+        episode: String,
+        /// Its row.
+        row: usize,
+        /// The weight.
+        value: f64,
+    },
+    /// Squares of values beyond what f64 holds.
+    #[error(
+        "the squares of `{function}` overflow, its values reach {least:e} to {most:e}: remove outliers or sentinel values from its columns, or leave the function \
+         out"
+    )]
+    Overflow {
+        /// The widest function.
+        function: String,
+        /// Its least value.
+        least: f64,
+        /// Its greatest value.
+        most: f64,
+    },
+}

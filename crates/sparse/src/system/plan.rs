@@ -1,0 +1,160 @@
+//! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
+
+use faer::MatRef;
+use fleetfoot_data::{Source, sample_ranges};
+use fleetfoot_library::{DesignRows, Expr};
+use fleetfoot_stats::{Grid, Preconditioner, TILE_ROWS};
+
+use super::{
+    System, SystemError,
+    columns::Columns,
+    polynomial::{Monomials, Polynomial},
+};
+
+/// Rows of the pilot sample, and of one of its runs.
+const PILOT_ROWS: usize = 20_000;
+const PILOT_RUNS: usize = 64;
+/// Bytes that the statistics of a scan may take.
+const BUDGET: usize = 192 << 20;
+
+/// A frozen plan of one pass: what is summed, in which coordinates, in which chunks.
+#[derive(Debug, Clone)]
+pub struct SystemPlan {
+    /// The system.
+    pub system: System,
+    /// Rows of a chunk, at most.
+    pub chunk_rows: usize,
+    pub(super) coordinates: Coordinates,
+}
+
+/// The coordinates in which rows are summed.
+#[derive(Debug, Clone)]
+pub(super) enum Coordinates {
+    /// Functions and targets, preconditioned.
+    General(Preconditioner),
+    /// Chebyshev moments of the variables of a full polynomial library.
+    Polynomial(Box<Polynomial>),
+}
+
+impl Coordinates {
+    /// From the coordinates to raw units.
+    pub(super) fn preconditioner(&self) -> &Preconditioner {
+        match self {
+            Self::General(preconditioner) => preconditioner,
+            Self::Polynomial(polynomial) => &polynomial.preconditioner,
+        }
+    }
+}
+
+impl SystemPlan {
+    /// Makes a plan for a source: the coordinates come from a strided pilot sample of its rows.
+    ///
+    /// Where the functions are all monomials of some variables up to a degree of two or more, there is one region, and the pilot shows that it costs no
+    /// digits that the rows have, the scan sums Chebyshev moments instead of products of pairs of functions.
+    ///
+    /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200.
+    ///
+    /// # Errors
+    /// A column does not exist, the source cannot be read, there is no target, or the partition does not fit its columns.
+    pub fn new(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
+        system.check()?;
+        let coordinates = match polynomial(&system, source)? {
+            Some(polynomial) => Coordinates::Polynomial(Box::new(polynomial)),
+            None => Coordinates::General(pilot(&system, source)?),
+        };
+        Ok(Self::with(system, chunk_rows, source, coordinates))
+    }
+
+    /// A plan that sums products of pairs of functions, whatever the functions are.
+    ///
+    /// # Errors
+    /// As [`SystemPlan::new`].
+    pub fn of_products(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
+        system.check()?;
+        let coordinates = Coordinates::General(pilot(&system, source)?);
+        Ok(Self::with(system, chunk_rows, source, coordinates))
+    }
+
+    fn with(system: System, chunk_rows: Option<usize>, source: &dyn Source, coordinates: Coordinates) -> Self {
+        let d = system.functions.len() + system.targets.len();
+        let bytes = match &coordinates {
+            Coordinates::General(_) => 8 * (d + 1) * (d + 2) / 2,
+            // A sum and what rounding took from it.
+            Coordinates::Polynomial(polynomial) => 16 * polynomial.plan.sums(),
+        };
+        let default = || Grid::for_budget(source.rows(), system.regions(), bytes, BUDGET);
+        let chunk_rows = chunk_rows.unwrap_or_else(default).max(1);
+        Self { system, chunk_rows, coordinates }
+    }
+
+    /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: what products of pairs of functions take.
+    pub fn memory(system: &System, regions: usize, rows: usize) -> usize {
+        let d = system.functions.len() + system.targets.len();
+        let bytes = 8 * (d + 1) * (d + 2) / 2;
+        let chunk_rows = Grid::for_budget(rows, regions, bytes, BUDGET);
+        rows.div_ceil(chunk_rows.max(1)) * regions * bytes
+    }
+
+    /// Sums that every row adds to: the multiply-adds that it costs beside the evaluation of its columns.
+    pub fn sums(&self) -> usize {
+        let d = self.coordinates.preconditioner().dimension();
+        match &self.coordinates {
+            Coordinates::General(_) => d * (d + 1) / 2,
+            Coordinates::Polynomial(polynomial) => polynomial.plan.sums(),
+        }
+    }
+
+    /// Whether the scan sums Chebyshev moments.
+    pub fn is_polynomial(&self) -> bool {
+        matches!(self.coordinates, Coordinates::Polynomial(_))
+    }
+
+    /// What is evaluated on the rows in the place of the functions.
+    pub(super) fn regressors(&self) -> &[Expr] {
+        match &self.coordinates {
+            Coordinates::General(_) => &self.system.functions,
+            Coordinates::Polynomial(polynomial) => &polynomial.variables,
+        }
+    }
+}
+
+/// The plan of moments, if the system is one for them.
+fn polynomial(system: &System, source: &dyn Source) -> Result<Option<Polynomial>, SystemError> {
+    if system.partition.as_ref().is_some_and(|partition| !partition.columns.is_empty()) {
+        return Ok(None);
+    }
+    let Some(monomials) = Monomials::recognise(&system.functions).filter(|monomials| monomials.degree > 1) else {
+        return Ok(None);
+    };
+    let columns = Columns::compile(system, &monomials.variables, source)?;
+    Ok(monomials.plan(&sample(&columns, source)?, source.rows()))
+}
+
+/// The coordinates of functions and targets from a sample of the rows.
+fn pilot(system: &System, source: &dyn Source) -> Result<Preconditioner, SystemError> {
+    let columns = Columns::compile(system, &system.functions, source)?;
+    let (values, d) = (sample(&columns, source)?, columns.dimension());
+    // A factor costs rows x d^2: the more columns, the fewer rows, but always several times their number.
+    let wanted = (2_000_000 / d).max(4 * d).min(PILOT_ROWS);
+    let stride = values.first().map_or(0, Vec::len).div_ceil(wanted).max(1);
+    let joined: Vec<f64> = values.iter().flat_map(|column| column.iter().step_by(stride).copied()).collect();
+    let matrix = MatRef::from_column_major_slice(&joined, joined.len() / d, d);
+    Ok(Preconditioner::from_pilot(matrix, columns.regressors))
+}
+
+/// Regressors and targets of the pilot's rows, one vector a column.
+fn sample(columns: &Columns, source: &dyn Source) -> Result<Vec<Vec<f64>>, SystemError> {
+    let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.dimension()];
+    let mut rows = DesignRows::default();
+    for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
+        let block = source.read(episode, range, columns.halo())?;
+        for from in (0..block.rows).step_by(TILE_ROWS) {
+            let tile = from..(from + TILE_ROWS).min(block.rows);
+            columns.evaluate(&block, &source.episodes()[episode].name, tile, &mut rows)?;
+            for (column, all) in values.iter_mut().enumerate() {
+                all.extend_from_slice(rows.output(column));
+            }
+        }
+    }
+    Ok(values)
+}

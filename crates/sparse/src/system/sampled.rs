@@ -1,0 +1,62 @@
+//! Sizes of expressions on a sample of the rows.
+
+use fleetfoot_data::{Source, sample_ranges};
+use fleetfoot_library::{Design, DesignRows, Expr};
+use fleetfoot_stats::TILE_ROWS;
+
+use super::SystemError;
+
+/// Rows of the sample, and of one of its runs.
+const ROWS: usize = 20_000;
+const RUNS: usize = 64;
+
+/// The mean square of every expression over the complete rows of a strided sample; 0 without rows.
+///
+/// # Errors
+/// A column does not exist, or the source cannot be read.
+pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result<Vec<f64>, SystemError> {
+    if expressions.is_empty() {
+        return Ok(Vec::new());
+    }
+    let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
+    let design = Design::compile(expressions, &names)?;
+    let (mut sums, mut count) = (vec![0.0; expressions.len()], 0_usize);
+    let mut rows = DesignRows::default();
+    for (episode, range) in sample_ranges(source.episodes(), ROWS, RUNS) {
+        let block = source.read(episode, range, design.halo())?;
+        for from in (0..block.rows).step_by(TILE_ROWS) {
+            design.evaluate(&block, from..(from + TILE_ROWS).min(block.rows), &mut rows);
+            count += rows.rows();
+            for (output, sum) in sums.iter_mut().enumerate() {
+                *sum += rows.output(output).iter().map(|value| value * value).sum::<f64>();
+            }
+        }
+    }
+    Ok(sums.into_iter().map(|sum| sum / (count as f64).max(1.0)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_data::{Column, MemorySource};
+    use fleetfoot_library::{central_difference, central_difference_error};
+
+    use super::*;
+
+    /// `sin t` with stamps of 10 ms.
+    fn sine() -> MemorySource {
+        let mut source = MemorySource::new(vec![Column::float("x")]);
+        source.push_uniform("one", 0.01, vec![(0..5000).map(|k| (f64::from(k) * 0.01).sin()).collect()]);
+        source
+    }
+
+    #[test]
+    fn the_error_of_differences_is_what_it_is() {
+        let source = sine();
+        let x = Expr::column("x");
+        let error = central_difference(&x, false) - Expr::time().cos();
+        let found = sampled_mean_squares(&[error, central_difference_error(&x, false)], &source).expect("squares");
+        // h^2/6 sin' on average, and the next order is h^2 smaller.
+        assert!((found[0] / (1e-4_f64 / 6.0).powi(2) - 0.5).abs() < 0.02, "{found:?}");
+        assert!((found[0] / found[1] - 1.0).abs() < 1e-3, "{found:?}");
+    }
+}

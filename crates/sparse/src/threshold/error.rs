@@ -1,0 +1,111 @@
+//! What can be wrong with a thresholding.
+
+use fleetfoot_data::Cancelled;
+
+use crate::{SelectError, SparseError};
+
+/// A problem that cannot be posed, or an option out of its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ThresholdError {
+    /// An option that has to be finite and not negative.
+    #[error("{name} is {value}: it is finite and not negative")]
+    Negative {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// An option that has to be positive.
+    #[error("{name} is {value}: it is positive and finite")]
+    NotPositive {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A share outside 0 to 1.
+    #[error("{name} is {value}: it lies between 0 and 1")]
+    Share {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A candidate function that does not exist.
+    #[error("column {column} is named as {what}, the problem has {columns} columns")]
+    NoSuchColumn {
+        /// What it is named as.
+        what: &'static str,
+        /// The column.
+        column: usize,
+        /// How many there are.
+        columns: usize,
+    },
+    /// A term that is fixed and not allowed.
+    #[error("column {column} is fixed in the model and not allowed in it: take it from one of the two lists")]
+    FixedNotAllowed {
+        /// The column.
+        column: usize,
+    },
+    /// Problems that must have the same columns and targets have not.
+    #[error(
+        "{what} {index} has {columns} columns and {targets} targets, the problem on all rows has {expected_columns} and {expected_targets}"
+    )]
+    OtherProblem {
+        /// "the training problem of fold", say.
+        what: &'static str,
+        /// Which one.
+        index: usize,
+        /// Its columns.
+        columns: usize,
+        /// Its targets.
+        targets: usize,
+        /// The columns it must have.
+        expected_columns: usize,
+        /// The targets it must have.
+        expected_targets: usize,
+    },
+    /// Nothing to choose from.
+    #[error("{what}: {mend}")]
+    Nothing {
+        /// What is missing.
+        what: &'static str,
+        /// What to do.
+        mend: &'static str,
+    },
+    /// A library draw that leaves no candidate.
+    #[error("{dropped} of {candidates} candidate functions are to be left out of every model: leave at least one in")]
+    Dropped {
+        /// How many are left out.
+        dropped: usize,
+        /// How many there are, the fixed ones not counted.
+        candidates: usize,
+    },
+    /// The columns have no finite condition number.
+    #[error(
+        "the columns depend on each other, or hold huge values: their condition number, which kappa multiplies, is infinite; leave kappa out"
+    )]
+    NoCondition,
+    /// The least squares underneath cannot be posed.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// Folds that cannot be scored.
+    #[error(transparent)]
+    Select(#[from] SelectError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+pub(super) fn not_negative(name: &'static str, value: f64) -> Result<f64, ThresholdError> {
+    if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(ThresholdError::Negative { name, value }) }
+}
+
+pub(super) fn positive(name: &'static str, value: f64) -> Result<f64, ThresholdError> {
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err(ThresholdError::NotPositive { name, value }) }
+}
+
+pub(super) fn share(name: &'static str, value: f64) -> Result<f64, ThresholdError> {
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(ThresholdError::Share { name, value }) }
+}

@@ -1,0 +1,113 @@
+//! The lasso's path on compressed rows, its supports refitted.
+
+use fleetfoot_stats::Compressed;
+
+use super::{
+    Scaling, Status, Step, Terms, ThresholdError, Trail,
+    criteria::{Criterion, CriterionOptions, scores},
+    prepared::{Prepared, Solved},
+};
+use crate::{
+    LarsOptions, Penalty, Quadratic, SparseError,
+    kernel::{Slab, norm},
+    lars,
+};
+
+/// The path of the lasso ([`lars`]) over decreasing lambda, with a model for every support on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LassoPath {
+    /// Whether coefficients are penalised in units of their column's root mean square. Fixed terms are not penalised: fix the constant for a free intercept.
+    pub standardise: bool,
+    /// Where the path ends, in the units of the target.
+    pub lambda_min: f64,
+    /// The most terms; `None`: all.
+    pub max_terms: Option<usize>,
+    /// Whether each support is refitted by least squares; then knots with the support of the knot before make no model of their own.
+    pub refit: bool,
+    /// What the chosen model is best in.
+    pub criterion: Criterion,
+    /// How the criterion is computed.
+    pub options: CriterionOptions,
+}
+
+impl Default for LassoPath {
+    fn default() -> Self {
+        Self {
+            standardise: true,
+            lambda_min: 0.0,
+            max_terms: None,
+            refit: true,
+            criterion: Criterion::default(),
+            options: CriterionOptions::default(),
+        }
+    }
+}
+
+impl LassoPath {
+    pub(super) fn trail(&self, problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
+        let prepared = Prepared::new(problem, terms, Scaling::Physical, 0.0)?;
+        prepared.check_target(target)?;
+        let quadratic = Quadratic::from_compressed(problem, target)?;
+        let mut factors = vec![f64::INFINITY; problem.columns()];
+        prepared.open.iter().for_each(|&j| factors[j] = if prepared.fixed[j] { 0.0 } else { 1.0 });
+        let penalty = Penalty { standardise: self.standardise, factors, signs: Vec::new() };
+        let fixed = prepared.open.iter().filter(|&&j| prepared.fixed[j]).count();
+        let max_features = self.max_terms.map(|most| most.saturating_add(fixed));
+        let options = LarsOptions { lambda_min: self.lambda_min, max_features, ..LarsOptions::default() };
+        let path = lars(&quadratic, &penalty, &options)?;
+        let mut steps: Vec<Step> = Vec::new();
+        for knot in &path.knots {
+            if self.refit && steps.last().is_some_and(|step| step.support == knot.support) {
+                continue;
+            }
+            let solved = match self.refit {
+                true => prepared.refit(&knot.support, target),
+                false => Solved { values: knot.coefficients.clone(), confounded: Vec::new() },
+            };
+            let mut step = prepared.step(target, knot.support.clone(), solved, false);
+            if !self.refit {
+                step.certificate.correlation = knot.certificate.kkt;
+            }
+            let empty = knot.support.iter().all(|&j| prepared.fixed[j]);
+            let status = if empty { Status::Empty } else { Status::Converged };
+            steps.push(Step { parameter: knot.l1, status, iterations: steps.len() + 1, ..step });
+        }
+        let chosen = scores(&steps, problem, target, prepared.open.len(), &self.options)?.best(self.criterion);
+        Ok(Trail { steps, chosen, order: Vec::new(), rounding: 0.0 })
+    }
+}
+
+impl Quadratic {
+    /// One target of compressed rows, without an intercept of its own: the constant, where there is one, is a column like the others, and free when its penalty
+    /// factor is 0.
+    ///
+    /// # Errors
+    /// When there are no rows, no such target, or the statistic is not finite.
+    pub fn from_compressed(problem: &Compressed, target: usize) -> Result<Self, SparseError> {
+        let (p, targets) = (problem.columns(), problem.targets());
+        if target >= targets {
+            return Err(SparseError::NoSuchTarget { target, targets });
+        }
+        if problem.weight.is_nan() || problem.weight <= 0.0 {
+            return Err(SparseError::NoRows);
+        }
+        let finite = |&j: &usize| problem.r.col_as_slice(j)[..=j].iter().all(|value| value.is_finite());
+        if let Some(column) = (0..p).find(|j| !finite(j)) {
+            return Err(SparseError::ColumnNotFinite { column });
+        }
+        let z = problem.z.col_as_slice(target);
+        let residual = problem.residual[target].max(0.0);
+        if !(z.iter().all(|value| value.is_finite()) && residual.is_finite()) {
+            return Err(SparseError::TargetNotFinite);
+        }
+        let size = norm(z.iter().copied().chain([residual.sqrt()]));
+        // A triangle's rows of zeros (fewer rows than columns) carry nothing but the residual.
+        let empty = |i: usize| (i..p).all(|j| problem.r[(i, j)] == 0.0);
+        let kept: Vec<usize> = (0..p).filter(|&i| !empty(i)).collect();
+        let beyond = norm((0..p).filter(|&i| empty(i)).map(|i| z[i]).chain([residual.sqrt()]));
+        let entry = |i: usize, j: usize| if kept[i] <= j { problem.r[(kept[i], j)] } else { 0.0 };
+        let rows = Slab::from_fn(kept.len(), p, entry);
+        let z = kept.iter().map(|&i| z[i]).collect();
+        Ok(Self::of_compressed(problem.weight, None, rows, z, beyond, (size, 0.0), problem.noise.clone()))
+    }
+}

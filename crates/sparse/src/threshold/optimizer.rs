@@ -1,0 +1,77 @@
+//! Which method makes a model sparse.
+
+use fleetfoot_stats::Compressed;
+
+use super::{Frols, LassoPath, Sr3, Ssr, Stlsq, Terms, ThresholdError, Trail, criteria::rounding, prepared::Prepared};
+
+/// Units u_j of the coefficients that are thresholded and penalised, as `u_j b_j`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Scaling {
+    /// 1: coefficients in the units of the log.
+    #[default]
+    Physical,
+    /// The length of the column, `sqrt(sum w x^2)`, which grows with the number of rows: pysindy's `normalize_columns = True`.
+    Length,
+    /// The length of the column; thresholds are relative to the length of the target: a threshold of 0.01 drops terms whose root mean square is below 1 % of the
+    /// target's. It depends neither on units nor on the number of rows.
+    Share,
+}
+
+/// A method that makes a model sparse.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Optimizer {
+    /// None: least squares on all allowed columns, of least norm where they depend on each other.
+    LeastSquares,
+    /// Sequentially thresholded least squares.
+    Stlsq(Stlsq),
+    /// Sparse relaxed regularised regression.
+    Sr3(Sr3),
+    /// Stepwise regression.
+    Ssr(Ssr),
+    /// Forward regression.
+    Frols(Frols),
+    /// The path of the lasso.
+    Lasso(LassoPath),
+}
+
+impl Default for Optimizer {
+    fn default() -> Self {
+        Self::Stlsq(Stlsq::default())
+    }
+}
+
+/// Models of one target of a problem, by one method.
+///
+/// The same bits whatever else runs. Columns that are zero up to their rounding are left out.
+///
+/// # Errors
+/// When the target or a named column does not exist, the problem has no rows or is not finite, or an option is out of its range.
+pub fn optimize(
+    problem: &Compressed,
+    target: usize,
+    optimizer: &Optimizer,
+    terms: &Terms,
+) -> Result<Trail, ThresholdError> {
+    let mut trail = match optimizer {
+        Optimizer::LeastSquares => least_squares(problem, target, terms),
+        Optimizer::Stlsq(stlsq) => stlsq.trail(problem, target, terms),
+        Optimizer::Sr3(sr3) => sr3.trail(problem, target, terms),
+        Optimizer::Ssr(ssr) => ssr.trail(problem, target, terms),
+        Optimizer::Frols(frols) => frols.trail(problem, target, terms),
+        Optimizer::Lasso(lasso) => lasso.trail(problem, target, terms),
+    }?;
+    trail.rounding = rounding(problem, target);
+    Ok(trail)
+}
+
+fn least_squares(problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
+    let prepared = Prepared::new(problem, terms, Scaling::Physical, 0.0)?;
+    prepared.check_target(target)?;
+    let open = prepared.open.clone();
+    let solved = prepared.refit(&open, target);
+    let mut step = prepared.step(target, open, solved, false);
+    step.parameter = step.terms() as f64;
+    Ok(Trail::single(step))
+}

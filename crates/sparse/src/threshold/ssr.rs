@@ -1,0 +1,152 @@
+//! Stepwise sparse regression: one term less at a time.
+
+use fleetfoot_stats::Compressed;
+
+use super::{
+    Scaling, Status, Step, Terms, ThresholdError, Trail,
+    error::not_negative,
+    prepared::{Prepared, Solved},
+    triangle::Triangle,
+};
+
+/// Which term stepwise regression removes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Removal {
+    /// The one with the smallest |coefficient|.
+    #[default]
+    Coefficient,
+    /// The one without which the regression on the others leaves the least error.
+    Residual,
+}
+
+/// Stepwise sparse regression (Boninsegna, Nuske and Clementi 2018): regress on all terms with a ridge, remove one, regress on the rest, down to one term.
+///
+/// Defaults, the order of removal and the choice are those of pysindy's `SSR`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ssr {
+    /// The ridge; it is not multiplied by the number of rows.
+    pub alpha: f64,
+    /// The most terms that are removed.
+    pub max_removals: usize,
+    /// Units of the coefficients that are compared and penalised.
+    pub scaling: Scaling,
+    /// Which term is removed.
+    pub removal: Removal,
+    /// `Some`: chosen is the model with the least `rss + kappa cond(X) terms`. `None`: the one after which removing one more term raises the error by the
+    /// largest factor.
+    pub kappa: Option<f64>,
+    /// Whether the models are refitted without the ridge. The choice looks at the errors with the ridge.
+    pub unbias: bool,
+}
+
+impl Default for Ssr {
+    fn default() -> Self {
+        Self {
+            alpha: 0.05,
+            max_removals: 20,
+            scaling: Scaling::Physical,
+            removal: Removal::Coefficient,
+            kappa: None,
+            unbias: true,
+        }
+    }
+}
+
+impl Ssr {
+    pub(super) fn trail(&self, problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
+        let prepared = Prepared::new(problem, terms, self.scaling, self.alpha)?;
+        prepared.check_target(target)?;
+        let price = match self.kappa {
+            Some(kappa) => not_negative("kappa", kappa)? * prepared.condition()?,
+            None => 0.0,
+        };
+        let mut active = prepared.open.clone();
+        let mut triangle = prepared.ridged(&active, target);
+        let (mut steps, mut losses, mut order) = (Vec::new(), Vec::new(), Vec::new());
+        loop {
+            let solved = prepared.solve(&triangle, &active);
+            let out = self.worst(&prepared, target, &triangle, &active, &solved);
+            let ridged = prepared.step(target, active.clone(), solved, true);
+            losses.push(ridged.rss + price * active.len() as f64);
+            let step = match self.unbias {
+                true => prepared.step(target, active.clone(), prepared.refit(&active, target), false),
+                false => ridged,
+            };
+            let status = if active.is_empty() { Status::Empty } else { Status::Converged };
+            steps.push(Step { parameter: active.len() as f64, status, iterations: steps.len() + 1, ..step });
+            let Some(out) = out.filter(|_| active.len() > 1 && order.len() < self.max_removals) else { break };
+            order.push(active.remove(out));
+            let places: Vec<usize> = (0..=active.len()).filter(|&place| place != out).collect();
+            triangle = triangle.select(&places, 0);
+        }
+        let chosen = match self.kappa {
+            Some(_) => (0..losses.len()).min_by(|&a, &b| losses[a].total_cmp(&losses[b])).unwrap_or(0),
+            None => inflection(&losses),
+        };
+        Ok(Trail { steps, chosen, order, rounding: 0.0 })
+    }
+
+    /// Place of the term to remove.
+    fn worst(
+        &self,
+        prepared: &Prepared<'_>,
+        target: usize,
+        triangle: &Triangle,
+        active: &[usize],
+        solved: &Solved,
+    ) -> Option<usize> {
+        let free = |place: &usize| !prepared.fixed[active[*place]];
+        let least = |values: &[f64]| (0..active.len()).filter(free).min_by(|&a, &b| values[a].total_cmp(&values[b]));
+        if self.removal == Removal::Coefficient {
+            let sizes: Vec<f64> =
+                active.iter().zip(&solved.values).map(|(&j, value)| (prepared.unit[j] * value).abs()).collect();
+            return least(&sizes);
+        }
+        // A column that others rebuild costs nothing.
+        let spare = solved.confounded.iter().flatten().copied().filter(|&j| !prepared.fixed[j]).max();
+        if let Some(column) = spare {
+            return active.iter().position(|&j| j == column);
+        }
+        least(&without(&prepared.plain(active, target), triangle, &solved.values))
+    }
+}
+
+/// `|P c_j - z|^2` for every column j: c_j are the ridge coefficients without it, P and z the rows without the ridge.
+///
+/// With S the inverse of the ridged Gram matrix, `c_j = c - (c_j / S_jj) S_j`.
+fn without(plain: &Triangle, ridged: &Triangle, values: &[f64]) -> Vec<f64> {
+    let k = plain.columns();
+    let times = |x: &[f64]| {
+        let mut product = vec![0.0; k];
+        for (j, x) in x.iter().enumerate() {
+            (0..=j).for_each(|i| product[i] += plain.r(i, j) * x);
+        }
+        product
+    };
+    let left: Vec<f64> = times(values).iter().zip(plain.z(0)).map(|(fit, z)| z - fit).collect();
+    let error = |j: usize| {
+        let mut s = vec![0.0; k];
+        s[j] = 1.0;
+        ridged.solve_transposed(&mut s);
+        ridged.solve(&mut s);
+        let step = values[j] / s[j];
+        let moved = times(&s);
+        left.iter().zip(&moved).map(|(left, moved)| (left + step * moved).powi(2)).sum()
+    };
+    (0..k).map(error).collect()
+}
+
+/// The model after which one term less raises the loss by the largest factor; losses from the most terms to the fewest.
+fn inflection(losses: &[f64]) -> usize {
+    if let Some(exact) = (0..losses.len()).rev().find(|&k| losses[k] == 0.0) {
+        return exact;
+    }
+    let last = losses.len() - 1;
+    // From the fewest terms on, as of equal factors the first counts.
+    let factor = |k: usize| losses[k + 1] / losses[k];
+    (0..last)
+        .rev()
+        .fold(None, |best: Option<usize>, k| best.filter(|&b| factor(b) >= factor(k)).or(Some(k)))
+        .unwrap_or(last)
+}

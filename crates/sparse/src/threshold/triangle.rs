@@ -1,0 +1,232 @@
+//! Columns of a triangle, made triangular again.
+
+use pulp::{Simd, WithSimd};
+
+use crate::kernel::{Slab, add_scaled_in, dot_in, norm, padded};
+
+/// `[R z]`: a square upper triangle and its right-hand sides.
+#[derive(Debug, Clone)]
+pub(super) struct Triangle {
+    /// R, then the columns of z (k rows).
+    values: Slab,
+    columns: usize,
+}
+
+impl Triangle {
+    /// From an upper triangle, its right-hand sides, and one more row `diagonal[j] e_j'` a column (zeros: none).
+    ///
+    /// The rows are interleaved, `R_0, D_0, R_1, D_1, ...`: column j ends at row `2 j + 1`, so a staircase is left to reduce.
+    pub(super) fn stacked(r: faer::MatRef<'_, f64>, z: faer::MatRef<'_, f64>, diagonal: &[f64]) -> Self {
+        let (p, q) = (r.ncols(), z.ncols());
+        if diagonal.iter().all(|&value| value == 0.0) {
+            let entry = |i: usize, j: usize| {
+                if j >= p {
+                    z[(i, j - p)]
+                } else if i <= j {
+                    r[(i, j)]
+                } else {
+                    0.0
+                }
+            };
+            return Self { values: Slab::from_fn(p, p + q, entry), columns: p };
+        }
+        let entry = |i: usize, j: usize| match (j >= p, i.is_multiple_of(2)) {
+            (true, true) => z[(i / 2, j - p)],
+            (false, true) if i / 2 <= j => r[(i / 2, j)],
+            (false, false) if i / 2 == j => diagonal[j],
+            _ => 0.0,
+        };
+        let last: Vec<usize> = (0..p).map(|j| 2 * j + 1).collect();
+        Self::reduced(Slab::from_fn(2 * p, p + q, entry), &last)
+    }
+
+    /// Number of columns of R.
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Entry of R, `i <= j`.
+    pub(super) fn r(&self, i: usize, j: usize) -> f64 {
+        self.values.column(j)[i]
+    }
+
+    /// A right-hand side (k).
+    pub(super) fn z(&self, target: usize) -> &[f64] {
+        &self.values.column(self.columns + target)[..self.columns]
+    }
+
+    /// Some of the columns, ascending, and one of the right-hand sides: what the others explain is dropped.
+    pub(super) fn select(&self, columns: &[usize], target: usize) -> Self {
+        let rows = columns.last().map_or(0, |last| last + 1);
+        let k = columns.len();
+        let mut values = Slab::zeros(rows, k + 1);
+        for (to, &from) in columns.iter().chain([&(self.columns + target)]).enumerate() {
+            values.column_mut(to)[..rows].copy_from_slice(&self.values.column(from)[..rows]);
+        }
+        Self::reduced(values, columns)
+    }
+
+    /// Householder reduction of columns that end at the rows `last`, ascending; right-hand sides stand behind them.
+    fn reduced(mut values: Slab, last: &[usize]) -> Self {
+        let k = last.len();
+        pulp::Arch::new().dispatch(Reduce { values: &mut values, last });
+        let entry = |i: usize, j: usize| if j >= k || i <= j { values.column(j)[i] } else { 0.0 };
+        Self { values: Slab::from_fn(k, values.columns(), entry), columns: k }
+    }
+
+    /// `R^-1 x` in place.
+    pub(super) fn solve(&self, x: &mut [f64]) {
+        for k in (0..self.columns).rev() {
+            let column = self.values.column(k);
+            x[k] /= column[k];
+            let known = x[k];
+            x[..k].iter_mut().zip(column).for_each(|(x, r)| *x -= r * known);
+        }
+    }
+
+    /// `R^-T x` in place.
+    pub(super) fn solve_transposed(&self, x: &mut [f64]) {
+        for k in 0..self.columns {
+            let column = self.values.column(k);
+            let known: f64 = x[..k].iter().zip(column).map(|(x, r)| x * r).sum();
+            x[k] = (x[k] - known) / column[k];
+        }
+    }
+
+    /// The least length of `R diag(1/units) x` over unit x, from above and usually within a factor of two: inverse iteration.
+    pub(super) fn least(&self, units: &[f64]) -> f64 {
+        let k = self.columns;
+        if (0..k).any(|j| self.r(j, j) == 0.0) {
+            return 0.0;
+        }
+        // A start with a component along everything, the same every time.
+        let mut x: Vec<f64> =
+            (0..k).map(|i| if i.is_multiple_of(2) { 1.0 } else { -1.0 } * (1.0 + 0.1 * (i % 7) as f64)).collect();
+        let mut growth = f64::MIN_POSITIVE;
+        for _ in 0..4 {
+            let length = norm(x.iter().copied());
+            x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit / length);
+            self.solve_transposed(&mut x);
+            self.solve(&mut x);
+            x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit);
+            growth = norm(x.iter().copied());
+        }
+        growth.sqrt().recip()
+    }
+}
+
+struct Reduce<'a> {
+    values: &'a mut Slab,
+    last: &'a [usize],
+}
+
+impl WithSimd for Reduce<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { values, last } = self;
+        let (columns, stride) = (values.columns(), values.stride());
+        let mut v = vec![0.0; stride];
+        for (i, &last) in last.iter().enumerate().filter(|&(i, &last)| last > i) {
+            // Whole vectors around the rows of the reflector; it is zero in the others.
+            let (from, to) = (i / 8 * 8, padded(last + 1));
+            v[from..to].fill(0.0);
+            v[i..=last].copy_from_slice(&values.column(i)[i..=last]);
+            let below = norm(v[i + 1..=last].iter().copied());
+            if below == 0.0 {
+                continue;
+            }
+            let alpha = v[i];
+            let length = alpha.hypot(below);
+            let first = alpha + length.copysign(alpha);
+            v[i..=last].iter_mut().for_each(|value| *value /= first);
+            v[i] = 1.0;
+            let ratio = below / first;
+            let beta = 2.0 / (1.0 + ratio * ratio);
+            let column = values.column_mut(i);
+            column[i..=last].fill(0.0);
+            column[i] = -length.copysign(alpha);
+            for j in i + 1..columns {
+                let column = &mut values.column_mut(j)[from..to];
+                let step = beta * dot_in(simd, &v[from..to], column);
+                add_scaled_in(simd, -step, &v[from..to], column);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+
+    use super::*;
+
+    fn value(i: usize, j: usize) -> f64 {
+        (1.3 * (i * 7 + j * 3) as f64).sin() + 0.1 * j as f64
+    }
+
+    /// `R'R` and `R'z` of a triangle are those of the rows it was made from.
+    fn same(found: &Triangle, product: impl Fn(usize, usize) -> f64, with_target: impl Fn(usize) -> f64) {
+        let k = found.columns();
+        for a in 0..k {
+            for b in 0..=a {
+                let made: f64 = (0..=b).map(|i| found.r(i, a) * found.r(i, b)).sum();
+                assert!((made - product(a, b)).abs() < 1e-12, "{a} {b}: {made} {}", product(a, b));
+            }
+            let made: f64 = (0..=a).map(|i| found.r(i, a) * found.z(0)[i]).sum();
+            assert!((made - with_target(a)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn stacked_rows_and_selected_columns_keep_inner_products() {
+        for p in [1, 2, 5, 13, 29] {
+            let r = Mat::from_fn(p, p, |i, j| if i <= j { value(i, j) } else { 0.0 });
+            let z = Mat::from_fn(p, 2, |i, t| value(i + 3, p + t));
+            let diagonal: Vec<f64> = (0..p).map(|j| if j % 3 == 1 { 0.0 } else { 0.5 + j as f64 }).collect();
+            let products = |a: usize, b: usize| {
+                let own: f64 = (0..p).map(|i| r[(i, a)] * r[(i, b)]).sum();
+                own + if a == b { diagonal[a] * diagonal[a] } else { 0.0 }
+            };
+            let with_target = |t: usize| {
+                move |a: usize| -> f64 {
+                    (0..p).map(|i| value(i + 3, p + t) * if i <= a { value(i, a) } else { 0.0 }).sum()
+                }
+            };
+            let stacked = Triangle::stacked(r.as_ref(), z.as_ref(), &diagonal);
+            same(&stacked, products, with_target(0));
+            let columns: Vec<usize> = (0..p).filter(|j| j % 4 != 2).collect();
+            let some = stacked.select(&columns, 1);
+            same(&some, |a, b| products(columns[a], columns[b]), |a| with_target(1)(columns[a]));
+            let again: Vec<usize> = (0..columns.len()).step_by(2).collect();
+            let fewer = some.select(&again, 0);
+            same(&fewer, |a, b| products(columns[again[a]], columns[again[b]]), |a| with_target(1)(columns[again[a]]));
+        }
+    }
+
+    #[test]
+    fn solves_are_inverse_products_and_the_least_length_is_near() {
+        let r = Mat::from_fn(6, 6, |i, j| {
+            if i == j {
+                2.0 + j as f64
+            } else if i < j {
+                0.3 * value(i, j)
+            } else {
+                0.0
+            }
+        });
+        let found = Triangle::stacked(r.as_ref(), Mat::zeros(6, 1).as_ref(), &[0.0; 6]);
+        let x: Vec<f64> = (0..6).map(|i| value(i, 1)).collect();
+        let mut back: Vec<f64> = (0..6).map(|i| (i..6).map(|j| r[(i, j)] * x[j]).sum()).collect();
+        found.solve(&mut back);
+        let mut turned: Vec<f64> = (0..6).map(|j| (0..=j).map(|i| r[(i, j)] * x[i]).sum()).collect();
+        found.solve_transposed(&mut turned);
+        assert!((0..6).all(|i| (back[i] - x[i]).abs() < 1e-13 && (turned[i] - x[i]).abs() < 1e-13));
+        // [1 c; 0 s] with c^2 + s^2 = 1 has the least singular value sqrt(1 - c).
+        let (c, s) = (0.999_f64, (1.0_f64 - 0.999 * 0.999).sqrt());
+        let r = Mat::from_fn(2, 2, |i, j| [[5.0, c], [0.0, s]][i][j]);
+        let found = Triangle::stacked(r.as_ref(), Mat::zeros(2, 1).as_ref(), &[0.0; 2]).least(&[5.0, 1.0]);
+        assert!((found / (1.0 - c).sqrt() - 1.0).abs() < 1e-6, "{found}");
+    }
+}
