@@ -147,7 +147,8 @@ mod tests {
         let block = spans.read(0, 1..3, Halo { before: 5, after: 9 }).unwrap();
         assert_eq!((block.first, block.before, block.rows, block.after), (1, 1, 2, 3));
         assert_eq!(block.columns[0].to_vec(), [20.0, 30.0, 40.0, 50.0, 60.0, 70.0]);
-        assert_eq!(block.seconds(), [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]);
+        let seconds: Vec<i64> = block.time.iter().map(|stamp| (stamp - block.start) / 1_000_000_000).collect();
+        assert_eq!(seconds, [0, 5, 10, 15, 20, 25]);
         assert_eq!(spans.read(1, 0..1, Halo::default()).unwrap().columns[0].to_vec(), [1000.0]);
         assert!(spans.read(0, 3..7, Halo::default()).is_err());
         assert!(spans.read(0, 2..2, Halo::default()).unwrap().columns[0].is_empty());

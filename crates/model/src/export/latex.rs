@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use fleetfoot_library::{Binary, Expr, Node, Unary};
+use fleetfoot_library::Expr;
 
 use super::{ExportOptions, ExportedFile};
 use crate::{Latent, Model, Prediction, Rule};
@@ -16,14 +16,14 @@ pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
         .equations
         .iter()
         .map(|equation| {
-            let subject = name(&equation.subject);
+            let subject = Expr::column(equation.subject.as_str());
             let left = match equation.prediction {
-                Prediction::Derivative => format!("\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {subject}"),
-                Prediction::Next => format!("{subject}_{{k+1}}"),
-                Prediction::Difference => format!("{subject}_{{k+1}} - {subject}_{{k}}"),
-                Prediction::Value => subject,
+                Prediction::Derivative => format!("\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {}", subject.to_latex()),
+                Prediction::Next => subject.shifted(-1).to_latex(),
+                Prediction::Difference => (subject.shifted(-1) - &subject).to_latex(),
+                Prediction::Value => subject.to_latex(),
             };
-            format!("{left} &= {}", text(&equation.right))
+            format!("{left} &= {}", equation.right.to_latex())
         })
         .collect();
     align(&mut out, &lines);
@@ -45,7 +45,7 @@ fn align(out: &mut String, lines: &[String]) {
 
 /// `f = c + ...`, or a case a region.
 fn latent_lines(model: &Model, latent: &Latent) -> String {
-    let left = name(&latent.name);
+    let left = Expr::column(latent.name.as_str()).to_latex();
     let regions = latent.constants.len();
     if regions == 1 {
         return format!("{left} &= {}", sum(model, latent, 0));
@@ -59,31 +59,27 @@ fn latent_lines(model: &Model, latent: &Latent) -> String {
     format!("{left} &= \\begin{{cases}}\n{}\n\\end{{cases}}", cases.join(" \\\\\n"))
 }
 
+/// The function in a region, coefficients with six digits.
 fn sum(model: &Model, latent: &Latent, region: usize) -> String {
-    let mut out = String::new();
-    let mut add = |value: f64, function: Option<&Expr>| {
-        let sign = match (out.is_empty(), value < 0.0) {
-            (true, false) => "",
-            (true, true) => "-",
-            (false, false) => " + ",
-            (false, true) => " - ",
-        };
-        out += sign;
-        out += &number(value.abs());
-        if let Some(function) = function {
-            let body = factor(function);
-            let _ = write!(out, "\\,{body}");
-        }
-    };
-    if latent.constants[region] != 0.0 {
-        add(latent.constants[region], None);
-    }
-    for (function, &value) in model.libraries[latent.library].iter().zip(&latent.coefficients[region]) {
-        if value != 0.0 {
-            add(value, Some(function));
-        }
-    }
-    if out.is_empty() { "0".into() } else { out }
+    let constant = Some((latent.constants[region], None)).filter(|(value, _)| *value != 0.0);
+    let functions = model.libraries[latent.library].iter().zip(&latent.coefficients[region]);
+    let terms = functions.filter(|(_, value)| **value != 0.0).map(|(function, &value)| (value, Some(function)));
+    let sum = constant.into_iter().chain(terms).fold(None, |sum: Option<Expr>, (value, function)| {
+        let size = Expr::number(rounded(value.abs()));
+        let term = function.map_or_else(|| size.clone(), |function| size.clone() * function);
+        Some(match (sum, value < 0.0) {
+            (None, false) => term,
+            (None, true) => -term,
+            (Some(sum), false) => sum + term,
+            (Some(sum), true) => sum - term,
+        })
+    });
+    sum.map_or_else(|| "0".into(), |sum| sum.to_latex())
+}
+
+/// Six significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition) {
@@ -98,7 +94,7 @@ fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition)
             format!(
                 "z_{{{}}} &= \\frac{{{} {sign} {}}}{{{}}}",
                 i + 1,
-                text(column),
+                column.to_latex(),
                 number(centre.abs()),
                 number(*scale)
             )
@@ -129,109 +125,6 @@ fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition)
             let _ = writeln!(out, "The region follows from the label, the last of these: {}.", names.join(", "));
         }
         Rule::Whole => {}
-    }
-}
-
-/// How tightly a formula binds.
-#[derive(Clone, PartialEq, PartialOrd)]
-enum Binding {
-    Sum,
-    Product,
-    Atom,
-}
-
-/// A formula.
-fn text(expr: &Expr) -> String {
-    formula(expr).0
-}
-
-/// A formula that may stand in a product.
-fn factor(expr: &Expr) -> String {
-    let (body, binding) = formula(expr);
-    if binding < Binding::Product { bracketed(&body) } else { body }
-}
-
-fn bracketed(body: &str) -> String {
-    format!("\\left({body}\\right)")
-}
-
-fn formula(expr: &Expr) -> (String, Binding) {
-    expr.fold(|part, arguments: &[(String, Binding)]| {
-        let at_least = |index: usize, least: Binding| {
-            let (body, binding) = &arguments[index];
-            if *binding < least { bracketed(body) } else { body.clone() }
-        };
-        match part.node() {
-            Node::Number(value) => {
-                (signed(*value), if value.is_sign_negative() { Binding::Sum } else { Binding::Atom })
-            }
-            Node::Column { name: column, lag } => (lagged(&name(column), *lag), Binding::Atom),
-            Node::Time { lag } => (lagged("t", *lag), Binding::Atom),
-            Node::Power(_, exponent) => {
-                (format!("{{{}}}^{{{exponent}}}", at_least(0, Binding::Atom)), Binding::Product)
-            }
-            Node::Unary(function, _) => unary(*function, &arguments[0].0, &at_least(0, Binding::Product)),
-            Node::Binary(function, ..) => match function {
-                Binary::Add => (format!("{} + {}", arguments[0].0, at_least(1, Binding::Product)), Binding::Sum),
-                Binary::Sub => (format!("{} - {}", arguments[0].0, at_least(1, Binding::Product)), Binding::Sum),
-                Binary::Mul => {
-                    (format!("{}\\,{}", at_least(0, Binding::Product), at_least(1, Binding::Product)), Binding::Product)
-                }
-                Binary::Div => (format!("\\frac{{{}}}{{{}}}", arguments[0].0, arguments[1].0), Binding::Atom),
-                Binary::Pow => (format!("{{{}}}^{{{}}}", at_least(0, Binding::Atom), arguments[1].0), Binding::Product),
-                Binary::Atan2 => (call("\\operatorname{atan2}", &pair(arguments)), Binding::Atom),
-                Binary::Min => (call("\\min", &pair(arguments)), Binding::Atom),
-                Binary::Max => (call("\\max", &pair(arguments)), Binding::Atom),
-            },
-        }
-    })
-}
-
-fn pair(arguments: &[(String, Binding)]) -> String {
-    arguments.iter().map(|argument| argument.0.as_str()).collect::<Vec<_>>().join(", ")
-}
-
-fn call(function: &str, arguments: &str) -> String {
-    format!("{function}{}", bracketed(arguments))
-}
-
-fn unary(function: Unary, plain: &str, product: &str) -> (String, Binding) {
-    let name = match function {
-        Unary::Neg => return (format!("-{product}"), Binding::Sum),
-        Unary::Sqrt => return (format!("\\sqrt{{{plain}}}"), Binding::Atom),
-        Unary::Abs => return (format!("\\left|{plain}\\right|"), Binding::Atom),
-        Unary::Sin => "\\sin",
-        Unary::Cos => "\\cos",
-        Unary::Tan => "\\tan",
-        Unary::Asin => "\\arcsin",
-        Unary::Acos => "\\arccos",
-        Unary::Atan => "\\arctan",
-        Unary::Sinh => "\\sinh",
-        Unary::Cosh => "\\cosh",
-        Unary::Tanh => "\\tanh",
-        Unary::Exp => "\\exp",
-        Unary::Log => "\\ln",
-        Unary::Sign => "\\operatorname{sgn}",
-        Unary::Step => "\\operatorname{H}",
-        Unary::Wrap => "\\operatorname{wrap}",
-    };
-    (call(name, plain), Binding::Atom)
-}
-
-fn lagged(name: &str, lag: i32) -> String {
-    match lag {
-        0 => name.to_owned(),
-        lag if lag > 0 => format!("{{{name}}}_{{k-{lag}}}"),
-        lag => format!("{{{name}}}_{{k+{}}}", lag.unsigned_abs()),
-    }
-}
-
-/// A name upright, one letter in italics.
-fn name(name: &str) -> String {
-    let mut letters = name.chars();
-    match (letters.next(), letters.next()) {
-        (Some(letter), None) if letter.is_ascii_alphabetic() => letter.to_string(),
-        _ => format!("\\mathrm{{{}}}", escaped(name)),
     }
 }
 
