@@ -409,7 +409,8 @@ fn units_are_checked_and_printed() {
         let _ = writeln!(text, "{t},{x},{v},{}", -2.0 * x - 0.5 * v + 9.0);
     }
     let folder = folder("log.csv", &text);
-    let base = ["log.csv", "--states", "v", "--inputs", "x", "--derivative", "v=a"];
+    let aliases = ["--alias", "x=`x [m]`", "--alias", "v=`v [m/s]`", "--alias", "a=`a [m/s^2]`"];
+    let base = with(&["log.csv", "--states", "v", "--inputs", "x", "--derivative", "v=a"], &aliases);
     let found = fit(folder.path(), &with(&base, &["--library", "poly(1)"])).ok().json();
     let units: Vec<_> = found["regions"][0]["equations"][0]["terms"]
         .as_array()

@@ -26,7 +26,7 @@ pub use export::{
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use partition::{Partition, Rule, UnseenLabel};
-pub use print::describe;
+pub use print::{describe, factor};
 pub use region::{Region, Training, packed};
 
 use fleetfoot_library::Expr;

@@ -122,7 +122,7 @@ fn terms(model: &Model, latent: &Latent, region: usize) -> String {
         library.iter().zip(latent.coefficients[region].iter().copied()).filter(|(_, value)| *value != 0.0).collect();
     let mut text = if constant != 0.0 || used.is_empty() { short(constant) } else { String::new() };
     for (function, coefficient) in used {
-        let size = short(coefficient.abs());
+        let (size, function) = (short(coefficient.abs()), factor(function.to_string()));
         let _ = match (text.is_empty(), coefficient < 0.0) {
             (true, false) => write!(text, "{size}*{function}"),
             (true, true) => write!(text, "-{size}*{function}"),
@@ -130,6 +130,21 @@ fn terms(model: &Model, latent: &Latent, region: usize) -> String {
         };
     }
     text
+}
+
+/// A printed function as it may stand behind a coefficient: a sum in parentheses.
+pub fn factor(function: String) -> String {
+    let (mut depth, mut quoted, mut sum) = (0, false, function.starts_with('-'));
+    for (at, c) in function.char_indices() {
+        match c {
+            '`' => quoted = !quoted,
+            '(' if !quoted => depth += 1,
+            ')' if !quoted => depth -= 1,
+            '+' | '-' if !quoted && depth == 0 => sum |= function[..at].ends_with(' '),
+            _ => {}
+        }
+    }
+    if sum { format!("({function})") } else { function }
 }
 
 /// Six significant digits, without a tail of zeros.
@@ -154,7 +169,21 @@ fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::short;
+    use super::{factor, short};
+
+    #[test]
+    fn sums_stand_in_parentheses() {
+        for (function, expected) in [
+            ("x - v", "(x - v)"),
+            ("-x", "(-x)"),
+            ("x*(y + z)", "x*(y + z)"),
+            ("sin(x - v)", "sin(x - v)"),
+            ("`a - b`", "`a - b`"),
+            ("2e-5^x", "2e-5^x"),
+        ] {
+            assert_eq!(factor(function.into()), expected);
+        }
+    }
 
     #[test]
     fn numbers_are_short() {

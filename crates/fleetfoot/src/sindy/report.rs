@@ -1,5 +1,7 @@
 //! What a fit of equations found, for people and for programs.
 
+use fleetfoot_model::factor;
+
 use super::{EquationTask, solve::Solved};
 
 /// What a fit of equations found.
@@ -213,7 +215,7 @@ pub(super) fn sum<'a>(terms: impl Iterator<Item = (&'a str, f64)>) -> String {
     let mut text = String::new();
     for (function, coefficient) in terms {
         let size = short(coefficient.abs());
-        let product = if function == "1" { size } else { format!("{size}*{function}") };
+        let product = if function == "1" { size } else { format!("{size}*{}", factor(function.to_owned())) };
         text.push_str(match (text.is_empty(), coefficient < 0.0) {
             (true, false) => "",
             (true, true) => "-",
@@ -231,8 +233,8 @@ mod tests {
 
     #[test]
     fn sums_are_printed_with_signs() {
-        let terms = [("1", -0.5), ("x", 28.0), ("x*z", -1.0), ("sin(x)", 1.234_567_8e-7)];
-        assert_eq!(sum(terms.into_iter()), "-0.5 + 28*x - 1*x*z + 1.23457e-7*sin(x)");
+        let terms = [("1", -0.5), ("x", 28.0), ("x*z", -1.0), ("sin(x)", 1.234_567_8e-7), ("x - v", 2.0)];
+        assert_eq!(sum(terms.into_iter()), "-0.5 + 28*x - 1*x*z + 1.23457e-7*sin(x) + 2*(x - v)");
         assert_eq!(sum(std::iter::empty()), "0");
         assert_eq!(short(2.666_666_666_7), "2.66667");
     }
