@@ -12,6 +12,6 @@ lint:
 docs:
 	cargo doc --workspace --no-deps --open
 
-# Timings beside the peers: pip install numpy scikit-learn faiss-cpu pyarrow mujoco adelie, and FLEETFOOT_PYTHON=that python.
+# Timings beside the peers: pip install numpy scikit-learn pysindy faiss-cpu pyarrow mujoco adelie, and FLEETFOOT_PYTHON=that python.
 bench:
 	cargo bench -p fleetfoot-benches

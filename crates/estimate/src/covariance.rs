@@ -42,10 +42,11 @@ impl Inverse {
     }
 
     /// `H^-1 (sum_c g_c g_c') H^-1 C/(C - 1)` over the scores g of C chunks: errors may be correlated within a chunk (Liang and Zeger 1986). `None`
-    /// for one chunk.
+    /// for one chunk, and where there are no more chunks of positive weight than parameters: their scores sum to zero and say nothing.
     pub(crate) fn clustered(&self, scores: &[Vec<f64>]) -> Option<Mat<f64>> {
-        let (p, count) = (self.root.nrows(), scores.len());
-        if count < 2 {
+        let p = self.root.nrows();
+        let count = scores.iter().filter(|score| score.iter().any(|&g| g != 0.0)).count();
+        if count < 2 || count <= p {
             return None;
         }
         let project = |score: &Vec<f64>| {
@@ -58,5 +59,21 @@ impl Inverse {
         let factor = count as f64 / (count as f64 - 1.0);
         let entry = |a: usize, b: usize| influence.iter().map(|values| values[a] * values[b]).sum::<f64>();
         Some(Mat::from_fn(p, p, |a, b| factor * entry(a.min(b), a.max(b))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_that_say_nothing_do_not_count() {
+        let inverse = Inverse { root: Mat::identity(2, 2), condition: 1.0, undetermined: Vec::new() };
+        let scores = |some: &[[f64; 2]]| some.iter().map(|score| score.to_vec()).collect::<Vec<_>>();
+        // At a minimum the scores sum to zero: as many chunks as parameters leave no freedom.
+        assert!(inverse.clustered(&scores(&[[1.0, 2.0], [-1.0, -2.0], [0.0, 0.0], [0.0, 0.0]])).is_none());
+        let found =
+            inverse.clustered(&scores(&[[1.0, 2.0], [-1.0, -1.0], [0.0, 0.0], [0.0, -1.0]])).expect("three chunks");
+        assert_eq!((found[(0, 0)], found[(1, 1)]), (1.5 * 2.0, 1.5 * 6.0));
     }
 }

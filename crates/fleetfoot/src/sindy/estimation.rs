@@ -12,6 +12,8 @@ use crate::Error;
 /// Points between bounds that are tried beside the initial values: sums of squares over a lag or a delay have several minima.
 const STARTS: usize = 12;
 const DESCENTS: usize = 2;
+/// Chunks of rows that the standard errors take for independent, about.
+const CHUNKS: usize = 64;
 
 /// Estimates the parameters of a task on its candidates, before any is dropped.
 ///
@@ -34,11 +36,8 @@ pub(super) fn estimate(
         })
         .collect();
     let bounded = task.parameters.iter().any(|parameter| parameter.bounds.iter().all(|bound| bound.is_finite()));
-    let options = SeparableOptions {
-        starts: if bounded { STARTS } else { 0 },
-        descents: DESCENTS,
-        ..SeparableOptions::default()
-    };
+    let options =
+        SeparableOptions { starts: if bounded { STARTS } else { 0 }, descents: DESCENTS, iteration: iteration(source) };
     if task.fitted.iter().any(|equation| has_parameter(task, [&equation.target].into_iter())) {
         return joint(task, parameters, source, notes, progress);
     }
@@ -55,7 +54,8 @@ pub(super) fn estimate(
                 .zip(&found.estimate.values)
                 .map(|(parameter, &value)| fleetfoot_estimate::Parameter { initial: value, ..parameter.clone() })
                 .collect();
-            found = separable(&again, &near, source, &SeparableOptions::default(), progress)?;
+            let options = SeparableOptions { iteration: options.iteration, ..SeparableOptions::default() };
+            found = separable(&again, &near, source, &options, progress)?;
         }
     }
     Ok(reports(task, &found.estimate, notes))
@@ -79,7 +79,7 @@ fn joint(
         }
         residuals.push(Residual { name: target.name, target: Expr::number(0.0), model, weight: 1.0 });
     }
-    let found = nonlinear_least_squares(&residuals, &parameters, source, &Options::default(), progress)?;
+    let found = nonlinear_least_squares(&residuals, &parameters, source, &iteration(source), progress)?;
     Ok(reports(task, &found, notes))
 }
 
@@ -109,6 +109,11 @@ fn targets(task: &EquationTask) -> Vec<LinearTarget> {
 fn has_parameter<'a>(task: &EquationTask, expressions: impl Iterator<Item = &'a Expr>) -> bool {
     let names = filters::names(expressions);
     task.parameters.iter().any(|parameter| names.contains(&parameter.name))
+}
+
+/// The iteration, with chunks short enough that the standard errors have some tens of them.
+fn iteration(source: &dyn Source) -> Options {
+    Options { chunk_rows: (source.rows() / CHUNKS).clamp(256, 65_536), ..Options::default() }
 }
 
 fn reports(task: &EquationTask, found: &Estimate, notes: &mut Vec<String>) -> Vec<ParameterReport> {
