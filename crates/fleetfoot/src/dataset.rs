@@ -1,17 +1,17 @@
-//! A set of log files opened for a recipe or for a model.
+//! Logs opened for a recipe or for a model.
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::collections::BTreeSet;
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
 use fleetfoot_log::{
-    Base, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, MaxGap, Recording, Selection, Stamp, TimeSpec,
-    TimeUnit, TopicInfo,
+    Base, ColumnInfo, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, Log, MaxGap, Recording, Selection,
+    Stamp, TimeSpec, TimeUnit, TopicInfo,
 };
 use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 
 use crate::{
-    Error, Gap, Recipe,
+    Error, Gap, Logs, Recipe,
     labels::Labelled,
     sindy::EquationTask,
     structure::StructuredTask,
@@ -19,7 +19,7 @@ use crate::{
     wildcard::is_match,
 };
 
-/// Log files as the columns of a recipe or a model.
+/// Logs as the columns of a recipe or a model.
 pub struct Dataset {
     source: Labelled<Recording>,
     aliases: Vec<(Column, Expr)>,
@@ -38,21 +38,26 @@ pub(crate) struct OpenedStructure {
     pub(crate) fields: Vec<Column>,
 }
 
-/// The fields of the first file, and the labels that the recipe gives to episodes; and what the file says of its topics.
-fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<(Vec<Column>, FileInfo), Error> {
-    let Some(first) = files.first() else { return Err(Error::Request("no file is given".into())) };
-    let info = fleetfoot_log::inspect(first)?.renamed(&renames(recipe));
-    let mut fields: Vec<Column> = info
-        .columns
-        .clone()
-        .into_iter()
-        .map(|info| Column { name: info.name, unit: info.unit, kind: info.kind })
-        .collect();
+/// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
+fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
+    let Some(first) = logs.all().first() else { return Err(Error::Request("no file is given".into())) };
+    let (mut fields, info) = match first {
+        Log::File(file) => {
+            let info = fleetfoot_log::inspect(file)?.renamed(&renames(recipe));
+            let column = |info: &ColumnInfo| Column {
+                name: info.name.clone(),
+                unit: info.unit.clone(),
+                kind: info.kind.clone(),
+            };
+            (info.columns.iter().map(column).collect::<Vec<_>>(), Some(info))
+        }
+        Log::Table(table) => (table.columns().to_vec(), None),
+    };
     for label in label_names(recipe) {
         if fields.iter().any(|field| field.name == label) {
             let problem = format!(
                 "the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label",
-                first.display()
+                first.path().display()
             );
             return Err(Error::Request(problem));
         }
@@ -62,7 +67,8 @@ fn fields(recipe: &Recipe, files: &[PathBuf]) -> Result<(Vec<Column>, FileInfo),
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
-fn explained(error: Error, info: &FileInfo) -> Error {
+fn explained(error: Error, info: Option<&FileInfo>) -> Error {
+    let Some(info) = info else { return error };
     let name = match &error {
         Error::UnknownColumn { name, .. } => name.clone(),
         Error::Expression { source, .. } => match source.kind() {
@@ -188,39 +194,47 @@ fn full_selection(recipe: &Recipe, model: &[ModelColumn], aliases: &[(Column, Ex
 pub(crate) fn estimate(
     recipe: &Recipe,
     labels: &[String],
-    files: &[PathBuf],
+    logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<Option<(Task, Vec<String>, Estimate)>, Error> {
-    let (fields, info) = fields(recipe, files)?;
+    let (fields, info) = fields(recipe, logs)?;
     let recipe = &recipe.expand(&fields)?;
-    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, &info))?;
+    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
     let selection = full_selection(recipe, &task.problem.columns, &task.aliases)?;
-    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    let estimate = cost(logs, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
 }
 
 /// What opening robots' logs for a structured regression will cost, with its task and the fields that are read; `None` for tables.
 pub(crate) fn estimate_structure(
     recipe: &Recipe,
-    files: &[PathBuf],
+    logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<Option<(StructuredTask, Vec<String>, Estimate)>, Error> {
-    let (recipe, _, task) = Dataset::structure(recipe, files)?;
+    let (recipe, _, task) = Dataset::structure(recipe, logs)?;
     let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
-    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    let estimate = cost(logs, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
 }
 
 /// What opening robots' logs for a fit of equations will cost, with its task and the fields that are read; `None` for tables.
 pub(crate) fn estimate_equations(
     recipe: &Recipe,
-    files: &[PathBuf],
+    logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<Option<(EquationTask, Vec<String>, Estimate)>, Error> {
-    let (recipe, task) = Dataset::equations(recipe, files)?;
+    let (recipe, task) = Dataset::equations(recipe, logs)?;
     let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
-    let estimate = fleetfoot_log::estimate(files, &selection, progress)?;
+    let estimate = cost(logs, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
+}
+
+fn cost(logs: &Logs, selection: &Selection, progress: &dyn Progress) -> Result<Option<Estimate>, Error> {
+    let files = logs.files();
+    if files.len() < logs.len() {
+        return Ok(None);
+    }
+    Ok(fleetfoot_log::estimate(&files, selection, progress)?)
 }
 
 /// What the recipe says about clock and episodes.
@@ -280,13 +294,14 @@ impl Dataset {
     pub fn for_recipe(
         recipe: &Recipe,
         labels: &[String],
-        files: &[PathBuf],
+        logs: impl Into<Logs>,
         progress: &dyn Progress,
     ) -> Result<(Self, Task), Error> {
-        let (fields, info) = fields(recipe, files)?;
+        let logs = &logs.into();
+        let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
-        let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, &info))?;
-        let dataset = Self::open(recipe, &task.problem.columns, &task.aliases, files, progress)?;
+        let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
+        let dataset = Self::open(recipe, &task.problem.columns, &task.aliases, logs, progress)?;
         let mut task = task;
         task.problem.step = dataset.step();
         Ok((dataset, task))
@@ -294,32 +309,29 @@ impl Dataset {
 
     /// What a recipe means for a structured regression on files: the recipe with its wildcards written out, the fields of the first file (the labels
     /// of `[[episodes]]` among them), and the task.
-    pub(crate) fn structure(
-        recipe: &Recipe,
-        files: &[PathBuf],
-    ) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
-        let (fields, info) = fields(recipe, files)?;
+    pub(crate) fn structure(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
+        let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
-        let task = StructuredTask::resolve(&recipe, &fields).map_err(|error| explained(error, &info))?;
+        let task = StructuredTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
         Ok((recipe, fields, task))
     }
 
     /// Opens files for a structured regression.
     pub(crate) fn for_structure(
         recipe: &Recipe,
-        files: &[PathBuf],
+        logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<OpenedStructure, Error> {
-        let (recipe, fields, task) = Self::structure(recipe, files)?;
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, files, progress)?;
+        let (recipe, fields, task) = Self::structure(recipe, logs)?;
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, logs, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields })
     }
 
     /// What a recipe means for a fit of equations on files, with its wildcards written out.
-    fn equations(recipe: &Recipe, files: &[PathBuf]) -> Result<(Recipe, EquationTask), Error> {
-        let (fields, info) = fields(recipe, files)?;
+    fn equations(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, EquationTask), Error> {
+        let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
-        let task = EquationTask::resolve(&recipe, &fields).map_err(|error| explained(error, &info))?;
+        let task = EquationTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
         Ok((recipe, task))
     }
 
@@ -329,11 +341,12 @@ impl Dataset {
     /// Those of the recipe and of opening.
     pub fn for_equations(
         recipe: &Recipe,
-        files: &[PathBuf],
+        logs: impl Into<Logs>,
         progress: &dyn Progress,
     ) -> Result<(Self, EquationTask), Error> {
-        let (recipe, task) = Self::equations(recipe, files)?;
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, files, progress)?;
+        let logs = &logs.into();
+        let (recipe, task) = Self::equations(recipe, logs)?;
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, logs, progress)?;
         Ok((dataset, task))
     }
 
@@ -346,9 +359,10 @@ impl Dataset {
     pub fn for_model(
         model: &Model,
         changes: &Recipe,
-        files: &[PathBuf],
+        logs: impl Into<Logs>,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
+        let logs = &logs.into();
         let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
         // What the caller says about the clock of these files replaces what training said.
         if changes.time.column.is_some() || changes.time.dt.is_some() {
@@ -369,9 +383,9 @@ impl Dataset {
         if !changes.episodes.is_empty() {
             recipe.episodes = changes.episodes.clone();
         }
-        let (fields, info) = fields(&recipe, files)?;
-        let aliases = aliases_of_model(&model.columns, &fields).map_err(|error| explained(error, &info))?;
-        let mut dataset = Self::open(&recipe, &model.columns, &aliases, files, progress)?;
+        let (fields, info) = fields(&recipe, logs)?;
+        let aliases = aliases_of_model(&model.columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let mut dataset = Self::open(&recipe, &model.columns, &aliases, logs, progress)?;
         dataset.recode(model);
         Ok(dataset)
     }
@@ -380,13 +394,13 @@ impl Dataset {
         recipe: &Recipe,
         model: &[ModelColumn],
         aliases: &[(Column, Expr)],
-        files: &[PathBuf],
+        logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let labels = label_names(recipe);
         progress.stage("open");
         let selection = full_selection(recipe, model, aliases)?;
-        let recording = fleetfoot_log::open_with_progress(files, &selection, progress)?;
+        let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
         Ok(Self { source, aliases, recodings: Vec::new() })
@@ -433,6 +447,11 @@ impl Dataset {
     /// What must be added to an episode's stamps to get the times of its recording, nanoseconds.
     pub fn log_offset(&self, episode: usize) -> i64 {
         self.source.inner().log_offset(episode)
+    }
+
+    /// The path of the file that an episode comes from; of a table its name.
+    pub(crate) fn origin(&self, episode: usize) -> &std::path::Path {
+        self.source.inner().origin(episode)
     }
 
     /// What had to be assumed or left out while opening.

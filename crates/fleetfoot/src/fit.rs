@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use fleetfoot_data::Progress;
 use fleetfoot_pwa::{Identification, Options, Specification};
 
-use crate::{Dataset, Error, Recipe, dataset};
+use crate::{Dataset, Error, Logs, Recipe, dataset};
 
 /// What a fit found, and on what.
 #[derive(Debug, Clone)]
@@ -82,24 +82,25 @@ pub struct FitPlan {
 pub fn plan_pwa(
     recipe: &Recipe,
     options: &Options,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<FitPlan, Error> {
+    let logs = &logs.into();
     let options = with_partitions(recipe, options)?;
     let (task, columns, rows, episodes, decoded, notes) =
-        match dataset::estimate(recipe, &labels(&options), files, progress)? {
+        match dataset::estimate(recipe, &labels(&options), logs, progress)? {
             Some((task, columns, cost)) => {
                 (task, columns, cost.rows as usize, None, Some((cost.decoded_bytes, cost.cached)), Vec::new())
             }
             None => {
-                let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), files, progress)?;
+                let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), logs, progress)?;
                 let (episodes, notes) = (dataset.episodes().len(), dataset.notes().to_vec());
                 (task, dataset.columns(), dataset.rows(), Some(episodes), None, notes)
             }
         };
     let cost = fleetfoot_pwa::cost(&task.problem, &options, rows);
     Ok(FitPlan {
-        files: files.len(),
+        files: logs.len(),
         episodes,
         rows,
         decoded,
@@ -132,11 +133,12 @@ pub fn fit_pwa(
     recipe: &Recipe,
     options: &Options,
     purge: f64,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
+    let logs = &logs.into();
     let mut options = with_partitions(recipe, options)?;
-    let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), files, progress)?;
+    let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), logs, progress)?;
     if dataset.step() > 0.0 {
         options.purge = options.purge.max((purge / dataset.step()).ceil() as usize);
     }
@@ -148,5 +150,5 @@ pub fn fit_pwa(
     }
     let mut notes = dataset.notes().to_vec();
     notes.append(&mut identification.notes);
-    Ok(Fitted { identification, episodes: dataset.episodes().len(), files: files.len(), notes })
+    Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), notes })
 }

@@ -16,6 +16,7 @@ mod fit;
 pub mod generate;
 mod init;
 mod labels;
+mod logs;
 mod narx;
 mod output;
 mod project;
@@ -34,6 +35,7 @@ pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
+pub use logs::Logs;
 pub use narx::{
     NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,
     NarxSelection, NarxTerm, TermRule, fit_narx,
@@ -43,7 +45,7 @@ pub use recipe::{
     EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,
     NarxSection, NarxTerms, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection, Threshold, Time,
 };
-pub use run::{RolledOut, Scored, Written, predict, rollout, score};
+pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{
     Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint, Parameter, ParameterReport,
     Provenance, RegionReport, SindyFitted, SindyOptimizer, SindyOptions, SindyPlan, SindyReport, SindyRequest,

@@ -4,10 +4,7 @@ mod plane;
 mod predictions;
 mod trajectories;
 
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions};
 use fleetfoot_model::Model;
@@ -16,7 +13,7 @@ pub(crate) use plane::write_plane;
 pub(crate) use predictions::{Place, PredictionsWriter};
 pub(crate) use trajectories::write_trajectories;
 
-use crate::Error;
+use crate::{Error, Logs};
 
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,10 +42,10 @@ fn metadata(model: &Model) -> BTreeMap<String, String> {
     pairs.into()
 }
 
-fn parquet_options(model: &Model, files: &[PathBuf]) -> WriteOptions {
-    WriteOptions { metadata: metadata(model), inputs: files.to_vec(), ..WriteOptions::default() }
+fn parquet_options(model: &Model, logs: &Logs) -> WriteOptions {
+    WriteOptions { metadata: metadata(model), inputs: logs.files(), ..WriteOptions::default() }
 }
 
-fn mcap_options(model: &Model, files: &[PathBuf]) -> McapOptions {
-    McapOptions { metadata: metadata(model), inputs: files.to_vec(), ..McapOptions::default() }
+fn mcap_options(model: &Model, logs: &Logs) -> McapOptions {
+    McapOptions { metadata: metadata(model), inputs: logs.files(), ..McapOptions::default() }
 }

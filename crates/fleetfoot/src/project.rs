@@ -1,13 +1,13 @@
 //! A model projected onto a plane of two of its columns.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fleetfoot_data::Progress;
 use fleetfoot_dynamics::{Axis, Plane};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::Model;
 
-use crate::{Dataset, Error, Recipe, output};
+use crate::{Dataset, Error, Logs, Recipe, output};
 
 /// A plane, and what to know about the data.
 #[derive(Debug, Clone)]
@@ -31,7 +31,7 @@ pub struct Projected {
 pub fn project(
     model: &Model,
     changes: &Recipe,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     axes: &[String],
     bins: usize,
     output: Option<&Path>,
@@ -46,13 +46,14 @@ pub fn project(
         return Err(Error::Request(format!("{}: a plane is written as Parquet", path.display())));
     }
     let (across, up) = (axis(model, across)?, axis(model, up)?);
-    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let logs = logs.into();
+    let dataset = Dataset::for_model(model, changes, &logs, progress)?;
     let view = dataset.view()?;
     progress.stage("plane");
     let axes = [Axis::of_model(model, across, &view, progress)?, Axis::of_model(model, up, &view, progress)?];
     let plane = fleetfoot_dynamics::plane(model, &view, &axes, bins, progress)?;
     if let Some(path) = output {
-        output::write_plane(path, model, &plane, files)?;
+        output::write_plane(path, model, &plane, &logs)?;
     }
     Ok(Projected {
         plane,

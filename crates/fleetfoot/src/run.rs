@@ -1,9 +1,6 @@
 //! A model run on files: scores, predictions row by row, rollouts.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{path::Path, sync::Arc};
 
 use fleetfoot_data::{Progress, Source, parallel_fold};
 use fleetfoot_dynamics::{
@@ -13,7 +10,7 @@ use fleetfoot_dynamics::{
 use fleetfoot_model::{Model, Rule};
 
 use crate::{
-    Dataset, Error, Recipe, controller,
+    Dataset, Error, Logs, Recipe, controller,
     output::{self, Place, PredictionsWriter},
 };
 
@@ -35,8 +32,8 @@ pub struct Scored {
 }
 
 /// Scores one-step predictions on files.
-pub fn score(model: &Model, changes: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<Scored, Error> {
-    let dataset = Dataset::for_model(model, changes, files, progress)?;
+pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Scored, Error> {
+    let dataset = Dataset::for_model(model, changes, &logs.into(), progress)?;
     let view = dataset.view()?;
     progress.stage("score");
     let scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
@@ -91,21 +88,35 @@ pub struct Written {
     pub outside_domain: u64,
 }
 
-/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
-/// and whether the row is inside it.
-pub fn predict(
+/// Consecutive rows with their predictions.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct PredictedRows<'a> {
+    /// The episode that they are of.
+    pub episode: &'a fleetfoot_data::Episode,
+    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    pub log_offset: i64,
+    /// Their stamps, nanoseconds.
+    pub stamps: &'a [i64],
+    /// Predictions, targets, regions, distances.
+    pub predicted: &'a Predicted,
+}
+
+/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Tells how many there were.
+///
+/// # Errors
+/// Those of opening and reading, and of `take`.
+pub fn predict_rows(
     model: &Model,
     changes: &Recipe,
-    files: &[PathBuf],
-    output: &Path,
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
+    mut take: impl FnMut(&Predictor, &PredictedRows<'_>) -> Result<(), Error> + Send,
 ) -> Result<Written, Error> {
-    let kind = output::kind(output)?;
-    let dataset = Dataset::for_model(model, changes, files, progress)?;
+    let dataset = Dataset::for_model(model, changes, &logs.into(), progress)?;
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;
-    let mut writer = PredictionsWriter::create(kind, output, model, &predictor, files)?;
     let pieces: Vec<(usize, std::ops::Range<usize>)> = view
         .episodes()
         .iter()
@@ -127,8 +138,13 @@ pub fn predict(
             Ok::<_, Error>((episode, block.stamps().to_vec(), predicted))
         },
         |(episode, stamps, predicted)| {
-            let info = Place { episode: &view.episodes()[episode].name, log_offset: dataset.log_offset(episode) };
-            writer.write(&info, &stamps, &predicted)?;
+            let rows = PredictedRows {
+                episode: &view.episodes()[episode],
+                log_offset: dataset.log_offset(episode),
+                stamps: &stamps,
+                predicted: &predicted,
+            };
+            take(&predictor, &rows)?;
             written.rows += predicted.rows as u64;
             written.predicted +=
                 predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
@@ -137,7 +153,32 @@ pub fn predict(
             Ok(())
         },
     )?;
-    writer.finish()?;
+    Ok(written)
+}
+
+/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
+/// and whether the row is inside it.
+pub fn predict(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<Written, Error> {
+    let kind = output::kind(output)?;
+    let logs = logs.into();
+    let mut writer = None;
+    let written = predict_rows(model, changes, &logs, progress, |predictor, rows| {
+        let place = Place { episode: &rows.episode.name, log_offset: rows.log_offset };
+        let writer = match &mut writer {
+            Some(writer) => writer,
+            None => writer.insert(PredictionsWriter::create(kind, output, model, predictor, &logs)?),
+        };
+        writer.write(&place, rows.stamps, rows.predicted)
+    })?;
+    if let Some(writer) = writer {
+        writer.finish()?;
+    }
     Ok(written)
 }
 
@@ -163,7 +204,7 @@ pub struct RolledOut {
 pub fn rollout(
     model: &Model,
     changes: &Recipe,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     starts: &Starts,
     options: &RolloutOptions,
     closed_by: Option<&Arc<dyn Controller>>,
@@ -171,17 +212,18 @@ pub fn rollout(
     progress: &dyn Progress,
 ) -> Result<RolledOut, Error> {
     let kind = output.map(output::kind).transpose()?;
+    let logs = logs.into();
     let own = model;
     let model = &match closed_by {
         Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
         None => own.clone(),
     };
     let dataset =
-        Dataset::for_model(model, changes, files, progress).map_err(|error| controller::explained(error, own))?;
+        Dataset::for_model(model, changes, &logs, progress).map_err(|error| controller::explained(error, own))?;
     let view = dataset.view()?;
     progress.stage("rollout");
     let mut options = options.clone();
-    options.keep = output.is_some();
+    options.keep |= output.is_some();
     let rollouts = match closed_by {
         Some(closed_by) => {
             fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, &options, progress)?
@@ -190,7 +232,7 @@ pub fn rollout(
     };
     if let (Some(path), Some(kind)) = (output, kind) {
         let offset = |episode| dataset.log_offset(episode);
-        output::write_trajectories(kind, path, model, &view, &offset, &rollouts, files)?;
+        output::write_trajectories(kind, path, model, &view, &offset, &rollouts, &logs)?;
     }
     Ok(RolledOut {
         rollouts,

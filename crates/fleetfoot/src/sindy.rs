@@ -23,7 +23,7 @@ use fleetfoot_data::Progress;
 use fleetfoot_model::Model;
 use fleetfoot_sparse::{Clusters, system_errors};
 
-use crate::{Error, Recipe};
+use crate::{Error, Logs, Recipe};
 pub use evidence::Evidence;
 pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};
@@ -79,15 +79,16 @@ impl SindyFitted {
 pub fn fit_sindy(
     recipe: &Recipe,
     request: SindyRequest,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<SindyFitted, Error> {
+    let logs = &logs.into();
     // What is wrong with the options is said before the pass.
     let options = SindyOptions::new(&recipe.sindy)?;
-    let (mut evidence, recipe) = if crate::is_statistic(files) {
-        Evidence::of_statistic(recipe, files)?
+    let (mut evidence, recipe) = if logs.is_statistic() {
+        Evidence::of_statistic(recipe, logs)?
     } else {
-        (Evidence::of_logs(recipe, options.seed, files, progress)?, recipe.clone())
+        (Evidence::of_logs(recipe, options.seed, logs, progress)?, recipe.clone())
     };
     let mut notes = std::mem::take(&mut evidence.notes);
     let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;

@@ -23,7 +23,7 @@ use fleetfoot_sparse::{Clusters, clustered_covariance, refit};
 use fleetfoot_stats::Key;
 
 use crate::{
-    Dataset, Error, Recipe, StructuredTask,
+    Dataset, Error, Logs, Recipe, StructuredTask,
     dataset::OpenedStructure,
     statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan},
 };
@@ -84,20 +84,21 @@ struct Evidence {
 pub fn fit_sparse(
     recipe: &Recipe,
     request: &SparseRequest,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<Vec<SparseFitted>, Error> {
+    let logs = &logs.into();
     // What is wrong with the options is said before the pass.
     SparseOptions::new(&recipe.sparse)?;
-    let evidence = if is_statistic(files) {
+    let evidence = if logs.is_statistic() {
         if request.keep.is_some() {
             return Err(Error::Request(
                 "--keep writes the statistic of logs, and this is one already; leave it away".into(),
             ));
         }
-        Evidence::of_statistic(recipe, files)?
+        Evidence::of_statistic(recipe, logs)?
     } else {
-        Evidence::of_logs(recipe, request, files, progress)?
+        Evidence::of_logs(recipe, request, logs, progress)?
     };
     let options = SparseOptions::new(&evidence.recipe.sparse)?;
     if let Some(path) = &request.keep {
@@ -151,13 +152,8 @@ impl Natural {
 }
 
 impl Evidence {
-    fn of_statistic(recipe: &Recipe, files: &[PathBuf]) -> Result<Self, Error> {
-        let [path] = files else {
-            return Err(Error::Request(
-                "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
-            ));
-        };
-        let file = StatisticFile::read(path)?;
+    fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<Self, Error> {
+        let file = logs.statistic()?;
         // Without a recipe that of the scan holds, with the flags above it.
         let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
         let mut recipe = recipe.clone();
@@ -173,19 +169,14 @@ impl Evidence {
         Ok(Self { file, task, recipe, rows: None, notes: Vec::new() })
     }
 
-    fn of_logs(
-        recipe: &Recipe,
-        request: &SparseRequest,
-        files: &[PathBuf],
-        progress: &dyn Progress,
-    ) -> Result<Self, Error> {
+    fn of_logs(recipe: &Recipe, request: &SparseRequest, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
         let scan_options = ScanOptions { keys: request.keys.clone(), ..ScanOptions::default() };
-        let (file, report) = scan(recipe, &scan_options, None, files, progress)?;
+        let (file, report) = scan(recipe, &scan_options, None, logs, progress)?;
         let task = file.resolve(recipe)?;
         let options = SparseOptions::new(&recipe.sparse)?;
         let bounded = task.bounds.iter().flatten().any(|bound| bound.is_finite());
         let rows = if bounded || matches!(options.bolasso, Some((Resampled::Rows, _))) {
-            let OpenedStructure { dataset, .. } = Dataset::for_structure(recipe, files, progress)?;
+            let OpenedStructure { dataset, .. } = Dataset::for_structure(recipe, logs, progress)?;
             Some(dataset)
         } else {
             None

@@ -6,7 +6,8 @@
 //!
 //! Parquet is read in place. Text is decoded once into columns, in memory up to a budget and in an unnamed temporary file
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
-//! range of rows; everything else (episodes, identities, categories over several files) is common to all formats.
+//! range of rows; everything else (episodes, identities, categories over several files) is common to all formats, and to
+//! tables in memory ([`MemoryTable`]).
 
 mod atomic;
 mod channels;
@@ -22,6 +23,7 @@ mod join;
 mod join_spec;
 mod mcap;
 mod mcap_writer;
+mod memory;
 mod metadata;
 mod naming;
 mod notes;
@@ -50,10 +52,11 @@ pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, ins
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp};
 pub use mcap_writer::{ChannelId, McapOptions, McapWriter};
+pub use memory::{Log, MemoryTable};
 pub use metadata::metadata;
 pub use overlay::{Overlay, SeriesId};
 pub use paths::paths;
-pub use recording::{Recording, open, open_with_progress};
+pub use recording::{Recording, open, open_logs, open_with_progress};
 pub use selection::{LabelRule, MaxGap, Selection, TimeSpec, TimeUnit};
 pub use topic_info::{HeaderOffset, TopicInfo};
 pub use writer::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions, refuse_input};

@@ -18,6 +18,7 @@ use crate::{
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
+    memory::{self, Log},
     naming::{episode_names, labels},
     notes::Notes,
     parquet,
@@ -61,7 +62,9 @@ struct Place {
 }
 
 struct RecordedFile {
+    /// Of a table in memory, its name.
     path: PathBuf,
+    in_memory: bool,
     table: Box<dyn Table>,
     mask: RowMask,
     clock: ClockSummary,
@@ -99,8 +102,17 @@ pub fn open_with_progress<P: AsRef<Path>>(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Recording, Error> {
-    let paths = distinct(paths.iter().map(|path| path.as_ref().to_path_buf()).collect());
-    if paths.is_empty() {
+    let logs: Vec<Log> = paths.iter().map(|path| Log::File(path.as_ref().to_path_buf())).collect();
+    open_logs(&logs, selection, progress)
+}
+
+/// Opens files and tables in memory as one recording ([`open_with_progress`]): the files in the order of their paths, then the tables as they are given.
+///
+/// # Errors
+/// As [`open_with_progress`].
+pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Recording, Error> {
+    let logs = in_order(logs);
+    if logs.is_empty() {
         return Err(Error::NoFiles);
     }
     check(selection)?;
@@ -110,7 +122,11 @@ pub fn open_with_progress<P: AsRef<Path>>(
 
     progress.stage("opening files");
     let inner = Quiet { outer: progress };
-    let opened = parallel_map(paths.len(), progress, |i| open_file(&paths[i], &selection, &budget, &cache, &inner))?;
+    let paths: Vec<PathBuf> = logs.iter().map(|log| log.path().to_path_buf()).collect();
+    let opened = parallel_map(logs.len(), progress, |i| match &logs[i] {
+        Log::File(path) => open_file(path, &selection, &budget, &cache, &inner),
+        Log::Table(table) => memory::open(table, &selection),
+    })?;
     agree_on_units(&paths, &opened)?;
     agree_on_clocks(&paths, &opened)?;
     let tables: Vec<_> =
@@ -141,6 +157,7 @@ pub fn open_with_progress<P: AsRef<Path>>(
         spans.extend(own.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {
             path,
+            in_memory: logs[file].file().is_none(),
             table: opened.table,
             mask,
             clock,
@@ -154,6 +171,13 @@ pub fn open_with_progress<P: AsRef<Path>>(
         refuse_duplicates(&recording.episodes)?;
     }
     Ok(recording)
+}
+
+/// Every file once, in the order of the paths, before the tables.
+fn in_order(logs: &[Log]) -> Vec<Log> {
+    let files = distinct(logs.iter().filter_map(|log| log.file().map(Path::to_path_buf)).collect());
+    let tables = logs.iter().filter(|log| log.file().is_none()).cloned();
+    files.into_iter().map(Log::File).chain(tables).collect()
 }
 
 fn check(selection: &Selection) -> Result<(), Error> {
@@ -286,6 +310,11 @@ impl Recording {
         self.files[self.places[episode].file].log_offset
     }
 
+    /// The path of the file that an episode comes from; of a table in memory its name.
+    pub fn origin(&self, episode: usize) -> &Path {
+        &self.files[self.places[episode].file].path
+    }
+
     fn add_episodes(
         &mut self,
         spans: Vec<(usize, Span)>,
@@ -297,13 +326,13 @@ impl Recording {
         let names = episode_names(&paths, &owners);
         let mut fingerprints = Vec::with_capacity(spans.len());
         for ((file, span), name) in spans.into_iter().zip(names) {
-            let path = &self.files[file].path;
+            let RecordedFile { path, in_memory, .. } = &self.files[file];
             self.places.push(Place { file, first: span.first });
             self.episodes.push(Episode {
                 id: EpisodeId(0),
                 labels: labels(rules, path, &name),
                 name,
-                file: Some(path.clone()),
+                file: (!in_memory).then(|| path.clone()),
                 rows: span.rows,
                 start: span.start,
                 end: span.end,

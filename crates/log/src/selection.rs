@@ -93,6 +93,11 @@ impl TimeUnit {
         10i64.pow(self.exponent().unsigned_abs())
     }
 
+    /// Seconds in one unit.
+    pub(crate) fn seconds(self) -> f64 {
+        self.nanoseconds() as f64 * 1e-9
+    }
+
     /// `s`, `ms`, `us`, `ns`.
     pub fn symbol(self) -> &'static str {
         match self {

@@ -30,7 +30,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     fit::refuse_overwriting(&arguments.output, &data)?;
     fit::refuse_overwriting(&arguments.output, &free_run)?;
     let bar = context.bar();
-    let fitted = fit_narx(&recipe, &NarxRequest { free_run }, &data, &bar);
+    let fitted = fit_narx(&recipe, &NarxRequest { free_run: (&free_run).into() }, &data, &bar);
     bar.finish();
     let fitted = fitted?;
     write_atomic(&arguments.output, fitted.model.to_json().as_bytes())?;

@@ -1,7 +1,5 @@
 //! The pipeline: rows, partitions, choice, terms, model, scores.
 
-use std::path::PathBuf;
-
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
@@ -19,13 +17,13 @@ use super::{
     task::{NarxTask, one_row_ahead},
     terms::{EquationTerms, Problems, Trails, choice},
 };
-use crate::{Criterion, Dataset, Error, Provenance, Recipe};
+use crate::{Criterion, Dataset, Error, Logs, Provenance, Recipe};
 
 /// What is asked of a fit beside the recipe.
 #[derive(Debug, Clone, Default)]
 pub struct NarxRequest {
     /// Files to run the model on that did not train it.
-    pub free_run: Vec<PathBuf>,
+    pub free_run: Logs,
 }
 
 /// An autoregression and what it is worth.
@@ -45,12 +43,12 @@ pub struct NarxFitted {
 pub fn fit_narx(
     recipe: &Recipe,
     request: &NarxRequest,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<NarxFitted, Error> {
     let options = NarxOptions::new(recipe)?;
     let prepared = one_row_ahead(recipe, &options)?;
-    let (dataset, task) = Dataset::for_equations(&prepared, files, progress)?;
+    let (dataset, task) = Dataset::for_equations(&prepared, &logs.into(), progress)?;
     let narx = NarxTask::new(task, recipe, &options)?;
     let view = dataset.view()?;
     let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;

@@ -1,16 +1,16 @@
 //! A plane's cells as a table.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fleetfoot_dynamics::Plane;
 use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::parquet_options;
-use crate::Error;
+use crate::{Error, Logs};
 
 /// Writes a row a cell: the centres of its two bins under the axes' names, counts, transition ratio, mean score.
-pub(crate) fn write_plane(path: &Path, model: &Model, plane: &Plane, files: &[PathBuf]) -> Result<(), Error> {
+pub(crate) fn write_plane(path: &Path, model: &Model, plane: &Plane, logs: &Logs) -> Result<(), Error> {
     let [a, b] = &plane.axes;
     let names = [a, b].map(|axis| axis.expression.to_string());
     let unit = |name: &String| model.column(name).and_then(|column| model.columns[column].unit.clone());
@@ -37,7 +37,7 @@ pub(crate) fn write_plane(path: &Path, model: &Model, plane: &Plane, files: &[Pa
     let (transitions, scored) = (count(|cell| cell.transitions), count(|cell| cell.scored));
     let ratio: Vec<f64> = plane.cells.iter().map(|cell| cell.transition_ratio()).collect();
     let score: Vec<f64> = plane.cells.iter().map(|cell| cell.mean_score()).collect();
-    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, files))?;
+    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, logs))?;
     writer.write(&[
         Values::Float(&across),
         Values::Float(&up),

@@ -1,13 +1,13 @@
 //! One-step predictions, row by row.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fleetfoot_dynamics::{Domain, Predicted, Predictor, RowStatus};
 use fleetfoot_log::{Overlay, ParquetWriter, SeriesId, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::{Kind, mcap_options, parquet_options};
-use crate::Error;
+use crate::{Error, Logs};
 
 /// What is written of every fitted equation.
 const KINDS: [&str; 3] = ["measured", "predicted", "residual"];
@@ -38,16 +38,16 @@ impl PredictionsWriter {
         path: &Path,
         model: &Model,
         predictor: &Predictor,
-        files: &[PathBuf],
+        logs: &Logs,
     ) -> Result<Self, Error> {
         let sink = match kind {
             Kind::Parquet => Sink::Parquet(Box::new(ParquetWriter::create(
                 path,
                 columns(model, predictor),
-                &parquet_options(model, files),
+                &parquet_options(model, logs),
             )?)),
             Kind::Mcap => {
-                let mut overlay = Overlay::create(path, &mcap_options(model, files))?;
+                let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
                 let names: Vec<String> = predictor.names().iter().map(ToString::to_string).collect();
                 let mut topic = |kind: &str| overlay.joint_state(&format!("/fleetfoot/{kind}"), &names, "");
                 let kinds = [topic(KINDS[0])?, topic(KINDS[1])?, topic(KINDS[2])?];

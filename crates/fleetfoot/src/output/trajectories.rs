@@ -1,6 +1,6 @@
 //! Trajectories of rollouts.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dynamics::{Rollouts, Trajectory};
@@ -8,7 +8,7 @@ use fleetfoot_log::{Overlay, ParquetWriter, SeriesId, Values, WriteColumn, Write
 use fleetfoot_model::Model;
 
 use super::{Kind, mcap_options, parquet_options};
-use crate::Error;
+use crate::{Error, Logs};
 
 /// Writes trajectories. `log_offset` tells what must be added to the stamps of an episode to get the times of its recording, nanoseconds.
 pub(crate) fn write_trajectories(
@@ -18,21 +18,15 @@ pub(crate) fn write_trajectories(
     view: &dyn Source,
     log_offset: &dyn Fn(usize) -> i64,
     rollouts: &Rollouts,
-    files: &[PathBuf],
+    logs: &Logs,
 ) -> Result<(), Error> {
     match kind {
-        Kind::Parquet => write_table(path, model, view, rollouts, files),
-        Kind::Mcap => write_messages(path, model, view, log_offset, rollouts, files),
+        Kind::Parquet => write_table(path, model, view, rollouts, logs),
+        Kind::Mcap => write_messages(path, model, view, log_offset, rollouts, logs),
     }
 }
 
-fn write_table(
-    path: &Path,
-    model: &Model,
-    view: &dyn Source,
-    rollouts: &Rollouts,
-    files: &[PathBuf],
-) -> Result<(), Error> {
+fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollouts, logs: &Logs) -> Result<(), Error> {
     let mut columns = vec![
         WriteColumn::new("trajectory", WriteKind::Integer),
         WriteColumn::new("episode", WriteKind::Text),
@@ -46,7 +40,7 @@ fn write_table(
         columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str())));
     }
     columns.push(WriteColumn::new("region", WriteKind::Integer));
-    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, files))?;
+    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, logs))?;
     for (index, trajectory) in rollouts.trajectories.iter().enumerate() {
         let rows = trajectory.steps() + 1;
         let numbers = vec![index as i64; rows];
@@ -86,9 +80,9 @@ fn write_messages(
     view: &dyn Source,
     log_offset: &dyn Fn(usize) -> i64,
     rollouts: &Rollouts,
-    files: &[PathBuf],
+    logs: &Logs,
 ) -> Result<(), Error> {
-    let mut overlay = Overlay::create(path, &mcap_options(model, files))?;
+    let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
     let mut lanes: Vec<Lane> = Vec::new();
     let names: Vec<String> = rollouts.states.iter().chain(&rollouts.driven_inputs).cloned().collect();
     let width = rollouts.driven_inputs.len();

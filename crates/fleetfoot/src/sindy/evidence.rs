@@ -1,9 +1,6 @@
 //! What equations are fitted on: a task whose parameters are known, and the statistic of its rows.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::PathBuf,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetfoot_data::{Episode, Progress, Source};
 use fleetfoot_model::Partition;
@@ -11,7 +8,7 @@ use fleetfoot_pwa::{Problem, Specification};
 use fleetfoot_sparse::{System, SystemPlan, SystemScan, sampled_mean_squares};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
-use crate::{Dataset, Error, Recipe};
+use crate::{Dataset, Error, Logs, Recipe};
 
 /// A task and the statistic of its rows.
 #[derive(Debug, Clone)]
@@ -40,8 +37,8 @@ impl Evidence {
     ///
     /// # Errors
     /// Those of the recipe, of reading, of estimating parameters and of partitions; no rows, or fewer than candidates.
-    pub fn of_logs(recipe: &Recipe, seed: u64, files: &[PathBuf], progress: &dyn Progress) -> Result<Self, Error> {
-        let (mut dataset, mut task) = Dataset::for_equations(recipe, files, progress)?;
+    pub fn of_logs(recipe: &Recipe, seed: u64, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
+        let (mut dataset, mut task) = Dataset::for_equations(recipe, logs, progress)?;
         refuse_large(&task, dataset.rows())?;
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());

@@ -1,11 +1,9 @@
 //! What a fit of equations would read and keep.
 
-use std::path::PathBuf;
-
 use fleetfoot_data::Progress;
 
 use super::{EquationTask, SindyOptions, evidence::specification};
-use crate::{Dataset, Error, Recipe, dataset};
+use crate::{Dataset, Error, Logs, Recipe, dataset};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone)]
@@ -39,16 +37,17 @@ pub struct SindyPlan {
 ///
 /// # Errors
 /// Those of the recipe and of opening.
-pub fn plan_sindy(recipe: &Recipe, files: &[PathBuf], progress: &dyn Progress) -> Result<SindyPlan, Error> {
+pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<SindyPlan, Error> {
+    let logs = &logs.into();
     SindyOptions::new(&recipe.sindy)?;
-    if crate::is_statistic(files) {
+    if logs.is_statistic() {
         return Err(Error::Request(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
         ));
     }
     let regions = specification(recipe)?.and_then(|partition| partition.clusters()).unwrap_or(1);
     let plan = |task: &EquationTask, columns, rows, episodes, decoded, notes| SindyPlan {
-        files: files.len(),
+        files: logs.len(),
         episodes,
         rows,
         decoded,
@@ -60,11 +59,11 @@ pub fn plan_sindy(recipe: &Recipe, files: &[PathBuf], progress: &dyn Progress) -
         memory: fleetfoot_sparse::SystemPlan::memory(&task.system(), regions, rows),
         notes,
     };
-    if let Some((task, columns, cost)) = dataset::estimate_equations(recipe, files, progress)? {
+    if let Some((task, columns, cost)) = dataset::estimate_equations(recipe, logs, progress)? {
         let decoded = Some((cost.decoded_bytes, cost.cached));
         return Ok(plan(&task, columns, cost.rows as usize, None, decoded, Vec::new()));
     }
-    let (dataset, task) = Dataset::for_equations(recipe, files, progress)?;
+    let (dataset, task) = Dataset::for_equations(recipe, logs, progress)?;
     let (episodes, notes) = (Some(dataset.episodes().len()), dataset.notes().to_vec());
     Ok(plan(&task, dataset.columns(), dataset.rows(), episodes, None, notes))
 }

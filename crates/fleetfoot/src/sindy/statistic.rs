@@ -1,12 +1,10 @@
 //! Equations from a `.stats` file: no pass.
 
-use std::path::PathBuf;
-
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::SystemScan;
 
 use super::{EquationTask, Evidence, evidence::specification};
-use crate::{Error, Recipe, StructuredTask, statistic::StatisticFile};
+use crate::{Error, Logs, Recipe, StructuredTask};
 
 impl Evidence {
     /// Reads the statistic of logs, scanned for plain equations, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to
@@ -14,14 +12,9 @@ impl Evidence {
     ///
     /// # Errors
     /// Those of reading; a question that needs rows; candidates or targets that were not summed.
-    pub(super) fn of_statistic(recipe: &Recipe, files: &[PathBuf]) -> Result<(Self, Recipe), Error> {
-        let [path] = files else {
-            return Err(Error::Request(
-                "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
-            ));
-        };
+    pub(super) fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<(Self, Recipe), Error> {
         refuse_rows(recipe)?;
-        let file = StatisticFile::read(path)?;
+        let file = logs.statistic()?;
         let (own, scanned) = file.task()?;
         let mut recipe = recipe.clone();
         if recipe.states.is_empty() && recipe.model.predict.is_none() {

@@ -6,15 +6,18 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::{Cancelled, Progress, parallel_map};
+use fleetfoot_data::{Cancelled, ColumnKind, Progress, parallel_map};
+use fleetfoot_log::{Log, MemoryTable};
 
 use super::StatisticError;
-use crate::Error;
+use crate::{Error, Logs};
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 20;
+/// Rows of a table that are hashed at once.
+const HASHED_ROWS: usize = 1 << 14;
 
-/// The blake3 hash of a file's bytes; of a folder (a rosbag2 recording) of its files' names and hashes.
+/// The blake3 hash of a file's bytes; of a folder (a rosbag2 recording) of its files' names and hashes; of a table of its columns.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ContentHash(pub [u8; 32]);
 
@@ -30,22 +33,63 @@ impl fmt::Debug for ContentHash {
     }
 }
 
-/// A file, its hash and its size.
+/// A file or table, its hash and its size.
 #[derive(Debug, Clone)]
 pub(super) struct Hashed {
-    pub(super) path: PathBuf,
+    pub(super) log: Log,
     pub(super) hash: ContentHash,
     pub(super) bytes: u64,
 }
 
-/// Hashes files, in order.
-pub(super) fn hash_files(files: &[PathBuf], progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
+impl Hashed {
+    /// The file's path; of a table its name.
+    pub(super) fn path(&self) -> &Path {
+        self.log.path()
+    }
+}
+
+/// Hashes logs, in order.
+pub(super) fn hash_logs(logs: &Logs, progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
     progress.stage("hashing");
-    parallel_map(files.len(), progress, |i| {
-        let path = files[i].clone();
-        let (hash, bytes) = if path.is_dir() { hash_folder(&path, progress)? } else { hash_file(&path, progress)? };
-        Ok(Hashed { path, hash, bytes })
+    parallel_map(logs.len(), progress, |i| {
+        let log = logs.all()[i].clone();
+        let (hash, bytes) = match &log {
+            Log::File(path) if path.is_dir() => hash_folder(path, progress)?,
+            Log::File(path) => hash_file(path, progress)?,
+            Log::Table(table) => hash_table(table.as_ref(), progress)?,
+        };
+        Ok(Hashed { log, hash, bytes })
     })
+}
+
+/// All columns of a table, by name, kind and values.
+fn hash_table(table: &dyn MemoryTable, progress: &dyn Progress) -> Result<(ContentHash, u64), Error> {
+    let mut hasher = blake3::Hasher::new();
+    let text = |hasher: &mut blake3::Hasher, text: &str| {
+        hasher.update(&(text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    };
+    let mut bytes = Vec::with_capacity(8 * HASHED_ROWS);
+    for (place, column) in table.columns().iter().enumerate() {
+        text(&mut hasher, &column.name);
+        if let ColumnKind::Category(names) = &column.kind {
+            names.iter().for_each(|name| text(&mut hasher, name));
+        }
+        let rows = table.rows();
+        for from in (0..rows).step_by(HASHED_ROWS) {
+            if progress.cancelled() {
+                return Err(Cancelled.into());
+            }
+            let part = from..(from + HASHED_ROWS).min(rows);
+            bytes.clear();
+            match table.integers(place, part.clone()) {
+                Some(values) => bytes.extend(values.iter().flat_map(|value| value.to_le_bytes())),
+                None => bytes.extend(table.values(place, part).iter().flat_map(|value| value.to_le_bytes())),
+            }
+            hasher.update(&bytes);
+        }
+    }
+    Ok((ContentHash(*hasher.finalize().as_bytes()), 8 * (table.rows() * table.columns().len()) as u64))
 }
 
 fn hash_file(path: &Path, progress: &dyn Progress) -> Result<(ContentHash, u64), Error> {

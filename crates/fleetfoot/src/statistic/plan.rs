@@ -1,16 +1,16 @@
 //! What a scan would read and keep.
 
-use std::{collections::HashSet, path::PathBuf};
+use std::collections::HashSet;
 
 use fleetfoot_data::{Progress, Source};
 
 use super::{
     ContentHash, ScanOptions, StatisticFile,
-    content::hash_files,
+    content::hash_logs,
     scan::{chunk_bytes, default_chunk},
 };
 use crate::{
-    Dataset, Error, Recipe, StructuredTask,
+    Dataset, Error, Logs, Recipe, StructuredTask,
     dataset::{OpenedStructure, estimate_structure},
 };
 
@@ -51,16 +51,17 @@ pub struct ScanPlan {
 pub fn plan_scan(
     recipe: &Recipe,
     options: &ScanOptions,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<ScanPlan, Error> {
+    let logs = &logs.into();
     let chunk_rows = options.chunk_rows.map(usize::from);
-    match plan_new(recipe, chunk_rows, files, progress) {
+    match plan_new(recipe, chunk_rows, logs, progress) {
         // A scan skips what is there twice; hashing all bytes to know it beforehand would take as long as reading them.
         Err(Error::Log(fleetfoot_log::Error::Duplicate { .. })) => {
-            let new = unknown(HashSet::new(), files, progress)?;
+            let new = unknown(HashSet::new(), logs, progress)?;
             let plan = plan_new(recipe, chunk_rows, &new, progress)?;
-            Ok(ScanPlan { skipped: files.len() - new.len(), ..plan })
+            Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
         }
         plan => plan,
     }
@@ -75,41 +76,42 @@ impl StatisticFile {
         &self,
         recipe: &Recipe,
         options: &ScanOptions,
-        files: &[PathBuf],
+        logs: impl Into<Logs>,
         progress: &dyn Progress,
     ) -> Result<ScanPlan, Error> {
-        let (_, _, task) = Dataset::structure(recipe, files)?;
+        let logs = &logs.into();
+        let (_, _, task) = Dataset::structure(recipe, logs)?;
         self.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
-        let new = unknown(self.files.iter().map(|file| file.hash).collect(), files, progress)?;
+        let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, progress)?;
         let plan = match new.is_empty() {
             true => ScanPlan::new(&task, 0, self.plan.chunk_rows, 0),
             false => plan_new(recipe, Some(self.plan.chunk_rows), &new, progress)?,
         };
-        Ok(ScanPlan { skipped: files.len() - new.len(), ..plan })
+        Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
     }
 }
 
-/// The files whose content is not known, each content once.
-fn unknown(mut known: HashSet<ContentHash>, files: &[PathBuf], progress: &dyn Progress) -> Result<Vec<PathBuf>, Error> {
-    let new = hash_files(files, progress)?.into_iter().filter(|file| known.insert(file.hash));
-    Ok(new.map(|file| file.path).collect())
+/// The logs whose content is not known, each content once.
+fn unknown(mut known: HashSet<ContentHash>, logs: &Logs, progress: &dyn Progress) -> Result<Logs, Error> {
+    let new = hash_logs(logs, progress)?.into_iter().filter(|file| known.insert(file.hash));
+    Ok(new.map(|file| file.log).collect::<Vec<_>>().into())
 }
 
 fn plan_new(
     recipe: &Recipe,
     chunk_rows: Option<usize>,
-    files: &[PathBuf],
+    logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<ScanPlan, Error> {
     let chunk = |task: &StructuredTask, rows| chunk_rows.unwrap_or_else(|| default_chunk(task, rows));
-    if let Some((task, columns, cost)) = estimate_structure(recipe, files, progress)? {
+    if let Some((task, columns, cost)) = estimate_structure(recipe, logs, progress)? {
         let rows = usize::try_from(cost.rows).unwrap_or(usize::MAX);
         let chunk_rows = chunk(&task, rows);
         let decoded = Some((cost.decoded_bytes, cost.cached));
-        let chunks = rows.div_ceil(chunk_rows).max(files.len());
-        return Ok(ScanPlan { rows, decoded, columns, ..ScanPlan::new(&task, files.len(), chunk_rows, chunks) });
+        let chunks = rows.div_ceil(chunk_rows).max(logs.len());
+        return Ok(ScanPlan { rows, decoded, columns, ..ScanPlan::new(&task, logs.len(), chunk_rows, chunks) });
     }
-    let OpenedStructure { dataset, task, .. } = Dataset::for_structure(recipe, files, progress)?;
+    let OpenedStructure { dataset, task, .. } = Dataset::for_structure(recipe, logs, progress)?;
     let view = dataset.view()?;
     let chunk_rows = chunk(&task, view.rows());
     let chunks = view.episodes().iter().map(|episode| episode.rows.div_ceil(chunk_rows)).sum();
@@ -118,7 +120,7 @@ fn plan_new(
         rows: view.rows(),
         columns: dataset.columns(),
         notes: dataset.notes().to_vec(),
-        ..ScanPlan::new(&task, files.len(), chunk_rows, chunks)
+        ..ScanPlan::new(&task, logs.len(), chunk_rows, chunks)
     })
 }
 

@@ -3,20 +3,20 @@
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
     num::NonZeroUsize,
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 use fleetfoot_data::{Column, ColumnKind, Episode, Progress, Source};
-use fleetfoot_library::{Expr, View};
+use fleetfoot_library::Expr;
 use fleetfoot_sparse::Plan;
 use fleetfoot_stats::Grid;
 
 use super::{
     ContentHash, FileRecord, LabelKey, StatisticError, StatisticFile,
-    content::{Hashed, hash_files},
+    content::{Hashed, hash_logs},
     subset::Subset,
 };
-use crate::{Dataset, Error, Recipe, StructuredTask, dataset::OpenedStructure};
+use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -48,7 +48,7 @@ pub struct ScanReport {
     pub notes: Vec<String>,
 }
 
-/// Scans files once. With `base` its plan is used and its rows are kept: files whose content it has, and episodes that it has, are skipped.
+/// Scans logs once. With `base` its plan is used and its rows are kept: files whose content it has, and episodes that it has, are skipped.
 ///
 /// # Errors
 /// Those of opening and reading files; a recipe that asks for something else than `base` holds; text where numbers are needed; no complete row.
@@ -56,11 +56,11 @@ pub fn scan(
     recipe: &Recipe,
     options: &ScanOptions,
     base: Option<StatisticFile>,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<(StatisticFile, ScanReport), Error> {
     let mut scan = Scan::new(recipe, options, base, "the statistic");
-    scan.run(hash_files(files, progress)?, progress, &mut |_| Ok(()))?;
+    scan.run(hash_logs(&logs.into(), progress)?, progress, &mut |_| Ok(()))?;
     scan.finish()
 }
 
@@ -97,28 +97,28 @@ impl<'a> Scan<'a> {
     ) -> Result<(), Error> {
         if let (Some(file), Some(first)) = (&self.file, files.first()) {
             // Told before the files are opened, which may take long, and also when all of them are there already.
-            let (_, _, task) = Dataset::structure(self.recipe, std::slice::from_ref(&first.path))?;
+            let (_, _, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;
             file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
         }
         let files = self.new_files(files);
         if files.is_empty() {
             return Ok(());
         }
-        let paths: Vec<PathBuf> = files.iter().map(|file| file.path.clone()).collect();
-        let OpenedStructure { dataset, task, recipe, fields } = Dataset::for_structure(self.recipe, &paths, progress)?;
+        let logs: Logs = files.iter().map(|file| file.log.clone()).collect::<Vec<_>>().into();
+        let OpenedStructure { dataset, task, recipe, fields } = Dataset::for_structure(self.recipe, &logs, progress)?;
         self.report.notes.extend_from_slice(dataset.notes());
         refuse_text(&task, dataset.fields())?;
-        let view = dataset.view()?;
         let mut file = match self.file.take() {
             Some(file) => file,
             None => {
                 progress.stage("pilot");
+                let view = dataset.view()?;
                 let chunk_rows = self.options.chunk_rows.map_or_else(|| default_chunk(&task, view.rows()), Into::into);
                 let plan = Plan::new(task.regression.clone(), task.also.clone(), chunk_rows, &view)?;
                 StatisticFile::empty(plan, &recipe, &task, &fields)
             }
         };
-        let added = self.add(&mut file, &files, &view, progress, keep);
+        let added = self.add(&mut file, &files, &dataset, progress, keep);
         self.file = Some(file);
         added
     }
@@ -129,7 +129,7 @@ impl<'a> Scan<'a> {
             self.file.iter().flat_map(|file| &file.files).map(|file| (file.hash, file.name.clone())).collect();
         let mut new = Vec::new();
         for file in files {
-            let name = file.path.to_string_lossy().into_owned();
+            let name = file.path().to_string_lossy().into_owned();
             match known.get(&file.hash) {
                 Some(same) if *same == name => self.report.skipped.push(format!("{name}: it is there already")),
                 Some(same) => self.report.skipped.push(format!("{name}: the same content as {same}")),
@@ -146,11 +146,12 @@ impl<'a> Scan<'a> {
         &mut self,
         file: &mut StatisticFile,
         files: &[Hashed],
-        view: &View<'_>,
+        dataset: &Dataset,
         progress: &dyn Progress,
         keep: &mut dyn FnMut(&mut StatisticFile) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let logs = self.logs(file, files, view.episodes())?;
+        let view = &dataset.view()?;
+        let logs = self.logs(file, files, dataset)?;
         let pending = logs.iter().flat_map(|log| &log.pending).map(|(episode, ..)| view.episodes()[*episode].rows);
         let whole =
             Whole { outer: progress, total: pending.map(|rows| rows.div_ceil(file.plan.chunk_rows.max(1))).sum() };
@@ -163,8 +164,9 @@ impl<'a> Scan<'a> {
             file.scanned.merge(found)?;
             for log in group {
                 self.report.files += 1;
-                let Hashed { path, hash, bytes } = &files[log.file];
-                file.files.push(FileRecord { name: path.to_string_lossy().into_owned(), hash: *hash, bytes: *bytes });
+                let Hashed { log: read, hash, bytes } = &files[log.file];
+                let name = read.path().to_string_lossy().into_owned();
+                file.files.push(FileRecord { name, hash: *hash, bytes: *bytes });
                 for (episode, number, labels) in &log.pending {
                     let episode = &view.episodes()[*episode];
                     self.report.episodes += 1;
@@ -179,16 +181,16 @@ impl<'a> Scan<'a> {
     }
 
     /// The episodes of every file that are not there yet.
-    fn logs(&mut self, known: &StatisticFile, files: &[Hashed], episodes: &[Episode]) -> Result<Vec<Log>, Error> {
-        let mut logs: Vec<Log> = (0..files.len()).map(|file| Log { file, pending: Vec::new() }).collect();
-        let places: HashMap<&Path, usize> =
-            files.iter().enumerate().map(|(at, file)| (file.path.as_path(), at)).collect();
-        let place = |episode: &Episode| episode.file.as_deref().and_then(|path| places.get(path).copied()).unwrap_or(0);
+    fn logs(&mut self, known: &StatisticFile, files: &[Hashed], dataset: &Dataset) -> Result<Vec<Pending>, Error> {
+        let mut logs: Vec<Pending> = (0..files.len()).map(|file| Pending { file, pending: Vec::new() }).collect();
+        let places: HashMap<&Path, usize> = files.iter().enumerate().map(|(at, file)| (file.path(), at)).collect();
+        let episodes = dataset.episodes();
+        let place = |episode: usize| places.get(dataset.origin(episode)).copied().unwrap_or(0);
         let mut counts = vec![0_u32; files.len()];
-        episodes.iter().for_each(|episode| counts[place(episode)] += 1);
+        (0..episodes.len()).for_each(|episode| counts[place(episode)] += 1);
         let mut numbers = vec![0_u32; files.len()];
         for (index, episode) in episodes.iter().enumerate() {
-            let at = place(episode);
+            let at = place(index);
             numbers[at] += 1;
             if let Some(same) = known.episode(episode.id) {
                 self.report.skipped.push(format!("{}: the same rows as {}", episode.name, same.name));
@@ -196,7 +198,7 @@ impl<'a> Scan<'a> {
             }
             let mut labels = episode.labels.clone();
             for key in &self.options.keys {
-                labels.insert(key.name().to_owned(), key.value(&files[at].path)?);
+                labels.insert(key.name().to_owned(), key.value(files[at].path())?);
             }
             logs[at].pending.push((index, if counts[at] > 1 { numbers[at] } else { 0 }, labels));
         }
@@ -230,13 +232,13 @@ impl<'a> Scan<'a> {
 }
 
 /// The episodes of a file that are to be scanned: index, number within the file, labels.
-struct Log {
+struct Pending {
     file: usize,
     pending: Vec<(usize, u32, BTreeMap<String, String>)>,
 }
 
 /// Consecutive files of about `rows` rows in all.
-fn groups<'l>(logs: &'l [Log], episodes: &[Episode], rows: usize) -> Vec<&'l [Log]> {
+fn groups<'l>(logs: &'l [Pending], episodes: &[Episode], rows: usize) -> Vec<&'l [Pending]> {
     let (mut groups, mut first, mut some) = (Vec::new(), 0, 0);
     for (at, log) in logs.iter().enumerate() {
         some += log.pending.iter().map(|(episode, ..)| episodes[*episode].rows).sum::<usize>();

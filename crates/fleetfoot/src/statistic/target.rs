@@ -10,10 +10,10 @@ use fleetfoot_log::refuse_input;
 
 use super::{
     ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile,
-    content::{Hashed, hash_files},
+    content::{Hashed, hash_logs},
     scan::Scan,
 };
-use crate::{Error, Recipe};
+use crate::{Error, Logs, Recipe};
 
 /// Where a scan goes, and what may be there.
 #[derive(Debug, Clone, Default)]
@@ -56,21 +56,21 @@ pub fn scan_to(
     target: &ScanTarget,
     recipe: &Recipe,
     options: &ScanOptions,
-    files: &[PathBuf],
+    logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<ScanOutcome, Error> {
-    scan_in_groups(target, recipe, options, files, progress, None)
+    scan_in_groups(target, recipe, options, &logs.into(), progress, None)
 }
 
 pub(super) fn scan_in_groups(
     target: &ScanTarget,
     recipe: &Recipe,
     options: &ScanOptions,
-    files: &[PathBuf],
+    logs: &Logs,
     progress: &dyn Progress,
     group_rows: Option<usize>,
 ) -> Result<ScanOutcome, Error> {
-    refuse_input(&target.output, files)?;
+    refuse_input(&target.output, &logs.files())?;
     let exists = target.output.exists();
     if exists && !target.append && !target.force {
         return Err(StatisticError::Exists { path: target.output.clone() }.into());
@@ -83,7 +83,7 @@ pub(super) fn scan_in_groups(
         Some(plan) => (Some(StatisticFile::read(plan)?.without_rows()), None, plan.display().to_string()),
         None => (None, None, target.output.display().to_string()),
     };
-    let hashed = hash_files(files, progress)?;
+    let hashed = hash_logs(logs, progress)?;
     let command = command(target, recipe, options, &hashed, base.as_ref());
     let unfinished = base.as_ref().is_some_and(StatisticFile::is_partial);
     let partial = partial(&target.output);
@@ -169,7 +169,7 @@ fn command(
     }
     part(b"files");
     for file in files {
-        part(file.path.as_os_str().as_encoded_bytes());
+        part(file.path().as_os_str().as_encoded_bytes());
         part(&file.hash.0);
     }
     if let Some(base) = base {

@@ -42,7 +42,7 @@ fn target(output: PathBuf) -> ScanTarget {
 
 /// A scan that keeps its progress after every file.
 fn run(target: &ScanTarget, files: &[PathBuf], progress: &dyn Progress) -> Result<ScanOutcome, Error> {
-    scan_in_groups(target, &recipe(), &options(), files, progress, Some(1))
+    scan_in_groups(target, &recipe(), &options(), &files.into(), progress, Some(1))
 }
 
 #[test]

@@ -1,0 +1,268 @@
+//! Tables in memory, opened as files are: the same clock, the same episodes, the same notes.
+
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
+
+use crate::{
+    Error, Selection, TimeSpec, TimeUnit,
+    error::nearest,
+    parquet::list,
+    recording::Opened,
+    stamp,
+    store::SEGMENT,
+    table::{MISSING, Table, TableColumn, TableRows},
+    time_column::{self, Candidate, CandidateKind, Clock},
+};
+
+/// Rows that are looked at to find the clock.
+const SAMPLE: usize = 1000;
+
+/// A table in memory. Its columns may lie anywhere and in any type: they are asked for as numbers, some rows at a time.
+pub trait MemoryTable: Send + Sync {
+    /// What messages and episodes call it. Tables that are opened together should differ in it.
+    fn name(&self) -> &str;
+
+    /// Number of rows.
+    fn rows(&self) -> usize;
+
+    /// Its columns. Categories carry their names.
+    fn columns(&self) -> &[Column];
+
+    /// The unit in which [`MemoryTable::integers`] gives a column that is a date or a time by its type; `None` for other columns.
+    fn time_unit(&self, column: usize) -> Option<TimeUnit>;
+
+    /// Values of a column: numbers as they are, codes for categories, NaN where one is missing. `rows` is within the table.
+    fn values(&self, column: usize, rows: Range<usize>) -> ScalarBuffer<f64>;
+
+    /// Whole numbers of a column that holds such, `i64::MIN` where one is missing; `None` for other columns.
+    fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>>;
+}
+
+/// What can be opened: a file, or a table in memory.
+#[derive(Clone)]
+pub enum Log {
+    /// A file, or a rosbag2 folder.
+    File(PathBuf),
+    /// A table.
+    Table(Arc<dyn MemoryTable>),
+}
+
+impl Log {
+    /// The file's path; of a table its name.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Table(table) => Path::new(table.name()),
+        }
+    }
+
+    /// The file's path; `None` for a table.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Table(_) => None,
+        }
+    }
+}
+
+impl std::fmt::Debug for Log {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let kind = if matches!(self, Self::File(_)) { "File" } else { "Table" };
+        f.debug_tuple(kind).field(&self.path()).finish()
+    }
+}
+
+/// A table with the selection that it is read by.
+struct Selected {
+    table: Arc<dyn MemoryTable>,
+    /// Places of the selected columns.
+    places: Vec<usize>,
+    columns: Vec<TableColumn>,
+    clock: Option<(usize, TimeUnit)>,
+}
+
+/// Opens a table for reading the selected columns.
+pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Result<Opened, Error> {
+    let path = Path::new(table.name());
+    let places =
+        selection.columns.iter().map(|name| find(path, table.columns(), name)).collect::<Result<Vec<_>, _>>()?;
+    let clock = find_clock(path, table.as_ref(), &selection.time)?;
+    let time_column = clock.as_ref().map(|clock| table.columns()[clock.column].name.clone());
+    let columns = places.iter().map(|&place| {
+        let column = table.columns()[place].clone();
+        let empty = matches!(&column.kind, ColumnKind::Category(names) if names.is_empty());
+        TableColumn { column, empty }
+    });
+    let selected = Selected {
+        columns: columns.collect(),
+        places,
+        clock: clock.as_ref().map(|clock| (clock.column, clock.unit)),
+        table: table.clone(),
+    };
+    Ok(Opened {
+        table: Box::new(selected),
+        assumed_unit: clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit),
+        time_column,
+        notes: clock.and_then(|clock| clock.assumed).into_iter().collect(),
+        stamp: None,
+        log_offset: 0,
+    })
+}
+
+fn find(path: &Path, columns: &[Column], name: &str) -> Result<usize, Error> {
+    let mut matching = (0..columns.len()).filter(|&c| columns[c].name == name);
+    let Some(first) = matching.next() else {
+        let nearest = nearest(name, columns.iter().map(|column| column.name.as_str()));
+        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
+    };
+    match matching.count() {
+        0 => Ok(first),
+        more => Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 }),
+    }
+}
+
+fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+    match spec {
+        TimeSpec::Uniform { .. } => return Ok(None),
+        TimeSpec::Column { name, .. } => {
+            find(path, table.columns(), name)?;
+        }
+        TimeSpec::Auto => {}
+    }
+    let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
+    match time_column::choose(&candidates, spec) {
+        Some(Clock { column, unit, assumed }) => {
+            Ok(Some(Clock { column, unit: table.time_unit(column).unwrap_or(unit), assumed }))
+        }
+        None => {
+            let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
+            Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
+        }
+    }
+}
+
+fn candidate(table: &dyn MemoryTable, column: usize) -> Candidate {
+    let Column { name, unit, kind } = &table.columns()[column];
+    let rows = 0..table.rows().min(SAMPLE);
+    let (kind, sample) = match (table.time_unit(column), kind) {
+        (Some(unit), _) => {
+            let seconds = |&value: &i64| if value == MISSING { f64::NAN } else { value as f64 * unit.seconds() };
+            let values = table.integers(column, rows).map_or_else(Vec::new, |all| all.iter().map(seconds).collect());
+            (CandidateKind::Time, values)
+        }
+        (None, ColumnKind::Float) => (CandidateKind::Float, table.values(column, rows).to_vec()),
+        (None, ColumnKind::Integer) => (CandidateKind::Integer, table.values(column, rows).to_vec()),
+        (None, _) => (CandidateKind::Other, Vec::new()),
+    };
+    Candidate { name: name.clone(), unit: unit.clone(), kind, sample }
+}
+
+impl Table for Selected {
+    fn rows(&self) -> usize {
+        self.table.rows()
+    }
+
+    fn columns(&self) -> &[TableColumn] {
+        &self.columns
+    }
+
+    fn pieces(&self) -> Vec<Range<usize>> {
+        let rows = self.table.rows();
+        (0..rows).step_by(SEGMENT).map(|from| from..(from + SEGMENT).min(rows)).collect()
+    }
+
+    fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
+        let Some((column, unit)) = self.clock else { return Ok(Vec::new().into()) };
+        let stamps: Vec<i64> = match self.table.integers(column, rows.clone()) {
+            Some(whole) if unit == TimeUnit::Nanoseconds => return Ok(whole),
+            Some(whole) => whole.iter().map(|&value| stamp::from_i64(value, unit)).collect(),
+            None => self.table.values(column, rows).iter().map(|&value| stamp::from_f64(value, unit)).collect(),
+        };
+        Ok(stamps.into())
+    }
+
+    fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
+        let columns = self.places.iter().map(|&place| self.table.values(place, rows.clone())).collect();
+        Ok(TableRows { time: self.stamps(rows)?, columns })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MaxGap, open_logs};
+    use fleetfoot_data::{Halo, Silent, Source};
+
+    struct Two {
+        name: String,
+        columns: Vec<Column>,
+        stamps: Vec<i64>,
+        values: Vec<f64>,
+    }
+
+    impl MemoryTable for Two {
+        fn name(&self) -> &str {
+            &self.name
+        }
+        fn rows(&self) -> usize {
+            self.values.len()
+        }
+        fn columns(&self) -> &[Column] {
+            &self.columns
+        }
+        fn time_unit(&self, column: usize) -> Option<TimeUnit> {
+            (column == 0).then_some(TimeUnit::Microseconds)
+        }
+        fn values(&self, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
+            match column {
+                0 => self.stamps[rows].iter().map(|&stamp| stamp as f64).collect::<Vec<_>>().into(),
+                _ => self.values[rows].to_vec().into(),
+            }
+        }
+        fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>> {
+            (column == 0).then(|| self.stamps[rows].to_vec().into())
+        }
+    }
+
+    fn two(name: &str, stamps: Vec<i64>) -> Log {
+        let columns = vec![
+            Column { name: "when".into(), unit: None, kind: ColumnKind::Integer },
+            Column { name: "x".into(), unit: Some("m".into()), kind: ColumnKind::Float },
+        ];
+        let values = (0..stamps.len()).map(|row| row as f64 + name.len() as f64).collect();
+        Log::Table(Arc::new(Two { name: name.into(), columns, stamps, values }))
+    }
+
+    #[test]
+    fn a_table_is_cut_at_gaps_and_backward_stamps_as_a_file_is() {
+        let stamps = vec![1_000, 2_000, 3_000, 9_000_000, 9_001_000, 9_001_000, 9_002_000, 500, 1_500, i64::MIN, 2_500];
+        let selection = Selection { max_gap: MaxGap::Seconds(1.0), ..Selection::new(["x"]) };
+        let recording = open_logs(&[two("first", stamps), two("other", vec![0, 1, 2])], &selection, &Silent).unwrap();
+        let rows: Vec<(&str, usize)> = recording.episodes().iter().map(|e| (e.name.as_str(), e.rows)).collect();
+        assert_eq!(rows, [("first#1", 3), ("first#2", 3), ("first#3", 3), ("other", 3)]);
+        assert_eq!(recording.columns()[0].unit.as_deref(), Some("m"));
+        let block = recording.read(2, 1..3, Halo { before: 5, after: 5 }).unwrap();
+        assert_eq!((block.column(0), block.stamps()), (&[12.0, 13.0, 15.0][..], &[1_500_000, 2_500_000][..]));
+        assert!(recording.notes().iter().any(|note| note.contains("when")), "{:?}", recording.notes());
+    }
+
+    #[test]
+    fn mistakes_name_the_table() {
+        let wrong = |selection: &Selection| {
+            open_logs(&[two("run 7", vec![1, 2])], selection, &Silent).err().map(|error| error.to_string())
+        };
+        let message = wrong(&Selection::new(["y"])).unwrap();
+        assert!(message.contains("run 7") && message.contains('y'), "{message}");
+        let spec = TimeSpec::Column { name: "stamp".into(), unit: None };
+        let message = wrong(&Selection { time: spec, ..Selection::new(["x"]) }).unwrap();
+        assert!(message.contains("run 7") && message.contains("stamp"), "{message}");
+        let twice = [two("a", vec![1, 2, 3]), two("b", vec![1, 2, 3])];
+        let message = open_logs(&twice, &Selection::new(["x"]), &Silent).err().unwrap().to_string();
+        assert!(message.contains('a') && message.contains('b'), "{message}");
+    }
+}
