@@ -23,6 +23,6 @@ pub use column::{Column, ColumnKind};
 pub use episode::{Episode, EpisodeId, Fingerprint};
 pub use error::Error;
 pub use memory::MemorySource;
-pub use parallel::{Cancelled, Progress, Silent, parallel_fold, parallel_map, thread_count, with_threads};
+pub use parallel::{Cancelled, Progress, Silent, Threads, parallel_fold, parallel_map, thread_count, with_threads};
 pub use random::mix;
 pub use source::{Source, sample_ranges};

@@ -43,6 +43,55 @@ pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) ->
     }
 }
 
+/// Threads that are kept between pieces of work.
+#[derive(Debug)]
+pub struct Threads(rayon::ThreadPool);
+
+impl Threads {
+    /// Starts `count` threads (0: as many as there are cores).
+    ///
+    /// # Errors
+    /// When the system gives no threads.
+    pub fn new(count: usize) -> std::io::Result<Self> {
+        rayon::ThreadPoolBuilder::new().num_threads(count).build().map(Self).map_err(std::io::Error::other)
+    }
+
+    /// Runs `work` with these threads behind the doors, while the caller's thread calls `watch` every `period`, and once at the end.
+    ///
+    /// # Panics
+    /// With what `work` panics with, if it does.
+    pub fn run<R: Send>(
+        &self,
+        work: impl FnOnce() -> R + Send,
+        period: std::time::Duration,
+        mut watch: impl FnMut(),
+    ) -> R {
+        use std::{
+            panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+            sync::mpsc::{RecvTimeoutError, channel},
+        };
+        let (done, wait) = channel();
+        let answer = self.0.in_place_scope(|scope| {
+            scope.spawn(move |_| {
+                // Nobody waits for it only when the caller's thread is unwinding itself.
+                let _ = done.send(catch_unwind(AssertUnwindSafe(work)));
+            });
+            loop {
+                let answer = wait.recv_timeout(period);
+                watch();
+                if !matches!(answer, Err(RecvTimeoutError::Timeout)) {
+                    return answer;
+                }
+            }
+        });
+        match answer {
+            Ok(Ok(result)) => result,
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(gone) => resume_unwind(Box::new(gone.to_string())),
+        }
+    }
+}
+
 /// `work(0), work(1), ... work(count - 1)`, in order, computed in parallel. The first error in order wins.
 pub fn parallel_map<R, E>(
     count: usize,
@@ -140,6 +189,23 @@ mod tests {
         });
         assert_eq!(result, Err(Bad(7)));
         assert!(done.load(Ordering::Relaxed) < 1000);
+    }
+
+    #[test]
+    fn kept_threads_work_while_the_caller_watches() {
+        let threads = Threads::new(3).unwrap();
+        let mut watched = 0;
+        let period = std::time::Duration::from_millis(1);
+        let work = || {
+            std::thread::sleep(20 * period);
+            parallel_map(1000, &Silent, Ok::<_, Cancelled>).map(|all| (all.len(), thread_count()))
+        };
+        assert_eq!(threads.run(work, period, || watched += 1), Ok((1000, 3)));
+        assert!(watched > 1, "{watched}");
+        let panic =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| threads.run(|| panic!("no"), period, || ())));
+        assert_eq!(panic.unwrap_err().downcast_ref::<&str>(), Some(&"no"));
+        assert_eq!(threads.run(|| 1, period, || ()), 1, "a panic leaves the threads usable");
     }
 
     #[test]

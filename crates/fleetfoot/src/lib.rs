@@ -61,7 +61,7 @@ pub use task::Task;
 
 pub use fleetfoot_data as data;
 pub use fleetfoot_data::{
-    Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, thread_count, with_threads,
+    Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, Threads, thread_count, with_threads,
 };
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_estimate as estimate;

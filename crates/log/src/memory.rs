@@ -36,8 +36,8 @@ pub trait MemoryTable: Send + Sync {
     /// The unit in which [`MemoryTable::integers`] gives a column that is a date or a time by its type; `None` for other columns.
     fn time_unit(&self, column: usize) -> Option<TimeUnit>;
 
-    /// Values of a column: numbers as they are, codes for categories, NaN where one is missing. `rows` is within the table.
-    fn values(&self, column: usize, rows: Range<usize>) -> ScalarBuffer<f64>;
+    /// Values of some columns, one buffer each: numbers as they are, codes for categories, NaN where one is missing. `rows` is within the table.
+    fn values(&self, columns: &[usize], rows: Range<usize>) -> Vec<ScalarBuffer<f64>>;
 
     /// Whole numbers of a column that holds such, `i64::MIN` where one is missing; `None` for other columns.
     fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>>;
@@ -146,6 +146,10 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
     }
 }
 
+fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
+    table.values(&[column], rows).pop().unwrap_or_else(|| Vec::new().into())
+}
+
 fn candidate(table: &dyn MemoryTable, column: usize) -> Candidate {
     let Column { name, unit, kind } = &table.columns()[column];
     let rows = 0..table.rows().min(SAMPLE);
@@ -155,8 +159,8 @@ fn candidate(table: &dyn MemoryTable, column: usize) -> Candidate {
             let values = table.integers(column, rows).map_or_else(Vec::new, |all| all.iter().map(seconds).collect());
             (CandidateKind::Time, values)
         }
-        (None, ColumnKind::Float) => (CandidateKind::Float, table.values(column, rows).to_vec()),
-        (None, ColumnKind::Integer) => (CandidateKind::Integer, table.values(column, rows).to_vec()),
+        (None, ColumnKind::Float) => (CandidateKind::Float, of_column(table, column, rows).to_vec()),
+        (None, ColumnKind::Integer) => (CandidateKind::Integer, of_column(table, column, rows).to_vec()),
         (None, _) => (CandidateKind::Other, Vec::new()),
     };
     Candidate { name: name.clone(), unit: unit.clone(), kind, sample }
@@ -181,13 +185,15 @@ impl Table for Selected {
         let stamps: Vec<i64> = match self.table.integers(column, rows.clone()) {
             Some(whole) if unit == TimeUnit::Nanoseconds => return Ok(whole),
             Some(whole) => whole.iter().map(|&value| stamp::from_i64(value, unit)).collect(),
-            None => self.table.values(column, rows).iter().map(|&value| stamp::from_f64(value, unit)).collect(),
+            None => {
+                of_column(self.table.as_ref(), column, rows).iter().map(|&value| stamp::from_f64(value, unit)).collect()
+            }
         };
         Ok(stamps.into())
     }
 
     fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {
-        let columns = self.places.iter().map(|&place| self.table.values(place, rows.clone())).collect();
+        let columns = self.table.values(&self.places, rows.clone());
         Ok(TableRows { time: self.stamps(rows)?, columns })
     }
 }
@@ -218,11 +224,12 @@ mod tests {
         fn time_unit(&self, column: usize) -> Option<TimeUnit> {
             (column == 0).then_some(TimeUnit::Microseconds)
         }
-        fn values(&self, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
-            match column {
-                0 => self.stamps[rows].iter().map(|&stamp| stamp as f64).collect::<Vec<_>>().into(),
-                _ => self.values[rows].to_vec().into(),
-            }
+        fn values(&self, columns: &[usize], rows: Range<usize>) -> Vec<ScalarBuffer<f64>> {
+            let of = |&column: &usize| match column {
+                0 => self.stamps[rows.clone()].iter().map(|&stamp| stamp as f64).collect::<Vec<_>>().into(),
+                _ => self.values[rows.clone()].to_vec().into(),
+            };
+            columns.iter().map(of).collect()
         }
         fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>> {
             (column == 0).then(|| self.stamps[rows].to_vec().into())

@@ -84,7 +84,10 @@ fn hash_table(table: &dyn MemoryTable, progress: &dyn Progress) -> Result<(Conte
             bytes.clear();
             match table.integers(place, part.clone()) {
                 Some(values) => bytes.extend(values.iter().flat_map(|value| value.to_le_bytes())),
-                None => bytes.extend(table.values(place, part).iter().flat_map(|value| value.to_le_bytes())),
+                None => {
+                    let values = table.values(&[place], part);
+                    bytes.extend(values.iter().flat_map(|values| values.iter()).flat_map(|value| value.to_le_bytes()));
+                }
             }
             hasher.update(&bytes);
         }

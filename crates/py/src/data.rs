@@ -1,0 +1,69 @@
+//! What a Python call reads: files, arrays, Arrow tables, or a statistic.
+
+use std::{path::PathBuf, sync::Arc};
+
+use fleetfoot::{
+    Logs,
+    log::{Log, MemoryTable},
+};
+use pyo3::prelude::*;
+
+use crate::{
+    array::{Array, Arrays},
+    error::of_engine,
+};
+
+/// What is read: files, tables in memory, or both.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct Data {
+    pub(crate) logs: Logs,
+}
+
+impl Data {
+    /// Tables in memory.
+    pub(crate) fn of_tables(tables: Vec<Arc<dyn MemoryTable>>) -> Self {
+        Self { logs: Logs::tables(tables) }
+    }
+}
+
+#[pymethods]
+impl Data {
+    /// Files that paths, glob patterns and folders name.
+    #[staticmethod]
+    fn files(patterns: Vec<PathBuf>) -> PyResult<Self> {
+        let paths = fleetfoot::log::paths(patterns).map_err(|error| of_engine(error.into()))?;
+        Ok(Self { logs: (&paths).into() })
+    }
+
+    /// Runs of arrays: for each its name, and its arrays with the names of their columns.
+    #[staticmethod]
+    fn arrays(runs: Vec<(String, Vec<(Bound<'_, PyAny>, Vec<String>)>)>) -> PyResult<Self> {
+        let mut tables: Vec<Arc<dyn MemoryTable>> = Vec::with_capacity(runs.len());
+        for (name, parts) in runs {
+            let arrays = parts
+                .into_iter()
+                .map(|(object, names)| {
+                    let what = format!("{name}, `{}`", names.first().map_or("", String::as_str));
+                    Ok((Array::of(&object, &what)?, names))
+                })
+                .collect::<PyResult<Vec<_>>>()?;
+            tables.push(Arc::new(Arrays::new(name, arrays)?));
+        }
+        Ok(Self::of_tables(tables))
+    }
+
+    /// These and others as one.
+    fn joined(&self, others: Vec<PyRef<'_, Self>>) -> Self {
+        let all = std::iter::once(&self.logs).chain(others.iter().map(|other| &other.logs));
+        Self { logs: all.flat_map(|logs| logs.all().to_vec()).collect::<Vec<Log>>().into() }
+    }
+
+    /// Paths of the files, and names of the tables.
+    fn names(&self) -> Vec<String> {
+        self.logs.all().iter().map(|log| log.path().display().to_string()).collect()
+    }
+
+    fn __len__(&self) -> usize {
+        self.logs.len()
+    }
+}

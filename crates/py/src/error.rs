@@ -1,0 +1,92 @@
+//! One Python exception for each kind of error; the classes are Python's (`fleetfoot.exceptions`).
+
+use std::fmt::Display;
+
+use fleetfoot::Error;
+use pyo3::{
+    exceptions::{PyImportError, PyKeyboardInterrupt, PyRuntimeError},
+    prelude::*,
+    types::PyType,
+};
+
+/// The kinds of errors, by the names of their classes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// What was asked for cannot be understood or does not exist: recipes, expressions, columns, options.
+    Request,
+    /// Recordings that cannot be read, or do not hold what is needed.
+    Data,
+    /// The data do not determine what was to be fitted, or the options of a fit are out of their range.
+    Fit,
+    /// A model that cannot be read, run or exported.
+    Model,
+    /// Statistics that cannot be read or do not go together.
+    Statistic,
+    /// Files that cannot be written.
+    Write,
+    /// A mistake in fleetfoot itself.
+    Internal,
+}
+
+impl Kind {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Request => "RequestError",
+            Self::Data => "DataError",
+            Self::Fit => "FitError",
+            Self::Model => "ModelError",
+            Self::Statistic => "StatisticError",
+            Self::Write => "WriteError",
+            Self::Internal => "InternalError",
+        }
+    }
+
+    /// The exception of this kind with a message.
+    pub(crate) fn error(self, message: impl Display) -> PyErr {
+        let message = message.to_string();
+        Python::attach(|py| match class(py, self.class()) {
+            Ok(class) => PyErr::from_type(class, (message,)),
+            // Only while the package itself is broken.
+            Err(_) => PyRuntimeError::new_err(message),
+        })
+    }
+}
+
+fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
+    let found = py.import("fleetfoot.exceptions")?.getattr(name)?;
+    found.cast_into::<PyType>().map_err(|_| PyImportError::new_err(name.to_owned()))
+}
+
+/// What a pipeline's error is in Python.
+pub(crate) fn of_engine(error: Error) -> PyErr {
+    let kind = match &error {
+        Error::Cancelled(_) | Error::Paused { .. } => return PyKeyboardInterrupt::new_err(error.to_string()),
+        Error::Recipe { .. }
+        | Error::Expression { .. }
+        | Error::UnknownColumn { .. }
+        | Error::World { .. }
+        | Error::Request(_)
+        | Error::Columns(_)
+        | Error::Library(_)
+        | Error::Specification(_)
+        | Error::Filter(_) => Kind::Request,
+        Error::Log(_) | Error::Data(_) | Error::UnseenLabel { .. } => Kind::Data,
+        Error::Model(_) | Error::Export(_) | Error::Dynamics(_) => Kind::Model,
+        Error::Statistic(_) | Error::Merge(_) => Kind::Statistic,
+        Error::Write { .. } => Kind::Write,
+        _ => Kind::Fit,
+    };
+    kind.error(error)
+}
+
+/// An answer of a solver or a reader with an error of the given kind.
+pub(crate) trait OrRaise<T> {
+    /// The value, or the exception.
+    fn or_raise(self, kind: Kind) -> PyResult<T>;
+}
+
+impl<T, E: Display> OrRaise<T> for Result<T, E> {
+    fn or_raise(self, kind: Kind) -> PyResult<T> {
+        self.map_err(|error| kind.error(error))
+    }
+}
