@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 13] = [
+const ARROWS: [(&str, &[&str]); 14] = [
     ("fleetfoot-data", &[]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data"]),
@@ -20,6 +20,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
         &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sparse", "estimate", "sim"],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),
+    ("fleetfoot-py", &["fleetfoot"]),
 ];
 
 #[test]

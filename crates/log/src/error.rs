@@ -104,6 +104,14 @@ pub enum Error {
         /// Its type in the file.
         kind: String,
     },
+    /// A column of a table in memory that cannot be its clock.
+    #[error("{}: column `{column}` holds neither numbers nor times, so it cannot be the clock: convert it", path.display())]
+    NoClock {
+        /// The table.
+        path: PathBuf,
+        /// The column.
+        column: String,
+    },
     /// A column that means different things in two files.
     #[error("column `{column}` is {first_is} in {} but {second_is} in {}: make the files agree", first.display(), second.display())]
     ColumnsDisagree {

@@ -43,7 +43,7 @@ mod topic_info;
 mod writer;
 
 pub use atomic::{AtomicFile, write_atomic};
-pub use channels::{MessageRow, Messages};
+pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use error::Error;
 pub use estimate::{Estimate, estimate};
 pub use format::{Compression, Format};

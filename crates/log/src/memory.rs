@@ -33,6 +33,14 @@ pub trait MemoryTable: Send + Sync {
     /// Its columns. Categories carry their names.
     fn columns(&self) -> &[Column];
 
+    /// A column that is asked for, with the names of its categories, which [`MemoryTable::columns`] need not tell.
+    ///
+    /// # Errors
+    /// A column that holds no numbers, truth values, times or texts, and a text with too many different values.
+    fn selected(&self, column: usize) -> Result<Column, Error> {
+        Ok(self.columns()[column].clone())
+    }
+
     /// The unit in which [`MemoryTable::integers`] gives a column that is a date or a time by its type; `None` for other columns.
     fn time_unit(&self, column: usize) -> Option<TimeUnit>;
 
@@ -94,12 +102,12 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Resul
     let clock = find_clock(path, table.as_ref(), &selection.time)?;
     let time_column = clock.as_ref().map(|clock| table.columns()[clock.column].name.clone());
     let columns = places.iter().map(|&place| {
-        let column = table.columns()[place].clone();
+        let column = table.selected(place)?;
         let empty = matches!(&column.kind, ColumnKind::Category(names) if names.is_empty());
-        TableColumn { column, empty }
+        Ok(TableColumn { column, empty })
     });
     let selected = Selected {
-        columns: columns.collect(),
+        columns: columns.collect::<Result<_, Error>>()?,
         places,
         clock: clock.as_ref().map(|clock| (clock.column, clock.unit)),
         table: table.clone(),
@@ -130,7 +138,11 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
     match spec {
         TimeSpec::Uniform { .. } => return Ok(None),
         TimeSpec::Column { name, .. } => {
-            find(path, table.columns(), name)?;
+            let column = find(path, table.columns(), name)?;
+            let is_number = matches!(table.selected(column)?.kind, ColumnKind::Float | ColumnKind::Integer);
+            if !is_number && table.time_unit(column).is_none() {
+                return Err(Error::NoClock { path: path.into(), column: name.clone() });
+            }
         }
         TimeSpec::Auto => {}
     }
@@ -238,7 +250,7 @@ mod tests {
 
     fn two(name: &str, stamps: Vec<i64>) -> Log {
         let columns = vec![
-            Column { name: "when".into(), unit: None, kind: ColumnKind::Integer },
+            Column { name: "stamp".into(), unit: None, kind: ColumnKind::Integer },
             Column { name: "x".into(), unit: Some("m".into()), kind: ColumnKind::Float },
         ];
         let values = (0..stamps.len()).map(|row| row as f64 + name.len() as f64).collect();
@@ -255,7 +267,7 @@ mod tests {
         assert_eq!(recording.columns()[0].unit.as_deref(), Some("m"));
         let block = recording.read(2, 1..3, Halo { before: 5, after: 5 }).unwrap();
         assert_eq!((block.column(0), block.stamps()), (&[12.0, 13.0, 15.0][..], &[1_500_000, 2_500_000][..]));
-        assert!(recording.notes().iter().any(|note| note.contains("when")), "{:?}", recording.notes());
+        assert!(recording.notes().iter().any(|note| note.contains("stamp")), "{:?}", recording.notes());
     }
 
     #[test]
@@ -265,9 +277,9 @@ mod tests {
         };
         let message = wrong(&Selection::new(["y"])).unwrap();
         assert!(message.contains("run 7") && message.contains('y'), "{message}");
-        let spec = TimeSpec::Column { name: "stamp".into(), unit: None };
+        let spec = TimeSpec::Column { name: "clock".into(), unit: None };
         let message = wrong(&Selection { time: spec, ..Selection::new(["x"]) }).unwrap();
-        assert!(message.contains("run 7") && message.contains("stamp"), "{message}");
+        assert!(message.contains("run 7") && message.contains("clock"), "{message}");
         let twice = [two("a", vec![1, 2, 3]), two("b", vec![1, 2, 3])];
         let message = open_logs(&twice, &Selection::new(["x"]), &Silent).err().unwrap().to_string();
         assert!(message.contains('a') && message.contains('b'), "{message}");

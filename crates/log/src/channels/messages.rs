@@ -10,8 +10,8 @@ use crate::{Error, Format, TopicInfo, mcap::Container};
 
 /// An MCAP file or rosbag2 folder, for reading the messages of a topic in the order of the file.
 pub struct Messages {
-    path: PathBuf,
-    container: Container,
+    pub(super) path: PathBuf,
+    pub(super) container: Container,
 }
 
 /// One message.
@@ -102,7 +102,7 @@ impl Messages {
         Ok(rows)
     }
 
-    fn extract(&self, topic: &str, fields: &[&str]) -> Result<(usize, Box<dyn Extract>), Error> {
+    pub(super) fn extract(&self, topic: &str, fields: &[&str]) -> Result<(usize, Box<dyn Extract>), Error> {
         let index = self.container.topic(topic)?;
         let own = &self.container.topics()[index];
         let paths: Vec<FieldPath> = fields

@@ -7,12 +7,14 @@
 mod cache;
 mod decode;
 mod describe;
+mod message_columns;
 mod messages;
 mod names;
 mod plan;
 mod sample;
 
 pub(crate) use describe::{Description, describe, statistics};
+pub use message_columns::{MessageColumns, MessageField};
 pub use messages::{MessageRow, Messages};
 pub(crate) use names::Names;
 
