@@ -1,8 +1,41 @@
 # One command for each thing that a developer does. `make test` is what CI runs, together with `make lint`.
-.PHONY: test lint docs bench
+PYTHON ?= python3
+# A fresh one for every run of the tests: the wheel must bring along all that it needs.
+VENV := target/python
+WHEELS := target/wheels
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-test:
+.PHONY: test test-rust test-python wheel lint lint-python docs bench
+
+test: test-rust test-python
+
+test-rust:
 	cargo test --workspace --locked
+
+# The wheel, optimised, for every Python from 3.10 on: dist/fleetfoot-*.whl.
+wheel: target/maturin/bin/maturin
+	$< build --release --locked --strip --manifest-path crates/py/Cargo.toml --out dist
+
+# The wheel as the tests' profile builds it, into a fresh environment; then the package's tests, its examples and its types.
+test-python: target/maturin/bin/maturin
+	rm -rf $(VENV) $(WHEELS)/test
+	$< build --profile dev --locked --strip --manifest-path crates/py/Cargo.toml --out $(WHEELS)/test
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install --quiet $(WHEELS)/test/*.whl
+	$(VENV)/bin/python crates/py/python/tests/smoke.py
+	$(VENV)/bin/pip install --quiet --requirement crates/py/requirements-test.txt
+	cd crates/py && ../../$(VENV)/bin/python -m pytest -q
+	cd crates/py && ../../$(VENV)/bin/python -m pytest -q --pyargs --doctest-modules fleetfoot
+	$(MAKE) lint-python
+
+# Types: the stubs say what the module does, and the package what it takes.
+lint-python:
+	cd crates/py && ../../$(VENV)/bin/python -m mypy.stubtest fleetfoot._core
+	cd crates/py && ../../$(VENV)/bin/python -m mypy --config-file pyproject.toml python/fleetfoot
+
+target/maturin/bin/maturin:
+	$(PYTHON) -m venv target/maturin
+	target/maturin/bin/pip install --quiet 'maturin>=1.9,<2'
 
 lint:
 	cargo fmt --all --check

@@ -1,0 +1,346 @@
+"""Every estimator beside its peer: the same arrays, the same answer, time and memory.
+
+    python side_by_side.py [--rows 1000000] [--only KMeans,Lars] [--repeat 3] [--markdown]
+
+Each fit runs in a process of its own, ours and the peer's by turns. Time is the least of the repetitions, of `fit` (or the call) alone. Memory is the peak of
+the process during the fits above what it held before them, with the arrays loaded: 0 means that nothing of the size of the input was made. The
+answers are compared in the same run, relative to the largest number of the peer's.
+
+Bias: the peers run with the threads that they choose (BLAS, OpenMP); data are Gaussian and well conditioned; the first fit of ours is not warmed up
+either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Answer = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fit of ours and of a peer on the same data."""
+
+    peer: str
+    data: Callable[[int], dict[str, np.ndarray]]
+    ours: Callable[[dict[str, np.ndarray]], Answer]
+    theirs: Callable[[dict[str, np.ndarray]], Answer]
+    # What the answers may differ by, relative to the largest number, and why.
+    tolerance: float
+    reason: str = "two algorithms for one minimum"
+
+
+def regression(columns: int, active: int, noise: float) -> Callable[[int], dict[str, np.ndarray]]:
+    """Rows of correlated Gaussian columns and a sparse target."""
+
+    def make(rows: int) -> dict[str, np.ndarray]:
+        rng = np.random.default_rng(7)
+        X = rng.standard_normal((rows, columns))
+        X[:, 1:] += 0.5 * X[:, :-1]
+        b = np.zeros(columns)
+        b[rng.choice(columns, active, replace=False)] = rng.standard_normal(active)
+        return {"X": X, "y": X @ b + noise * rng.standard_normal(rows) + 1.0}
+
+    return make
+
+
+def clusters(rows: int) -> dict[str, np.ndarray]:
+    """Fifty overlapping clouds in sixteen dimensions, and where the centroids start."""
+    rng = np.random.default_rng(8)
+    centres = 2.0 * rng.standard_normal((50, 16))
+    X = centres[rng.integers(0, 50, rows)] + rng.standard_normal((rows, 16))
+    return {"X": X, "start": X[:50].copy()}
+
+
+def lorenz(rows: int) -> dict[str, np.ndarray]:
+    """Lorenz's system and its derivatives, with noise on these."""
+    rng = np.random.default_rng(9)
+    x, dt = np.empty((rows, 3)), 0.002
+    state = np.array([-8.0, 8.0, 27.0])
+
+    def rate(s: np.ndarray) -> np.ndarray:
+        return np.array([10 * (s[1] - s[0]), s[0] * (28 - s[2]) - s[1], s[0] * s[1] - 8 / 3 * s[2]])
+
+    steps = min(rows, 100_000)
+    for row in range(steps):
+        x[row] = state
+        k1 = rate(state)
+        k2 = rate(state + dt / 2 * k1)
+        k3 = rate(state + dt / 2 * k2)
+        state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + rate(state + dt * k3))
+    # Beyond the simulated rows states are drawn near them: the derivative is known everywhere.
+    x[steps:] = x[rng.integers(0, steps, rows - steps)] + 0.1 * rng.standard_normal((rows - steps, 3))
+    dx = np.stack([10 * (x[:, 1] - x[:, 0]), x[:, 0] * (28 - x[:, 2]) - x[:, 1], x[:, 0] * x[:, 1] - 8 / 3 * x[:, 2]], 1)
+    return {"x": x, "dx": dx + 0.1 * rng.standard_normal(dx.shape), "t": dt * np.arange(rows)}
+
+
+def library(rows: int) -> dict[str, np.ndarray]:
+    """Monomials up to degree 3 of Lorenz's states, for the optimisers alone."""
+    made = lorenz(rows)
+    x, y, z = made["x"].T / 10
+    columns = [x**i * y**j * z**k for i in range(4) for j in range(4 - i) for k in range(4 - i - j)]
+    return {"X": np.stack(columns, 1), "Y": made["dx"] / 10}
+
+
+def coefficients(model: Any, *names: str) -> Answer:
+    return {name: np.asarray(getattr(model, name)) for name in names or ("coef_", "intercept_")}
+
+
+def sklearn_case(name: str, arguments: dict[str, Any], data: Any, attributes: tuple[str, ...], tolerance: float) -> Case:
+    """A class with the same name in scikit-learn."""
+
+    def of(module: str) -> Callable[[dict[str, np.ndarray]], Answer]:
+        def run(arrays: dict[str, np.ndarray]) -> Answer:
+            import importlib
+
+            return coefficients(getattr(importlib.import_module(module), name)(**arguments).fit(arrays["X"], arrays["y"]), *attributes)
+
+        return run
+
+    return Case(f"scikit-learn `{name}`", data, of("fleetfoot"), of("sklearn.linear_model"), tolerance)
+
+
+def path_case(name: str, arguments: dict[str, Any], picks: tuple[int, ...], tolerance: float) -> Case:
+    def of(module: str) -> Callable[[dict[str, np.ndarray]], Answer]:
+        def run(arrays: dict[str, np.ndarray]) -> Answer:
+            import importlib
+
+            X, y = arrays["X"], arrays["y"] - arrays["y"].mean()
+            found = getattr(importlib.import_module(module), name)(X, y, **arguments)
+            return {str(at): np.asarray(found[at]) for at in picks}
+
+        return run
+
+    return Case(f"scikit-learn `{name}`", regression(100, 20, 1.0), of("fleetfoot"), of("sklearn.linear_model"), tolerance)
+
+
+def optimizer_case(name: str, arguments: dict[str, Any], tolerance: float) -> Case:
+    def ours(arrays: dict[str, np.ndarray]) -> Answer:
+        import fleetfoot as ff
+
+        return coefficients(getattr(ff, name)(**arguments).fit(arrays["X"], arrays["Y"]), "coef_")
+
+    def theirs(arrays: dict[str, np.ndarray]) -> Answer:
+        import pysindy
+
+        return coefficients(getattr(pysindy, name)(**arguments).fit(arrays["X"], arrays["Y"]), "coef_")
+
+    return Case(f"pysindy `{name}`", library, ours, theirs, tolerance)
+
+
+def kmeans(module: str) -> Callable[[dict[str, np.ndarray]], Answer]:
+    def run(arrays: dict[str, np.ndarray]) -> Answer:
+        import importlib
+
+        KMeans = importlib.import_module(module).KMeans
+        found = KMeans(n_clusters=50, init=arrays["start"], n_init=1, max_iter=25, tol=0.0).fit(arrays["X"])
+        return {"cluster_centers_": found.cluster_centers_, "inertia_": found.inertia_}
+
+    return run
+
+
+def sindy_ours(arrays: dict[str, np.ndarray]) -> Answer:
+    import fleetfoot as ff
+
+    model = ff.SINDy(library=["poly(5)"], threshold=0.5).fit([arrays["x"]], t=[arrays["t"]], x_dot=[arrays["dx"]])
+    return {"terms": np.sort(np.abs(np.asarray(model.coefficients())[np.asarray(model.coefficients()) != 0]))}
+
+
+def sindy_theirs(arrays: dict[str, np.ndarray]) -> Answer:
+    import pysindy
+
+    model = pysindy.SINDy(optimizer=pysindy.STLSQ(threshold=0.5), feature_library=pysindy.PolynomialLibrary(degree=5))
+    model.fit(arrays["x"], t=arrays["t"], x_dot=arrays["dx"])
+    return {"terms": np.sort(np.abs(model.coefficients()[model.coefficients() != 0]))}
+
+
+def pwa_ours(arrays: dict[str, np.ndarray]) -> Answer:
+    import fleetfoot as ff
+
+    model = ff.PWARegressor(n_regions=10, random_state=0).fit(arrays["X"], arrays["y"])
+    return {"mse": np.mean((model.predict(arrays["X"]) - arrays["y"]) ** 2)}
+
+
+def pwa_theirs(arrays: dict[str, np.ndarray]) -> Answer:
+    from sklearn.cluster import KMeans
+    from sklearn.linear_model import LinearRegression
+
+    X, y = arrays["X"], arrays["y"]
+    Z = (X - X.mean(0)) / X.std(0)
+    labels = KMeans(n_clusters=10, n_init=1, random_state=0, max_iter=100).fit_predict(Z)
+    prediction = np.empty_like(y)
+    for region in range(10):
+        rows = labels == region
+        prediction[rows] = LinearRegression().fit(X[rows], y[rows]).predict(X[rows])
+    return {"mse": np.mean((prediction - y) ** 2)}
+
+
+def gram_ours(arrays: dict[str, np.ndarray]) -> Answer:
+    import fleetfoot as ff
+
+    found = ff.lars_path_gram(arrays["Xy"], arrays["G"], n_samples=int(arrays["n"]), method="lasso")
+    return {str(at): np.asarray(found[at]) for at in (0, 2)}
+
+
+def gram_theirs(arrays: dict[str, np.ndarray]) -> Answer:
+    from sklearn.linear_model import lars_path_gram
+
+    found = lars_path_gram(arrays["Xy"].copy(), arrays["G"].copy(), n_samples=int(arrays["n"]), method="lasso")
+    return {str(at): np.asarray(found[at]) for at in (0, 2)}
+
+
+def gram(rows: int) -> dict[str, np.ndarray]:
+    made = regression(300, 60, 1.0)(min(rows, 20_000))
+    X, y = made["X"], made["y"] - made["y"].mean()
+    return {"Xy": X.T @ y, "G": X.T @ X, "n": np.array(len(X))}
+
+
+def bolasso_ours(arrays: dict[str, np.ndarray]) -> Answer:
+    import fleetfoot as ff
+
+    model = ff.Bolasso(n_estimators=128, alpha=0.02, random_state=0).fit(arrays["X"], arrays["y"])
+    return {"support": np.asarray(model.get_support(), dtype=float)}
+
+
+def bolasso_theirs(arrays: dict[str, np.ndarray]) -> Answer:
+    from sklearn.linear_model import LassoLars
+
+    X, y, rng = arrays["X"], arrays["y"], np.random.default_rng(0)
+    kept = np.zeros(X.shape[1])
+    for _ in range(128):
+        rows = rng.integers(0, len(X), len(X))
+        kept += LassoLars(alpha=0.02).fit(X[rows], y[rows]).coef_ != 0
+    return {"support": (kept >= 0.9 * 128).astype(float)}
+
+
+WIDE = regression(100, 20, 1.0)
+CASES: dict[str, Case] = {
+    "KMeans": Case("scikit-learn `KMeans`", clusters, kmeans("fleetfoot"), kmeans("sklearn.cluster"), 1e-6),
+    "Lars": sklearn_case("Lars", {"n_nonzero_coefs": 20}, WIDE, ("coef_", "intercept_"), 1e-8),
+    "LassoLars": sklearn_case("LassoLars", {"alpha": 0.01}, WIDE, ("coef_", "intercept_"), 1e-8),
+    "LassoLarsCV": sklearn_case("LassoLarsCV", {"cv": 10}, WIDE, ("coef_", "alpha_"), 1e-6),
+    "LassoLarsIC": sklearn_case("LassoLarsIC", {"criterion": "bic"}, WIDE, ("coef_", "alpha_"), 1e-6),
+    "Lasso": sklearn_case("Lasso", {"alpha": 0.01, "tol": 1e-10}, WIDE, ("coef_", "intercept_"), 1e-6),
+    "LassoCV": sklearn_case("LassoCV", {"cv": 10, "tol": 1e-8}, WIDE, ("coef_", "alpha_"), 1e-4),
+    "ElasticNet": sklearn_case("ElasticNet", {"alpha": 0.01, "l1_ratio": 0.5, "tol": 1e-10}, WIDE, ("coef_",), 1e-6),
+    "lars_path": path_case("lars_path", {"method": "lasso"}, (0, 2), 1e-8),
+    "lars_path_gram": Case("scikit-learn `lars_path_gram`", gram, gram_ours, gram_theirs, 1e-8),
+    "lasso_path": path_case("lasso_path", {"n_alphas": 100, "tol": 1e-10}, (0, 1), 1e-6),
+    "Bolasso": Case(
+        "128 times scikit-learn `LassoLars`", lambda rows: regression(45, 9, 1.0)(min(rows, 200_000)), bolasso_ours, bolasso_theirs, 0.0, "other draws, the same support"
+    ),
+    "STLSQ": optimizer_case("STLSQ", {"threshold": 0.3, "alpha": 0.05}, 1e-8),
+    "SR3": optimizer_case("SR3", {"reg_weight_lam": 0.05, "max_iter": 100}, 1e-6),
+    "FROLS": optimizer_case("FROLS", {"max_iter": 5}, 1e-8),
+    "SINDy": Case("pysindy `SINDy`", lorenz, sindy_ours, sindy_theirs, 1e-5),
+    "PWARegressor": Case(
+        "scikit-learn `KMeans` and `LinearRegression`", lambda rows: clusters_with_target(rows), pwa_ours, pwa_theirs, 0.05, "other starts of k-means"
+    ),
+}
+
+
+def clusters_with_target(rows: int) -> dict[str, np.ndarray]:
+    X = clusters(rows)["X"]
+    return {"X": X, "y": np.abs(X[:, :4]).sum(1) + 0.1 * np.random.default_rng(10).standard_normal(rows)}
+
+
+def peak() -> int:
+    """Peak resident bytes since the last reset."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM"):
+            return 1024 * int(line.split()[1])
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def resident() -> int:
+    return os.sysconf("SC_PAGESIZE") * int(Path("/proc/self/statm").read_text().split()[1])
+
+
+def run_alone(name: str, who: str, folder: Path, repeat: int) -> None:
+    """The child: fits, and writes time, memory and answer."""
+    warnings.simplefilter("ignore")
+    case = CASES[name]
+    arrays = dict(np.load(folder / f"{name}.npz"))
+    run = case.ours if who == "ours" else case.theirs
+    small = {key: (value[: max(60, len(value) // 1000)] if value.ndim and key not in ("start", "G", "Xy") else value) for key, value in arrays.items()}
+    run(small)  # imports and threads are no part of the fit
+    Path("/proc/self/clear_refs").write_text("5")
+    before, times = resident(), []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        answer = run(arrays)
+        times.append(time.perf_counter() - start)
+    np.savez(folder / f"{name}.{who}.npz", **answer)
+    print(json.dumps({"seconds": min(times), "bytes": max(0, peak() - before)}))
+
+
+def difference(ours: Answer, theirs: Answer) -> float:
+    worst = 0.0
+    for key in theirs:
+        a, b = np.asarray(ours[key], dtype=float), np.asarray(theirs[key], dtype=float)
+        if a.shape != b.shape:
+            return float("inf")
+        scale = np.abs(b).max(initial=0.0)
+        worst = max(worst, float(np.abs(a - b).max(initial=0.0) / (scale if scale > 0 else 1.0)))
+    return worst
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--child", nargs=3, metavar=("NAME", "WHO", "FOLDER"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child:
+        run_alone(arguments.child[0], arguments.child[1], Path(arguments.child[2]), arguments.repeat)
+        return 0
+    wanted = [name for name in arguments.only.split(",") if name] or list(CASES)
+    print("| estimator | peer | input | ours, s | peer, s | faster | ours, MiB | peer, MiB | difference |")
+    print("|---|---|---|---:|---:|---:|---:|---:|---:|")
+    wrong = []
+    for name in wanted:
+        case = CASES[name]
+        with tempfile.TemporaryDirectory() as folder:
+            arrays = case.data(arguments.rows)
+            np.savez(Path(folder) / f"{name}.npz", **arrays)
+            size = " + ".join("x".join(map(str, value.shape)) for value in arrays.values() if value.ndim)
+            del arrays
+            found: dict[str, Any] = {}
+            for who in ("ours", "theirs"):
+                command = [sys.executable, __file__, "--child", name, who, folder, "--repeat", str(arguments.repeat)]
+                done = subprocess.run(command, capture_output=True, text=True)
+                if done.returncode != 0:
+                    print(done.stderr, file=sys.stderr)
+                    return 1
+                found[who] = json.loads(done.stdout.splitlines()[-1])
+            off = difference(*(dict(np.load(Path(folder) / f"{name}.{who}.npz")) for who in ("ours", "theirs")))
+        ours, theirs = found["ours"], found["theirs"]
+        print(
+            f"| `{name}` | {case.peer} | {size} | {ours['seconds']:.3f} | {theirs['seconds']:.3f} | "
+            f"{theirs['seconds'] / ours['seconds']:.1f} | {ours['bytes'] / 2**20:.0f} | {theirs['bytes'] / 2**20:.0f} | {off:.1e} |",
+            flush=True,
+        )
+        if not off <= case.tolerance:
+            wrong.append(f"{name}: {off:.1e}, more than {case.tolerance:.1e} ({case.reason})")
+    for line in wrong:
+        print(f"DIFFERS {line}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
