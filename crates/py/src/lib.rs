@@ -19,6 +19,9 @@ mod run;
 // -- statistics
 
 // -- tables
+mod arrow;
+mod arrow_column;
+mod recipe;
 
 use pyo3::prelude::*;
 
@@ -41,6 +44,8 @@ mod _core {
     // -- statistics
 
     // -- tables
+    #[pymodule_export]
+    use crate::recipe::recipe;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
