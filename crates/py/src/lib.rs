@@ -19,6 +19,12 @@ mod run;
 // -- statistics
 
 // -- tables
+mod arrow;
+mod arrow_column;
+mod generate;
+mod read;
+mod recipe;
+mod table;
 
 use pyo3::prelude::*;
 
@@ -41,6 +47,14 @@ mod _core {
     // -- statistics
 
     // -- tables
+    #[pymodule_export]
+    use crate::generate::{generate, project, robots, world};
+    #[pymodule_export]
+    use crate::read::{info, read_messages, read_model_rows, read_table, student_t_95, topics};
+    #[pymodule_export]
+    use crate::recipe::recipe;
+    #[pymodule_export]
+    use crate::table::Table;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -15,6 +15,10 @@ from ._core import set_threads, thread_count
 # -- statistics
 
 # -- tables
+from . import plot
+from ._compare import Comparison, compare
+from ._data import Dataset, open  # noqa: A004
+from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 
 __all__ = [
     "__version__",
@@ -27,4 +31,17 @@ __all__ = [
     # -- identification
     # -- statistics
     # -- tables
+    "Comparison",
+    "Dataset",
+    "Generated",
+    "Table",
+    "compare",
+    "generate",
+    "info",
+    "open",
+    "plot",
+    "read",
+    "read_mcap",
+    "robots",
+    "world",
 ]
