@@ -23,6 +23,9 @@ mod points;
 // -- statistics
 
 // -- tables
+mod arrow;
+mod arrow_column;
+mod recipe;
 
 use pyo3::prelude::*;
 
@@ -51,6 +54,8 @@ mod _core {
     // -- statistics
 
     // -- tables
+    #[pymodule_export]
+    use crate::recipe::recipe;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
