@@ -12,7 +12,7 @@ import numpy as np
 from . import _core, _recipe
 from ._model import Model
 from ._progress import Progress, reporting
-from ._runs import is_arrays, runs
+from ._runs import differentiated, is_arrays, runs
 from ._warnings import warn_all
 from .exceptions import RequestError
 
@@ -109,6 +109,7 @@ class Identifier:
         input_names: Sequence[str] | None = None,
         *,
         dt: float | None = None,
+        columns: Mapping[str, Any] | None = None,
     ) -> Own:
         """Fits to runs.
 
@@ -127,6 +128,8 @@ class Identifier:
             Names of the columns of ``x`` and ``u``; ``x0``, ``x1``, ... and ``u0``, ``u1``, ... when not given.
         dt : float, optional
             Seconds from row to row, in place of ``t``.
+        columns : dict of str to array or list of arrays, optional
+            Further columns beside arrays, (rows,): labels of a partition, weights, what expressions speak of.
 
         Returns
         -------
@@ -149,7 +152,7 @@ class Identifier:
         FleetfootWarning
             What was assumed, left out, or cannot be told apart.
         """
-        data, recipe = self._data(x, t, x_dot, u, feature_names, input_names, dt)
+        data, recipe = self._data(x, t, x_dot, u, feature_names, input_names, dt, columns)
         with reporting(self.progress) as callback:
             self.model_, self.report_ = self._fit(data, _recipe.to_json(recipe), callback)
         self.report_["recipe"] = self.model_.recipe
@@ -179,6 +182,7 @@ class Identifier:
         feature_names: Sequence[str] | None,
         input_names: Sequence[str] | None,
         dt: float | None,
+        columns: Mapping[str, Any] | None,
     ) -> tuple[_core.Data, dict[str, Any]]:
         """What is read, and the whole recipe."""
         own = _recipe.of_anything(self.recipe)
@@ -196,15 +200,16 @@ class Identifier:
                 dt=dt,
                 default_dt=self._period(_recipe.over(self._own_recipe(), own)),
                 differentiate=differentiate,
+                columns=columns,
             )
             data = found.core
             states = {name: _recipe.said(derivative=found.derivatives.get(name)) for name in found.states}
             below = {"states": states, "inputs": {name: {} for name in found.inputs}, "time": found.time}
             recipe = _recipe.over(own, below)
         else:
-            if x_dot is not None or u is not None or feature_names is not None or input_names is not None:
+            if any(given is not None for given in (x_dot, u, feature_names, input_names, columns)):
                 raise ValueError(
-                    "x_dot, u, feature_names and input_names belong to arrays; of files and tables name the columns: states=, inputs=, derivative="
+                    "x_dot, u, feature_names, input_names and columns belong to arrays; of files and tables name the columns: states=, inputs=, derivative="
                 )
             if differentiate is not None:
                 raise ValueError("derivative: a function is called for arrays; of files and tables name a column or a difference")
@@ -286,7 +291,10 @@ class Identifier:
 
         :meth:`fleetfoot.Model.score` takes the same and tells more: errors beside baselines, by episode, with intervals.
         """
-        report = self._found().score(x, t, x_dot, u, **options)
+        model, derivative = self._found(), self._derivative()
+        if callable(derivative) and x_dot is None and is_arrays(x):
+            x_dot = differentiated(x, t, options.get("dt"), model.dt, derivative)
+        report = model.score(x, t, x_dot, u, **options)
         shares = [target["r2"] for target in report["targets"]]
         return float(np.mean([np.nan if share is None else share for share in shares]))
 

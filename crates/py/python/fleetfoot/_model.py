@@ -482,6 +482,7 @@ class Model:
         u: Any = None,
         *,
         dt: float | None = None,
+        columns: Mapping[str, Any] | None = None,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
@@ -492,7 +493,7 @@ class Model:
         ----------
         x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
             Runs as for :meth:`fleetfoot.SINDy.fit`, or files, tables, data sets.
-        t, x_dot, u, dt : optional
+        t, x_dot, u, dt, columns : optional
             As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is needed where the fit had it.
         recipe, cache, progress : optional
             As for :meth:`predict`.
@@ -513,7 +514,7 @@ class Model:
             What was assumed of the data; episodes that trained the model.
         """
         if is_arrays(x):
-            core, data, changes = self._arrays(x, t, x_dot, u, dt)
+            core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
         else:
             core = self._core
             data, changes = self._opened(x, recipe, t, dt)
@@ -604,21 +605,31 @@ class Model:
         kept = {name: changes[name] for name in ("time", "rename", "join", "episodes") if name in changes}
         return dataset._core, _recipe.to_json(kept)
 
-    def _arrays(self, x: Any, t: Any, x_dot: Any, u: Any, dt: float | None) -> tuple[_core.Model, _core.Data, str]:
+    def _arrays(
+        self,
+        x: Any,
+        t: Any,
+        x_dot: Any,
+        u: Any,
+        dt: float | None,
+        columns: Mapping[str, Any] | None,
+    ) -> tuple[_core.Model, _core.Data, str]:
         """Arrays in the order of states and inputs, and the model over columns of these names."""
         fitted = self.content.fitted()
-        columns = {column["name"] for column in self.content.columns}
+        known = {column["name"] for column in self.content.columns}
         measured = {one["subject"]: one["target"].strip("`") for one in fitted if one["prediction"] == "derivative"}
-        own = {name: column for name, column in measured.items() if column in columns and column not in self.states}
+        own = {name: column for name, column in measured.items() if column in known and column not in self.states}
         if own and x_dot is None:
             raise ModelError(f"x_dot is missing: the model was fitted to derivatives that were given ({', '.join(own)})")
+        given = [name for name in self.inputs if name not in (columns or {})]
         found = runs(
             x,
             t,
             x_dot,
             u,
             self.states,
-            self.inputs if u is not None else None,
+            given if u is not None else None,
+            columns=columns,
             dt=dt,
             default_dt=self.dt or None,
             derivative_names=own,

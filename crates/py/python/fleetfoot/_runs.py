@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -115,6 +115,7 @@ def runs(
     default_dt: float | None = None,
     differentiate: Differentiate | None = None,
     derivative_names: dict[str, str] | None = None,
+    columns: Mapping[str, Any] | None = None,
 ) -> Runs:
     """Arrays as one data set; a list is a list of runs."""
     if t is not None and dt is not None:
@@ -134,16 +135,22 @@ def runs(
         taken.update(inputs)
     elif input_names is not None:
         raise ValueError("input_names is given and u is not")
-    if len(taken) < len(states) + len(inputs):
-        twice = sorted({name for name in states + inputs if (states + inputs).count(name) > 1})
-        raise ValueError(f"feature_names and input_names: {', '.join(twice)} stands for two columns")
+    others = [str(name) for name in columns or ()]
+    for name in others:
+        for part, one in zip(parts, _beside((columns or {})[name], f"columns[{name!r}]", xs)):
+            part.append((one, [name]))
+    every = states + inputs + others
+    taken.update(others)
+    if len(taken) < len(every):
+        twice = sorted({name for name in every if every.count(name) > 1})
+        raise ValueError(f"feature_names, input_names and columns: {', '.join(twice)} stands for two columns")
     stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
     period = default_dt if stamps is None and period is None else period
     if stamps is None and period is None:
         raise ValueError("t is missing: give the stamps of every run in seconds, or dt=, the seconds from row to row")
     if differentiate is not None and x_dot is None:
         clocks: Sequence[Any] = stamps if stamps is not None else [period] * len(xs)
-        x_dot = [np.asarray(differentiate(_columns(one), clock)) for one, clock in zip(xs, clocks)]
+        x_dot = [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
     found = Runs(_core.Data.arrays([]), states, inputs)
     if x_dot is not None:
         dots = _beside(x_dot, "x_dot", xs)
@@ -161,6 +168,21 @@ def runs(
     else:
         found.time = {"dt": period}
     found.core = _core.Data.arrays([(f"run {run}", part) for run, part in enumerate(parts)])
+    return found
+
+
+def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
+    """Derivatives of every run by a function of the caller's."""
+    xs = _listed(x, "x")
+    stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
+    clocks: Sequence[Any] = stamps if stamps is not None else [default_dt if period is None else period] * len(xs)
+    return [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
+
+
+def _derivative(differentiate: Differentiate, x: np.ndarray[Any, Any], t: Any, run: int) -> np.ndarray[Any, Any]:
+    found = np.asarray(differentiate(_columns(x), t))
+    if found.shape != _columns(x).shape:
+        raise ValueError(f"derivative: run {run} of the shape {_columns(x).shape} has derivatives of the shape {found.shape}")
     return found
 
 

@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from . import _core, _peers, _recipe
 from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number, partition
 from ._model import Model
 from ._progress import Progress
 from .exceptions import RequestError
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @documented
@@ -201,6 +206,39 @@ class SINDy(Identifier):
         chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
         self.front_ = {terms: Model(one) for terms, one in front}
         return Model(chosen), json.loads(report)
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some equation uses."""
+        if latent is not None:
+            return super().get_feature_names(latent)
+        self._found()
+        return list(self.report_["candidates"])
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """Coefficients of all candidates in the order of :meth:`get_feature_names`, zeros among them.
+
+        Parameters
+        ----------
+        latent : str, optional
+            One unknown function, over the functions that the model keeps.
+        region : int, optional
+            One region.
+
+        Returns
+        -------
+        array
+            (equations, candidates) with one region or one that is named, else (regions, equations, candidates).
+        """
+        found = super().coefficients(latent=latent, region=region)
+        if latent is not None:
+            return found
+        place = {name: at for at, name in enumerate(self.report_["candidates"])}
+        names = self._found().get_feature_names()
+        all_ = np.zeros((*found.shape[:-1], len(place)))
+        for at, name in enumerate(names):
+            if name in place:
+                all_[..., place[name]] = found[..., at]
+        return all_
 
 
 def _one(name: str, value: Any, other: str, alias: Any) -> Any:
