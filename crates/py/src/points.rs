@@ -84,9 +84,10 @@ fn points_of(given: Option<&Floats>, what: &str, width: usize, own: &str) -> PyR
         // A number, where the model has but one.
         [] if width == 1 => Ok(None),
         [last] if *last == width => Ok(None),
+        [count] if width == 1 => Ok(Some(*count)),
         [count, last] if *last == width => Ok(Some(*count)),
         shape => Err(Kind::Model.error(format!(
-            "{what} has the shape {shape:?}; the model has {width} ({own}): give ({width},), or (points, {width})"
+            "{what} has the shape {shape:?}; the model has {width} ({own}): give ({width},), or as many for each point, (points, {width})"
         ))),
     }
 }

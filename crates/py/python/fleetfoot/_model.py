@@ -459,7 +459,7 @@ class Model:
         Returns
         -------
         array or dict
-            For arrays (rows, outputs); NaN for rows without the past that the model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
+            For arrays (rows, outputs), for a list of runs a list of such; NaN for rows without the past that the model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
             ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows, targets), ``region`` (-1: none),
             ``distance`` (from the region's mean, Mahalanobis), ``complete`` (target and prediction are there), ``domain`` (0 within what the region saw in
             training, 1 outside of that, 2 outside of all training).
@@ -468,6 +468,11 @@ class Model:
         ------
         ModelError, DataError, RequestError
         """
+        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
+            us, ts = u if self.inputs else [None] * len(x), [None] * len(x) if t is None else t
+            if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
+                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
+            return [self.predict(*run) for run in zip(x, us, ts)]
         if x is None or is_arrays(x):
             return self._core.fitted(x, u, t)[0]
         data, changes = self._opened(x, recipe)
