@@ -17,6 +17,7 @@ mod run;
 // -- identification
 
 // -- statistics
+mod statistic;
 
 // -- tables
 
@@ -39,6 +40,8 @@ mod _core {
     // -- identification
 
     // -- statistics
+    #[pymodule_export]
+    use crate::statistic::Statistic;
 
     // -- tables
 
