@@ -10,7 +10,9 @@ use pyo3::prelude::*;
 
 use crate::{
     array::{Array, Arrays},
+    arrow::ArrowTable,
     error::of_engine,
+    run::guard,
 };
 
 /// What is read: files, tables in memory, or both.
@@ -50,6 +52,15 @@ impl Data {
             tables.push(Arc::new(Arrays::new(name, arrays)?));
         }
         Ok(Self::of_tables(tables))
+    }
+
+    /// Arrow tables: for each its name, and the batches, tables or streams of one schema that make it.
+    #[staticmethod]
+    fn arrow(tables: Vec<(String, Vec<Bound<'_, PyAny>>)>) -> PyResult<Self> {
+        let table = |(name, parts): (String, Vec<Bound<'_, PyAny>>)| {
+            guard(|| ArrowTable::of(name, &parts)).map(|table| Arc::new(table) as Arc<dyn MemoryTable>)
+        };
+        Ok(Self::of_tables(tables.into_iter().map(table).collect::<PyResult<_>>()?))
     }
 
     /// These and others as one.

@@ -20,6 +20,9 @@ mod run;
 mod statistic;
 
 // -- tables
+mod arrow;
+mod arrow_column;
+mod recipe;
 
 use pyo3::prelude::*;
 
@@ -44,6 +47,8 @@ mod _core {
     use crate::statistic::Statistic;
 
     // -- tables
+    #[pymodule_export]
+    use crate::recipe::recipe;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -15,6 +15,7 @@ from ._core import set_threads, thread_count
 # -- statistics
 
 # -- tables
+from ._data import Dataset, open  # noqa: A004
 
 __all__ = [
     "__version__",
@@ -27,4 +28,6 @@ __all__ = [
     # -- identification
     # -- statistics
     # -- tables
+    "Dataset",
+    "open",
 ]

@@ -1,0 +1,277 @@
+"""What fits, scans and scores read: files, Arrow tables, numpy arrays, opened as one thing."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _core
+
+
+class Dataset:
+    """Recordings, and what they mean. Made by :func:`fleetfoot.open`.
+
+    Nothing is read until a fit, a scan or a score asks for rows: files stream, arrays and Arrow tables stay where they are.
+
+    Parameters
+    ----------
+    core : _core.Data
+        What is read.
+    recipe : str
+        The recipe as TOML; empty when there is none.
+
+    Attributes
+    ----------
+    recipe : str
+        The recipe as TOML; may be empty.
+    """
+
+    def __init__(self, core: _core.Data, recipe: str = "") -> None:
+        self._core = core
+        self.recipe = recipe
+
+    @property
+    def names(self) -> list[str]:
+        """Paths of the files, and names of the tables."""
+        return self._core.names()
+
+    def __len__(self) -> int:
+        return len(self._core)
+
+    def __repr__(self) -> str:
+        names = self.names
+        shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+        return f"Dataset({len(names)} {'log' if len(names) == 1 else 'logs'}: {shown})"
+
+    def __add__(self, other: Dataset) -> Dataset:
+        """Both as one; they are read by one recipe."""
+        if not isinstance(other, Dataset):
+            return NotImplemented
+        if self.recipe and other.recipe and self.recipe != other.recipe:
+            raise ValueError("the two datasets have different recipes; open one of them without")
+        return Dataset(self._core.joined([other._core]), self.recipe or other.recipe)
+
+
+def open(  # noqa: A001
+    source: Any,
+    *,
+    recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    name: str | Sequence[str] | None = None,
+    t: Any = None,
+    dt: float | None = None,
+) -> Dataset:
+    """Opens files, tables or arrays for reading.
+
+    Parameters
+    ----------
+    source : path, table, array, mapping, list or iterator
+        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, Parquet and CSV files, or a statistic (``.stats``). They stream.
+        - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2 and later, duckdb).
+          Columns of ``float64`` without nulls in one chunk are read where they are.
+        - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``, ``name1``, ... (a tuple of
+          k names as the key names them). numpy arrays of any number type, order and strides are read where they are.
+        - An array of shape (rows, k): its columns are called ``x0``, ``x1``, ...
+        - A list of tables, mappings or arrays: one run each.
+        - An iterator of record batches or tables of one schema: one run. Fits read rows more than once, so the batches are gathered and kept.
+    recipe : path, str or mapping, optional
+        Which fields are what: a TOML file, TOML text, or the same as a mapping.
+    name : str or list of str, optional
+        Names of the runs in memory; ``"run"``, or ``"run 0"``, ``"run 1"``, ... when not given.
+    t : str, array or list of arrays, optional
+        The clock: the name of its column; or stamps of each run in memory, shape (rows,), in seconds (or ``datetime64``).
+    dt : float, optional
+        Seconds from row to row, for recordings without a clock.
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    RequestError
+        The recipe cannot be understood.
+    DataError
+        No file is found; an array or a table cannot be read.
+    TypeError
+        ``source`` is nothing of the above.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> time = np.arange(100) * 0.01
+    >>> data = ff.open({"t": time, "x": np.cos(time)}, name="swing")
+    >>> data
+    Dataset(1 log: swing)
+    """
+    if t is not None and dt is not None:
+        raise ValueError("t and dt are both given; the stamps come from one of them")
+    if isinstance(source, Dataset):
+        core, added = source._core, None
+        if t is not None and not isinstance(t, str):
+            raise ValueError("t: the dataset is open already; give the name of its clock's column")
+        recipe = source.recipe if recipe is None else recipe
+    elif _is_path(source) or _is_paths(source):
+        core, added = _files(source, name, t), None
+    else:
+        core, added = _memory(source, name, t)
+    clock = t if isinstance(t, str) else added
+    return Dataset(core, _recipe(recipe, clock, "s" if added and not _is_dated(t) else None, dt))
+
+
+def _is_path(source: Any) -> bool:
+    return isinstance(source, (str, os.PathLike))
+
+
+def _is_paths(source: Any) -> bool:
+    return isinstance(source, (list, tuple)) and bool(source) and all(_is_path(one) for one in source)
+
+
+def _is_table(source: Any) -> bool:
+    return hasattr(source, "__arrow_c_stream__") or hasattr(source, "__arrow_c_array__")
+
+
+def _is_dated(t: Any) -> bool:
+    first = t[0] if isinstance(t, (list, tuple)) and t else t
+    return np.asarray(first).dtype.kind in "mM"
+
+
+def _files(source: Any, name: Any, t: Any) -> _core.Data:
+    if name is not None:
+        raise ValueError("name: files have their own names")
+    if t is not None and not isinstance(t, str):
+        raise ValueError("t: files have their own stamps; give the name of the clock's column")
+    return _core.Data.files([source] if _is_path(source) else list(source))
+
+
+def _memory(source: Any, name: Any, t: Any) -> tuple[_core.Data, str | None]:
+    """Tables in memory, and the name of the clock's column where one was added."""
+    if isinstance(source, np.ndarray) or isinstance(source, Mapping) or _is_table(source):
+        runs, single = [source], True
+    elif isinstance(source, (list, tuple)):
+        runs, single = list(source), False
+        if runs and all(np.isscalar(one) for one in runs):
+            runs, single = [np.asarray(source)], True
+    elif isinstance(source, Iterator) or isinstance(source, Iterable):
+        runs, single = [_Batches(source)], True
+    else:
+        raise TypeError(f"source is a {type(source).__name__}; give paths, Arrow tables, mappings of arrays, arrays, or an iterator of batches")
+    if not runs:
+        raise ValueError("source is empty; give at least one run")
+    names = _names(name, len(runs), single)
+    stamps: list[Any] = [None] * len(runs)
+    if t is not None and not isinstance(t, str):
+        stamps = _stamps(t, len(runs), single)
+    parts = [_run(name, run, stamp) for name, run, stamp in zip(names, runs, stamps)]
+    core = parts[0].joined(parts[1:]) if len(parts) > 1 else parts[0]
+    return core, None if stamps[0] is None else "t"
+
+
+def _names(name: Any, count: int, single: bool) -> list[str]:
+    if name is None:
+        return ["run"] if single else [f"run {i}" for i in range(count)]
+    if isinstance(name, str):
+        return [name] if count == 1 else [f"{name} {i}" for i in range(count)]
+    names = [str(one) for one in name]
+    if len(names) != count:
+        raise ValueError(f"name has {len(names)} names for {count} runs")
+    return names
+
+
+def _stamps(t: Any, count: int, single: bool) -> list[Any]:
+    if single and not (isinstance(t, (list, tuple)) and len(t) == 1 and np.ndim(t[0]) == 1):
+        return [np.asarray(t)]
+    if not isinstance(t, (list, tuple)):
+        raise ValueError(f"t: give a list of {count} arrays, one for each run")
+    if len(t) != count:
+        raise ValueError(f"t has {len(t)} arrays for {count} runs")
+    return [np.asarray(one) for one in t]
+
+
+class _Batches:
+    """Record batches of one run."""
+
+    def __init__(self, batches: Iterable[Any]) -> None:
+        self.batches = list(batches)
+
+
+def _run(name: str, run: Any, stamps: Any) -> _core.Data:
+    if isinstance(run, _Batches):
+        for at, batch in enumerate(run.batches):
+            if not _is_table(batch):
+                raise TypeError(f"source: batch {at} is a {type(batch).__name__}; give record batches or tables")
+        if stamps is not None:
+            raise ValueError("t: batches have their own stamps; give the name of the clock's column")
+        return _core.Data.arrow([(name, run.batches)])
+    if _is_table(run) and not isinstance(run, np.ndarray):
+        if stamps is not None:
+            raise ValueError("t: tables have their own stamps; give the name of the clock's column")
+        try:
+            return _core.Data.arrow([(name, [run])])
+        except ImportError:
+            # pandas hands out Arrow only beside pyarrow; its columns are arrays as well.
+            if not hasattr(run, "to_numpy"):
+                raise
+            run = {str(column): run[column].to_numpy() for column in run.columns}
+    parts = _parts(name, run)
+    if stamps is not None:
+        parts.append((stamps, ["t"]))
+    return _core.Data.arrays([(name, parts)])
+
+
+def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:
+    """Arrays with the names of their columns."""
+    if not isinstance(run, Mapping):
+        array = np.asarray(run)
+        if array.ndim not in (1, 2):
+            raise ValueError(f"{name} has {array.ndim} dimensions; give rows and columns")
+        return [(array, [f"x{i}" for i in range(1 if array.ndim == 1 else array.shape[1])])]
+    if not run:
+        raise ValueError(f"{name} has no columns")
+    parts = []
+    for key, values in run.items():
+        array = values if isinstance(values, np.ndarray) else np.asarray(values)
+        if isinstance(key, tuple):
+            names = [str(one) for one in key]
+        elif array.ndim == 2:
+            names = [f"{key}{i}" for i in range(array.shape[1])]
+        else:
+            names = [str(key)]
+        parts.append((array, names))
+    return parts
+
+
+def _recipe(recipe: Any, clock: str | None, unit: str | None, dt: float | None) -> str:
+    """A recipe as TOML, with the clock that is given beside it; checked."""
+    if recipe is None:
+        text, origin, is_json = "", "the recipe", False
+    elif isinstance(recipe, Mapping):
+        text, origin, is_json = json.dumps(recipe, default=_plain), "the recipe", True
+    elif isinstance(recipe, str) and ("\n" in recipe or "=" in recipe or recipe.strip() == ""):
+        text, origin, is_json = recipe, "the recipe", False
+    elif isinstance(recipe, (str, os.PathLike)):
+        path = Path(recipe)
+        try:
+            with builtins.open(path, encoding="utf-8") as file:
+                text, origin, is_json = file.read(), str(path), False
+        except OSError as error:
+            from .exceptions import RequestError
+
+            raise RequestError(f"{path} cannot be read as a recipe: {error.strerror}; give a TOML file, TOML text or a dict") from error
+    else:
+        raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
+    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else float(dt))
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays of numpy, and paths, as JSON has them."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"recipe: {value!r} is no text, number, list or table")

@@ -1,0 +1,39 @@
+//! Recipes from what Python gives.
+
+use fleetfoot::{Error, Recipe, Time};
+use pyo3::prelude::*;
+
+use crate::error::{Kind, of_engine};
+
+/// A recipe as TOML, checked, with the clock that is given beside it: the name of its column and the unit of its numbers, or a period in seconds.
+///
+/// `text` is TOML, or JSON of the same shape; `origin` names it in messages. TOML that is not changed comes back as it is.
+#[pyfunction]
+#[pyo3(signature = (text, origin = "the recipe", is_json = false, clock = None, unit = None, dt = None))]
+pub(crate) fn recipe(
+    text: &str,
+    origin: &str,
+    is_json: bool,
+    clock: Option<String>,
+    unit: Option<String>,
+    dt: Option<f64>,
+) -> PyResult<String> {
+    let mut recipe = if is_json {
+        serde_json::from_str(text)
+            .map_err(|error| Error::Recipe { name: origin.to_owned(), problem: error.to_string() })
+    } else {
+        Recipe::parse(text, origin)
+    }
+    .map_err(of_engine)?;
+    if let Some(dt) = dt
+        && !(dt > 0.0 && dt.is_finite())
+    {
+        return Err(Kind::Request.error(format!("dt = {dt}: the sampling period must be positive")));
+    }
+    if clock.is_some() || dt.is_some() {
+        recipe.time = Time { column: clock, unit, dt, ..recipe.time };
+    } else if !is_json {
+        return Ok(text.to_owned());
+    }
+    Ok(recipe.to_toml())
+}
