@@ -13,6 +13,9 @@ from ._core import set_threads, thread_count
 # -- identification
 
 # -- statistics
+from . import distributed
+from ._solution import Certificate, Solution
+from ._stats import Episode, Plan, Stats, merge, scan
 
 # -- tables
 from ._data import Dataset, open  # noqa: A004
@@ -27,6 +30,14 @@ __all__ = [
     # -- clusters and thresholds
     # -- identification
     # -- statistics
+    "Certificate",
+    "Episode",
+    "Plan",
+    "Solution",
+    "Stats",
+    "distributed",
+    "merge",
+    "scan",
     # -- tables
     "Dataset",
     "open",

@@ -34,7 +34,7 @@ class TaskScore(NamedTuple):
     r2: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Coefficients of a statistic. Made by :meth:`fleetfoot.Stats.solve`.
 

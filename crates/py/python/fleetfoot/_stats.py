@@ -200,7 +200,7 @@ class Plan(_Value):
     >>> recipe = {"model": {"predict": "y"}, "inputs": {"x": "x"}, "time": {"column": "t"}}
     >>> plan = ff.Plan(recipe, runs)
     >>> plan.functions
-    {'y': ['1', 'x']}
+    {'f_y': ['1', 'x']}
     >>> ff.scan(plan, runs[0]).plan == plan
     True
     """
@@ -520,9 +520,9 @@ def scan(
     --------
     >>> import numpy as np, fleetfoot as ff
     >>> x = np.linspace(0.0, 1.0, 50)
-    >>> data = ff.open({"x": x, "y": 2 * x**2}, dt=0.1)
-    >>> stats = ff.scan({"model": {"predict": "y", "degree": 2}, "inputs": {"x": "x"}, "time": {"dt": 0.1}}, data)
-    >>> stats.solve().as_dict()["y"]["x^2"].round(9)
+    >>> recipe = {"model": {"predict": "y", "degree": 2}, "inputs": {"x": "x"}, "time": {"dt": 0.1}}
+    >>> stats = ff.scan(recipe, {"x": x, "y": 2 * x**2})
+    >>> round(stats.solve().as_dict()["f_y"]["x^2"], 9)
     2.0
     """
     labels = [keys] if isinstance(keys, str) else list(keys)
