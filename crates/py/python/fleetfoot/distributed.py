@@ -194,20 +194,28 @@ class _Dask:
         """Scans every group, and merges."""
         import distributed
 
-        # Nothing but this call holds the futures: what it leaves behind is cancelled, and statistics that are merged are forgotten.
+        # Nothing but this call holds the futures, so that statistics that are merged are forgotten.
         root, pending = self._submit(plan, keys, groups)
         done, total = 0, len(pending)
         waiting = distributed.as_completed(pending)
         del pending
-        for future in waiting:
-            if future.status != "finished":
-                future.result()
-            del future
-            done += 1
-            if callback is not None:
-                callback("scan", done, total)
-        found: Part = root.result()
-        return found
+        try:
+            for future in waiting:
+                if future.status != "finished":
+                    future.result()
+                del future
+                done += 1
+                if callback is not None:
+                    callback("scan", done, total)
+            found: Part = root.result()
+            return found
+        except BaseException:
+            self._client.cancel([root, *waiting.futures])
+            waiting.clear()
+            raise
+        finally:
+            # A traceback keeps what this frame holds.
+            del root, waiting
 
     def _submit(self, plan: bytes, keys: list[str], groups: list[list[Source]]) -> tuple[Any, list[Any]]:
         token = uuid.uuid4().hex
