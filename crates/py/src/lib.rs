@@ -15,6 +15,10 @@ mod run;
 // -- clusters and thresholds
 
 // -- identification
+mod fit;
+mod model;
+mod on_data;
+mod points;
 
 // -- statistics
 mod statistic;
@@ -41,6 +45,12 @@ mod _core {
     // -- clusters and thresholds
 
     // -- identification
+    #[pymodule_export]
+    use crate::fit::{fit_narx, fit_pwa, fit_sindy, fit_sparse, recipe_json};
+    #[pymodule_export]
+    use crate::model::Model;
+    #[pymodule_export]
+    use crate::on_data::{predict_rows, rollout, score};
 
     // -- statistics
     #[pymodule_export]

@@ -11,6 +11,12 @@ from ._core import set_threads, thread_count
 # -- clusters and thresholds
 
 # -- identification
+from ._block_sparse import BlockSparse
+from ._model import Model, load
+from ._narx import NARX
+from ._pwa import PWA
+from ._sindy import SINDy
+from ._warnings import FleetfootWarning
 
 # -- statistics
 from . import distributed
@@ -29,6 +35,13 @@ __all__ = [
     # -- lasso
     # -- clusters and thresholds
     # -- identification
+    "NARX",
+    "PWA",
+    "BlockSparse",
+    "FleetfootWarning",
+    "Model",
+    "SINDy",
+    "load",
     # -- statistics
     "Certificate",
     "Episode",

@@ -1,0 +1,188 @@
+"""Sparse models of unknown functions that equations share."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _core, _recipe
+from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number
+from ._model import Model
+from ._progress import Progress
+
+
+@documented
+class BlockSparse(Identifier):
+    """Unknown functions, each a sparse sum of its own candidates, found together from all equations in which they stand (block-sparse regression).
+
+    The lasso with its path and a choice of lambda; with ``bolasso`` the columns that most resamples select; then least squares on what was
+    selected. Without ``latents`` and ``tasks`` every state has an unknown function of its own over the polynomials.
+
+    Parameters
+    ----------
+    latents : dict, optional
+        Unknown functions: ``{"T": {"times": "N1", "of": ["rho", "M"], "degree": 4}, "D": {...}}``, as a recipe's ``[latents]``: ``times``, ``of``, ``degree``,
+        ``functions``, ``constant``, ``penalty``, ``signs``, ``at_least``, ``at_most``, ``prior``, ``prior_strength``, ``prior_scale``.
+    tasks : dict, optional
+        Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with ``scale``, the error that counts as one; a pair
+        of texts is target and right side.
+    lam : float or str, optional
+        Lambda: ``"auto"``, a number, or ``"L0/sqrt(n)"``.
+    select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
+        What lambda is chosen by.
+    folds : int or str, optional
+        A number, ``"episodes"``, or ``"splits:N"``.
+    l1_ratio : float, optional
+        Share of the absolute values in the elastic net's penalty.
+    adaptive : bool, optional
+        Penalty factors from a first fit.
+    bolasso : str, optional
+        ``"rows:128"``, ``"chunks:128"`` or ``"episodes:128"``.
+    threshold : float, optional
+        Share of the resamples that must select a column.
+    stability : bool, optional
+        Stability selection by half-samples.
+    prior_strength : float, optional
+        Of all priors that name none.
+    unscaled : bool, optional
+        Penalise coefficients in raw units.
+    seed : int, optional
+        Of everything random.
+    degree : int, optional
+        Degree of the polynomials without ``latents``.
+    target : str, optional
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``.
+    by : str, optional
+        A label of the episodes: a model for every value of it, ``models_``.
+    influence : bool
+        Leave every episode out once and tell what it does.
+    COMMON
+
+    Attributes
+    ----------
+    model_ : Model
+        The model; with ``by`` the first.
+    models_ : dict of str to Model
+        With ``by`` the models by the label's value.
+    report_ : dict
+        ``tasks`` (errors), ``latents`` with their candidates (coefficient, standard error, frequency, interval), ``lambda``, ``certificate``
+        (KKT residual, duality gap), ``confounded``, ``notes``. With ``by`` that of the first.
+    reports_ : dict of str to dict
+        With ``by`` the reports by the label's value.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> rng = np.random.default_rng(1)
+    >>> a, b = rng.normal(size=(2, 500))
+    >>> data = ff.open({"a": a, "b": b, "force": 2.0 * a - 0.5 * b**2}, dt=0.01)
+    >>> fit = ff.BlockSparse(
+    ...     latents={"F": {"of": ["a", "b"], "degree": 3}}, tasks={"along": ("force", "F")}, select="bic"
+    ... ).fit(data)
+    >>> [one["function"] for one in fit.report_["latents"][0]["functions"] if one["selected"]]
+    ['1', 'a', 'b^2']
+    >>> fit.coefficients(latent="F")[0, 1:4].round(6)
+    array([ 2.,  0., 0.])
+    """
+
+    models_: dict[str, Model]
+    reports_: dict[str, dict[str, Any]]
+
+    def __init__(
+        self,
+        latents: Mapping[str, Mapping[str, Any]] | None = None,
+        tasks: Mapping[str, Any] | None = None,
+        *,
+        lam: float | str | None = None,
+        select: str | None = None,
+        folds: int | str | None = None,
+        l1_ratio: float | None = None,
+        adaptive: bool | None = None,
+        bolasso: str | None = None,
+        threshold: float | None = None,
+        stability: bool | None = None,
+        prior_strength: float | None = None,
+        unscaled: bool | None = None,
+        seed: int | None = None,
+        degree: int | None = None,
+        target: str | None = None,
+        by: str | None = None,
+        influence: bool = False,
+        states: States = None,
+        inputs: States = None,
+        angles: Sequence[str] = (),
+        derivative: Derivative = None,
+        known: Mapping[str, str] | None = None,
+        weight: str | None = None,
+        recipe: AnyRecipe = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> None:
+        self.latents = latents
+        self.tasks = tasks
+        self.lam = lam
+        self.select = select
+        self.folds = folds
+        self.l1_ratio = l1_ratio
+        self.adaptive = adaptive
+        self.bolasso = bolasso
+        self.threshold = threshold
+        self.stability = stability
+        self.prior_strength = prior_strength
+        self.unscaled = unscaled
+        self.seed = seed
+        self.degree = degree
+        self.target = target
+        self.by = by
+        self.influence = influence
+        self.states = states
+        self.inputs = inputs
+        self.angles = angles
+        self.derivative = derivative
+        self.known = known
+        self.weight = weight
+        self.recipe = recipe
+        self.cache = cache
+        self.progress = progress
+
+    def _own_recipe(self) -> dict[str, Any]:
+        shares = {name: getattr(self, name) for name in ("l1_ratio", "threshold", "prior_strength")}
+        sparse = _recipe.said(
+            **{name: None if value is None else number(name, value) for name, value in shares.items()},
+            **{"lambda": None if self.lam is None else _text(self.lam)},
+            select=self.select,
+            folds=None if self.folds is None else str(self.folds),
+            adaptive=self.adaptive,
+            bolasso=self.bolasso,
+            stability=self.stability,
+            unscaled=self.unscaled,
+            seed=None if self.seed is None else count("seed", self.seed, 0),
+        )
+        model = _recipe.said(predict=self.target, degree=None if self.degree is None else count("degree", self.degree, 1))
+        tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
+        sections = (("sparse", sparse), ("model", model), ("latents", dict(self.latents or {})), ("tasks", tasks))
+        return {name: section for name, section in sections if section}
+
+    def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
+        found = _core.fit_sparse(data, recipe, self.by, bool(self.influence), self.cache, progress)
+        models = [(value, Model(model), json.loads(report)) for value, model, report in found]
+        self.models_ = {value: model for value, model, _ in models if value is not None}
+        self.reports_ = {value: report for value, _, report in models if value is not None}
+        _, model, report = models[0]
+        return model, report
+
+
+def _text(lam: float | str) -> str:
+    return lam if isinstance(lam, str) else repr(float(np.asarray(lam)))
+
+
+def _task(name: str, task: Any) -> dict[str, Any]:
+    if isinstance(task, Mapping):
+        return dict(task)
+    if isinstance(task, (list, tuple)) and len(task) == 2:
+        return {"target": task[0], "right": task[1]}
+    raise ValueError(f"tasks: {name!r} is {task!r}; give a dict of target and right, or the two texts")

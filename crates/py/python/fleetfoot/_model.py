@@ -1,0 +1,683 @@
+"""Models: read, stepped, linearised, scored, exported."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core, _recipe
+from ._equations import Content
+from ._progress import Progress, reporting
+from ._runs import is_arrays, runs
+from ._warnings import warn, warn_all
+from .exceptions import ModelError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ._data import Dataset
+
+    Array = np.ndarray[Any, np.dtype[np.float64]]
+    History = tuple[ArrayLike, ArrayLike]
+
+
+class Model:
+    """A model of a recording: what is predicted, from what, and how. It does not change.
+
+    Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds :attr:`inputs`, in their orders and in
+    the units of the columns (SI, radians): of shape (states,) for one point or (points, states) for many, and so for ``u``. A model
+    with lags needs its past, ``history=(x_past, u_past)``: the :attr:`lags` rows before the point, the oldest first, of shape (lags, states) and (lags, inputs)
+    for all points, or (points, lags, states) and (points, lags, inputs).
+
+    Attributes
+    ----------
+    states : tuple of str
+        What the equations advance.
+    inputs : tuple of str
+        What is given from outside, and whatever else the equations read.
+    outputs : tuple of str
+        Left sides of the fitted equations: ``d(x)/dt``, ``next(y)``, ``force``.
+    regions : tuple of str
+        Names of the regions.
+    lags : int
+        Rows that the equations look back.
+    dt : float
+        The sampling period of the training data, seconds: the step of a discrete model.
+    is_continuous : bool
+        Whether a derivative is integrated.
+    method : str
+        What made it.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(0, 5, 0.01)
+    >>> x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+    >>> model = ff.PWA().fit(x, t, feature_names=["q", "v"]).model_
+    >>> model.states, model.outputs
+    (('q', 'v'), ('d(q)/dt', 'd(v)/dt'))
+    >>> np.round(model.derivative([1.0, 0.0]), 2) + 0.0
+    array([ 0., -4.])
+    """
+
+    __slots__ = ("_content", "_core", "dt", "inputs", "is_continuous", "lags", "outputs", "states", "uses_time")
+
+    def __init__(self, core: _core.Model) -> None:
+        states, inputs, outputs = core.names()
+        self._core = core
+        self._content: Content | None = None
+        self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
+        self.lags, self.uses_time, self.is_continuous, self.dt = core.facts()
+
+    # -- what it is
+
+    @property
+    def content(self) -> Content:
+        """What the model's file says."""
+        if self._content is None:
+            self._content = Content(self._core.to_json())
+        return self._content
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions of the first latent's partition."""
+        return tuple(self.content.regions())
+
+    @property
+    def method(self) -> str:
+        """What made the model."""
+        return self.content.method
+
+    @property
+    def recipe(self) -> str:
+        """The recipe of the fit, TOML."""
+        return str(self.content.training["recipe"])
+
+    def equations(self, precision: int = 5, *, region: int | None = None) -> list[str]:
+        """The equations with numbers for coefficients.
+
+        Parameters
+        ----------
+        precision : int
+            Significant digits.
+        region : int, optional
+            The region to write out; all when not given.
+
+        Returns
+        -------
+        list of str
+            ``d(x)/dt = -10*x + 10*y``; with several regions one for each, ``region 3: d(x)/dt = ...``.
+        """
+        return self.content.equations(precision, region)
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """Coefficients of the fitted functions, the constant first, in the order of :meth:`get_feature_names`.
+
+        Parameters
+        ----------
+        latent : str, optional
+            One unknown function, where they have different libraries.
+        region : int, optional
+            One region.
+
+        Returns
+        -------
+        array
+            (outputs, functions) with one region or one that is named, else (regions, outputs, functions); with ``latent`` the middle axis is left out.
+
+        Raises
+        ------
+        ModelError
+            The functions have different libraries and none is named; an unknown name or region.
+        """
+        found = self.content.coefficients(latent)
+        if latent is not None:
+            found = found[:, 0]
+        if region is not None and not 0 <= region < len(found):
+            raise ModelError(f"region={region}: the model has the regions 0 to {len(found) - 1}")
+        if region is None and len(found) > 1:
+            return found
+        return np.asarray(found[region or 0])
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of the candidate functions, the constant ``"1"`` first."""
+        return self.content.feature_names(latent)
+
+    def describe(self, regions: int = 10) -> str:
+        """The model in words: columns, equations, and its ``regions`` largest regions."""
+        return self._core.describe(regions)
+
+    def print(self, regions: int = 10) -> None:
+        """Prints :meth:`describe`."""
+        print(self.describe(regions))
+
+    def __str__(self) -> str:
+        return self.describe()
+
+    def __repr__(self) -> str:
+        count = len(self.regions)
+        return f"Model({self.method!r}, {', '.join(self.outputs)}; {count} region{'' if count == 1 else 's'})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and self._core.hash() == other._core.hash()
+
+    def __hash__(self) -> int:
+        return hash(self._core.hash())
+
+    def __copy__(self) -> Model:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Model:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Model, (self._core,)
+
+    # -- files
+
+    def to_json(self) -> str:
+        """The model's file as text; reads back bit for bit."""
+        return self._core.to_json()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model's file (JSON), whole or not at all; :func:`fleetfoot.load` and the command line read it."""
+        self._core.write(path)
+
+    def export(
+        self,
+        to: str,
+        folder: str | os.PathLike[str] = ".",
+        *,
+        prefix: str = "model",
+        precision: str = "double",
+        method: str = "rk4",
+        dt: float | None = None,
+        domain: bool = True,
+    ) -> list[str]:
+        """Writes the model in another language. Code is compared with the engine before it is written.
+
+        Parameters
+        ----------
+        to : {"c", "rust", "python", "latex", "npz"}
+            The language.
+        folder : path
+            Where the files go; made when needed.
+        prefix : str
+            In front of all names, and the name of the files.
+        precision : {"double", "float"}
+            Numbers of C and Rust.
+        method : {"rk4", "euler"}
+            How derivatives are integrated.
+        dt : float, optional
+            A fixed step, seconds; the caller's when not given.
+        domain : bool
+            Whether the code checks the domain of the training.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        ModelError
+            The model cannot be written so.
+        WriteError
+            A file cannot be written.
+
+        Notes
+        -----
+        Code knows those inputs alone that its equations read; :attr:`inputs` has all.
+        """
+        files, _, _ = self._core.export(to, folder, prefix, precision, method, dt, domain)
+        return [os.fspath(file) for file in files]
+
+    # -- at points
+
+    def step(
+        self,
+        x: ArrayLike,
+        u: ArrayLike | None = None,
+        dt: float | None = None,
+        *,
+        method: str = "rk4",
+        history: History | None = None,
+        t: ArrayLike | None = None,
+    ) -> Array:
+        """The states one step later, inputs held over the step.
+
+        Parameters
+        ----------
+        x, u : array
+            States and inputs: (states,) and (inputs,), or (points, states) and (points, inputs).
+        dt : float, optional
+            The step in seconds, for models that integrate derivatives; the sampling period when not given. Discrete models advance by one sample.
+        method : {"rk4", "euler"}
+            How derivatives are integrated.
+        history : pair of arrays, optional
+            Rows before, for models with lags.
+        t : float or array, optional
+            Seconds since the start, for models that speak of time.
+
+        Returns
+        -------
+        array
+            As ``x``; angles within (-pi, pi]; NaN where no region holds.
+
+        Raises
+        ------
+        ModelError
+            An argument is missing or of the wrong shape.
+        """
+        return self._core.step(x, u, dt, method, history, t)
+
+    def derivative(
+        self,
+        x: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        history: History | None = None,
+        t: ArrayLike | None = None,
+    ) -> Array:
+        """The right sides of the states' equations: derivatives per second, or next values, or differences, as the model has them.
+
+        Parameters and errors as for :meth:`step`; the result has the shape of ``x``.
+        """
+        return self._core.right_sides(x, u, history, t)
+
+    def linearize(
+        self,
+        x: ArrayLike,
+        u: ArrayLike | None = None,
+        dt: float | None = None,
+        *,
+        method: str = "rk4",
+        history: History | None = None,
+        t: ArrayLike | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """The model to first order at a point, ``A x + B u + c``, by exact derivatives within the region there.
+
+        Without ``dt``: of the derivatives of a continuous model, of the next states of a discrete one (angles not wrapped). With ``dt``: of
+        a step of so many seconds. What rows before contribute is in ``c``.
+
+        Returns
+        -------
+        A, B, c : array
+            (states, states), (states, inputs) and (states,); with an axis of points in front for many.
+
+        Raises
+        ------
+        ModelError
+            An argument is missing or of the wrong shape.
+        """
+        return self._core.linearize(x, u, dt, method, history, t)
+
+    def region(
+        self,
+        x: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        history: History | None = None,
+        t: ArrayLike | None = None,
+    ) -> Any:
+        """The region of a point (int) or of points (array of int), an index of :attr:`regions`; -1 where none holds (a label that training did not see).
+
+        ``u`` may be left out where no input decides the region.
+        """
+        if u is None and self.inputs:
+            u = np.zeros(len(self.inputs)) if self._regions_need_no_input() else None
+        found, single = self._core.regions(x, u, history, t)
+        return int(found[0]) if single else found
+
+    def _regions_need_no_input(self) -> bool:
+        if not self.content.latents:
+            return True
+        columns = self.content.partitions[self.content.latents[0]["partition"]]["columns"]
+        return all(name not in column for name in self.inputs for column in columns)
+
+    def simulate(
+        self,
+        x0: ArrayLike,
+        t: ArrayLike,
+        u: ArrayLike | Callable[..., ArrayLike] | None = None,
+        *,
+        method: str = "rk4",
+        substeps: int = 1,
+        history: History | None = None,
+    ) -> Array:
+        """The states over time.
+
+        Parameters
+        ----------
+        x0 : array
+            Where it starts: (states,), or (points, states) for many at once.
+        t : array of shape (times,)
+            Seconds, rising; the first is that of ``x0``. A discrete model makes one step from each to the next.
+        u : array or callable, optional
+            Inputs, each row held until the next time: (times, inputs) or (times - 1, inputs), or with points in front. Or ``u(t)``, or ``u(t, x)``,
+            which closes the loop.
+        method : {"rk4", "euler"}
+            How derivatives are integrated.
+        substeps : int
+            Steps of the integration from one time to the next.
+        history : pair of arrays, optional
+            Rows before the first, for models with lags.
+
+        Returns
+        -------
+        array
+            (times, states), or (points, times, states). NaN from where a state is no finite number, with a warning.
+
+        Raises
+        ------
+        ModelError
+            An argument is missing or of the wrong shape; no equation advances a state.
+
+        Examples
+        --------
+        >>> import numpy as np, fleetfoot as ff
+        >>> t = np.arange(0, 5, 0.01)
+        >>> decay = ff.PWA().fit(np.exp(-t), t).model_
+        >>> decay.simulate([1.0], [0.0, 0.5, 1.0], substeps=20).round(3).ravel()
+        array([1.   , 0.607, 0.368])
+        """
+        if substeps < 1:
+            raise ModelError(f"substeps={substeps}: give 1 or more")
+        if callable(u):
+            times = np.asarray(t, dtype=float)
+            if _takes_state(u):
+                found = self._closed_loop(np.asarray(x0, dtype=float), times, u, method, substeps, history)
+            else:
+                sequence = np.array([np.atleast_1d(np.asarray(u(time), dtype=float)) for time in times])
+                found = self._core.simulate(x0, times, sequence, method, substeps, history)
+        else:
+            found = self._core.simulate(x0, t, u, method, substeps, history)
+        bad = ~np.isfinite(found)
+        if bad.any():
+            found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
+            warn("the simulation is no finite number from some time on: it diverges, or no region holds")
+        return found
+
+    def _closed_loop(
+        self,
+        x0: Array,
+        t: Array,
+        u: Callable[..., ArrayLike],
+        method: str,
+        substeps: int,
+        history: History | None,
+    ) -> Array:
+        """Step by step, the inputs from a function of time and states."""
+        states = [x0]
+        past = None if history is None else [np.asarray(rows, dtype=float) for rows in history]
+        for now, then in zip(t[:-1], t[1:]):
+            given = np.broadcast_to(np.asarray(u(now, states[-1]), dtype=float), (*x0.shape[:-1], len(self.inputs)))
+            pair = np.array([now, then])
+            before = None if past is None else (past[0], past[1])
+            step = self._core.simulate(states[-1], pair, given[..., None, :], method, substeps, before)
+            if past is not None:
+                for at, row in enumerate((states[-1], given)):
+                    wide = np.broadcast_to(past[at], (*x0.shape[:-1], *past[at].shape[-2:]))
+                    past[at] = np.concatenate([wide, row[..., None, :]], axis=-2)[..., 1:, :]
+            states.append(step[..., 1, :])
+        return np.stack(states, axis=-2)
+
+    # -- on recordings
+
+    def predict(
+        self,
+        x: Any,
+        u: ArrayLike | None = None,
+        t: ArrayLike | None = None,
+        *,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> Any:
+        """What the fitted equations say of every row.
+
+        Parameters
+        ----------
+        x : array, or anything that :func:`fleetfoot.open` takes
+            The states of consecutive rows, (rows, states), with ``u``, (rows, inputs); or a data set, files, a table. ``None`` for a model without states.
+        u : array, optional
+            Inputs.
+        t : array, optional
+            Seconds since the start, for models that speak of time.
+        recipe : optional
+            What is different in these files: ``[time]``, ``[rename]``, ``[episodes]``.
+        cache : path, optional
+            A folder for the decoded columns of robots' logs.
+        progress : bool or callable, optional
+            ``True`` for a bar.
+
+        Returns
+        -------
+        array or dict
+            For arrays (rows, outputs), for a list of runs a list of such; NaN for rows without the past that the model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
+            ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows, targets), ``region`` (-1: none),
+            ``distance`` (from the region's mean, Mahalanobis), ``complete`` (target and prediction are there), ``domain`` (0 within what the region saw in
+            training, 1 outside of that, 2 outside of all training).
+
+        Raises
+        ------
+        ModelError, DataError, RequestError
+        """
+        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
+            us, ts = u if self.inputs else [None] * len(x), [None] * len(x) if t is None else t
+            if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
+                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
+            return [self.predict(*run) for run in zip(x, us, ts)]
+        if x is None or is_arrays(x):
+            return self._core.fitted(x, u, t)[0]
+        data, changes = self._opened(x, recipe)
+        with reporting(progress) as callback:
+            return _core.predict_rows(self._core, data, changes, cache, callback)
+
+    def score(
+        self,
+        x: Any,
+        t: Any = None,
+        x_dot: Any = None,
+        u: Any = None,
+        *,
+        dt: float | None = None,
+        columns: Mapping[str, Any] | None = None,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """One-step errors on a recording, beside the null model, persistence and constant velocity.
+
+        Parameters
+        ----------
+        x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
+            Runs as for :meth:`fleetfoot.SINDy.fit`, or files, tables, data sets.
+        t, x_dot, u, dt, columns : optional
+            As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is needed where the fit had it.
+        recipe, cache, progress : optional
+            As for :meth:`predict`.
+
+        Returns
+        -------
+        dict
+            ``targets``: for each fitted equation its errors (``mae``, ``rmse``, ``r2``, ``mae_over_null`` with 95 % intervals) and the ``baselines``;
+            ``by_episode``; ``in_sample_episodes``, names of those that trained the model; ``rows``, ``skipped``, ``mahalanobis``, ``calibration``, ``notes``.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError
+
+        Warns
+        -----
+        FleetfootWarning
+            What was assumed of the data; episodes that trained the model.
+        """
+        if is_arrays(x):
+            core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
+        else:
+            core = self._core
+            data, changes = self._opened(x, recipe, t, dt)
+        with reporting(progress) as callback:
+            report: dict[str, Any] = json.loads(_core.score(core, data, changes, cache, callback))
+        warn_all(report["notes"])
+        return report
+
+    def rollout(
+        self,
+        data: Any,
+        horizon: int,
+        *,
+        starts: int | Sequence[tuple[int, int]] = 1000,
+        seed: int | None = None,
+        method: str = "rk4",
+        dt: float | None = None,
+        controller: str | os.PathLike[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        keep: bool = False,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Free runs from measured states, scored by horizon beside the baselines. Inputs come from the recording, or from a controller.
+
+        Parameters
+        ----------
+        data : anything that :func:`fleetfoot.open` takes
+            Recordings.
+        horizon : int
+            Steps ahead.
+        starts : int or list of (episode, row)
+            How many starts, evenly spread or, with ``seed``, at random; or these.
+        seed : int, optional
+            Seed of random starts.
+        method : {"rk4", "euler"}
+            How derivatives are integrated.
+        dt : float, optional
+            Length of a step, seconds; the recording's period when not given.
+        controller : str or path, optional
+            ``"treadmill"``, or a TOML file: closes the loop.
+        settings : mapping, optional
+            Settings of the controller.
+        keep : bool
+            Whether trajectories are given.
+        recipe, cache, progress : optional
+            As for :meth:`predict`.
+
+        Returns
+        -------
+        dict
+            ``time`` (horizon), ``states``, ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states; ``mahalanobis`` with intervals),
+            ``useful_horizon``, ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each start a dict of ``episode``, ``row``,
+            ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError
+        """
+        opened, changes = self._opened(data, recipe)
+        many = isinstance(starts, (int, np.integer))
+        request = {
+            "horizon": int(horizon),
+            "count": int(starts) if many else 0,  # type: ignore[call-overload]
+            "seed": seed,
+            "at": [] if many else [(int(episode), int(row)) for episode, row in starts],  # type: ignore[union-attr]
+            "method": method,
+            "dt": dt,
+            "keep": keep,
+            "controller": None if controller is None else os.fspath(controller),
+            "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
+        }
+        with reporting(progress) as callback:
+            text, trajectories = _core.rollout(self._core, opened, changes, request, cache, callback)
+        report: dict[str, Any] = json.loads(text)
+        if keep:
+            report["trajectories"] = trajectories
+        warn_all(report["notes"])
+        return report
+
+    def _opened(self, data: Any, recipe: Any, t: Any = None, dt: float | None = None) -> tuple[_core.Data, str]:
+        """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns itself."""
+        from ._data import open as open_data
+
+        dataset: Dataset = open_data(data, t=t, dt=dt)
+        changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
+        kept = {name: changes[name] for name in ("time", "rename", "join", "episodes") if name in changes}
+        return dataset._core, _recipe.to_json(kept)
+
+    def _arrays(
+        self,
+        x: Any,
+        t: Any,
+        x_dot: Any,
+        u: Any,
+        dt: float | None,
+        columns: Mapping[str, Any] | None,
+    ) -> tuple[_core.Model, _core.Data, str]:
+        """Arrays in the order of states and inputs, and the model over columns of these names."""
+        fitted = self.content.fitted()
+        known = {column["name"] for column in self.content.columns}
+        measured = {one["subject"]: one["target"].strip("`") for one in fitted if one["prediction"] == "derivative"}
+        own = {name: column for name, column in measured.items() if column in known and column not in self.states}
+        if own and x_dot is None:
+            raise ModelError(f"x_dot is missing: the model was fitted to derivatives that were given ({', '.join(own)})")
+        given = [name for name in self.inputs if name not in (columns or {})]
+        found = runs(
+            x,
+            t,
+            x_dot,
+            u,
+            self.states,
+            given if u is not None else None,
+            columns=columns,
+            dt=dt,
+            default_dt=self.dt or None,
+            derivative_names=own,
+        )
+        return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
+
+
+def _takes_state(u: Callable[..., Any]) -> bool:
+    """Whether a function of inputs wants the states beside the time."""
+    try:
+        parameters = inspect.signature(u).parameters.values()
+    except (TypeError, ValueError):
+        return False
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(one.kind in positional and one.default is inspect.Parameter.empty for one in parameters) >= 2
+
+
+def load(path: str | os.PathLike[str]) -> Model:
+    """Reads a model's file.
+
+    Parameters
+    ----------
+    path : path
+        What :meth:`Model.save` or the command line wrote.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is damaged, or is of another version.
+
+    Examples
+    --------
+    >>> import os, tempfile, numpy as np, fleetfoot as ff
+    >>> t = np.arange(0, 5, 0.01)
+    >>> fitted = ff.PWA().fit(np.exp(-t), t)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fitted.save(os.path.join(folder, "model.json"))
+    ...     model = ff.load(os.path.join(folder, "model.json"))
+    >>> model == fitted.model_
+    True
+    """
+    return Model(_core.Model.read(path))

@@ -1,0 +1,190 @@
+"""Runs as numpy arrays: what fits and scores take beside files and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import _core
+
+Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]
+
+
+@dataclass
+class Runs:
+    """Arrays as what the engine reads, and what they are to a recipe."""
+
+    core: _core.Data
+    states: list[str]
+    inputs: list[str]
+    #: The column that holds the derivative of each state, where it was given.
+    derivatives: dict[str, str] = field(default_factory=dict)
+    #: The section ``[time]``.
+    time: dict[str, Any] = field(default_factory=dict)
+
+
+def is_arrays(x: Any) -> bool:
+    """Whether this is an array, or a list of arrays, and not a path, a table or a mapping."""
+    if isinstance(x, np.ndarray):
+        return True
+    if not isinstance(x, (list, tuple)) or not x:
+        return False
+    return all(isinstance(one, (np.ndarray, list, tuple, int, float, np.generic)) for one in x)
+
+
+def _listed(values: Any, what: str) -> list[np.ndarray[Any, Any]]:
+    """One array for each run."""
+    many = isinstance(values, (list, tuple)) and any(isinstance(one, np.ndarray) for one in values)
+    arrays = [np.asarray(one) for one in values] if many else [np.asarray(values)]
+    for run, array in enumerate(arrays):
+        if array.ndim not in (1, 2):
+            where = f"{what}[{run}]" if many else what
+            raise ValueError(f"{where} has {array.ndim} dimensions; give rows, or rows and columns")
+    return arrays
+
+
+def _width(arrays: list[np.ndarray[Any, Any]], what: str) -> int:
+    widths = {1 if array.ndim == 1 else array.shape[1] for array in arrays}
+    if len(widths) > 1:
+        raise ValueError(f"{what}: the runs have {', '.join(map(str, sorted(widths)))} columns; give as many in each")
+    return widths.pop()
+
+
+def _names(given: Sequence[str] | None, what: str, letter: str, width: int) -> list[str]:
+    if given is None:
+        return [f"{letter}{i}" for i in range(width)]
+    names = [str(name) for name in given]
+    if len(names) != width:
+        raise ValueError(f"{what} has {len(names)} names ({', '.join(names)}) for {width} columns")
+    return names
+
+
+def _stamps(t: Any, count: int, rows: list[int]) -> tuple[list[np.ndarray[Any, Any]] | None, float | None]:
+    """Stamps of each run, or the period of all."""
+    if t is None:
+        return None, None
+    if np.isscalar(t) or (isinstance(t, np.ndarray) and t.ndim == 0):
+        return None, float(np.asarray(t))
+    if isinstance(t, (list, tuple)) and any(isinstance(one, np.ndarray) and one.ndim == 1 for one in t):
+        stamps = [np.asarray(one) for one in t]
+    elif isinstance(t, (list, tuple)) and len(t) == count and count > 1:
+        periods = {float(one) for one in t}
+        if len(periods) > 1:
+            raise ValueError(f"t: the runs have the periods {sorted(periods)}; give stamps, or fit runs of one rate")
+        return None, periods.pop()
+    else:
+        stamps = [np.asarray(t)] * count
+    if len(stamps) != count:
+        raise ValueError(f"t has {len(stamps)} arrays for {count} runs")
+    for run, (stamp, length) in enumerate(zip(stamps, rows)):
+        if stamp.shape != (length,):
+            raise ValueError(f"t of run {run} has the shape {stamp.shape}; x has {length} rows")
+    return stamps, None
+
+
+def _beside(values: Any, what: str, x: list[np.ndarray[Any, Any]]) -> list[np.ndarray[Any, Any]]:
+    """Arrays that stand beside those of x."""
+    arrays = _listed(values, what)
+    if len(arrays) != len(x):
+        raise ValueError(f"{what} has {len(arrays)} runs and x has {len(x)}; give as many")
+    for run, (array, own) in enumerate(zip(arrays, x)):
+        if len(array) != len(own):
+            raise ValueError(f"{what} of run {run} has {len(array)} rows and x has {len(own)}; give as many")
+    return arrays
+
+
+def _free(wanted: str, taken: set[str]) -> str:
+    while wanted in taken:
+        wanted += "_"
+    taken.add(wanted)
+    return wanted
+
+
+def runs(
+    x: Any,
+    t: Any = None,
+    x_dot: Any = None,
+    u: Any = None,
+    feature_names: Sequence[str] | None = None,
+    input_names: Sequence[str] | None = None,
+    *,
+    dt: float | None = None,
+    default_dt: float | None = None,
+    differentiate: Differentiate | None = None,
+    derivative_names: dict[str, str] | None = None,
+    columns: Mapping[str, Any] | None = None,
+) -> Runs:
+    """Arrays as one data set; a list is a list of runs."""
+    if t is not None and dt is not None:
+        raise ValueError("t and dt are both given; the stamps come from one of them")
+    xs = _listed(x, "x")
+    if any(len(one) == 0 for one in xs):
+        raise ValueError("x has a run without rows")
+    states = _names(feature_names, "feature_names", "x", _width(xs, "x"))
+    parts: list[list[tuple[Any, list[str]]]] = [[(one, states)] for one in xs]
+    taken = set(states)
+    inputs: list[str] = []
+    if u is not None:
+        us = _beside(u, "u", xs)
+        inputs = _names(input_names, "input_names", "u", _width(us, "u"))
+        for part, one in zip(parts, us):
+            part.append((one, inputs))
+        taken.update(inputs)
+    elif input_names is not None:
+        raise ValueError("input_names is given and u is not")
+    others = [str(name) for name in columns or ()]
+    for name in others:
+        for part, one in zip(parts, _beside((columns or {})[name], f"columns[{name!r}]", xs)):
+            part.append((one, [name]))
+    every = states + inputs + others
+    taken.update(others)
+    if len(taken) < len(every):
+        twice = sorted({name for name in every if every.count(name) > 1})
+        raise ValueError(f"feature_names, input_names and columns: {', '.join(twice)} stands for two columns")
+    stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
+    period = default_dt if stamps is None and period is None else period
+    if stamps is None and period is None:
+        raise ValueError("t is missing: give the stamps of every run in seconds, or dt=, the seconds from row to row")
+    if differentiate is not None and x_dot is None:
+        clocks: Sequence[Any] = stamps if stamps is not None else [period] * len(xs)
+        x_dot = [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
+    found = Runs(_core.Data.arrays([]), states, inputs)
+    if x_dot is not None:
+        dots = _beside(x_dot, "x_dot", xs)
+        if _width(dots, "x_dot") != len(states):
+            raise ValueError(f"x_dot has {_width(dots, 'x_dot')} columns and x has {len(states)}; give as many")
+        known = derivative_names or {}
+        found.derivatives = {name: known.get(name) or _free(f"{name}_dot", taken) for name in states}
+        for part, one in zip(parts, dots):
+            part.append((one, list(found.derivatives.values())))
+    if stamps is not None:
+        clock = _free("t", taken)
+        for part, one in zip(parts, stamps):
+            part.append((one, [clock]))
+        found.time = {"column": clock} if stamps[0].dtype.kind in "mM" else {"column": clock, "unit": "s"}
+    else:
+        found.time = {"dt": period}
+    found.core = _core.Data.arrays([(f"run {run}", part) for run, part in enumerate(parts)])
+    return found
+
+
+def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
+    """Derivatives of every run by a function of the caller's."""
+    xs = _listed(x, "x")
+    stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
+    clocks: Sequence[Any] = stamps if stamps is not None else [default_dt if period is None else period] * len(xs)
+    return [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
+
+
+def _derivative(differentiate: Differentiate, x: np.ndarray[Any, Any], t: Any, run: int) -> np.ndarray[Any, Any]:
+    found = np.asarray(differentiate(_columns(x), t))
+    if found.shape != _columns(x).shape:
+        raise ValueError(f"derivative: run {run} of the shape {_columns(x).shape} has derivatives of the shape {found.shape}")
+    return found
+
+
+def _columns(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    return array[:, None] if array.ndim == 1 else array

@@ -1,0 +1,248 @@
+"""Sparse equations from libraries of candidate functions."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core, _peers, _recipe
+from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number, partition
+from ._model import Model
+from ._progress import Progress
+from .exceptions import RequestError
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@documented
+class SINDy(Identifier):
+    """Equations as sparse sums of candidate functions, beside what is known of the dynamics (sparse identification of nonlinear dynamics).
+
+    One pass over the rows; the number of terms is chosen by held-out errors (fewest within one standard error of the least) unless a threshold or
+    the number is given. With a number for ``threshold`` it is pysindy's STLSQ, ridge weight 0.05 included.
+
+    Parameters
+    ----------
+    optimizer : str or object, optional
+        ``"stlsq"`` (as when not given), ``"sr3"``, ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of pysindy or of this package,
+        whose threshold, ridge weight, normalisation and number of terms are taken.
+    library : str, list of str or object, optional
+        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier, identity, concatenated or tensored library of pysindy.
+        ``"poly(2)"`` when not given.
+    differentiation : optional
+        Another name for ``derivative``, for pysindy's objects.
+    threshold : float or "auto", optional
+        The cut-off of STLSQ and SR3.
+    terms : int, optional
+        The number of terms of every equation.
+    ridge : float, optional
+        Weight of the squared coefficients in STLSQ.
+    normalize : bool, optional
+        Whether thresholds see coefficients of columns of unit length.
+    select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
+        What is chosen by.
+    folds : int or str, optional
+        A number, ``"episodes"``, or ``"splits:N"``.
+    ensemble : str, optional
+        ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
+    inclusion : float, optional
+        Share of the members of an ensemble that must have a term.
+    seed : int, optional
+        Of everything random.
+    nominal : dict of str to str, optional
+        What is known of a state's right side: only the rest is learnt.
+    fixed : dict of str to list of str, optional
+        Terms that a state's equation has in any case.
+    parameters : dict, optional
+        Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
+    discrete_time : bool
+        Whether next values are predicted instead of derivatives.
+    target : str, optional
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column.
+    partition : int, str or list, optional
+        Regions, as for :class:`fleetfoot.PWA`, each with equations of its own.
+    partition_on : list of str, optional
+        What the partition looks at.
+    front : bool
+        Keep the models of other numbers of terms, ``front_``.
+    COMMON
+
+    Attributes
+    ----------
+    model_ : Model
+    report_ : dict
+        ``regions``: for each its ``equations`` with ``terms`` (coefficient, standard error, inclusion), errors on the rows of the fit and held out; ``notes``.
+    front_ : dict of int to Model
+        With ``front``: models by the number of terms an equation has at most.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(0, 10, 0.01)
+    >>> x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+    >>> sindy = ff.SINDy(threshold=0.1, library="poly(2)").fit(x, t, feature_names=["q", "v"])
+    >>> sindy.equations(3)
+    ['d(q)/dt = 1*v', 'd(v)/dt = -4*q']
+    """
+
+    front_: dict[int, Model]
+
+    def __init__(
+        self,
+        optimizer: Any = None,
+        library: Any = None,
+        differentiation: Any = None,
+        *,
+        feature_library: Any = None,
+        threshold: float | str | None = None,
+        terms: int | None = None,
+        ridge: float | None = None,
+        normalize: bool | None = None,
+        select: str | None = None,
+        folds: int | str | None = None,
+        ensemble: str | None = None,
+        inclusion: float | None = None,
+        seed: int | None = None,
+        nominal: Mapping[str, str] | None = None,
+        fixed: Mapping[str, Sequence[str]] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        discrete_time: bool = False,
+        target: str | None = None,
+        partition: int | str | Sequence[int | str] | None = None,
+        partition_on: Sequence[str] | None = None,
+        front: bool = False,
+        states: States = None,
+        inputs: States = None,
+        angles: Sequence[str] = (),
+        derivative: Derivative = None,
+        known: Mapping[str, str] | None = None,
+        weight: str | None = None,
+        recipe: AnyRecipe = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> None:
+        self.optimizer = optimizer
+        self.library = library
+        self.differentiation = differentiation
+        self.feature_library = feature_library
+        self.threshold = threshold
+        self.terms = terms
+        self.ridge = ridge
+        self.normalize = normalize
+        self.select = select
+        self.folds = folds
+        self.ensemble = ensemble
+        self.inclusion = inclusion
+        self.seed = seed
+        self.nominal = nominal
+        self.fixed = fixed
+        self.parameters = parameters
+        self.discrete_time = discrete_time
+        self.target = target
+        self.partition = partition
+        self.partition_on = partition_on
+        self.front = front
+        self.states = states
+        self.inputs = inputs
+        self.angles = angles
+        self.derivative = derivative
+        self.known = known
+        self.weight = weight
+        self.recipe = recipe
+        self.cache = cache
+        self.progress = progress
+
+    def _derivative(self) -> Derivative:
+        return _one("derivative", self.derivative, "differentiation", self.differentiation)
+
+    def _own_recipe(self) -> dict[str, Any]:
+        if self.discrete_time and self.target not in (None, "next"):
+            raise RequestError(f"discrete_time=True predicts next values, and target={self.target!r}; leave one of them away")
+        model = _recipe.said(
+            predict="next" if self.discrete_time else self.target,
+            partition=partition(self.partition),
+            partition_on=None if self.partition_on is None else list(self.partition_on),
+        )
+        items = _peers.library(_one("library", self.library, "feature_library", self.feature_library))
+        recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
+        if items is not None:
+            recipe["library"] = {"functions": items}
+        if self.parameters:
+            tables = {name: one if isinstance(one, Mapping) else {"initial": one} for name, one in self.parameters.items()}
+            recipe["parameters"] = tables
+        return {name: section for name, section in recipe.items() if section}
+
+    def _section(self) -> dict[str, Any]:
+        """The entries of ``[sindy]``."""
+        said = _recipe.said(
+            threshold=self.threshold if self.threshold in (None, "auto") else number("threshold", self.threshold),
+            terms=None if self.terms is None else count("terms", self.terms, 1),
+            ridge=None if self.ridge is None else number("ridge", self.ridge),
+            normalize=self.normalize,
+            select=self.select,
+            folds=None if self.folds is None else str(self.folds),
+            ensemble=self.ensemble,
+            inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
+            seed=None if self.seed is None else count("seed", self.seed, 0),
+        )
+        return _recipe.over(said, _peers.optimizer(self.optimizer))
+
+    def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
+        recipe = super()._roles(recipe, arrays)
+        states = recipe.get("states", {})
+        for what, given in (("nominal", self.nominal), ("fixed", self.fixed)):
+            for name, value in (given or {}).items():
+                if name not in states:
+                    raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
+                states[name] = {**states[name], what: value if isinstance(value, str) else list(value)}
+        return recipe
+
+    def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
+        chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
+        self.front_ = {terms: Model(one) for terms, one in front}
+        return Model(chosen), json.loads(report)
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some equation uses."""
+        if latent is not None:
+            return super().get_feature_names(latent)
+        self._found()
+        return list(self.report_["candidates"])
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """Coefficients of all candidates in the order of :meth:`get_feature_names`, zeros among them.
+
+        Parameters
+        ----------
+        latent : str, optional
+            One unknown function, over the functions that the model keeps.
+        region : int, optional
+            One region.
+
+        Returns
+        -------
+        array
+            (equations, candidates) with one region or one that is named, else (regions, equations, candidates).
+        """
+        found = super().coefficients(latent=latent, region=region)
+        if latent is not None:
+            return found
+        place = {name: at for at, name in enumerate(self.report_["candidates"])}
+        names = self._found().get_feature_names()
+        all_ = np.zeros((*found.shape[:-1], len(place)))
+        for at, name in enumerate(names):
+            if name in place:
+                all_[..., place[name]] = found[..., at]
+        return all_
+
+
+def _one(name: str, value: Any, other: str, alias: Any) -> Any:
+    """The value of an argument that has two names."""
+    if value is not None and alias is not None:
+        raise RequestError(f"{name} and {other} are one argument; give one of them")
+    return alias if value is None else value

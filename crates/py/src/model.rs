@@ -1,0 +1,413 @@
+//! Models: read and written, evaluated at points, exported.
+
+use std::{path::PathBuf, sync::OnceLock};
+
+use fleetfoot::{
+    dynamics::{InputSequence, Linearized, Method, Stepper, StepperWorkspace, Tangent},
+    model::{ExportOptions, Precision, StepMethod, Target},
+};
+use numpy::{PyArray1, PyArrayDyn};
+use pyo3::{prelude::*, types::PyBytes};
+
+use crate::{
+    error::{Kind, OrRaise},
+    points::{Asked, Floats, Given, Rows, array, by_point, points},
+    run::{Failure, guard, run, run_any},
+};
+
+/// Rows that are evaluated at a time.
+const TILE: usize = 1_024;
+
+/// A model. It does not change.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct Model {
+    pub(crate) model: fleetfoot::Model,
+    stepper: Stepper,
+    tangent: OnceLock<Tangent>,
+}
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+impl Model {
+    /// A model, compiled.
+    pub(crate) fn new(model: fleetfoot::Model) -> PyResult<Self> {
+        let stepper = Stepper::new(&model).or_raise(Kind::Model)?;
+        Ok(Self { model, stepper, tangent: OnceLock::new() })
+    }
+
+    fn tangent(&self) -> PyResult<&Tangent> {
+        if let Some(tangent) = self.tangent.get() {
+            return Ok(tangent);
+        }
+        let tangent = Tangent::new(&self.model, &self.stepper).or_raise(Kind::Model)?;
+        Ok(self.tangent.get_or_init(|| tangent))
+    }
+
+    /// A step in seconds; the model's own where none is given.
+    fn seconds(&self, dt: Option<f64>) -> PyResult<f64> {
+        match dt {
+            Some(dt) if dt > 0.0 && dt.is_finite() => Ok(dt),
+            Some(dt) => Err(Kind::Model.error(format!("dt={dt}: give a positive number of seconds"))),
+            None if self.model.step > 0.0 || !self.stepper.is_continuous() => Ok(self.model.step),
+            None => Err(Kind::Model.error("dt is missing: the model does not know its sampling period")),
+        }
+    }
+
+    /// The times of a simulation.
+    fn times(&self, t: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+        let t = Floats::of(t, "t")?;
+        let rises = t.values.windows(2).all(|pair| pair[1] > pair[0]) && t.values.iter().all(|time| time.is_finite());
+        if t.shape.len() != 1 || t.values.is_empty() || !rises {
+            return Err(Kind::Model.error(format!(
+                "t has the shape {:?}; give the times of the simulation in seconds, rising, the first one that of x0",
+                t.shape
+            )));
+        }
+        Ok(t.values)
+    }
+
+    /// Inputs of a simulation, steps x inputs or steps x inputs x points, and whether every point has its own.
+    fn sequence(&self, u: Option<&Bound<'_, PyAny>>, steps: usize, count: usize) -> PyResult<(Vec<f64>, bool)> {
+        let width = self.stepper.inputs().len();
+        let names: Vec<&str> = self.stepper.inputs().collect();
+        let Some(u) = u.filter(|u| !u.is_none()) else {
+            return match width {
+                0 => Ok((Vec::new(), false)),
+                _ => Err(Kind::Model.error(format!("u is missing: the model has the inputs {}", names.join(", ")))),
+            };
+        };
+        let u = Floats::of(u, "u")?;
+        let enough = |rows: usize| rows >= steps;
+        match u.shape.as_slice() {
+            [rows] if width == 1 && enough(*rows) => Ok((u.values, false)),
+            [rows, last] if *last == width && enough(*rows) => Ok((u.values, false)),
+            [points, rows, last] if *last == width && enough(*rows) && *points == count => {
+                let value = |i: usize| {
+                    let (step, rest) = (i / (width * count), i % (width * count));
+                    u.values[((rest % count) * rows + step) * width + rest / count]
+                };
+                Ok(((0..steps * width * count).map(value).collect(), true))
+            }
+            shape => Err(Kind::Model.error(format!(
+                "u has the shape {shape:?}; give a row of the {width} inputs ({}) for each of the {steps} steps",
+                names.join(", ")
+            ))),
+        }
+    }
+
+    fn linearized<'py>(
+        &self,
+        py: Python<'py>,
+        found: Vec<Linearized>,
+        single: bool,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+        let (n, m) = (self.stepper.states().len(), self.stepper.inputs().len());
+        let count = found.len();
+        let (mut a, mut b, mut c) = (Vec::new(), Vec::new(), Vec::new());
+        for point in found {
+            a.extend(point.a);
+            b.extend(point.b);
+            c.extend(point.c);
+        }
+        let shape = |own: &[usize]| if single { own.to_vec() } else { [&[count], own].concat() };
+        Ok((array(py, a, &shape(&[n, n]))?, array(py, b, &shape(&[n, m]))?, array(py, c, &shape(&[n]))?))
+    }
+
+    fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
+        points(&self.stepper, given)
+    }
+}
+
+/// How derivatives are integrated.
+pub(crate) fn method(name: &str) -> PyResult<Method> {
+    match name {
+        "rk4" => Ok(Method::Rk4),
+        "euler" => Ok(Method::Euler),
+        other => Err(Kind::Model.error(format!("method={other:?}: give 'rk4' or 'euler'"))),
+    }
+}
+
+type History<'py> = Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>;
+
+#[pymethods]
+impl Model {
+    /// Reads a model's file.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let model = py.detach(|| fleetfoot::Model::read(&path)).or_raise(Kind::Model)?;
+        guard(|| Self::new(model))
+    }
+
+    /// Reads a model from JSON; `name` is its origin, for messages.
+    #[staticmethod]
+    fn from_json(text: &str, name: &str) -> PyResult<Self> {
+        guard(|| Self::new(fleetfoot::Model::from_json(text, name).or_raise(Kind::Model)?))
+    }
+
+    fn to_json(&self) -> String {
+        self.model.to_json()
+    }
+
+    /// Writes the model's file, whole or not at all.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let text = self.model.to_json();
+        py.detach(|| fleetfoot::log::write_atomic(&path, text.as_bytes())).or_raise(Kind::Write)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let class = py.get_type::<Self>();
+        Ok((class.getattr("_of_bytes")?, (PyBytes::new(py, self.model.to_json().as_bytes()),)))
+    }
+
+    #[staticmethod]
+    fn _of_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Self::from_json(&String::from_utf8_lossy(bytes), "the pickle")
+    }
+
+    fn hash(&self) -> String {
+        self.model.hash()
+    }
+
+    fn describe(&self, regions: usize) -> String {
+        fleetfoot::describe(&self.model, regions)
+    }
+
+    /// Names of the states, the inputs and the fitted equations' left sides.
+    fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
+        let own = |name: &str| name.to_owned();
+        (self.stepper.states().map(own).collect(), self.stepper.inputs().map(own).collect(), self.model.outputs())
+    }
+
+    /// Rows that the equations look back, whether they speak of time, whether a derivative is integrated, and the sampling period.
+    fn facts(&self) -> (usize, bool, bool, f64) {
+        (self.stepper.history(), self.stepper.uses_time(), self.stepper.is_continuous(), self.model.step)
+    }
+
+    /// The same model, whose columns are read as they are: by their own names, from a table that holds them.
+    fn over_own_columns(&self) -> PyResult<Self> {
+        let mut model = self.model.clone();
+        for column in &mut model.columns {
+            column.source = fleetfoot::library::Expr::column(column.name.as_str()).to_string();
+        }
+        Self::new(model)
+    }
+
+    /// The states one step later.
+    #[pyo3(signature = (x, u=None, dt=None, method_name="rk4", history=None, t=None))]
+    #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
+        dt: Option<f64>,
+        method_name: &str,
+        history: History<'py>,
+        t: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Array<'py>> {
+        let (method, seconds) = (method(method_name)?, self.seconds(dt)?);
+        guard(|| {
+            let mut asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let mut workspace = StepperWorkspace::default();
+            let next = match asked.points.count() {
+                0..TILE => self.stepper.next(&mut asked.points, seconds, method, &mut workspace).to_vec(),
+                _ => py.detach(|| self.stepper.next(&mut asked.points, seconds, method, &mut workspace).to_vec()),
+            };
+            by_point(py, &next, self.stepper.states().len(), &asked)
+        })
+    }
+
+    /// The right sides of the states' equations.
+    #[pyo3(signature = (x, u=None, history=None, t=None))]
+    fn right_sides<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
+        history: History<'py>,
+        t: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Array<'py>> {
+        guard(|| {
+            let asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let (count, states) = (asked.points.count(), self.stepper.states().len());
+            let mut workspace = StepperWorkspace::default();
+            py.detach(|| self.stepper.evaluate(&asked.points, &mut workspace));
+            let values: Vec<f64> =
+                (0..states).flat_map(|state| self.stepper.right_side(state, count, &workspace).to_vec()).collect();
+            by_point(py, &values, states, &asked)
+        })
+    }
+
+    /// What is predicted for the consecutive rows of a run: rows x fitted equations, and the regions; NaN and -1 where a row has no past.
+    #[pyo3(signature = (x=None, u=None, t=None))]
+    fn fitted<'py>(
+        &self,
+        py: Python<'py>,
+        x: Option<&Bound<'py, PyAny>>,
+        u: Option<&Bound<'py, PyAny>>,
+        t: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Array<'py>, Bound<'py, PyArray1<i64>>)> {
+        let rows = guard(|| Rows::of(&self.stepper, &Given { x, u, history: None, t }))?;
+        let targets = self.stepper.targets();
+        let (values, regions) = run_any(py, None, |progress| {
+            let (mut values, mut regions) = (vec![f64::NAN; rows.count * targets], Vec::with_capacity(rows.count));
+            let mut workspace = StepperWorkspace::default();
+            for from in (0..rows.count).step_by(TILE) {
+                if progress.cancelled() {
+                    break;
+                }
+                let to = (from + TILE).min(rows.count);
+                self.stepper.evaluate(&rows.points(&self.stepper, from..to), &mut workspace);
+                for target in 0..targets {
+                    let found = self.stepper.fitted(target, to - from, &workspace);
+                    found.iter().enumerate().for_each(|(at, &value)| values[(from + at) * targets + target] = value);
+                }
+                let own = self.stepper.regions(&workspace);
+                let known = |at: usize| own.get(at).copied().unwrap_or(if own.is_empty() { 0 } else { u32::MAX });
+                regions.extend((0..to - from).map(|at| region(known(at))));
+            }
+            Ok::<_, Failure>((values, regions))
+        })?;
+        Ok((array(py, values, &[rows.count, targets])?, PyArray1::from_vec(py, regions)))
+    }
+
+    /// The region of every point; -1 for none.
+    #[pyo3(signature = (x, u=None, history=None, t=None))]
+    fn regions<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
+        history: History<'py>,
+        t: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, bool)> {
+        guard(|| {
+            let asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let mut workspace = StepperWorkspace::default();
+            py.detach(|| self.stepper.evaluate(&asked.points, &mut workspace));
+            let mut regions: Vec<i64> = self.stepper.regions(&workspace).iter().map(|&found| region(found)).collect();
+            regions.resize(asked.points.count(), 0);
+            Ok((PyArray1::from_vec(py, regions), asked.single))
+        })
+    }
+
+    /// A, B and c of the equations, or with `dt` of a step.
+    #[pyo3(signature = (x, u=None, dt=None, method_name="rk4", history=None, t=None))]
+    #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
+        dt: Option<f64>,
+        method_name: &str,
+        history: History<'py>,
+        t: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+        let (method, seconds) = (method(method_name)?, dt.map(|dt| self.seconds(Some(dt))).transpose()?);
+        guard(|| {
+            let mut asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let tangent = self.tangent()?;
+            let mut workspace = StepperWorkspace::default();
+            let found = py.detach(|| match seconds {
+                None => tangent.linearize(&self.stepper, &asked.points, &mut workspace),
+                Some(seconds) => {
+                    tangent.linearize_step(&self.stepper, &mut asked.points, seconds, method, &mut workspace)
+                }
+            });
+            self.linearized(py, found, asked.single)
+        })
+    }
+
+    /// States at the times `t` from x0: (times, states), or (points, times, states).
+    #[pyo3(signature = (x0, t, u=None, method_name="rk4", substeps=1, history=None, t0=None))]
+    #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        x0: &Bound<'py, PyAny>,
+        t: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
+        method_name: &str,
+        substeps: usize,
+        history: History<'py>,
+        t0: Option<f64>,
+    ) -> PyResult<Array<'py>> {
+        let method = method(method_name)?;
+        let states = self.stepper.states().len();
+        if states == 0 {
+            return Err(Kind::Model.error("no equation of the model advances a state: there is nothing to simulate"));
+        }
+        let (times, mut asked, inputs) = guard(|| {
+            let times = self.times(t)?;
+            let first = PyArray1::from_vec(py, vec![t0.unwrap_or(times[0])]).into_any();
+            // The inputs of the first row are set with those of the others.
+            let none = array(py, vec![0.0; self.stepper.inputs().len()], &[self.stepper.inputs().len()])?.into_any();
+            let asked = self.asked(&Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
+            let inputs = self.sequence(u, times.len() - 1, asked.points.count())?;
+            Ok((times, asked, inputs))
+        })?;
+        let (count, length) = (asked.points.count(), times.len());
+        let out = run_any(py, None, |progress| {
+            let mut out = vec![f64::NAN; count * length * states];
+            let inputs = InputSequence { values: &inputs.0, by_point: inputs.1 };
+            self.stepper.simulate(&mut asked.points, &times, inputs, method, substeps, |step, found| {
+                for (s, column) in found.chunks_exact(count.max(1)).enumerate() {
+                    column.iter().enumerate().for_each(|(b, &x)| out[(b * length + step) * states + s] = x);
+                }
+                !progress.cancelled()
+            });
+            Ok::<_, Failure>(out)
+        })?;
+        match asked.single {
+            true => array(py, out, &[length, states]),
+            false => array(py, out, &[count, length, states]),
+        }
+    }
+
+    /// Writes the model in another language into a folder; tells the files, the points compared, and what the code takes (JSON).
+    #[pyo3(signature = (target, folder, prefix="model", precision="double", method_name="rk4", dt=None, domain=true))]
+    #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
+    fn export(
+        &self,
+        py: Python<'_>,
+        target: &str,
+        folder: PathBuf,
+        prefix: &str,
+        precision: &str,
+        method_name: &str,
+        dt: Option<f64>,
+        domain: bool,
+    ) -> PyResult<(Vec<PathBuf>, usize, Vec<String>)> {
+        let mut options = ExportOptions::new(match target {
+            "c" => Target::C,
+            "rust" => Target::Rust,
+            "python" => Target::Python,
+            "latex" => Target::Latex,
+            "npz" => Target::Npz,
+            other => {
+                return Err(Kind::Model.error(format!("to={other:?}: give 'c', 'rust', 'python', 'latex' or 'npz'")));
+            }
+        });
+        options.precision = match precision {
+            "double" => Precision::Double,
+            "float" => Precision::Float,
+            other => return Err(Kind::Model.error(format!("precision={other:?}: give 'double' or 'float'"))),
+        };
+        options.method = match method(method_name)? {
+            Method::Euler => StepMethod::Euler,
+            Method::Rk4 => StepMethod::Rk4,
+        };
+        options.prefix = prefix.to_owned();
+        options.discretize = dt;
+        options.domain = domain;
+        let exported = run(py, None, |_| fleetfoot::export(&self.model, &options, &folder))?;
+        let cost = exported.cost.as_ref().map_or_else(Vec::new, |cost| cost.lines());
+        Ok((exported.files, exported.compared, cost))
+    }
+}
+
+/// A region's number; -1 for none.
+pub(crate) fn region(found: u32) -> i64 {
+    if found == u32::MAX { -1 } else { i64::from(found) }
+}

@@ -1,0 +1,186 @@
+//! Models on recordings: scores, predictions row by row, rollouts.
+
+use std::path::PathBuf;
+
+use fleetfoot::dynamics::{Domain, End, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::{
+    data::Data,
+    fit::{recipe, with_cache},
+    model::{Model, method, region},
+    points::array,
+    run::run,
+};
+
+/// One-step scores as JSON.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe_text, cache=None, progress=None))]
+pub(crate) fn score(
+    py: Python<'_>,
+    model: &Model,
+    data: &Data,
+    recipe_text: &str,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let scored = run(py, progress, |progress| fleetfoot::score(&model.model, &changes, &data.logs, progress))?;
+    Ok(scored.to_json().to_string())
+}
+
+/// Rows with their predictions, while they are collected.
+#[derive(Default)]
+struct Collected {
+    episodes: Vec<String>,
+    episode: Vec<i64>,
+    stamps: Vec<i64>,
+    /// Rows x equations.
+    measured: Vec<f64>,
+    predicted: Vec<f64>,
+    residual: Vec<f64>,
+    region: Vec<i64>,
+    distance: Vec<f64>,
+    /// Whether the row has target and prediction, and how far it is outside of the training domain.
+    complete: Vec<bool>,
+    domain: Vec<u8>,
+}
+
+impl Collected {
+    fn take(&mut self, rows: &fleetfoot::PredictedRows<'_>, equations: usize) {
+        if self.episodes.last() != Some(&rows.episode.name) {
+            self.episodes.push(rows.episode.name.clone());
+        }
+        let (found, count) = (rows.predicted, rows.predicted.rows);
+        self.episode.resize(self.episode.len() + count, self.episodes.len() as i64 - 1);
+        self.stamps.extend(rows.stamps.iter().map(|stamp| stamp + rows.log_offset));
+        for (values, to) in [
+            (&found.measured, &mut self.measured),
+            (&found.predicted, &mut self.predicted),
+            (&found.residual, &mut self.residual),
+        ] {
+            for row in 0..count {
+                to.extend((0..equations).map(|equation| Predicted::equation(values, count, equation)[row]));
+            }
+        }
+        self.region.extend(found.region.iter().map(|&found| region(found)));
+        self.distance.extend_from_slice(&found.distance);
+        self.complete.extend(found.status.iter().map(|&status| status == RowStatus::Complete));
+        self.domain.extend(found.domain.iter().map(|domain| match domain {
+            Domain::Inside => 0,
+            Domain::OutsideRegion => 1,
+            Domain::OutsideTraining => 2,
+        }));
+    }
+}
+
+/// Predictions row by row, as arrays by name.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe_text, cache=None, progress=None))]
+pub(crate) fn predict_rows<'py>(
+    py: Python<'py>,
+    model: &Model,
+    data: &Data,
+    recipe_text: &str,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let equations = model.model.outputs();
+    let found = run(py, progress, |progress| {
+        let mut found = Collected::default();
+        fleetfoot::predict_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
+            found.take(rows, equations.len());
+            Ok(())
+        })?;
+        Ok(found)
+    })?;
+    let rows = found.stamps.len();
+    let shape = [rows, equations.len()];
+    let dict = PyDict::new(py);
+    dict.set_item("targets", equations)?;
+    dict.set_item("episodes", found.episodes)?;
+    dict.set_item("episode", PyArray1::from_vec(py, found.episode))?;
+    dict.set_item("stamp", PyArray1::from_vec(py, found.stamps))?;
+    dict.set_item("measured", array(py, found.measured, &shape)?)?;
+    dict.set_item("predicted", array(py, found.predicted, &shape)?)?;
+    dict.set_item("residual", array(py, found.residual, &shape)?)?;
+    dict.set_item("region", PyArray1::from_vec(py, found.region))?;
+    dict.set_item("distance", PyArray1::from_vec(py, found.distance))?;
+    dict.set_item("complete", PyArray1::from_vec(py, found.complete))?;
+    dict.set_item("domain", PyArray1::from_vec(py, found.domain))?;
+    Ok(dict)
+}
+
+/// Where rollouts start, and how they go.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct RolloutRequest {
+    horizon: usize,
+    /// How many starts, when `at` is empty.
+    count: usize,
+    seed: Option<u64>,
+    /// Episode and row.
+    at: Vec<(usize, usize)>,
+    method: String,
+    dt: Option<f64>,
+    keep: bool,
+    controller: Option<String>,
+    settings: Vec<String>,
+}
+
+/// Rollouts: scores by horizon (JSON), and the trajectories where they were kept.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe_text, request, cache=None, progress=None))]
+pub(crate) fn rollout<'py>(
+    py: Python<'py>,
+    model: &Model,
+    data: &Data,
+    recipe_text: &str,
+    request: RolloutRequest,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Vec<Bound<'py, PyDict>>)> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let mut options = RolloutOptions::new(request.horizon);
+    options.method = method(&request.method)?;
+    options.keep = request.keep;
+    options.step = request.dt.map_or(Step::Median, Step::Seconds);
+    let starts = match (request.at.is_empty(), request.seed) {
+        (false, _) => Starts::At(request.at.iter().map(|&(episode, row)| Start { episode, row }).collect()),
+        (true, None) => Starts::Even(request.count),
+        (true, Some(seed)) => Starts::Random { count: request.count, seed },
+    };
+    let rolled = run(py, progress, |progress| {
+        let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
+        let controller = controller.transpose()?;
+        fleetfoot::rollout(&model.model, &changes, &data.logs, &starts, &options, controller.as_ref(), None, progress)
+    })?;
+    let report = rolled.to_json().to_string();
+    let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
+    Ok((report, found.collect::<PyResult<_>>()?))
+}
+
+fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py, PyDict>> {
+    let rows = trajectory.time.len();
+    let width = trajectory.states.len() / rows.max(1);
+    let dict = PyDict::new(py);
+    dict.set_item("episode", trajectory.start.episode)?;
+    dict.set_item("row", trajectory.start.row)?;
+    dict.set_item("t", PyArray1::from_slice(py, &trajectory.time))?;
+    dict.set_item("x", array(py, trajectory.states.clone(), &[rows, width])?)?;
+    let inputs = PyArray1::from_slice(py, &trajectory.inputs);
+    let steps = trajectory.steps();
+    let driven = trajectory.inputs.len().checked_div(steps).unwrap_or(0);
+    dict.set_item("u", inputs.reshape([if driven == 0 { 0 } else { steps }, driven])?)?;
+    dict.set_item("region", PyArray1::from_iter(py, trajectory.regions.iter().map(|&found| region(found))))?;
+    let end = match trajectory.end {
+        End::Horizon => "horizon",
+        End::Diverged => "diverged",
+        End::NoRegion => "no region",
+    };
+    dict.set_item("end", end)?;
+    dict.set_item("left_domain", trajectory.left_domain)?;
+    Ok(dict)
+}
