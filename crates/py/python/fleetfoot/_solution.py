@@ -86,9 +86,10 @@ class Solution:
     @property
     def model(self) -> Model:
         """The model that these coefficients make."""
+        from ._core import Model as Core
         from ._model import Model
 
-        return Model.from_json(self._json)
+        return Model(Core.from_json(self._json, "the solution"))
 
 
 def strength(method: str, alpha: float | None, l1_ratio: float | None) -> tuple[float | None, float]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import difflib
 import os
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
+from ._core import Data, Statistic
 from ._data import open as open_data
 from ._progress import Progress, reporting
+from ._warnings import warn_all
 from .exceptions import StatisticError
 
 if TYPE_CHECKING:
@@ -92,22 +92,22 @@ class Gram(NamedTuple):
     weight: float
 
 
+Value = TypeVar("Value", bound="_Value")
+
+
 class _Value:
     """A statistic, with or without rows."""
 
-    _core: _core.Statistic
-
-    def __new__(cls, *arguments: Any, **options: Any) -> Any:
-        return super().__new__(cls)
+    _core: Statistic
 
     @classmethod
-    def _of(cls, core: _core.Statistic) -> Any:
+    def _of(cls: type[Value], core: Statistic) -> Value:
         value = object.__new__(cls)
         value._core = core
         return value
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> Any:
+    def from_bytes(cls: type[Value], data: bytes) -> Value:
         """The value that ``to_bytes`` gave.
 
         Raises
@@ -115,10 +115,10 @@ class _Value:
         StatisticError
             The bytes are damaged, of something else, or of a newer version.
         """
-        return cls._of(_core.Statistic.from_bytes(bytes(data)))
+        return cls._of(Statistic.from_bytes(bytes(data)))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Any:
+    def load(cls: type[Value], path: str | os.PathLike[str]) -> Value:
         """Reads a ``.stats`` file, this package's or that of ``fleetfoot scan``.
 
         Raises
@@ -126,7 +126,7 @@ class _Value:
         StatisticError
             The file is damaged, something else, or of a newer version.
         """
-        return cls._of(_core.Statistic.read(path))
+        return cls._of(Statistic.read(path))
 
     def to_bytes(self) -> bytes:
         """The bytes of a ``.stats`` file: equal for equal values, on any machine."""
@@ -148,7 +148,7 @@ class _Value:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return self.to_bytes() == other.to_bytes()  # type: ignore[attr-defined]
+        return isinstance(other, _Value) and self.to_bytes() == other.to_bytes()
 
     def __hash__(self) -> int:
         return hash(self.to_bytes())
@@ -172,14 +172,16 @@ class _Value:
 class Plan(_Value):
     """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.
 
-    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known by its hash.
+    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known
+    by its hash.
 
     Parameters
     ----------
     recipe : path, str, mapping or None
         Which fields are what, and which functions are candidates; ``None``: the dataset's own.
     data : Dataset, path, table, array or list
-        The recordings that the pilot sample is drawn from, as :func:`fleetfoot.open` takes them: all that will be scanned, or what is typical of them.
+        The recordings that the pilot sample is drawn from, as :func:`fleetfoot.open` takes them: all that will be
+        scanned, or what is typical of them.
     chunk_rows : int, optional
         Rows behind one stored sum, at most; chosen by the number of rows when not given.
     progress : bool or callable, optional
@@ -215,8 +217,8 @@ class Plan(_Value):
     ) -> None:
         dataset = open_data(data, recipe=recipe)
         with reporting(progress) as callback:
-            self._core, notes = _core.Statistic.freeze(dataset.recipe, dataset._core, [], chunk_rows, callback)
-        _tell(notes)
+            self._core, notes = Statistic.freeze(dataset.recipe, dataset._core, [], chunk_rows, callback)
+        warn_all(notes)
 
     @property
     def hash(self) -> str:
@@ -238,7 +240,8 @@ class Plan(_Value):
 class Stats(_Value):
     """The sums of a scan: what any number of fits needs instead of the rows. Made by :func:`fleetfoot.scan`.
 
-    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by episode and chunk, so that episodes can be taken
+    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by
+    episode and chunk, so that episodes can be taken
     out again, and so that the bits do not depend on who summed what in which order.
 
     Examples
@@ -264,8 +267,7 @@ class Stats(_Value):
     @property
     def plan(self) -> Plan:
         """What was summed."""
-        found: Plan = Plan._of(self._core.plan())
-        return found
+        return Plan._of(self._core.plan())
 
     @property
     def rows(self) -> Rows:
@@ -306,7 +308,8 @@ class Stats(_Value):
         Parameters
         ----------
         episodes : str, Episode, list of them, or callable, optional
-            Names or identities (or at least eight digits of their beginning), records of :attr:`episodes`, or a function of a record.
+            Names or identities (or at least eight digits of their beginning), records of :attr:`episodes`, or a
+            function of a record.
         where : mapping, optional
             Labels and the value, or the values, that they must have.
 
@@ -330,7 +333,7 @@ class Stats(_Value):
 
     def compact(self) -> Stats:
         """One sum an episode: smaller; folds and resampling within an episode are no longer possible."""
-        return _stats(self._core.compacted())
+        return Stats._of(self._core.compacted())
 
     def gram(self, task: str | int | None = None) -> Gram:
         """The normal equations of a task over all rows, raw and not centred, for solvers of your own.
@@ -370,9 +373,12 @@ class Stats(_Value):
     ) -> Solution:
         """Coefficients at a penalty that is given; nothing is chosen, held out or refitted.
 
-        The objective is ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j (b_j u_j)^2)``: n rows; ``scale_t`` the
-        recipe's scale of the task, else the deviation of its target; ``u_j`` the deviation of column j over the tasks in units of their scales (1
-        with ``unscaled`` in the recipe's ``[sparse]``). Constants that stand alone in an equation are not penalised. The coefficients are in raw units.
+        The objective is ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j
+        (b_j u_j)^2)``: n rows; ``scale_t`` the
+        recipe's scale of the task, else the deviation of its target; ``u_j`` the deviation of column j over the
+        tasks in units of their scales (1
+        with ``unscaled`` in the recipe's ``[sparse]``). Constants that stand alone in an equation are not
+        penalised. The coefficients are in raw units.
 
         Parameters
         ----------
@@ -383,7 +389,8 @@ class Stats(_Value):
         l1_ratio : float, optional
             Share of the absolute values in the penalty; ``"elastic-net"`` needs it.
         recipe : path, str or mapping, optional
-            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks must be the scan's.
+            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks
+            must be the scan's.
         progress : bool or callable, optional
             As in :func:`fleetfoot.scan`.
 
@@ -409,6 +416,10 @@ class Stats(_Value):
         with reporting(progress) as callback:
             return solution(method, self._core.solve(text, alpha, ratio, callback))
 
+    def _as_data(self) -> Data:
+        """This in place of recordings, for the fits that need no rows."""
+        return self._core.data()
+
     def _task(self, task: str | int | None) -> int:
         names = self.tasks
         if task is None and len(names) == 1:
@@ -423,7 +434,7 @@ class Stats(_Value):
     def _kept(self, identities: set[str]) -> Stats:
         if not identities:
             raise StatisticError(f"none of the {len(self._core.episodes())} episodes would be left; select others")
-        return _stats(self._core.kept(identities))
+        return Stats._of(self._core.kept(identities))
 
     def _matching(self, episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
         """Identities of what ``episodes`` and ``where`` name."""
@@ -459,7 +470,8 @@ def _labelled(found: list[Episode], label: str, values: set[str]) -> set[str]:
     for value in sorted(values - known):
         names = sorted(known) if known else sorted({name for episode in found for name in episode.labels})
         what = "values" if known else "labels"
-        there = _nearest(value if known else label, names) if names else "no episode has labels; scan with keys=['name={dir1}']"
+        missing = "no episode has labels; scan with keys=['name={dir1}']"
+        there = _nearest(value if known else label, names) if names else missing
         raise StatisticError(f"where: {label} = {value!r} matches no episode; of {what} {there}")
     return {episode.id for episode in found if episode.labels.get(label) in values}
 
@@ -467,16 +479,6 @@ def _labelled(found: list[Episode], label: str, values: set[str]) -> set[str]:
 def _nearest(text: str, names: list[str]) -> str:
     shown = difflib.get_close_matches(text, names, 3) or names[:8]
     return f"there is {', '.join(shown)}" + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
-
-
-def _stats(core: _core.Statistic) -> Stats:
-    found: Stats = Stats._of(core)
-    return found
-
-
-def _tell(notes: list[str], level: int = 3) -> None:
-    for note in notes:
-        warnings.warn(note, UserWarning, stacklevel=level)
 
 
 def scan(
@@ -492,11 +494,13 @@ def scan(
     Parameters
     ----------
     plan : Plan, path, str, mapping or None
-        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe of the dataset.
+        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe
+        of the dataset.
     data : Dataset, path, table, array or list
         Recordings, as :func:`fleetfoot.open` takes them. One that is there twice is summed once, with a warning.
     keys : str or list of str, optional
-        Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the one above, ``{name}`` and ``{stem}``
+        Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the
+        one above, ``{name}`` and ``{stem}``
         the file's.
     chunk_rows : int, optional
         As in :class:`fleetfoot.Plan`; a plan has its own.
@@ -535,9 +539,9 @@ def scan(
     else:
         dataset = open_data(data, recipe=plan)
         with reporting(progress) as callback:
-            core, skipped, notes = _core.Statistic.scan(dataset.recipe, dataset._core, labels, chunk_rows, callback)
-    _tell(notes + [f"left out: {name}" for name in skipped])
-    return _stats(core)
+            core, skipped, notes = Statistic.scan(dataset.recipe, dataset._core, labels, chunk_rows, callback)
+    warn_all(notes + [f"left out: {name}" for name in skipped])
+    return Stats._of(core)
 
 
 def merge(statistics: Iterable[Stats]) -> Stats:
@@ -568,4 +572,4 @@ def merge(statistics: Iterable[Stats]) -> Stats:
     for at, part in enumerate(parts):
         if not isinstance(part, Stats):
             raise TypeError(f"statistics[{at}] is a {type(part).__name__}; give values of fleetfoot.Stats")
-    return _stats(parts[0]._core.merged([part._core for part in parts[1:]]))
+    return Stats._of(parts[0]._core.merged([part._core for part in parts[1:]]))

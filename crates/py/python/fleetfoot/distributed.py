@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import sys
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
 from . import _core
 from ._data import open as open_data
 from ._progress import Progress, reporting
-from ._stats import Plan, Recipe, Stats, _stats, _tell
+from ._stats import Plan, Recipe, Stats
+from ._warnings import warn_all
 from .exceptions import RequestError
 
 __all__ = ["scan"]
@@ -35,18 +36,23 @@ def scan(
 ) -> Stats:
     """Scans recordings on the workers of a cluster: one task for each file, then a tree of merges.
 
-    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and joined by key, so it does not matter who summed what in
-    which order, nor how often: a worker that dies loses nothing, its tasks run again elsewhere, and a log cannot count twice.
+    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and joined by
+    key, so it does not matter who summed what in
+    which order, nor how often: a worker that dies loses nothing, its tasks run again elsewhere, and a log cannot
+    count twice.
 
     Parameters
     ----------
     plan : Plan, path, str or mapping
         A plan; or a recipe, whose plan is then frozen here from a pilot sample of all files.
     files : path, str or list
-        Files, glob patterns and folders. They must be visible under the same paths here and on the workers, relative ones from the same folder. Or a
-        list of tables in memory (as :func:`fleetfoot.open` takes them), of ``dask.delayed`` objects and futures, or of references of Ray, whose values are tables.
+        Files, glob patterns and folders. They must be visible under the same paths here and on the workers,
+        relative ones from the same folder. Or a
+        list of tables in memory (as :func:`fleetfoot.open` takes them), of ``dask.delayed`` objects and futures, or
+        of references of Ray, whose values are tables.
     client : dask.distributed.Client or ray, optional
-        Where the tasks run: a client of Dask, or the module ``ray`` (initialised). When not given, the Ray that is initialised in this process, else the
+        Where the tasks run: a client of Dask, or the module ``ray`` (initialised). When not given, the Ray that is
+        initialised in this process, else the
         current client of Dask.
     backend : {"dask", "ray"}, optional
         Which of the two, where both are there.
@@ -74,8 +80,10 @@ def scan(
 
     Notes
     -----
-    fleetfoot must be installed on the workers, in the same version. Ctrl-C stops the scan: tasks that have not begun are cancelled. A Dask worker may die three
-    times under a task before Dask gives the task up (``distributed.scheduler.allowed-failures``); Ray tries a task five times.
+    fleetfoot must be installed on the workers, in the same version. Ctrl-C stops the scan: tasks that have not
+    begun are cancelled. A Dask worker may die three
+    times under a task before Dask gives the task up (``distributed.scheduler.allowed-failures``); Ray tries a task
+    five times.
 
     Examples
     --------
@@ -101,10 +109,10 @@ def scan(
     if whole.rows.complete == 0:
         rows = whole.rows
         raise RequestError(
-            f"no row can be used: {rows.at_border} lack neighbours at the border of their episode, {rows.incomplete} have a missing value; "
-            "give other files"
+            f"no row can be used: {rows.at_border} lack neighbours at the border of their episode, "
+            f"{rows.incomplete} have a missing value; give other files"
         )
-    _tell(list(dict.fromkeys(notes)) + [f"left out: {name}" for name in skipped])
+    warn_all(list(dict.fromkeys(notes)) + [f"left out: {name}" for name in skipped])
     return whole
 
 
@@ -116,7 +124,8 @@ def _sources(files: Any) -> list[Source]:
     if isinstance(files, (str, os.PathLike)):
         files = [files]
     if not isinstance(files, (list, tuple)):
-        raise TypeError(f"files is a {type(files).__name__}; give paths, or a list of paths, tables, delayed objects or references")
+        given = type(files).__name__
+        raise TypeError(f"files is a {given}; give paths, or a list of paths, tables, delayed objects or references")
     if not files:
         raise RequestError("files is empty; give one at least")
     if all(isinstance(one, (str, os.PathLike)) for one in files):
@@ -126,26 +135,26 @@ def _sources(files: Any) -> list[Source]:
 
 def scan_part(plan: bytes, keys: list[str], names: list[str | None], *sources: Any) -> Part:
     """Scans some of the files or tables; runs on a worker."""
-    frozen: Plan = Plan.from_bytes(plan)
-    datasets = [open_data(source) if name is None else open_data(source, name=name) for name, source in zip(names, sources, strict=True)]
+    frozen = Plan.from_bytes(plan)
+    datasets = [open_data(source, name=name) for name, source in zip(names, sources, strict=True)]
     data = datasets[0]._core.joined([dataset._core for dataset in datasets[1:]])
     core, skipped, notes = frozen._core.scan_with(data, keys, True, None)
-    return _stats(core), skipped, notes
+    return Stats._of(core), skipped, notes
 
 
 def merge_parts(*parts: Part) -> Part:
     """Joins parts in their order; runs on a worker."""
     core, skipped = parts[0][0]._core.appended([part[0]._core for part in parts[1:]])
     skipped = [name for part in parts for name in part[1]] + skipped
-    return _stats(core), skipped, [note for part in parts for note in part[2]]
+    return Stats._of(core), skipped, [note for part in parts for note in part[2]]
 
 
-def _tree(parts: Sequence[Any], merge: Callable[[Sequence[Any]], Any]) -> Iterator[Any]:
-    """Merges neighbours until one is left; yields every merge, the last of them last."""
+def _tree(parts: Sequence[Any], merge: Callable[[Sequence[Any]], Any]) -> Any:
+    """Merges neighbours until one is left."""
     while len(parts) > 1:
         groups = [parts[at : at + FAN_IN] for at in range(0, len(parts), FAN_IN)]
         parts = [merge(group) if len(group) > 1 else group[0] for group in groups]
-        yield from (part for part, group in zip(parts, groups, strict=True) if len(group) > 1)
+    return parts[0]
 
 
 class Cluster(Protocol):
@@ -183,12 +192,14 @@ class _Dask:
             try:
                 client = distributed.get_client()
             except ValueError as error:
-                raise RuntimeError("there is no cluster: give client=dask.distributed.Client(...), or client=ray after ray.init()") from error
+                raise RuntimeError(
+                    "there is no cluster: give client=dask.distributed.Client(...), or client=ray after ray.init()"
+                ) from error
         if not isinstance(client, distributed.Client):
             raise TypeError(f"client is a {type(client).__name__}; give a dask.distributed.Client, or the module ray")
         if client.asynchronous:
             raise ValueError("client is asynchronous; give Client(asynchronous=False)")
-        self._client = client
+        self._client: Any = client
 
     def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], callback: Any) -> Part:
         """Scans every group, and merges."""
@@ -197,7 +208,8 @@ class _Dask:
         # Nothing but this call holds the futures, so that statistics that are merged are forgotten.
         root, pending = self._submit(plan, keys, groups)
         done, total = 0, len(pending)
-        waiting = distributed.as_completed(pending)
+        as_completed: Any = distributed.as_completed
+        waiting = as_completed(pending)
         del pending
         try:
             for future in waiting:
@@ -225,14 +237,16 @@ class _Dask:
         for at, group in enumerate(groups):
             tables = [self._table(source) for _, source in group]
             names = [name for name, _ in group]
-            parts.append(self._client.submit(scan_part, frozen, keys, names, *tables, key=f"fleetfoot-scan-{token}-{at}"))
-        merges: list[Any] = []
+            key = f"fleetfoot-scan-{token}-{at}"
+            parts.append(self._client.submit(scan_part, frozen, keys, names, *tables, key=key))
+        all_parts = list(parts)
 
         def merge(group: Sequence[Any]) -> Any:
-            return self._client.submit(merge_parts, *group, key=f"fleetfoot-merge-{token}-{uuid.uuid4().hex}")
+            key = f"fleetfoot-merge-{token}-{len(all_parts)}"
+            all_parts.append(self._client.submit(merge_parts, *group, key=key))
+            return all_parts[-1]
 
-        merges.extend(_tree(parts, merge))
-        return (merges or parts)[-1], parts + merges
+        return _tree(parts, merge), all_parts
 
     def _table(self, source: Any) -> Any:
         """A future of a delayed object; else the table itself."""
@@ -263,13 +277,17 @@ class _Ray:
         frozen = self._ray.put(plan)
         pending: list[Any] = []
 
-        def started(references: list[Any]) -> Any:
+        def started(references: Any) -> Any:
             part, sign = references
             pending.append(sign)
             return part
 
-        parts = [started(scan_remote.remote(frozen, keys, [n for n, _ in group], *(s for _, s in group))) for group in groups]
-        root = parts[0] if len(parts) == 1 else list(_tree(parts, lambda group: started(merge_remote.remote(*group))))[-1]
+        def scan_group(group: list[Source]) -> Any:
+            names, sources = zip(*group, strict=True)
+            return started(scan_remote.remote(frozen, keys, list(names), *sources))
+
+        parts = [scan_group(group) for group in groups]
+        root = _tree(parts, lambda group: started(merge_remote.remote(*group)))
         # Nothing holds a statistic but the merge that waits for it.
         del parts
         try:

@@ -52,8 +52,9 @@ def write(path: Path, columns: dict[str, np.ndarray], newline: str = "\n") -> Pa
 
 def fleet(folder: Path, aircraft: int = 2, flights: int = 2) -> list[str]:
     """Logs of some aircraft, each in a folder of its own."""
-    return [
-        str(write(folder / str(number) / f"flight_{flight}.csv", run(90 + 17 * flight + 5 * number, 10.0 * number + flight)))
-        for number in range(1, aircraft + 1)
-        for flight in range(flights)
-    ]
+    files = []
+    for number in range(1, aircraft + 1):
+        for flight in range(flights):
+            rows, phase = 90 + 17 * flight + 5 * number, 10.0 * number + flight
+            files.append(str(write(folder / str(number) / f"flight_{flight}.csv", run(rows, phase))))
+    return files

@@ -23,7 +23,7 @@ PATIENCE = 120
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """Eighteen logs, so that there are two levels of merges, one that is there twice, and one without a complete row."""
+    """Eighteen logs, so that there are two levels of merges; one more is there twice, one has no complete row."""
     folder = tmp_path_factory.mktemp("logs")
     names = fleet.fleet(folder, aircraft=6, flights=3)
     copy = fleet.write(folder / "7" / "copy.csv", fleet.run(95, 10.0))
@@ -98,7 +98,9 @@ class Once:
 
 @pytest.mark.filterwarnings("ignore:left out")
 @pytest.mark.parametrize("batch", [1, 4])
-def test_dask_gives_the_bytes_of_one_machine(dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats, batch: int) -> None:
+def test_dask_gives_the_bytes_of_one_machine(
+    dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats, batch: int
+) -> None:
     seen: list[tuple[str, int, int]] = []
     found = ff.distributed.scan(
         plan, files, dask, keys="aircraft={dir1}", batch=batch, progress=lambda *told: seen.append(told)
@@ -144,7 +146,9 @@ def test_dask_scans_tables_delayed_objects_and_futures(dask: Any, plan: ff.Plan)
 
 
 @pytest.mark.filterwarnings("ignore:left out")
-def test_a_dask_worker_killed_in_the_middle_loses_nothing(dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats) -> None:
+def test_a_dask_worker_killed_in_the_middle_loses_nothing(
+    dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats
+) -> None:
     before = workers(dask)
     victim = sorted(before.values())[0]
     once = Once(lambda: kill(victim))
@@ -173,7 +177,9 @@ def test_a_dask_worker_that_dies_under_a_task_loses_nothing(dask: Any, plan: ff.
 
 
 @pytest.mark.filterwarnings("ignore:left out")
-def test_all_dask_workers_restarted_in_the_middle_lose_nothing(dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats) -> None:
+def test_all_dask_workers_restarted_in_the_middle_lose_nothing(
+    dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats
+) -> None:
     before = set(workers(dask).values())
     names = list(dask.scheduler_info()["workers"])
     once = Once(lambda: dask.restart_workers(names, timeout=PATIENCE))

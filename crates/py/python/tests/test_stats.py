@@ -211,7 +211,10 @@ def test_least_squares_is_that_of_the_rows() -> None:
     assert [errors[f"f_y: {name}"] for name in ("1", "x", "z")] == pytest.approx(list(classical), rel=0.5)
 
 
-@pytest.mark.parametrize(("method", "alpha", "l1_ratio"), [("lasso", 0.2, None), ("lasso", 0.01, None), ("ridge", 0.3, None), ("elastic-net", 0.1, 0.4)])
+@pytest.mark.parametrize(
+    ("method", "alpha", "l1_ratio"),
+    [("lasso", 0.2, None), ("lasso", 0.01, None), ("ridge", 0.3, None), ("elastic-net", 0.1, 0.4)],
+)
 def test_penalised_solutions_are_scikit_learns(method: str, alpha: float, l1_ratio: float | None) -> None:
     linear = pytest.importorskip("sklearn.linear_model", reason="scikit-learn is the peer")
     runs = [fleet.noisy(300, 1), fleet.noisy(200, 2)]
@@ -221,7 +224,8 @@ def test_penalised_solutions_are_scikit_learns(method: str, alpha: float, l1_rat
     if method == "ridge":
         peer = linear.Ridge(alpha=alpha * len(y), tol=1e-14, solver="cholesky")
     else:
-        peer = linear.ElasticNet(alpha=alpha, l1_ratio=1.0 if l1_ratio is None else l1_ratio, tol=1e-14, max_iter=100_000)
+        ratio = 1.0 if l1_ratio is None else l1_ratio
+        peer = linear.ElasticNet(alpha=alpha, l1_ratio=ratio, tol=1e-14, max_iter=100_000)
     expected = peer.fit(columns, target).coef_ * size / x[:, 1:].std(0)
     found = ff.scan(fleet.PLAIN, runs).solve(method, alpha, l1_ratio=l1_ratio)
     values = found.as_dict()["f_y"]
@@ -261,7 +265,9 @@ def test_a_solve_may_change_what_the_sums_do_not_depend_on(files: list[str], pla
         (("elastic-net", 1.0), {"l1_ratio": 1.5}, RequestError, "l1_ratio = 1.5"),
     ],
 )
-def test_wrong_solves_are_refused(arguments: tuple[object, ...], options: dict[str, object], error: type[Exception], words: str) -> None:
+def test_wrong_solves_are_refused(
+    arguments: tuple[object, ...], options: dict[str, object], error: type[Exception], words: str
+) -> None:
     stats = ff.scan(fleet.PLAIN, fleet.noisy(60, 0))
     with pytest.raises(error, match=words):
         stats.solve(*arguments, **options)  # type: ignore[arg-type]
