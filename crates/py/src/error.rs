@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use fleetfoot::Error;
+use fleetfoot::{Error, statistic::StatisticError};
 use pyo3::{
     exceptions::{PyImportError, PyKeyboardInterrupt, PyRuntimeError},
     prelude::*,
@@ -70,10 +70,11 @@ pub(crate) fn of_engine(error: Error) -> PyErr {
         | Error::Library(_)
         | Error::Specification(_)
         | Error::Filter(_) => Kind::Request,
+        Error::Log(fleetfoot::log::Error::Io { action: "write", .. }) | Error::Write { .. } => Kind::Write,
+        Error::Statistic(StatisticError::Key { .. }) => Kind::Request,
         Error::Log(_) | Error::Data(_) | Error::UnseenLabel { .. } => Kind::Data,
         Error::Model(_) | Error::Export(_) | Error::Dynamics(_) => Kind::Model,
         Error::Statistic(_) | Error::Merge(_) => Kind::Statistic,
-        Error::Write { .. } => Kind::Write,
         _ => Kind::Fit,
     };
     kind.error(error)

@@ -21,6 +21,7 @@ mod on_data;
 mod points;
 
 // -- statistics
+mod statistic;
 
 // -- tables
 mod arrow;
@@ -55,6 +56,8 @@ mod _core {
     use crate::on_data::{predict_rows, rollout, score};
 
     // -- statistics
+    #[pymodule_export]
+    use crate::statistic::Statistic;
 
     // -- tables
     #[pymodule_export]

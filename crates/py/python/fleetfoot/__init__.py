@@ -19,6 +19,9 @@ from ._sindy import SINDy
 from ._warnings import FleetfootWarning
 
 # -- statistics
+from . import distributed
+from ._solution import Certificate, Solution
+from ._stats import Episode, Plan, Stats, merge, scan
 
 # -- tables
 from . import plot
@@ -43,6 +46,14 @@ __all__ = [
     "SINDy",
     "load",
     # -- statistics
+    "Certificate",
+    "Episode",
+    "Plan",
+    "Solution",
+    "Stats",
+    "distributed",
+    "merge",
+    "scan",
     # -- tables
     "Comparison",
     "Dataset",

@@ -1,0 +1,128 @@
+"""What a statistic is solved to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ._model import Model
+
+_RATIOS = {"least-squares": 1.0, "ridge": 0.0, "lasso": 1.0, "elastic-net": None}
+
+
+class Certificate(NamedTuple):
+    """How far coefficients are from the minimum, computed from the statistic alone."""
+
+    #: The largest violation of the Karush-Kuhn-Tucker conditions, as a correlation.
+    kkt: float
+    #: Bound on objective minus minimum, over the objective of zero coefficients.
+    gap: float
+    #: The objective.
+    objective: float
+
+
+class TaskScore(NamedTuple):
+    """How well a task is met on the rows of the statistic."""
+
+    #: Root mean squared error, in units of the target.
+    rms: float
+    #: Share of the target's variance that is explained.
+    r2: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Coefficients of a statistic. Made by :meth:`fleetfoot.Stats.solve`.
+
+    Attributes
+    ----------
+    method : str
+        ``"least-squares"``, ``"ridge"``, ``"lasso"`` or ``"elastic-net"``.
+    names : list of str
+        ``"latent: function"`` of every coefficient (p).
+    coefficients : ndarray of shape (p,)
+        In raw units.
+    standard_errors : ndarray of shape (p,) or None
+        Of least squares, clustered by episode (with ten at least, else by chunk); NaN where a column was left out.
+    certificate : Certificate
+        How far this is from the minimum.
+    rows : float
+        Rows, weights included.
+    tasks : dict of TaskScore
+        Errors on these rows, by task.
+    confounded : list of list of str
+        Coefficients that the rows can hardly tell apart.
+    notes : list of str
+        What else should be known.
+    """
+
+    method: str
+    names: list[str]
+    coefficients: NDArray[np.float64]
+    standard_errors: NDArray[np.float64] | None
+    certificate: Certificate
+    rows: float
+    tasks: dict[str, TaskScore]
+    confounded: list[list[str]]
+    notes: list[str]
+    _pairs: list[tuple[str, str]] = field(repr=False)
+    _json: str = field(repr=False)
+
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """Coefficients by latent and function."""
+        found: dict[str, dict[str, float]] = {}
+        for (latent, function), value in zip(self._pairs, self.coefficients, strict=True):
+            found.setdefault(latent, {})[function] = float(value)
+        return found
+
+    def to_json(self) -> str:
+        """The model as JSON, as ``fleetfoot`` writes it to ``model.json``."""
+        return self._json
+
+    @property
+    def model(self) -> Model:
+        """The model that these coefficients make."""
+        from ._core import Model as Core
+        from ._model import Model
+
+        return Model(Core.from_json(self._json, "the solution"))
+
+
+def strength(method: str, alpha: float | None, l1_ratio: float | None) -> tuple[float | None, float]:
+    """The penalty of a method and the share of the absolute values in it; ``None``: least squares."""
+    if method not in _RATIOS:
+        raise ValueError(f"method = {method!r}: give one of {', '.join(_RATIOS)}")
+    ratio = _RATIOS[method]
+    if method == "least-squares":
+        if alpha is not None:
+            raise ValueError(f"alpha = {alpha}: least-squares has no penalty; take ridge, lasso or elastic-net")
+    elif alpha is None:
+        raise ValueError(f"alpha is not given; {method} needs it")
+    if ratio is None:
+        if l1_ratio is None:
+            raise ValueError("l1_ratio is not given; elastic-net needs it (0: ridge, 1: lasso)")
+        ratio = float(l1_ratio)
+    elif l1_ratio is not None:
+        raise ValueError(f"l1_ratio = {l1_ratio}: {method} has its own; take elastic-net")
+    return None if alpha is None else float(alpha), ratio
+
+
+def solution(method: str, found: dict[str, Any]) -> Solution:
+    """A solution from what the engine found."""
+    return Solution(
+        method=method,
+        names=[f"{latent}: {function}" for latent, function in found["names"]],
+        coefficients=found["coefficients"],
+        standard_errors=found["standard_errors"],
+        certificate=Certificate(*found["certificate"]),
+        rows=found["rows"],
+        tasks={name: TaskScore(rms, r2) for name, rms, r2 in found["tasks"]},
+        confounded=found["confounded"],
+        notes=found["notes"],
+        _pairs=found["names"],
+        _json=found["model"],
+    )

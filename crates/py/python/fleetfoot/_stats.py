@@ -1,0 +1,575 @@
+"""Statistics as values: plans, scans, sums and parts of them, and what they are solved to."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._core import Data, Statistic
+from ._data import open as open_data
+from ._progress import Progress, reporting
+from ._warnings import warn_all
+from .exceptions import StatisticError
+
+if TYPE_CHECKING:
+    from ._solution import Solution
+
+#: What a recipe may be: a path, TOML text, or the same as a mapping.
+Recipe: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
+#: What names episodes: a name, an identity, a record, several of them, or a function of the record.
+Episodes: TypeAlias = "str | Episode | Iterable[str | Episode] | Callable[[Episode], bool]"
+
+#: Digits of an identity that name an episode, at least.
+_LEAST_DIGITS = 8
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One uninterrupted recording behind a statistic.
+
+    Attributes
+    ----------
+    id : str
+        Its identity, by its content.
+    name : str
+        Its file's name (the path where two files share the name), with ``#k`` where the file holds several episodes.
+    file : str
+        The file or table that it came from.
+    labels : dict of str
+        Labels from the recipe and from the path.
+    rows : int
+        Rows in all.
+    complete : int
+        Rows that were summed.
+    start, end : int
+        First and last stamp, nanoseconds.
+    period : float
+        Median sampling period, seconds; 0 for a single row.
+    """
+
+    id: str
+    name: str
+    file: str
+    rows: int
+    complete: int
+    start: int
+    end: int
+    period: float
+    labels: dict[str, str] = field(default_factory=dict, hash=False)
+
+
+class Rows(NamedTuple):
+    """What became of the rows of a scan."""
+
+    #: Rows that were summed.
+    complete: int
+    #: Rows that lack neighbours (lags, differences) at the border of their episode.
+    at_border: int
+    #: Rows with a missing value.
+    incomplete: int
+
+
+class Gram(NamedTuple):
+    """The normal equations of one task, in raw units."""
+
+    #: Names of the p columns.
+    names: list[str]
+    #: Name of the target.
+    target: str
+    #: X'X, shape (p, p).
+    xtx: NDArray[np.float64]
+    #: X'y, shape (p,).
+    xty: NDArray[np.float64]
+    #: y'y.
+    yty: float
+    #: Rows, weights included.
+    weight: float
+
+
+Value = TypeVar("Value", bound="_Value")
+
+
+class _Value:
+    """A statistic, with or without rows."""
+
+    _core: Statistic
+
+    @classmethod
+    def _of(cls: type[Value], core: Statistic) -> Value:
+        value = object.__new__(cls)
+        value._core = core
+        return value
+
+    @classmethod
+    def from_bytes(cls: type[Value], data: bytes) -> Value:
+        """The value that ``to_bytes`` gave.
+
+        Raises
+        ------
+        StatisticError
+            The bytes are damaged, of something else, or of a newer version.
+        """
+        return cls._of(Statistic.from_bytes(bytes(data)))
+
+    @classmethod
+    def load(cls: type[Value], path: str | os.PathLike[str]) -> Value:
+        """Reads a ``.stats`` file, this package's or that of ``fleetfoot scan``.
+
+        Raises
+        ------
+        StatisticError
+            The file is damaged, something else, or of a newer version.
+        """
+        return cls._of(Statistic.read(path))
+
+    def to_bytes(self) -> bytes:
+        """The bytes of a ``.stats`` file: equal for equal values, on any machine."""
+        return self._core.to_bytes()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a ``.stats`` file, whole or not at all; what was there is replaced.
+
+        Raises
+        ------
+        WriteError
+            The file cannot be written.
+        """
+        self._core.write(path)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (type(self).from_bytes, (self.to_bytes(),))
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return isinstance(other, _Value) and self.to_bytes() == other.to_bytes()
+
+    def __hash__(self) -> int:
+        return hash(self.to_bytes())
+
+    @property
+    def recipe(self) -> str:
+        """The recipe as TOML, its wildcards written out."""
+        return self._core.recipe
+
+    @property
+    def tasks(self) -> list[str]:
+        """Names of the equations whose targets are summed."""
+        return self._core.tasks
+
+    @property
+    def functions(self) -> dict[str, list[str]]:
+        """Candidate functions by the name of the latent that they may make."""
+        return dict(self._core.latents)
+
+
+class Plan(_Value):
+    """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.
+
+    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known
+    by its hash.
+
+    Parameters
+    ----------
+    recipe : path, str, mapping or None
+        Which fields are what, and which functions are candidates; ``None``: the dataset's own.
+    data : Dataset, path, table, array or list
+        The recordings that the pilot sample is drawn from, as :func:`fleetfoot.open` takes them: all that will be
+        scanned, or what is typical of them.
+    chunk_rows : int, optional
+        Rows behind one stored sum, at most; chosen by the number of rows when not given.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of the stage's name, the pieces done and the pieces in all.
+
+    Raises
+    ------
+    RequestError
+        The recipe cannot be understood, or asks for what is not there.
+    DataError
+        The recordings cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(200) * 0.01
+    >>> runs = [{"t": t, "x": np.sin(t + k), "y": 3 * np.sin(t + k) + 1} for k in (0.0, 0.5)]
+    >>> recipe = {"model": {"predict": "y"}, "inputs": {"x": "x"}, "time": {"column": "t"}}
+    >>> plan = ff.Plan(recipe, runs)
+    >>> plan.functions
+    {'f_y': ['1', 'x']}
+    >>> ff.scan(plan, runs[0]).plan == plan
+    True
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe | None,
+        data: Any,
+        *,
+        chunk_rows: int | None = None,
+        progress: Progress = None,
+    ) -> None:
+        dataset = open_data(data, recipe=recipe)
+        with reporting(progress) as callback:
+            self._core, notes = Statistic.freeze(dataset.recipe, dataset._core, [], chunk_rows, callback)
+        warn_all(notes)
+
+    @property
+    def hash(self) -> str:
+        """Hash of the plan, its coordinates included: scans with equal hashes can be added."""
+        return self._core.hash
+
+    @property
+    def chunk_rows(self) -> int:
+        """Rows behind one stored sum, at most."""
+        return self._core.chunk_rows
+
+    def __str__(self) -> str:
+        return self._core.text
+
+    def __repr__(self) -> str:
+        return f"Plan({', '.join(self.tasks)}; {sum(map(len, self.functions.values()))} functions; {self.hash[:12]})"
+
+
+class Stats(_Value):
+    """The sums of a scan: what any number of fits needs instead of the rows. Made by :func:`fleetfoot.scan`.
+
+    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by
+    episode and chunk, so that episodes can be taken
+    out again, and so that the bits do not depend on who summed what in which order.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(200) * 0.01
+    >>> runs = [{"t": t, "x": np.sin(t + k), "y": 3 * np.sin(t + k) + 1} for k in (0.0, 0.5)]
+    >>> plan = ff.Plan({"model": {"predict": "y"}, "inputs": {"x": "x"}, "time": {"column": "t"}}, runs)
+    >>> a, b = ff.scan(plan, runs[0]), ff.scan(plan, ff.open(runs[1], name="second"))
+    >>> both = a + b
+    >>> both
+    Stats(2 episodes, 400 rows; y)
+    >>> [episode.name for episode in both.drop("run").episodes]
+    ['second']
+    >>> solution = both.solve()
+    >>> np.round(solution.coefficients, 9).tolist()
+    [1.0, 3.0]
+    """
+
+    def __init__(self) -> None:
+        raise TypeError("a statistic is made by fleetfoot.scan, Stats.load or Stats.from_bytes")
+
+    @property
+    def plan(self) -> Plan:
+        """What was summed."""
+        return Plan._of(self._core.plan())
+
+    @property
+    def rows(self) -> Rows:
+        """Rows that were summed, and those that were left out."""
+        return Rows(*self._core.rows)
+
+    @property
+    def chunks(self) -> int:
+        """Number of stored sums, each of consecutive rows of one episode."""
+        return self._core.chunks
+
+    @property
+    def episodes(self) -> list[Episode]:
+        """The episodes, in the order of their identities."""
+        return [Episode(**record) for record in self._core.episodes()]
+
+    @property
+    def files(self) -> list[str]:
+        """Paths of the files and names of the tables that were scanned, as they were given."""
+        return [name for name, _, _ in self._core.files]
+
+    def __repr__(self) -> str:
+        count = len(self._core.episodes())
+        return f"Stats({count} episode{'' if count == 1 else 's'}, {self.rows.complete} rows; {', '.join(self.tasks)})"
+
+    def __add__(self, other: Stats) -> Stats:
+        if not isinstance(other, Stats):
+            return NotImplemented
+        return merge([self, other])
+
+    def __radd__(self, other: Any) -> Stats:
+        # sum([...]) begins with 0.
+        return self if isinstance(other, int) and other == 0 else NotImplemented
+
+    def select(self, episodes: Episodes | None = None, *, where: Mapping[str, Any] | None = None) -> Stats:
+        """The statistic of some of the episodes: what a scan of them with this plan finds, without a scan.
+
+        Parameters
+        ----------
+        episodes : str, Episode, list of them, or callable, optional
+            Names or identities (or at least eight digits of their beginning), records of :attr:`episodes`, or a
+            function of a record.
+        where : mapping, optional
+            Labels and the value, or the values, that they must have.
+
+        Raises
+        ------
+        StatisticError
+            Something matches no episode, with what there is; or nothing would be left.
+        """
+        return self._kept(self._matching(episodes, where))
+
+    def drop(self, episodes: Episodes | None = None, *, where: Mapping[str, Any] | None = None) -> Stats:
+        """The statistic without some of the episodes; they are named as in :meth:`select`.
+
+        Raises
+        ------
+        StatisticError
+            Something matches no episode, with what there is; or nothing would be left.
+        """
+        unwanted = self._matching(episodes, where)
+        return self._kept({episode.id for episode in self.episodes} - unwanted)
+
+    def compact(self) -> Stats:
+        """One sum an episode: smaller; folds and resampling within an episode are no longer possible."""
+        return Stats._of(self._core.compacted())
+
+    def gram(self, task: str | int | None = None) -> Gram:
+        """The normal equations of a task over all rows, raw and not centred, for solvers of your own.
+
+        Squaring the columns costs half of the digits where they are nearly collinear; :meth:`solve` does without.
+
+        Parameters
+        ----------
+        task : str or int, optional
+            Name or number of the task; needed where there are several.
+
+        Raises
+        ------
+        StatisticError
+            There is no such task, or there are no rows.
+        """
+        root = self._core.root(self._task(task))
+        r, z, mean, weight = root["r"], root["z"], root["mean_x"], root["weight"]
+        mean_y = root["mean_y"]
+        return Gram(
+            names=root["names"],
+            target=root["target"],
+            xtx=r.T @ r + weight * np.outer(mean, mean),
+            xty=r.T @ z + weight * mean_y * mean,
+            yty=float(z @ z + root["residual"] + weight * mean_y * mean_y),
+            weight=weight,
+        )
+
+    def solve(
+        self,
+        method: str = "least-squares",
+        alpha: float | None = None,
+        *,
+        l1_ratio: float | None = None,
+        recipe: Recipe | None = None,
+        progress: Progress = None,
+    ) -> Solution:
+        """Coefficients at a penalty that is given; nothing is chosen, held out or refitted.
+
+        The objective is ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j
+        (b_j u_j)^2)``: n rows; ``scale_t`` the
+        recipe's scale of the task, else the deviation of its target; ``u_j`` the deviation of column j over the
+        tasks in units of their scales (1
+        with ``unscaled`` in the recipe's ``[sparse]``). Constants that stand alone in an equation are not
+        penalised. The coefficients are in raw units.
+
+        Parameters
+        ----------
+        method : {"least-squares", "ridge", "lasso", "elastic-net"}
+            Ridge has ``l1_ratio = 0``, the lasso 1.
+        alpha : float, optional
+            The penalty, lambda of the engine; all but least squares need it.
+        l1_ratio : float, optional
+            Share of the absolute values in the penalty; ``"elastic-net"`` needs it.
+        recipe : path, str or mapping, optional
+            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks
+            must be the scan's.
+        progress : bool or callable, optional
+            As in :func:`fleetfoot.scan`.
+
+        Returns
+        -------
+        Solution
+            Names, coefficients, standard errors (of least squares), certificate and model.
+
+        Raises
+        ------
+        RequestError
+            The recipe cannot be understood; ``alpha`` is negative.
+        StatisticError
+            The recipe asks for something that was not summed.
+        ValueError
+            The method is unknown, or an option does not go with it.
+        """
+        from ._data import _recipe
+        from ._solution import strength, solution
+
+        alpha, ratio = strength(method, alpha, l1_ratio)
+        text = None if recipe is None else _recipe(recipe, None, None, None)
+        with reporting(progress) as callback:
+            return solution(method, self._core.solve(text, alpha, ratio, callback))
+
+    def _as_data(self) -> Data:
+        """This in place of recordings, for the fits that need no rows."""
+        return self._core.data()
+
+    def _task(self, task: str | int | None) -> int:
+        names = self.tasks
+        if task is None and len(names) == 1:
+            return 0
+        if isinstance(task, str) and task in names:
+            return names.index(task)
+        if isinstance(task, (int, np.integer)) and 0 <= task < len(names):
+            return int(task)
+        problem = "task is not given, and there are several" if task is None else f"there is no task {task!r}"
+        raise StatisticError(f"{problem}: {', '.join(names)}")
+
+    def _kept(self, identities: set[str]) -> Stats:
+        if not identities:
+            raise StatisticError(f"none of the {len(self._core.episodes())} episodes would be left; select others")
+        return Stats._of(self._core.kept(identities))
+
+    def _matching(self, episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
+        """Identities of what ``episodes`` and ``where`` name."""
+        if episodes is None and where is None:
+            raise ValueError("neither episodes nor where is given; name the episodes")
+        found = self.episodes
+        chosen = {episode.id for episode in found} if episodes is None else _named(found, episodes)
+        for label, value in (where or {}).items():
+            values = {value} if isinstance(value, str) or not isinstance(value, Iterable) else set(value)
+            chosen &= _labelled(found, label, {str(one) for one in values})
+        return chosen
+
+
+def _named(found: list[Episode], episodes: Episodes) -> set[str]:
+    if callable(episodes):
+        return {episode.id for episode in found if episodes(episode)}
+    asked = [episodes] if isinstance(episodes, (str, Episode)) else list(episodes)
+    chosen: set[str] = set()
+    for one in asked:
+        if not isinstance(one, (str, Episode)):
+            raise TypeError(f"episodes has a {type(one).__name__}; give names, identities or records")
+        text = one.id if isinstance(one, Episode) else one
+        digits = text.lower() if len(text) >= _LEAST_DIGITS else None
+        matching = {e.id for e in found if e.name == text or (digits is not None and e.id.startswith(digits))}
+        if not matching:
+            raise StatisticError(f"{text!r} matches no episode; {_nearest(text, [e.name for e in found])}")
+        chosen |= matching
+    return chosen
+
+
+def _labelled(found: list[Episode], label: str, values: set[str]) -> set[str]:
+    known = {episode.labels[label] for episode in found if label in episode.labels}
+    for value in sorted(values - known):
+        names = sorted(known) if known else sorted({name for episode in found for name in episode.labels})
+        what = "values" if known else "labels"
+        missing = "no episode has labels; scan with keys=['name={dir1}']"
+        there = _nearest(value if known else label, names) if names else missing
+        raise StatisticError(f"where: {label} = {value!r} matches no episode; of {what} {there}")
+    return {episode.id for episode in found if episode.labels.get(label) in values}
+
+
+def _nearest(text: str, names: list[str]) -> str:
+    shown = difflib.get_close_matches(text, names, 3) or names[:8]
+    return f"there is {', '.join(shown)}" + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
+
+
+def scan(
+    plan: Plan | Recipe | None,
+    data: Any,
+    *,
+    keys: str | Iterable[str] = (),
+    chunk_rows: int | None = None,
+    progress: Progress = None,
+) -> Stats:
+    """Reads recordings once and sums what a plan asks for.
+
+    Parameters
+    ----------
+    plan : Plan, path, str, mapping or None
+        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe
+        of the dataset.
+    data : Dataset, path, table, array or list
+        Recordings, as :func:`fleetfoot.open` takes them. One that is there twice is summed once, with a warning.
+    keys : str or list of str, optional
+        Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the
+        one above, ``{name}`` and ``{stem}``
+        the file's.
+    chunk_rows : int, optional
+        As in :class:`fleetfoot.Plan`; a plan has its own.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of the stage's name, the pieces done and the pieces in all.
+
+    Returns
+    -------
+    Stats
+
+    Raises
+    ------
+    RequestError
+        The recipe cannot be understood or asks for what is not there; no row is complete.
+    DataError
+        The recordings cannot be read.
+    StatisticError
+        The recordings do not go with the plan.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> x = np.linspace(0.0, 1.0, 50)
+    >>> recipe = {"model": {"predict": "y", "degree": 2}, "inputs": {"x": "x"}, "time": {"dt": 0.1}}
+    >>> stats = ff.scan(recipe, {"x": x, "y": 2 * x**2})
+    >>> round(stats.solve().as_dict()["f_y"]["x^2"], 9)
+    2.0
+    """
+    labels = [keys] if isinstance(keys, str) else list(keys)
+    if isinstance(plan, Plan):
+        if chunk_rows is not None:
+            raise ValueError("chunk_rows: the plan has its own; leave it away, or give it to Plan")
+        dataset = open_data(data)
+        with reporting(progress) as callback:
+            core, skipped, notes = plan._core.scan_with(dataset._core, labels, False, callback)
+    else:
+        dataset = open_data(data, recipe=plan)
+        with reporting(progress) as callback:
+            core, skipped, notes = Statistic.scan(dataset.recipe, dataset._core, labels, chunk_rows, callback)
+    warn_all(notes + [f"left out: {name}" for name in skipped])
+    return Stats._of(core)
+
+
+def merge(statistics: Iterable[Stats]) -> Stats:
+    """The statistic of the rows of several statistics of one plan: a union by episode and chunk, the same in any order.
+
+    Parameters
+    ----------
+    statistics : iterable of Stats
+        One at least. ``sum(statistics)`` and ``a + b`` do the same, two at a time.
+
+    Raises
+    ------
+    StatisticError
+        The plans differ, with the difference; or two hold the same log, with its name: it would count twice.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> runs = [{"x": np.arange(9.0) * k, "y": np.arange(9.0) * k + k} for k in (1, 2, 3)]
+    >>> plan = ff.Plan({"model": {"predict": "y"}, "inputs": {"x": "x"}, "time": {"dt": 1}}, runs)
+    >>> parts = [ff.scan(plan, ff.open(run, name=f"run {k}")) for k, run in enumerate(runs)]
+    >>> ff.merge(parts) == sum(parts) == ff.scan(plan, runs)
+    True
+    """
+    parts = list(statistics)
+    if not parts:
+        raise ValueError("statistics is empty; give one at least")
+    for at, part in enumerate(parts):
+        if not isinstance(part, Stats):
+            raise TypeError(f"statistics[{at}] is a {type(part).__name__}; give values of fleetfoot.Stats")
+    return Stats._of(parts[0]._core.merged([part._core for part in parts[1:]]))
