@@ -63,12 +63,17 @@ class LarsModel(LinearModel):
             self.coef_path_ = coefs[0].T if one else [path.T for path in coefs]
         else:
             self.alphas_ = ends[0] if one else ends
-        self.coef_ = coefs[0][-1] if one else np.stack([path[-1] for path in coefs])
+        # As in scikit-learn, one target is a vector where the path is kept, and a matrix of one row where it is not.
+        flat = one and fit_path
+        self.coef_ = coefs[0][-1].copy() if flat else np.stack([path[-1] for path in coefs])
+        self._set_intercepts(X, y, [path.intercepts[-1] for path in paths])
+
+    def _set_intercepts(self, X: NDArray[Any], y: NDArray[Any], intercepts: list[Any]) -> None:
         if not self.fit_intercept:
             self.intercept_ = 0.0
             return
-        found = np.array([path.intercepts[-1] for path in paths], dtype=dtype)
-        self.intercept_ = found[0] if y.ndim == 1 else found
+        found = np.array(intercepts, dtype=X.dtype)
+        self.intercept_ = found[0] if y.ndim == 1 and self.coef_.ndim == 1 else found
 
 
 class Lars(MultiOutputMixin, LarsModel):
@@ -186,9 +191,7 @@ class Lars(MultiOutputMixin, LarsModel):
             return self
         known = centred_paths(X, y, gram, Xy, self.fit_intercept, request)
         self._keep(X, y, [path for path, _ in known], self.fit_path)
-        if self.fit_intercept:
-            found = np.array([intercepts[-1] for _, intercepts in known], dtype=X.dtype)
-            self.intercept_ = found[0] if y.ndim == 1 else found
+        self._set_intercepts(X, y, [intercepts[-1] for _, intercepts in known])
         return self
 
 
