@@ -51,8 +51,10 @@ def lars_path(
 ) -> Any:
     """The path of least angle regression, or of the lasso by it, without an intercept.
 
-    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``, and the knots between which the
-    coefficients are linear in alpha are exact. Rows are compressed once; the path is followed on an orthogonal factor of the active columns.
+    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``, and the knots
+    between which the
+    coefficients are linear in alpha are exact. Rows are compressed once; the path is followed on an orthogonal factor
+    of the active columns.
 
     Parameters
     ----------
@@ -63,7 +65,8 @@ def lars_path(
     Xy : array-like of shape (n_features,), optional
         ``X.T @ y``, where it is known.
     Gram : None, 'auto', bool or array of shape (n_features, n_features), default=None
-        ``X.T @ X``, where it is known: then the path is that of the products, with the digits that they have. Anything else leaves it to
+        ``X.T @ X``, where it is known: then the path is that of the products, with the digits that they have. Anything
+        else leaves it to
         the engine how rows are compressed.
     max_iter : int, default=500
         The most steps; `np.inf` for no limit.
@@ -74,7 +77,8 @@ def lars_path(
     copy_X, copy_Gram : bool, default=True
         Taken for compatibility: nothing is ever overwritten.
     eps : float, default=np.finfo(float).eps
-        Taken for compatibility. Which columns depend on others is decided by the rounding of each; another value than the default is a
+        Taken for compatibility. Which columns depend on others is decided by the rounding of each; another value than
+        the default is a
         `NotImplementedError`.
     verbose : int, default=0
         More than 0 prints the steps.
@@ -246,7 +250,10 @@ def path_of_products(gram: NDArray[Any], xy: NDArray[Any], yy: float | None, row
 def centred_paths(
     X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: Any
 ) -> list[tuple[LarsPath, NDArray[np.float64]]]:
-    """Paths of all targets from products that are known in part (of centred columns, with an intercept), and the intercepts at their knots."""
+    """Paths of all targets from products that are known in part, and the intercepts at their knots.
+
+    With an intercept, the products are those of centred columns.
+    """
     columns, targets = _wide(X), _wide(y).reshape(len(y), -1)
     means, centre = np.zeros(columns.shape[1]), np.zeros(targets.shape[1])
     if fit_intercept:
@@ -267,15 +274,16 @@ def tell(path: LarsPath, verbose: int) -> None:
     alphas = path.alphas
     if path.stalled:
         warnings.warn(
-            f"Early stopping the lars path: at alpha={alphas[-1]:.3e}, after {len(alphas) - 1} steps, nothing is left but rounding. The path is "
-            "right down to there",
+            f"Early stopping the lars path: at alpha={alphas[-1]:.3e}, after {len(alphas) - 1} steps, nothing is left "
+            "but rounding. The path is right down to there",
             ConvergenceWarning,
             stacklevel=3,
         )
     if path.collinear and not path.interpolating:
         names = ", ".join(map(str, path.collinear[:10])) + (", ..." if len(path.collinear) > 10 else "")
         warnings.warn(
-            f"Regressors in active set degenerate. Columns {names} are combinations of the active ones up to rounding, and stay out",
+            f"Regressors in active set degenerate. Columns {names} are combinations of the active ones up to rounding, "
+            "and stay out",
             ConvergenceWarning,
             stacklevel=3,
         )

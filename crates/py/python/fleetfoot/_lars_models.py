@@ -86,7 +86,8 @@ class Lars(MultiOutputMixin, LarsModel):
     verbose : bool or int, default=False
         More than 1 prints the steps.
     precompute : bool, 'auto' or array of shape (n_features, n_features), default='auto'
-        The Gram matrix of the regressors (centred, with an intercept), where it is known: then the path has the digits of the products.
+        The Gram matrix of the regressors (centred, with an intercept), where it is known: then the path has the digits
+        of the products.
         Anything else leaves it to the engine how rows are compressed.
     n_nonzero_coefs : int, default=500
         The most steps, and so the most coefficients; `np.inf` for no limit.

@@ -174,7 +174,14 @@ def test_estimators_are_those_of_scikit_learn(fit_intercept: bool) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"cv": 3, "fit_intercept": False}, {"positive": True}, {"max_iter": 6}, {"cv": "shuffled"}, {"cv": "bootstrap"}],
+    [
+        {},
+        {"cv": 3, "fit_intercept": False},
+        {"positive": True},
+        {"max_iter": 6},
+        {"cv": "shuffled"},
+        {"cv": "bootstrap"},
+    ],
     ids=str,
 )
 @pytest.mark.parametrize("shape", [(150, 10), (40, 60)])
@@ -195,7 +202,8 @@ def test_cross_validation_is_that_of_scikit_learn(shape: tuple[int, int], option
     assert np.abs(ours.coef_ - theirs.coef_).max() <= 1e-10 * np.abs(theirs.coef_).max()
     assert np.allclose(ours.intercept_, theirs.intercept_, rtol=1e-10, atol=1e-12)
     assert ours.n_iter_ == theirs.n_iter_
-    # scikit-learn takes out of `active_` what would leave at the knot below the end, though its coefficient is not zero.
+    # scikit-learn takes out of `active_` what would leave at the knot below the end, though its coefficient is not
+    # zero.
     assert sorted(ours.active_) == list(np.flatnonzero(ours.coef_)) and set(theirs.active_) <= set(ours.active_)
     # Positive paths of scikit-learn are wrong between their last knot and 0.
     known = theirs.cv_alphas_ > (0.05 * theirs.cv_alphas_[-1] if options.get("positive") else 0.0)
@@ -217,7 +225,9 @@ def test_criteria_are_those_of_scikit_learn(options: dict[str, Any]) -> None:
     assert ours.criterion_[-1] <= theirs.criterion_[-1] * (1 + 1e-12)
     assert abs(ours.noise_variance_ - theirs.noise_variance_) <= 1e-12 * theirs.noise_variance_
     assert abs(ours.alpha_ - theirs.alpha_) <= 1e-12
-    assert np.allclose(ours.coef_, theirs.coef_, atol=1e-12) and np.allclose(ours.intercept_, theirs.intercept_, atol=1e-12)
+    assert np.allclose(ours.coef_, theirs.coef_, atol=1e-12) and np.allclose(
+        ours.intercept_, theirs.intercept_, atol=1e-12
+    )
 
 
 def test_the_criterion_is_its_definition() -> None:
@@ -245,7 +255,7 @@ def test_many_rows_are_summed_and_few_are_factored() -> None:
     C, z = X.astype(float), y.astype(float)
     C, z = C - C.mean(axis=0), z - z.mean()
     assert violation(C, z, whole.alpha_, whole.coef_.astype(float)) < 1e-7
-    alphas, _, coefs = ff.lars_path_gram(C.T @ z, C.T @ C, n_samples=len(z), method="lasso", alpha_min=0.1)
+    _, _, coefs = ff.lars_path_gram(C.T @ z, C.T @ C, n_samples=len(z), method="lasso", alpha_min=0.1)
     model = ff.LassoLars(alpha=0.1).fit(X.astype(float), y.astype(float))
     assert np.allclose(model.coef_, coefs[:, -1], rtol=1e-9)
     held = np.arange(200_000)
@@ -304,7 +314,7 @@ def test_bad_parameters_are_named(kind: Any) -> None:
 
 def test_bad_input_is_named() -> None:
     X, y = correlated(30, 3)
-    with pytest.raises(ParameterError, match="alpha.*LassoLars.*-1"):
+    with pytest.raises(ParameterError, match=r"alpha.*LassoLars.*-1"):
         ff.LassoLars(alpha=-1).fit(X, y)
     with pytest.raises(ParameterError, match="method"):
         ff.lars_path(X, y, method="ols")
