@@ -1,3 +1,190 @@
-"""Base classes of the estimators: scikit-learn's where it is installed, else small ones that behave alike."""
+"""Base classes of the estimators: scikit-learn's (1.6 or newer) where it is installed, else small ones like them.
+
+What an estimator here does: `fit` calls :func:`check_params` and :func:`check_xy` (or :func:`check_x`), `predict` and
+`transform` call
+:func:`check_is_fitted` and ``check_x(self, X, reset=False)``. Arrays of `float32` and `float64` come back as they are,
+without a copy.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _plain
+
+if TYPE_CHECKING:
+    from ._plain import (
+        BaseEstimator,
+        ClusterMixin,
+        ConvergenceWarning,
+        DataConversionWarning,
+        MultiOutputMixin,
+        NotFittedError,
+        RegressorMixin,
+        TransformerMixin,
+        check_cv,
+        check_is_fitted,
+    )
+
+    HAS_SKLEARN: bool
+    _validate: Any
+else:
+    try:
+        from sklearn.base import BaseEstimator, ClusterMixin, MultiOutputMixin, RegressorMixin, TransformerMixin
+        from sklearn.exceptions import ConvergenceWarning, DataConversionWarning, NotFittedError
+        from sklearn.model_selection import check_cv
+        from sklearn.utils.validation import check_is_fitted
+        from sklearn.utils.validation import validate_data as _validate
+
+        HAS_SKLEARN = True
+    except ImportError:
+        from ._plain import (
+            BaseEstimator,
+            ClusterMixin,
+            ConvergenceWarning,
+            DataConversionWarning,
+            MultiOutputMixin,
+            NotFittedError,
+            RegressorMixin,
+            TransformerMixin,
+            check_cv,
+            check_is_fitted,
+        )
+
+        HAS_SKLEARN = False
+        _validate = None
+
+__all__ = [
+    "HAS_SKLEARN",
+    "BaseEstimator",
+    "ClusterMixin",
+    "ConvergenceWarning",
+    "DataConversionWarning",
+    "MultiOutputMixin",
+    "NotFittedError",
+    "RegressorMixin",
+    "TransformerMixin",
+    "check_cv",
+    "check_is_fitted",
+    "check_weight",
+    "check_x",
+    "check_xy",
+    "random_numbers",
+    "random_seed",
+    "splits",
+]
+
+
+def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1) -> NDArray[Any]:
+    """X as a finite matrix (n_samples, n_features) of `float32` or `float64`.
+
+    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. Sparse matrices are a
+    `TypeError`; anything that
+    is not a matrix of finite numbers is a `ValueError`.
+    """
+    if HAS_SKLEARN:
+        options: dict[str, Any] = {"dtype": [np.float64, np.float32], "ensure_min_samples": min_samples}
+        found: NDArray[Any] = _validate(estimator, X, reset=reset, **options)
+        return found
+    plain: NDArray[Any] = _plain.validate_data(estimator, X, reset=reset, ensure_min_samples=min_samples)
+    return plain
+
+
+def check_xy(
+    estimator: Any, X: Any, y: Any, *, multi_output: bool = False, min_samples: int = 1
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """X as :func:`check_x` makes it (`reset`), and y as finite `float32` or `float64` of as many rows.
+
+    y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets).
+    """
+    if y is None:
+        raise ValueError(
+            f"This {type(estimator).__name__} estimator requires y to be passed, but the target y is None."
+        )
+    if HAS_SKLEARN:
+        options: dict[str, Any] = {
+            "dtype": [np.float64, np.float32],
+            "y_numeric": True,
+            "multi_output": multi_output,
+            "ensure_min_samples": min_samples,
+        }
+        matrix, target = _validate(estimator, X, y, **options)
+        if target.dtype not in (np.float32, np.float64):
+            target = target.astype(np.float64)
+        return matrix, target
+    matrix, target = _plain.validate_data(estimator, X, y, multi_output=multi_output, ensure_min_samples=min_samples)
+    return matrix, target
+
+
+def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
+    """Row weights (n_samples,) as `float64`, a number meaning the same weight everywhere; `None` stays.
+
+    Raises `ValueError` when a weight is negative or not finite, all are zero, or their number is not that of the rows.
+    """
+    if sample_weight is None:
+        return None
+    if isinstance(sample_weight, (int, float, np.number)):
+        weight = np.full(rows, float(sample_weight))
+    else:
+        weight = np.asarray(sample_weight, dtype=np.float64)
+    if weight.ndim != 1:
+        raise ValueError(f"Sample weights must be 1D array or scalar, got {weight.ndim}D array.")
+    if weight.shape != (rows,):
+        raise ValueError(f"sample_weight.shape == {weight.shape}, expected {(rows,)}!")
+    if not np.isfinite(weight).all():
+        what = "NaN" if np.isnan(weight).any() else "infinity"
+        raise ValueError(f"Input sample_weight contains {what}: a row without weight has the weight 0")
+    if (weight < 0.0).any():
+        raise ValueError("Negative values in sample_weight: weights are 0 or more")
+    if rows and not weight.any():
+        raise ValueError("All values of sample_weight are 0: at least one row needs weight")
+    return weight
+
+
+def random_seed(random_state: Any) -> int:
+    """The seed that `random_state` stands for.
+
+    An integer is one; a `numpy.random.RandomState` or `Generator` gives its next; `None` takes one from numpy's global
+    state
+    (`numpy.random.seed` decides it).
+    """
+    if random_state is None or random_state is np.random:
+        return int(np.random.randint(np.iinfo(np.int32).max))
+    if isinstance(random_state, (int, np.integer)) and not isinstance(random_state, bool):
+        if not 0 <= random_state <= 2**32 - 1:
+            raise ValueError(f"random_state is {random_state}: a seed lies between 0 and 2**32 - 1")
+        return int(random_state)
+    if isinstance(random_state, np.random.RandomState):
+        return int(random_state.randint(np.iinfo(np.int32).max))
+    if isinstance(random_state, np.random.Generator):
+        return int(random_state.integers(np.iinfo(np.int32).max))
+    raise ValueError(
+        f"{random_state!r} cannot be used to seed: give an integer, a numpy RandomState or Generator, or None"
+    )
+
+
+def random_numbers(random_state: Any) -> Any:
+    """numpy's random numbers that `random_state` stands for.
+
+    A seed makes a `RandomState`, `None` means numpy's own, and what is given otherwise stays.
+    """
+    if random_state is None or random_state is np.random:
+        return np.random
+    if isinstance(random_state, (np.random.RandomState, np.random.Generator)):
+        return random_state
+    return np.random.RandomState(random_seed(random_state))
+
+
+def splits(cv: Any, X: Any, y: Any, **params: Any) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Indices of the training rows and of the held-out rows of every fold.
+
+    `cv` is a number of folds (neighbouring rows), a splitter, an iterable of (train, test), or `None` for five folds.
+    """
+    folds: Iterable[Any] = check_cv(cv, classifier=False).split(X, y, **params)
+    rows = np.arange(len(X))
+    # Masks and negative indices become indices.
+    return [(rows[np.asarray(train)], rows[np.asarray(test)]) for train, test in folds]

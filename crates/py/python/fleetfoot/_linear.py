@@ -1,0 +1,35 @@
+"""What all linear estimators do once they are fitted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._base import BaseEstimator, RegressorMixin, check_is_fitted, check_x
+
+
+class LinearModel(RegressorMixin, BaseEstimator):
+    """A prediction ``X @ coef_.T + intercept_``."""
+
+    coef_: NDArray[Any]
+    intercept_: Any
+
+    def predict(self, X: Any) -> NDArray[Any]:
+        """Predicts.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Regressors.
+
+        Returns
+        -------
+        ndarray of shape (n_samples,) or (n_samples, n_targets)
+            Predictions, in the units of the target.
+        """
+        check_is_fitted(self)
+        X = check_x(self, X, reset=False)
+        found: NDArray[Any] = np.asarray(X @ np.asarray(self.coef_).T + self.intercept_)
+        return found
