@@ -9,6 +9,8 @@ mod error;
 mod run;
 
 // -- lars
+mod design;
+mod lars;
 
 // -- lasso
 
@@ -31,6 +33,10 @@ mod _core {
     use crate::run::{set_threads, thread_count};
 
     // -- lars
+    #[pymodule_export]
+    use crate::design::Design;
+    #[pymodule_export]
+    use crate::lars::{LarsPath, lars_paths, lars_path_of_products};
 
     // -- lasso
 

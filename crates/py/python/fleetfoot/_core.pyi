@@ -2,7 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias, TypedDict, final
+
+import numpy as np
+from numpy.typing import NDArray
 
 Progress: TypeAlias = Callable[[str, int, int], object] | None
 
@@ -21,6 +24,62 @@ class Data:
     def __len__(self) -> int: ...
 
 # -- lars
+
+class LarsRequest(TypedDict):
+    lasso: bool
+    positive: bool
+    alpha_min: float
+    max_iter: int
+
+@final
+class Design:
+    def __new__(
+        cls,
+        x: Any,
+        y: Any,
+        weights: NDArray[np.float64] | None = None,
+        labels: NDArray[np.uint32] | None = None,
+        groups: int = 1,
+        progress: Progress = None,
+    ) -> Design: ...
+    @property
+    def shape(self) -> tuple[int, int, int, int]: ...
+    def mean_squares(
+        self,
+        groups: Sequence[int] | None,
+        target: int,
+        coefficients: NDArray[np.float64],
+        intercepts: NDArray[np.float64],
+        progress: Progress = None,
+    ) -> NDArray[np.float64]: ...
+
+@final
+class LarsPath:
+    @property
+    def alphas(self) -> NDArray[np.float64]: ...
+    @property
+    def coefficients(self) -> NDArray[np.float64]: ...
+    @property
+    def intercepts(self) -> NDArray[np.float64]: ...
+    @property
+    def mse(self) -> NDArray[np.float64]: ...
+    @property
+    def violations(self) -> NDArray[np.float64]: ...
+    @property
+    def active(self) -> list[int]: ...
+    @property
+    def collinear(self) -> list[int]: ...
+    @property
+    def stalled(self) -> bool: ...
+    @property
+    def interpolating(self) -> bool: ...
+
+def lars_paths(
+    design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: Progress = None
+) -> list[LarsPath]: ...
+def lars_path_of_products(
+    gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest
+) -> LarsPath: ...
 
 # -- lasso
 

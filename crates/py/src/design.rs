@@ -1,0 +1,141 @@
+//! Dense designs: numpy arrays X and y as the statistics that every regression here is fitted on.
+//!
+//! Python makes a [`Design`] of X (n x p), y (n or n x q), row weights and group labels, in one pass over the arrays as they lie (any order, any strides,
+//! any type of number; no copy of the whole). Then, for the rows of any union of groups (`None`: of all):
+//!
+//! - `design.of().problems(groups, intercept)` gives the [`Quadratic`](fleetfoot::sparse::Quadratic) of every target, for `lars`,
+//!   `coordinate_descent` and all other solvers of `fleetfoot::sparse`;
+//! - `design.of().root(groups)` gives the [`SquareRoot`](fleetfoot::stats::SquareRoot) of all targets at once, for thresholding
+//!   (`SquareRoot::compressed`) and least squares;
+//! - `design.of().mean_squares(groups, target, coefficients, intercepts, progress)` scores models on rows that they were not fitted on.
+//!
+//! Cross-validation labels the rows by fold (see `fold_groups` in `_folds.py`), makes one design, and asks for the problem of all groups but one.
+
+use std::{ops::Range, sync::Arc};
+
+use fleetfoot::sparse::{DenseDesign, DenseError, DenseRows};
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::{
+    array::Array,
+    error::Kind,
+    run::{Failure, run_any},
+};
+
+/// X and y, borrowed from numpy.
+#[derive(Debug)]
+struct Borrowed {
+    x: Array,
+    y: Array,
+}
+
+impl DenseRows for Borrowed {
+    fn rows(&self) -> usize {
+        self.x.rows()
+    }
+
+    fn regressors(&self) -> usize {
+        self.x.columns()
+    }
+
+    fn targets(&self) -> usize {
+        self.y.columns()
+    }
+
+    fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
+        for array in [&self.x, &self.y] {
+            let columns: Vec<usize> = (0..array.columns()).collect();
+            for values in array.values(&columns, rows.clone()) {
+                out.extend_from_slice(&values);
+            }
+        }
+    }
+}
+
+impl From<DenseError> for Failure {
+    fn from(error: DenseError) -> Self {
+        match error {
+            DenseError::Cancelled(cancelled) => cancelled.into(),
+            error => Self::Other(Kind::Fit, error.to_string()),
+        }
+    }
+}
+
+/// Statistics of the rows of X and y, group by group. The arrays must not change while it lives.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct Design {
+    of: Arc<DenseDesign>,
+}
+
+impl Design {
+    /// The engine's design.
+    pub(crate) fn of(&self) -> &DenseDesign {
+        &self.of
+    }
+
+    /// The groups that are meant, as the engine takes them; a group that does not exist is an error.
+    pub(crate) fn chosen(&self, groups: Option<Vec<usize>>) -> PyResult<Option<Vec<usize>>> {
+        match groups.iter().flatten().find(|&&group| group >= self.of.groups()) {
+            Some(group) => {
+                Err(Kind::Request.error(format!("group {group} is asked for, the design has {}", self.of.groups())))
+            }
+            None => Ok(groups),
+        }
+    }
+}
+
+#[pymethods]
+impl Design {
+    /// Reads X (n x p) and y (n, or n x q) with row weights (n) and a label below `groups` for every row (n).
+    #[new]
+    #[pyo3(signature = (x, y, weights=None, labels=None, groups=1, progress=None))]
+    fn new(
+        x: &Bound<'_, PyAny>,
+        y: &Bound<'_, PyAny>,
+        weights: Option<PyReadonlyArray1<'_, f64>>,
+        labels: Option<PyReadonlyArray1<'_, u32>>,
+        groups: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let rows = Borrowed { x: Array::of(x, "X")?, y: Array::of(y, "y")? };
+        if rows.x.rows() != rows.y.rows() {
+            let (found, needed) = (rows.y.rows(), rows.x.rows());
+            return Err(Kind::Data.error(format!("y has {found} rows and X has {needed}: give one target a row")));
+        }
+        if rows.x.columns() == 0 || rows.y.columns() == 0 {
+            return Err(Kind::Data.error("X and y need at least one column each"));
+        }
+        let weights = weights.map(|weights| weights.as_array().to_vec());
+        let labels = labels.map_or_else(Vec::new, |labels| labels.as_array().to_vec());
+        let of = run_any(x.py(), progress, |progress| {
+            Ok(DenseDesign::new(Arc::new(rows), weights, labels, groups, progress)?)
+        })?;
+        Ok(Self { of: Arc::new(of) })
+    }
+
+    /// Rows, regressors, targets and groups.
+    #[getter]
+    fn shape(&self) -> (usize, usize, usize, usize) {
+        (self.of.rows(), self.of.regressors(), self.of.targets(), self.of.groups())
+    }
+
+    /// Mean squared errors on the rows of some groups, of k models of a target: coefficients (k x p, model after model) and intercepts (k).
+    #[pyo3(signature = (groups, target, coefficients, intercepts, progress=None))]
+    fn mean_squares<'py>(
+        &self,
+        py: Python<'py>,
+        groups: Option<Vec<usize>>,
+        target: usize,
+        coefficients: PyReadonlyArray1<'py, f64>,
+        intercepts: PyReadonlyArray1<'py, f64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let groups = self.chosen(groups)?;
+        let (coefficients, intercepts) = (coefficients.as_array().to_vec(), intercepts.as_array().to_vec());
+        let found = run_any(py, progress, |progress| {
+            Ok(self.of.mean_squares(groups.as_deref(), target, &coefficients, &intercepts, progress)?)
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+}

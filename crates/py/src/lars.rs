@@ -1,0 +1,168 @@
+//! Least angle regression and its lasso modification.
+
+use fleetfoot::sparse::{LarsOptions, Method, Path, PathStatus, Penalty, Quadratic, Sign, lars};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+
+use crate::{
+    array::Array,
+    design::Design,
+    error::Kind,
+    run::{Failure, run_any},
+};
+
+/// A path: what it is at its k knots, alpha descending.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct LarsPath {
+    path: Path,
+    columns: usize,
+    interpolating: bool,
+}
+
+#[pymethods]
+impl LarsPath {
+    /// Penalty at every knot (k).
+    #[getter]
+    fn alphas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_knots(py, |knot| knot.l1)
+    }
+
+    /// Coefficients at every knot (k x p).
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let dense: Vec<f64> = self.path.knots.iter().flat_map(|knot| knot.dense(self.columns)).collect();
+        PyArray1::from_vec(py, dense).reshape((self.path.knots.len(), self.columns))
+    }
+
+    /// Intercept at every knot (k).
+    #[getter]
+    fn intercepts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_knots(py, |knot| knot.intercept)
+    }
+
+    /// Residual sum of squares over the number of rows at every knot (k).
+    #[getter]
+    fn mse<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_knots(py, |knot| knot.mse)
+    }
+
+    /// Violation of the lasso's optimality conditions at every knot, as a correlation (k).
+    #[getter]
+    fn violations<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_knots(py, |knot| knot.certificate.kkt)
+    }
+
+    /// Active columns at the end, in the order in which they entered.
+    #[getter]
+    fn active(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = Vec::new();
+        for pair in self.path.knots.windows(2) {
+            let [above, below] = pair else { continue };
+            // What has left at the knot above may come in again, behind the others.
+            order.retain(|j| above.support.binary_search(j).is_ok());
+            order.extend(below.support.iter().filter(|j| above.support.binary_search(j).is_err()));
+        }
+        let end = self.path.knots.last().map_or(&[][..], |knot| &knot.support);
+        order.retain(|j| end.binary_search(j).is_ok());
+        order
+    }
+
+    /// Columns that stay out because only rounding tells them from the active ones.
+    #[getter]
+    fn collinear(&self) -> Vec<usize> {
+        self.path.collinear.clone()
+    }
+
+    /// Whether rounding ended the path before it was at its end.
+    #[getter]
+    fn stalled(&self) -> bool {
+        self.path.status == PathStatus::Stalled
+    }
+
+    /// Whether the end of the path goes through all rows.
+    #[getter]
+    fn interpolating(&self) -> bool {
+        self.interpolating
+    }
+}
+
+impl LarsPath {
+    fn of_knots<'py>(
+        &self,
+        py: Python<'py>,
+        value: impl Fn(&fleetfoot::sparse::Solution) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.path.knots.iter().map(value).collect())
+    }
+}
+
+/// Which path is followed, and how far: a dictionary in Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct LarsRequest {
+    /// Whether columns leave where their coefficients reach zero.
+    lasso: bool,
+    /// Whether coefficients must not be negative.
+    positive: bool,
+    /// Where the path ends.
+    alpha_min: f64,
+    /// The most steps.
+    max_iter: usize,
+}
+
+impl LarsRequest {
+    fn follow(&self, problem: &Quadratic) -> Result<LarsPath, Failure> {
+        let columns = problem.columns();
+        let signs = if self.positive { vec![Sign::NonNegative; columns] } else { Vec::new() };
+        let options = LarsOptions {
+            method: if self.lasso { Method::Lasso } else { Method::Lars },
+            lambda_min: self.alpha_min,
+            max_knots: Some(self.max_iter.saturating_add(1)),
+            ..LarsOptions::default()
+        };
+        let path = lars(problem, &Penalty { signs, ..Penalty::default() }, &options);
+        let path = path.map_err(|error| Failure::of(Kind::Fit)(&error))?;
+        let interpolating = path.status == PathStatus::Saturated;
+        Ok(LarsPath { path, columns, interpolating })
+    }
+}
+
+/// The paths of all targets of a design on the rows of some groups (`None`: all), with a free intercept or none.
+#[pyfunction]
+#[pyo3(signature = (design, groups, intercept, request, progress=None))]
+pub(crate) fn lars_paths(
+    py: Python<'_>,
+    design: &Design,
+    groups: Option<Vec<usize>>,
+    intercept: bool,
+    request: LarsRequest,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<LarsPath>> {
+    let groups = design.chosen(groups)?;
+    run_any(py, progress, |_| {
+        let problems = design.of().problems(groups.as_deref(), intercept)?;
+        problems.iter().map(|problem| request.follow(problem)).collect()
+    })
+}
+
+/// The path of products X'X (p x p), X'y (p) and y'y (`None`: not known) of `rows` rows.
+#[pyfunction]
+pub(crate) fn lars_path_of_products(
+    py: Python<'_>,
+    gram: &Bound<'_, PyAny>,
+    xy: &Bound<'_, PyAny>,
+    yy: Option<f64>,
+    rows: f64,
+    request: LarsRequest,
+) -> PyResult<LarsPath> {
+    let (gram, xy) = (Array::of(gram, "Gram")?, Array::of(xy, "Xy")?);
+    let columns: Vec<usize> = (0..gram.columns()).collect();
+    run_any(py, None, |_| {
+        let joined = |columns: Vec<_>| {
+            columns.iter().flat_map(|column: &fleetfoot::data::ScalarBuffer<f64>| column.to_vec()).collect::<Vec<f64>>()
+        };
+        let products = joined(gram.values(&columns, 0..gram.rows()));
+        let problem = Quadratic::from_dense_products(&products, &joined(xy.values(&[0], 0..xy.rows())), yy, rows);
+        request.follow(&problem.map_err(|error| Failure::of(Kind::Fit)(&error))?)
+    })
+}
