@@ -38,8 +38,7 @@ impl Problems {
     /// The problems of all targets on the rows of some groups of a design (`None`: of all).
     #[staticmethod]
     #[pyo3(signature = (design, groups, intercept))]
-    fn of(py: Python<'_>, design: &Bound<'_, Design>, groups: Option<Vec<usize>>, intercept: bool) -> PyResult<Self> {
-        let design = design.get();
+    fn of(py: Python<'_>, design: &Design, groups: Option<Vec<usize>>, intercept: bool) -> PyResult<Self> {
         let groups = design.chosen(groups)?;
         let targets = run_any(py, None, |_| Ok(design.of().problems(groups.as_deref(), intercept)?))?;
         Ok(Self { targets })
@@ -56,11 +55,7 @@ impl Problems {
         guard(|| {
             let (gram, xy, yy) = (gram.as_array(), xy.as_array(), yy.as_array());
             let columns: Vec<f64> = gram.t().iter().copied().collect();
-            let square = fleetfoot::sparse::column_major(&columns, gram.nrows(), gram.ncols());
-            let target = |k: usize| {
-                let xy: Vec<f64> = xy.column(k).to_vec();
-                Quadratic::from_products(square, &xy, yy[k], rows)
-            };
+            let target = |k: usize| Quadratic::from_dense_products(&columns, &xy.column(k).to_vec(), Some(yy[k]), rows);
             let targets = (0..yy.len().min(xy.ncols())).map(target).collect::<Result<_, _>>().or_raise(Kind::Fit)?;
             Ok(Self { targets })
         })

@@ -13,6 +13,7 @@ mod design;
 mod lars;
 
 // -- lasso
+mod coordinate;
 
 // -- clusters and thresholds
 
@@ -39,6 +40,8 @@ mod _core {
     use crate::lars::{LarsPath, lars_paths, lars_path_of_products};
 
     // -- lasso
+    #[pymodule_export]
+    use crate::coordinate::{Problems, fold_errors};
 
     // -- clusters and thresholds
 

@@ -7,6 +7,8 @@ from ._core import set_threads, thread_count
 # -- lars
 
 # -- lasso
+from ._coordinate_cv import ElasticNetCV, LassoCV
+from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
 # -- clusters and thresholds
 
@@ -23,6 +25,12 @@ __all__ = [
     "thread_count",
     # -- lars
     # -- lasso
+    "ElasticNet",
+    "ElasticNetCV",
+    "Lasso",
+    "LassoCV",
+    "enet_path",
+    "lasso_path",
     # -- clusters and thresholds
     # -- identification
     # -- statistics

@@ -13,6 +13,7 @@ from . import _core
 from ._base import HAS_SKLEARN, ConvergenceWarning, check_weight, check_xy, splits
 from ._coordinate_descent import enet_path, lasso_path
 from ._descent import Posed, given_gram, grid, largest_alpha
+from ._folds import FoldDesigns, fold_designs
 from ._linear import LinearModel
 from ._params import (
     ARRAY,
@@ -108,9 +109,11 @@ class _PathCV(LinearModel):
             y = y.astype(np.float32, copy=False)
         weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
         given_gram(X, weight, self.precompute, intercept=self.fit_intercept, check=True)
-        folds = _core.FoldProblems(X, y, weight, self.fit_intercept, splits(self.cv, X, y, **params))
         ratios = self._ratios()
-        whole = Posed(folds.full(), None, None)
+        design, folds = fold_designs(X, y, splits(self.cv, X, y, **params), weight)
+        if design is None:
+            design = _core.Design(X, y, weight)
+        whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
         alphas = [self._grid(whole, ratio) if given is None else given for ratio in ratios]
         errors = [self._errors(folds, found, ratio) for found, ratio in zip(alphas, ratios)]
         self.mse_path_ = np.squeeze(np.array(errors))
@@ -124,11 +127,13 @@ class _PathCV(LinearModel):
     def _grid(self, whole: Posed, ratio: float) -> NDArray[np.float64]:
         return grid(largest_alpha(whole.problems, ratio, self.positive), self.eps, int(self.alphas))
 
-    def _errors(self, folds: _core.FoldProblems, alphas: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
+    def _errors(self, folds: FoldDesigns, alphas: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
         """Mean squared errors on the held-out rows (n_alphas, n_folds)."""
         distinct, place = np.unique(-alphas, return_inverse=True)
-        errors, inexact = folds.errors(-distinct, ratio, self.positive, self.max_iter)
-        if len(inexact):
+        errors, inexact = _core.fold_errors(
+            folds.folds, -distinct, self.fit_intercept, ratio, self.positive, self.max_iter
+        )
+        if inexact:
             worst = -distinct[inexact]
             warnings.warn(
                 f"Objective did not converge in some fold at {len(worst)} of {len(distinct)} alphas, the largest {worst.max():.6g}. "

@@ -83,6 +83,45 @@ def lars_path_of_products(
 
 # -- lasso
 
+@final
+class Problems:
+    @staticmethod
+    def of(design: Design, groups: Sequence[int] | None, intercept: bool) -> Problems: ...
+    @staticmethod
+    def products(
+        gram: NDArray[np.float64], xy: NDArray[np.float64], yy: NDArray[np.float64], rows: float
+    ) -> Problems: ...
+    def __len__(self) -> int: ...
+    def largest_alpha(self, target: int, positive: bool) -> float: ...
+    def descend(
+        self,
+        target: int,
+        alphas: NDArray[np.float64],
+        l1_ratio: float,
+        positive: bool,
+        start: NDArray[np.float64] | None,
+        max_epochs: int,
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        list[int],
+        NDArray[np.bool_],
+    ]: ...
+    def criterion_alpha(self, target: int, positive: bool, criterion: str) -> float: ...
+    def refit(self, target: int, support: Sequence[int], positive: bool) -> tuple[NDArray[np.float64], float]: ...
+
+def fold_errors(
+    folds: Sequence[tuple[Design, list[int], list[int]]],
+    alphas: NDArray[np.float64],
+    intercept: bool,
+    l1_ratio: float,
+    positive: bool,
+    max_epochs: int,
+    progress: Progress = None,
+) -> tuple[NDArray[np.float64], list[int]]: ...
+
 # -- clusters and thresholds
 
 # -- identification

@@ -83,7 +83,7 @@ def pose(
     """Compresses X and y (n_samples,) or (n_samples, n_targets) in one pass, or takes a Gram matrix in place of X."""
     gram = given_gram(X, weight, precompute, intercept=intercept, check=check_gram)
     if gram is None:
-        return Posed(_core.Problems.rows(X, y, weight, intercept), None, None)
+        return Posed(_core.Problems.of(_core.Design(X, y, weight), None, intercept), None, None)
     rows = len(X)
     # As in the Gram matrix, the weights sum to the number of rows.
     scaled = None if weight is None else weight * (rows / weight.sum())
