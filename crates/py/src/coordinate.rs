@@ -66,6 +66,11 @@ impl Problems {
         self.targets.len()
     }
 
+    /// Root mean square of a target, about its mean where there is an intercept.
+    fn deviation(&self, target: usize) -> PyResult<f64> {
+        Ok(self.target(target)?.target_deviation())
+    }
+
     /// The least alpha at which all coefficients of a target are zero, for the lasso.
     fn largest_alpha(&self, target: usize, positive: bool) -> PyResult<f64> {
         guard(|| {

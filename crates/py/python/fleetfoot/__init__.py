@@ -7,6 +7,7 @@ from ._core import set_threads, thread_count
 # -- lars
 
 # -- lasso
+from ._bolasso import Bolasso
 from ._coordinate_cv import ElasticNetCV, LassoCV
 from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
@@ -25,6 +26,7 @@ __all__ = [
     "thread_count",
     # -- lars
     # -- lasso
+    "Bolasso",
     "ElasticNet",
     "ElasticNetCV",
     "Lasso",
