@@ -13,6 +13,9 @@ mod design;
 mod lars;
 
 // -- lasso
+mod array_source;
+mod bolasso;
+mod coordinate;
 
 // -- clusters and thresholds
 
@@ -50,6 +53,10 @@ mod _core {
     use crate::lars::{LarsPath, lars_paths, lars_path_of_products};
 
     // -- lasso
+    #[pymodule_export]
+    use crate::bolasso::{bolasso, row_counts, unit_counts};
+    #[pymodule_export]
+    use crate::coordinate::{Problems, fold_errors};
 
     // -- clusters and thresholds
 

@@ -10,6 +10,9 @@ from ._lars_models import Lars, LassoLars
 from ._lars_select import LassoLarsCV, LassoLarsIC
 
 # -- lasso
+from ._bolasso import Bolasso
+from ._coordinate_cv import ElasticNetCV, LassoCV
+from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
 # -- clusters and thresholds
 
@@ -45,6 +48,13 @@ __all__ = [
     "lars_path",
     "lars_path_gram",
     # -- lasso
+    "Bolasso",
+    "ElasticNet",
+    "ElasticNetCV",
+    "Lasso",
+    "LassoCV",
+    "enet_path",
+    "lasso_path",
     # -- clusters and thresholds
     # -- identification
     "NARX",

@@ -85,6 +85,70 @@ def lars_path_of_products(
 
 # -- lasso
 
+@final
+class Problems:
+    @staticmethod
+    def of(design: Design, groups: Sequence[int] | None, intercept: bool) -> Problems: ...
+    @staticmethod
+    def products(
+        gram: NDArray[np.float64], xy: NDArray[np.float64], yy: NDArray[np.float64], rows: float
+    ) -> Problems: ...
+    def __len__(self) -> int: ...
+    def deviation(self, target: int) -> float: ...
+    def largest_alpha(self, target: int, positive: bool) -> float: ...
+    def descend(
+        self,
+        target: int,
+        alphas: NDArray[np.float64],
+        l1_ratio: float,
+        positive: bool,
+        start: NDArray[np.float64] | None,
+        max_epochs: int,
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        list[int],
+        NDArray[np.bool_],
+    ]: ...
+    def criterion_alpha(self, target: int, positive: bool, criterion: str) -> float: ...
+    def refit(self, target: int, support: Sequence[int], positive: bool) -> tuple[NDArray[np.float64], float]: ...
+
+class BolassoRequest(TypedDict):
+    alphas: Sequence[float]
+    scales: Sequence[float]
+    intercept: bool
+    positive: bool
+    replicates: int
+    seed: int
+    unit: str
+    block_length: int
+    lengths: Sequence[int]
+
+def bolasso(
+    x: Any, y: Any, weights: NDArray[np.float64] | None, request: BolassoRequest, progress: Progress = None
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    float,
+    int,
+    int,
+]: ...
+def row_counts(seed: int, lengths: Sequence[int], replicates: int) -> NDArray[np.float64]: ...
+def unit_counts(seed: int, units: int, replicates: int) -> NDArray[np.float64]: ...
+def fold_errors(
+    folds: Sequence[tuple[Design, list[int], list[int]]],
+    alphas: NDArray[np.float64],
+    intercept: bool,
+    l1_ratio: float,
+    positive: bool,
+    max_epochs: int,
+    progress: Progress = None,
+) -> tuple[NDArray[np.float64], list[int]]: ...
+
 # -- clusters and thresholds
 
 # -- identification

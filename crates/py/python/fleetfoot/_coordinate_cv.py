@@ -1,0 +1,362 @@
+"""The strength of the lasso and the elastic net by cross-validation: all folds from one pass over the rows."""
+
+from __future__ import annotations
+
+import warnings
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._base import HAS_SKLEARN, ConvergenceWarning, check_weight, check_xy, splits
+from ._coordinate_descent import enet_path, lasso_path
+from ._descent import Posed, given_gram, grid, largest_alpha
+from ._folds import FoldDesigns, fold_designs
+from ._linear import LinearModel
+from ._params import (
+    ARRAY,
+    BOOLEAN,
+    CV,
+    NONE,
+    RANDOM_STATE,
+    VERBOSE,
+    ParameterError,
+    Rule,
+    check_params,
+    integer,
+    one_of,
+    real,
+)
+
+__all__ = ["ElasticNetCV", "LassoCV"]
+
+_Fitted = TypeVar("_Fitted", bound="_PathCV")
+
+
+class _PathCV(LinearModel):
+    """What both classes do: errors of a grid of alphas on held-out rows, and a fit of all rows at the best one."""
+
+    _rules: dict[str, tuple[Rule, ...]] = {
+        "eps": (real(0, closed="neither"),),
+        "alphas": (integer(1), ARRAY),
+        "fit_intercept": (BOOLEAN,),
+        "precompute": (one_of("auto"), BOOLEAN, ARRAY),
+        "max_iter": (integer(1),),
+        "tol": (real(0),),
+        "copy_X": (BOOLEAN,),
+        "cv": (CV,),
+        "verbose": (VERBOSE,),
+        "n_jobs": (integer(), NONE),
+        "positive": (BOOLEAN,),
+        "random_state": (RANDOM_STATE,),
+        "selection": (one_of("cyclic", "random"),),
+    }
+
+    eps: float
+    alphas: Any
+    fit_intercept: bool
+    precompute: Any
+    max_iter: int
+    tol: float
+    cv: Any
+    positive: bool
+
+    alpha_: float
+    alphas_: NDArray[np.float64]
+    mse_path_: NDArray[np.float64]
+    dual_gap_: Any
+    n_iter_: int
+
+    def _ratios(self) -> list[float]:
+        return [1.0]
+
+    def fit(self: _Fitted, X: Any, y: Any, sample_weight: Any = None, **params: Any) -> _Fitted:
+        """Chooses alpha by cross-validation, and fits all rows with it.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Regressors, dense; any order of memory.
+        y : array-like of shape (n_samples,)
+            Target.
+        sample_weight : float or array-like of shape (n_samples,), optional
+            Weights of the rows, in the fits and in the errors of the held-out rows; the mean over the folds is a plain one.
+        **params
+            For ``cv.split``, with scikit-learn's metadata routing enabled.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            When a parameter is out of its range, the data are not finite or do not go together, or a fold has no rows on one side.
+        TypeError
+            When X is sparse.
+        """
+        if params and not _routing():
+            raise ValueError(
+                f"{', '.join(sorted(params))} of {type(self).__name__}.fit is only supported if enable_metadata_routing=True, "
+                "see sklearn.set_config"
+            )
+        check_params(self, self._rules)
+        given = None if isinstance(self.alphas, Integral) else _checked(self.alphas)
+        X, y = check_xy(self, X, y)
+        if X.dtype == np.float32:
+            y = y.astype(np.float32, copy=False)
+        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
+        given_gram(X, weight, self.precompute, intercept=self.fit_intercept, check=True)
+        ratios = self._ratios()
+        design, folds = fold_designs(X, y, splits(self.cv, X, y, **params), weight)
+        if design is None:
+            design = _core.Design(X, y, weight)
+        whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
+        alphas = [self._grid(whole, ratio) if given is None else given for ratio in ratios]
+        errors = [self._errors(folds, found, ratio) for found, ratio in zip(alphas, ratios)]
+        self.mse_path_ = np.squeeze(np.array(errors))
+        self.alphas_ = np.array(alphas) if given is None and len(ratios) > 1 else alphas[0]
+        means = [found.mean(axis=1) for found in errors]
+        best = int(np.argmin([mean.min() for mean in means]))
+        self.alpha_ = float(alphas[best][int(np.argmin(means[best]))])
+        self._refit(whole, ratios[best], X.dtype)
+        return self
+
+    def _grid(self, whole: Posed, ratio: float) -> NDArray[np.float64]:
+        return grid(largest_alpha(whole.problems, ratio, self.positive), self.eps, int(self.alphas))
+
+    def _errors(self, folds: FoldDesigns, alphas: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
+        """Mean squared errors on the held-out rows (n_alphas, n_folds)."""
+        distinct, place = np.unique(-alphas, return_inverse=True)
+        errors, inexact = _core.fold_errors(
+            folds.folds, -distinct, self.fit_intercept, ratio, self.positive, self.max_iter
+        )
+        if inexact:
+            worst = -distinct[inexact]
+            warnings.warn(
+                f"Objective did not converge in some fold at {len(worst)} of {len(distinct)} alphas, the largest {worst.max():.6g}. "
+                f"You might want to increase the number of iterations, max_iter = {self.max_iter}, or the smallest alpha",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
+        found: NDArray[np.float64] = errors[place]
+        return found
+
+    def _refit(self, whole: Posed, ratio: float, dtype: Any) -> None:
+        solved = whole.solve(
+            0, [self.alpha_], l1_ratio=ratio, positive=self.positive, max_iter=self.max_iter, tol=self.tol
+        )
+        self.coef_ = np.asarray(solved.coefs[0], dtype=dtype)
+        self.intercept_ = dtype.type(solved.intercepts[0]) if self.fit_intercept else 0.0
+        self.dual_gap_ = dtype.type(solved.gaps[0])
+        self.n_iter_ = solved.sweeps[0]
+
+
+def _routing() -> bool:
+    if not HAS_SKLEARN:
+        return False
+    from sklearn import get_config
+
+    return bool(get_config().get("enable_metadata_routing", False))
+
+
+def _checked(alphas: Any) -> NDArray[np.float64]:
+    """Given alphas, descending."""
+    for index, alpha in enumerate(alphas):
+        if not isinstance(alpha, Real):
+            raise ParameterError(f"alphas[{index}] must be an instance of float, not {type(alpha).__name__}.")
+        if not 0 <= alpha < np.inf:
+            raise ParameterError(f"alphas[{index}] == {alpha}, must be >= 0.0.")
+    found = np.sort(np.asarray(alphas, dtype=np.float64))[::-1]
+    if found.size == 0:
+        raise ParameterError("alphas is empty: give at least one, or their number")
+    return found
+
+
+class LassoCV(_PathCV):
+    """The lasso with its strength chosen by cross-validation, as scikit-learn's class of this name.
+
+    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X is read once for
+    all folds together, and every fold follows its exact path.
+
+    Parameters
+    ----------
+    eps : float, default=1e-3
+        The smallest alpha of the grid over the largest.
+    alphas : int or array-like of shape (n_alphas,), default=100
+        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are zero downwards.
+    fit_intercept : bool, default=True
+        Whether there is an intercept; it is not penalised.
+    precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
+        Accepted and, where it is a Gram matrix, checked; folds need the rows.
+    max_iter : int, default=1000
+        The most sweeps an alpha.
+    tol : float, default=1e-4
+        As for :class:`ElasticNet`.
+    copy_X : bool, default=True
+        Accepted; X is never copied and never written.
+    cv : int, splitter, iterable of (train, test) or None, default=None
+        The folds; None is five of neighbouring rows.
+    verbose : bool or int, default=False
+        Accepted; nothing is printed.
+    n_jobs : int or None, default=None
+        Accepted; see :func:`set_threads`.
+    positive : bool, default=False
+        Whether coefficients must not be negative.
+    random_state, selection
+        Accepted; nothing here is random.
+
+    Attributes
+    ----------
+    alpha_ : float
+        The alpha with the least mean error over the folds.
+    alphas_ : ndarray of shape (n_alphas,)
+        The alphas that were compared, descending.
+    mse_path_ : ndarray of shape (n_alphas, n_folds)
+        Mean squared errors on the held-out rows, in the units of the target's square.
+    coef_ : ndarray of shape (n_features,)
+        Coefficients of the fit to all rows.
+    intercept_ : float
+        Its intercept.
+    dual_gap_ : float
+        Bound on its objective minus minimum.
+    n_iter_ : int
+        Its sweeps.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (n_features,)
+        Names of the features, where X has them.
+
+    See Also
+    --------
+    LassoLarsCV : On the knots of the paths instead of a grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.arange(40.0).reshape(20, 2) % 7
+    >>> model = ff.LassoCV(cv=4).fit(X, X @ [3.0, 0.0] + 1.0)
+    >>> model.coef_.round(1) + 0.0
+    array([3., 0.])
+    >>> model.mse_path_.shape
+    (100, 4)
+    """
+
+    path = staticmethod(lasso_path)
+
+    def __init__(
+        self,
+        *,
+        eps: float = 1e-3,
+        alphas: Any = 100,
+        fit_intercept: bool = True,
+        precompute: Any = "auto",
+        max_iter: int = 1000,
+        tol: float = 1e-4,
+        copy_X: bool = True,
+        cv: Any = None,
+        verbose: bool | int = False,
+        n_jobs: int | None = None,
+        positive: bool = False,
+        random_state: Any = None,
+        selection: str = "cyclic",
+    ) -> None:
+        self.eps = eps
+        self.alphas = alphas
+        self.fit_intercept = fit_intercept
+        self.precompute = precompute
+        self.max_iter = max_iter
+        self.tol = tol
+        self.copy_X = copy_X
+        self.cv = cv
+        self.verbose = verbose
+        self.n_jobs = n_jobs
+        self.positive = positive
+        self.random_state = random_state
+        self.selection = selection
+
+
+class ElasticNetCV(_PathCV):
+    """The elastic net with its strength and the share of its l1 penalty chosen by cross-validation, as scikit-learn's class of this name.
+
+    Parameters
+    ----------
+    l1_ratio : float in [0, 1] or list of them, default=0.5
+        The share of the l1 penalty, or those that are compared.
+    eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state, selection
+        As for :class:`LassoCV`.
+
+    Attributes
+    ----------
+    alpha_ : float
+        The alpha with the least mean error over the folds.
+    l1_ratio_ : float
+        The share that goes with it.
+    alphas_ : ndarray of shape (n_alphas,) or (n_l1_ratio, n_alphas)
+        The alphas that were compared, descending.
+    mse_path_ : ndarray of shape (n_l1_ratio, n_alphas, n_folds), axes of length 1 left out
+        Mean squared errors on the held-out rows.
+    coef_, intercept_, dual_gap_, n_iter_, n_features_in_, feature_names_in_
+        As for :class:`LassoCV`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.arange(40.0).reshape(20, 2) % 7
+    >>> model = ff.ElasticNetCV(l1_ratio=[0.5, 0.9], alphas=5, cv=4).fit(X, X @ [3.0, 0.0] + 1.0)
+    >>> model.l1_ratio_, model.mse_path_.shape
+    (0.9, (2, 5, 4))
+    """
+
+    path = staticmethod(enet_path)
+
+    _rules = {**_PathCV._rules, "l1_ratio": (real(0, 1, "both"), ARRAY)}
+
+    l1_ratio_: float
+
+    def __init__(
+        self,
+        *,
+        l1_ratio: Any = 0.5,
+        eps: float = 1e-3,
+        alphas: Any = 100,
+        fit_intercept: bool = True,
+        precompute: Any = "auto",
+        max_iter: int = 1000,
+        tol: float = 1e-4,
+        cv: Any = None,
+        copy_X: bool = True,
+        verbose: bool | int = 0,
+        n_jobs: int | None = None,
+        positive: bool = False,
+        random_state: Any = None,
+        selection: str = "cyclic",
+    ) -> None:
+        self.l1_ratio = l1_ratio
+        self.eps = eps
+        self.alphas = alphas
+        self.fit_intercept = fit_intercept
+        self.precompute = precompute
+        self.max_iter = max_iter
+        self.tol = tol
+        self.cv = cv
+        self.copy_X = copy_X
+        self.verbose = verbose
+        self.n_jobs = n_jobs
+        self.positive = positive
+        self.random_state = random_state
+        self.selection = selection
+
+    def _ratios(self) -> list[float]:
+        found = [float(ratio) for ratio in np.atleast_1d(self.l1_ratio)]
+        if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
+            raise ParameterError(f"l1_ratio is {self.l1_ratio!r}: every share lies in [0, 1]")
+        return found
+
+    def _refit(self, whole: Posed, ratio: float, dtype: Any) -> None:
+        super()._refit(whole, ratio, dtype)
+        self.l1_ratio_ = ratio

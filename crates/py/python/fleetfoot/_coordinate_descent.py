@@ -1,0 +1,537 @@
+"""The lasso and the elastic net at given strengths, and their paths, by coordinate descent."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._base import MultiOutputMixin, check_weight, check_xy
+from ._descent import grid, largest_alpha, pose
+from ._linear import LinearModel
+from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
+from ._plain import as_matrix, as_target
+
+__all__ = ["ElasticNet", "Lasso", "enet_path", "lasso_path"]
+
+_Fitted = TypeVar("_Fitted", bound="ElasticNet")
+
+_PATH_RULES: dict[str, tuple[Rule, ...]] = {
+    "l1_ratio": (real(0, 1, "both"),),
+    "eps": (real(0, closed="neither"),),
+    "n_alphas": (integer(1), one_of("deprecated")),
+    "alphas": (integer(1), ARRAY, NONE, one_of("warn")),
+    "precompute": (one_of("auto"), BOOLEAN, ARRAY),
+    "Xy": (ARRAY, NONE),
+    "copy_X": (BOOLEAN,),
+    "coef_init": (ARRAY, NONE),
+    "verbose": (VERBOSE,),
+    "return_n_iter": (BOOLEAN,),
+    "positive": (BOOLEAN,),
+    "check_input": (BOOLEAN,),
+}
+
+
+def enet_path(
+    X: Any,
+    y: Any,
+    *,
+    l1_ratio: float = 0.5,
+    eps: float = 1e-3,
+    n_alphas: int | str = "deprecated",
+    alphas: Any = "warn",
+    precompute: Any = "auto",
+    Xy: Any = None,
+    copy_X: bool = True,
+    coef_init: Any = None,
+    verbose: bool | int = False,
+    return_n_iter: bool = False,
+    positive: bool = False,
+    check_input: bool = True,
+    **params: Any,
+) -> Any:
+    """Elastic net coefficients at many alphas, as scikit-learn's function of this name.
+
+    Minimises ``1 / (2 n) |y - X w|^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` without an intercept, at every alpha in
+    descending order, each solution started from the one before. All solutions are exact up to rounding where the data determine them.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_samples, n_features)
+        Regressors, dense; any order of memory, `float32` or `float64`. Read once, never copied or written.
+    y : array-like of shape (n_samples,)
+        Target. Several targets with a common support (the multi-task penalty) are not supported.
+    l1_ratio : float in [0, 1], default=0.5
+        Share of the l1 penalty: 1 is the lasso, 0 is ridge.
+    eps : float, default=1e-3
+        The smallest alpha of a grid over the largest.
+    n_alphas : int, deprecated
+        Number of alphas; give `alphas` instead.
+    alphas : int or array-like of shape (n_alphas,), default=100
+        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are zero downwards.
+    precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
+        The Gram matrix ``X.T @ X`` where it is known. Anything else leaves the choice to the engine, and changes nothing but time.
+    Xy : array-like of shape (n_features,), optional
+        ``X.T @ y``, used with a given Gram matrix.
+    copy_X : bool, default=True
+        Accepted; X is never copied and never written.
+    coef_init : array-like of shape (n_features,), optional
+        Where the first solution starts from. It changes the number of sweeps, not the answer.
+    verbose : bool or int, default=False
+        Accepted; a path is one call of the engine, and prints nothing.
+    return_n_iter : bool, default=False
+        Whether the numbers of sweeps are returned.
+    positive : bool, default=False
+        Whether coefficients must not be negative.
+    check_input : bool, default=True
+        Whether X, y and a given Gram matrix are checked.
+    **params
+        `max_iter` (default 1000: the most sweeps an alpha) and `tol` (default 1e-4: duality gap, relative to the target's mean square,
+        above which a solution that is not exact is a `ConvergenceWarning`). `selection`, `random_state`, `do_screening`, `X_offset` and
+        `X_scale` are accepted and change nothing: coordinates are visited in the order of the engine.
+
+    Returns
+    -------
+    alphas : ndarray of shape (n_alphas,)
+        The alphas, descending.
+    coefs : ndarray of shape (n_features, n_alphas)
+        Coefficients, with the precision of X.
+    dual_gaps : ndarray of shape (n_alphas,)
+        Bounds on objective minus minimum.
+    n_iters : list of int
+        Sweeps, where `return_n_iter`.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range, or X and y do not go together.
+    TypeError
+        When X is sparse.
+    NotImplementedError
+        For several targets.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    >>> y = X @ [2.0, 0.5]
+    >>> alphas, coefs, gaps = ff.enet_path(X, y, alphas=[1.0, 0.1])
+    >>> alphas
+    array([1. , 0.1])
+    >>> coefs.shape
+    (2, 2)
+    """
+    values = {name: value for name, value in locals().items() if name in _PATH_RULES}
+    check_params("enet_path", _PATH_RULES, **values)
+    wanted = _alphas(n_alphas, alphas)
+    options = _solver_options("enet_path", params)
+    if check_input:
+        X = as_matrix(X, "enet_path")
+        y = as_target(y, multi_output=True)
+        if len(y) != len(X):
+            raise ValueError(f"X has {len(X)} rows and y has {len(y)}: give one target a row")
+    if y.ndim != 1:
+        if positive:
+            raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
+        raise NotImplementedError(
+            "enet_path of several targets (the multi-task penalty, one support for all): fit ElasticNet or Lasso for a support a target"
+        )
+    if X.dtype == np.float32:
+        y = np.asarray(y, dtype=np.float32)
+    posed = pose(X, y, None, intercept=False, precompute=precompute, Xy=Xy, check_gram=check_input)
+    if isinstance(wanted, Integral):
+        found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
+    else:
+        found = np.sort(np.asarray(wanted, dtype=np.float64).reshape(-1))[::-1]
+    solved = posed.solve(0, found, l1_ratio=l1_ratio, positive=positive, start=_start(coef_init, X.shape[1]), **options)
+    coefs = np.asarray(solved.coefs.T, dtype=X.dtype)
+    if return_n_iter:
+        return found, coefs, solved.gaps, solved.sweeps
+    return found, coefs, solved.gaps
+
+
+def lasso_path(
+    X: Any,
+    y: Any,
+    *,
+    eps: float = 1e-3,
+    n_alphas: int | str = "deprecated",
+    alphas: Any = "warn",
+    precompute: Any = "auto",
+    Xy: Any = None,
+    copy_X: bool = True,
+    coef_init: Any = None,
+    verbose: bool | int = False,
+    return_n_iter: bool = False,
+    positive: bool = False,
+    **params: Any,
+) -> Any:
+    """Lasso coefficients at many alphas, as scikit-learn's function of this name: :func:`enet_path` with ``l1_ratio=1``.
+
+    Minimises ``1 / (2 n) |y - X w|^2 + alpha |w|_1`` without an intercept. For all solutions at once, exactly, see :func:`lars_path`.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_samples, n_features)
+        Regressors, dense.
+    y : array-like of shape (n_samples,)
+        Target.
+    eps, n_alphas, alphas, precompute, Xy, copy_X, coef_init, verbose, return_n_iter, positive, **params
+        As for :func:`enet_path`.
+
+    Returns
+    -------
+    alphas : ndarray of shape (n_alphas,)
+        The alphas, descending.
+    coefs : ndarray of shape (n_features, n_alphas)
+        Coefficients, with the precision of X.
+    dual_gaps : ndarray of shape (n_alphas,)
+        Bounds on objective minus minimum.
+    n_iters : list of int
+        Sweeps, where `return_n_iter`.
+
+    Raises
+    ------
+    ValueError, TypeError, NotImplementedError
+        As :func:`enet_path`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> alphas, coefs, gaps = ff.lasso_path(np.eye(4)[:, :2], [4.0, 2.0, 0.0, 0.0], alphas=[1.0, 0.5, 0.25])
+    >>> coefs
+    array([[0., 2., 3.],
+           [0., 0., 1.]])
+    """
+    return enet_path(
+        X,
+        y,
+        l1_ratio=1.0,
+        eps=eps,
+        n_alphas=n_alphas,
+        alphas=alphas,
+        precompute=precompute,
+        Xy=Xy,
+        copy_X=copy_X,
+        coef_init=coef_init,
+        verbose=verbose,
+        return_n_iter=return_n_iter,
+        positive=positive,
+        **params,
+    )
+
+
+def _alphas(n_alphas: Any, alphas: Any) -> Any:
+    """What the two parameters mean together, until the older one is gone."""
+    wanted = alphas
+    if not isinstance(n_alphas, str):
+        warnings.warn(
+            "'n_alphas' was deprecated in 1.9 and will be removed in 1.11 of scikit-learn: give the number of alphas as `alphas`",
+            FutureWarning,
+            stacklevel=3,
+        )
+    count = 100 if isinstance(n_alphas, str) else n_alphas
+    if alphas is None:
+        warnings.warn(
+            "'alphas=None' is deprecated and will be removed in 1.11 of scikit-learn: give alphas=100",
+            FutureWarning,
+            stacklevel=3,
+        )
+        wanted = count
+    elif isinstance(alphas, str):
+        wanted = count
+    return wanted
+
+
+def _solver_options(owner: str, params: dict[str, Any]) -> dict[str, Any]:
+    """`max_iter` and `tol` of the further parameters of a path, and a look at the others."""
+    known = {"tol", "max_iter", "random_state", "selection", "do_screening", "X_offset", "X_scale", "sample_weight"}
+    unknown = sorted(set(params) - known)
+    if unknown:
+        raise ValueError(f"Unexpected parameters in params: {', '.join(unknown)}; {owner} knows {', '.join(sorted(known))}")
+    if params.get("selection", "cyclic") not in ("random", "cyclic"):
+        raise ValueError("selection should be either random or cyclic.")
+    if params.get("sample_weight") is not None:
+        raise NotImplementedError(f"sample_weight of {owner}: fit ElasticNet or Lasso with it")
+    options = {"max_iter": params.get("max_iter", 1000), "tol": params.get("tol", 1e-4)}
+    check_params(owner, {"max_iter": (integer(1),), "tol": (real(0),)}, **options)
+    return options
+
+
+def _start(coef_init: Any, features: int) -> NDArray[np.float64] | None:
+    if coef_init is None:
+        return None
+    start = np.asarray(coef_init, dtype=np.float64)
+    if start.shape != (features,):
+        raise ValueError(f"coef_init has the shape {start.shape}: give one value a feature, ({features},)")
+    return start
+
+
+class ElasticNet(MultiOutputMixin, LinearModel):
+    """Linear regression with an l1 and an l2 penalty, as scikit-learn's class of this name.
+
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` over w and the
+    intercept b, s the weights of the rows and n their sum. Several targets are fitted each on its own, in one pass over X.
+
+    X is compressed in one pass, in parallel and without a copy; coordinate descent then runs on at most n_features rows, and ends with
+    Newton steps on the support: solutions are exact up to rounding (see `dual_gap_`), whatever `tol` is.
+
+    Parameters
+    ----------
+    alpha : float, default=1.0
+        Strength of the penalty; 0 is least squares.
+    l1_ratio : float in [0, 1], default=0.5
+        Share of the l1 penalty: 1 is the lasso, 0 is ridge.
+    fit_intercept : bool, default=True
+        Whether there is an intercept; it is not penalised.
+    precompute : bool or array-like of shape (n_features, n_features), default=False
+        The Gram matrix of the (centred, weighted) features where it is known. True and False both leave the choice to the engine.
+    max_iter : int, default=1000
+        The most sweeps over the coordinates.
+    copy_X : bool, default=True
+        Accepted; X is never copied and never written.
+    tol : float, default=1e-4
+        A solution that is not exact when the sweeps are used up is a `ConvergenceWarning` if its duality gap is above `tol` times the
+        target's mean square.
+    warm_start : bool, default=False
+        Whether `fit` starts from `coef_` of the fit before. It changes the number of sweeps, not the answer.
+    positive : bool, default=False
+        Whether coefficients must not be negative.
+    random_state : int, RandomState or None, default=None
+        Accepted; nothing here is random.
+    selection : {"cyclic", "random"}, default="cyclic"
+        Accepted; coordinates are visited in turn, and the answer does not depend on their order.
+
+    Attributes
+    ----------
+    coef_ : ndarray of shape (n_features,) or (n_targets, n_features)
+        Coefficients w, with the precision of X.
+    intercept_ : float or ndarray of shape (n_targets,)
+        Intercept, 0.0 without one.
+    dual_gap_ : float or ndarray of shape (n_targets,)
+        Bound on objective minus minimum, in the units of the target's square.
+    n_iter_ : int or list of int
+        Sweeps over the coordinates; 0 where the start was the solution.
+    sparse_coef_ : scipy sparse matrix of shape (1, n_features) or (n_targets, n_features)
+        `coef_` without its zeros; needs scipy.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (n_features,)
+        Names of the features, where X has them.
+
+    See Also
+    --------
+    Lasso : With the l1 penalty alone.
+    enet_path : At many alphas.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.array([[-1.0], [0.0], [1.0]])
+    >>> model = ff.ElasticNet(alpha=0.5).fit(X, [-1.0, 0.0, 1.0])
+    >>> model.coef_.round(6)
+    array([0.454545])
+    """
+
+    path: Callable[..., Any] = staticmethod(enet_path)
+
+    _rules: dict[str, tuple[Rule, ...]] = {
+        "alpha": (real(0),),
+        "l1_ratio": (real(0, 1, "both"),),
+        "fit_intercept": (BOOLEAN,),
+        "precompute": (BOOLEAN, ARRAY),
+        "max_iter": (integer(1),),
+        "copy_X": (BOOLEAN,),
+        "tol": (real(0),),
+        "warm_start": (BOOLEAN,),
+        "positive": (BOOLEAN,),
+        "random_state": (RANDOM_STATE,),
+        "selection": (one_of("cyclic", "random"),),
+    }
+
+    coef_: NDArray[Any]
+    intercept_: Any
+    dual_gap_: Any
+    n_iter_: Any
+
+    def __init__(
+        self,
+        alpha: float = 1.0,
+        *,
+        l1_ratio: float = 0.5,
+        fit_intercept: bool = True,
+        precompute: Any = False,
+        max_iter: int = 1000,
+        copy_X: bool = True,
+        tol: float = 1e-4,
+        warm_start: bool = False,
+        positive: bool = False,
+        random_state: Any = None,
+        selection: str = "cyclic",
+    ) -> None:
+        self.alpha = alpha
+        self.l1_ratio = l1_ratio
+        self.fit_intercept = fit_intercept
+        self.precompute = precompute
+        self.max_iter = max_iter
+        self.copy_X = copy_X
+        self.tol = tol
+        self.warm_start = warm_start
+        self.positive = positive
+        self.random_state = random_state
+        self.selection = selection
+
+    def fit(self: _Fitted, X: Any, y: Any, sample_weight: Any = None, check_input: bool = True) -> _Fitted:
+        """Fits all targets in one pass over X.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Regressors, dense; any order of memory.
+        y : array-like of shape (n_samples,) or (n_samples, n_targets)
+            Targets.
+        sample_weight : float or array-like of shape (n_samples,), optional
+            Weights of the rows, not negative; only their ratios count.
+        check_input : bool, default=True
+            Whether X and y are checked; without, they must be finite arrays of `float32` or `float64`.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            When a parameter is out of its range, or the data are not finite or do not go together.
+        TypeError
+            When X is sparse.
+        """
+        check_params(self, self._rules)
+        if check_input:
+            X, y = check_xy(self, X, y, multi_output=True)
+        else:
+            X, y = np.asarray(X), np.asarray(y)
+            self.n_features_in_ = X.shape[1]
+        if X.dtype == np.float32:
+            y = np.asarray(y, dtype=np.float32)
+        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
+        posed = pose(
+            X, y, weight, intercept=self.fit_intercept, precompute=self.precompute, check_gram=check_input
+        )
+        targets = 1 if y.ndim == 1 else y.shape[1]
+        starts = self._starts(targets, X.shape[1])
+        options: dict[str, Any] = {"l1_ratio": self.l1_ratio, "positive": self.positive}
+        options.update(max_iter=self.max_iter, tol=self.tol)
+        solved = [posed.solve(k, [self.alpha], start=starts[k], **options) for k in range(targets)]
+        self._keep(solved, X.dtype, y.ndim)
+        return self
+
+    def _starts(self, targets: int, features: int) -> list[NDArray[Any] | None]:
+        """Where every target starts from."""
+        if not self.warm_start or not hasattr(self, "coef_"):
+            return [None] * targets
+        start = np.atleast_2d(self.coef_)
+        if start.shape != (targets, features):
+            raise ValueError(
+                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} features: "
+                "set warm_start=False, or give data of the same shape"
+            )
+        return list(start)
+
+    def _keep(self, solved: list[Any], dtype: Any, dimensions: int) -> None:
+        coefs = np.array([one.coefs[0] for one in solved], dtype=dtype)
+        intercepts = np.array([one.intercepts[0] for one in solved], dtype=dtype)
+        gaps = np.array([one.gaps[0] for one in solved], dtype=dtype)
+        sweeps = [one.sweeps[0] for one in solved]
+        single = len(solved) == 1
+        self.coef_ = coefs[0] if single else coefs
+        self.dual_gap_ = gaps[0] if single else gaps
+        self.n_iter_ = sweeps[0] if single else sweeps
+        if self.fit_intercept:
+            self.intercept_ = intercepts[0] if dimensions == 1 else intercepts
+        else:
+            self.intercept_ = 0.0
+
+    @property
+    def sparse_coef_(self) -> Any:
+        """`coef_` as a sparse matrix by rows (n_targets, n_features)."""
+        try:
+            from scipy.sparse import csr_matrix
+        except ImportError as error:
+            raise ImportError("sparse_coef_ needs scipy: pip install scipy, or read coef_") from error
+        return csr_matrix(np.atleast_2d(self.coef_))
+
+
+class Lasso(ElasticNet):
+    """Linear regression with an l1 penalty, as scikit-learn's class of this name.
+
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha |w|_1`` over w and the intercept b, s the weights of the rows and n their
+    sum: :class:`ElasticNet` with ``l1_ratio=1``, whose notes hold.
+
+    Parameters
+    ----------
+    alpha : float, default=1.0
+        Strength of the penalty, in the units of the target times those of the features; 0 is least squares.
+    fit_intercept, precompute, copy_X, max_iter, tol, warm_start, positive, random_state, selection
+        As for :class:`ElasticNet`.
+
+    Attributes
+    ----------
+    coef_, intercept_, dual_gap_, n_iter_, sparse_coef_, n_features_in_, feature_names_in_
+        As for :class:`ElasticNet`.
+
+    See Also
+    --------
+    LassoCV : Chooses alpha by cross-validation.
+    Bolasso : Keeps the features that most resamples of the rows select.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.array([[-1.0], [0.0], [1.0]])
+    >>> model = ff.Lasso(alpha=0.5).fit(X, [-1.0, 0.0, 1.0])
+    >>> model.coef_
+    array([0.25])
+    >>> model.predict([[2.0]])
+    array([0.5])
+    """
+
+    path = staticmethod(enet_path)
+
+    _rules = {name: rule for name, rule in ElasticNet._rules.items() if name != "l1_ratio"}
+
+    def __init__(
+        self,
+        alpha: float = 1.0,
+        *,
+        fit_intercept: bool = True,
+        precompute: Any = False,
+        copy_X: bool = True,
+        max_iter: int = 1000,
+        tol: float = 1e-4,
+        warm_start: bool = False,
+        positive: bool = False,
+        random_state: Any = None,
+        selection: str = "cyclic",
+    ) -> None:
+        super().__init__(
+            alpha=alpha,
+            l1_ratio=1.0,
+            fit_intercept=fit_intercept,
+            precompute=precompute,
+            copy_X=copy_X,
+            max_iter=max_iter,
+            tol=tol,
+            warm_start=warm_start,
+            positive=positive,
+            random_state=random_state,
+            selection=selection,
+        )

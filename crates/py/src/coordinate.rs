@@ -1,0 +1,225 @@
+//! Least-squares problems of arrays, and what coordinate descent and information criteria make of them.
+
+use fleetfoot::{
+    data::{Silent, parallel_map},
+    sparse::{
+        CoordinateOptions, CriteriaOptions, Descended, LarsOptions, Penalty, Quadratic, SelectOptions, Sign,
+        coordinate_descent_from, information_criteria, lambda_max, lars, solve_grid,
+    },
+};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::{
+    design::Design,
+    error::{Kind, OrRaise},
+    run::{Failure, guard, run_any},
+};
+
+/// The least-squares problems of the targets of one X, compressed.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct Problems {
+    pub(crate) targets: Vec<Quadratic>,
+}
+
+/// Solutions of one target: coefficients (alphas x features), intercepts, duality gaps in the units of the objective and relative to the target's mean
+/// square, sweeps, and whether the engine's tolerance was met.
+type Solutions<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Vec<usize>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+#[pymethods]
+impl Problems {
+    /// The problems of all targets on the rows of some groups of a design (`None`: of all).
+    #[staticmethod]
+    #[pyo3(signature = (design, groups, intercept))]
+    fn of(py: Python<'_>, design: &Design, groups: Option<Vec<usize>>, intercept: bool) -> PyResult<Self> {
+        let groups = design.chosen(groups)?;
+        let targets = run_any(py, None, |_| Ok(design.of().problems(groups.as_deref(), intercept)?))?;
+        Ok(Self { targets })
+    }
+
+    /// From plain products `X'X` (p x p), `X'y` (p x q) and `y'y` (q) of `rows` rows, without an intercept.
+    #[staticmethod]
+    fn products(
+        gram: PyReadonlyArray2<'_, f64>,
+        xy: PyReadonlyArray2<'_, f64>,
+        yy: PyReadonlyArray1<'_, f64>,
+        rows: f64,
+    ) -> PyResult<Self> {
+        guard(|| {
+            let (gram, xy, yy) = (gram.as_array(), xy.as_array(), yy.as_array());
+            let columns: Vec<f64> = gram.t().iter().copied().collect();
+            let target = |k: usize| Quadratic::from_dense_products(&columns, &xy.column(k).to_vec(), Some(yy[k]), rows);
+            let targets = (0..yy.len().min(xy.ncols())).map(target).collect::<Result<_, _>>().or_raise(Kind::Fit)?;
+            Ok(Self { targets })
+        })
+    }
+
+    /// Number of targets.
+    fn __len__(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// Root mean square of a target, about its mean where there is an intercept.
+    fn deviation(&self, target: usize) -> PyResult<f64> {
+        Ok(self.target(target)?.target_deviation())
+    }
+
+    /// The least alpha at which all coefficients of a target are zero, for the lasso.
+    fn largest_alpha(&self, target: usize, positive: bool) -> PyResult<f64> {
+        guard(|| {
+            let problem = self.target(target)?;
+            lambda_max(problem, &penalty(problem.columns(), positive), 1.0).or_raise(Kind::Fit)
+        })
+    }
+
+    /// The solutions of a target at all alphas, each from the one before, the first from `start` (p).
+    #[pyo3(signature = (target, alphas, l1_ratio, positive, start, max_epochs))]
+    fn descend<'py>(
+        &self,
+        py: Python<'py>,
+        target: usize,
+        alphas: PyReadonlyArray1<'_, f64>,
+        l1_ratio: f64,
+        positive: bool,
+        start: Option<PyReadonlyArray1<'_, f64>>,
+        max_epochs: usize,
+    ) -> PyResult<Solutions<'py>> {
+        let problem = self.target(target)?;
+        let p = problem.columns();
+        let alphas = alphas.as_array().to_vec();
+        let start = start.map_or_else(|| vec![0.0; p], |start| start.as_array().to_vec());
+        let found = run_any(py, None, |_| {
+            let options = CoordinateOptions { l1_ratio, max_epochs, ..CoordinateOptions::default() };
+            coordinate_descent_from(problem, &penalty(p, positive), &alphas, &options, &start)
+                .map_err(|error| Failure::of(Kind::Fit)(&error))
+        })?;
+        solutions(py, problem, &found)
+    }
+
+    /// The alpha of the knot of a target's lasso path with the least AIC, BIC or EBIC.
+    fn criterion_alpha(&self, py: Python<'_>, target: usize, positive: bool, criterion: &str) -> PyResult<f64> {
+        let problem = self.target(target)?;
+        let which = match criterion {
+            "aic" => 0,
+            "bic" => 1,
+            "ebic" => 2,
+            other => return Err(Kind::Request.error(format!("the criterion is {other:?}: aic, bic or ebic"))),
+        };
+        run_any(py, None, |_| {
+            let penalty = penalty(problem.columns(), positive);
+            let path = lars(problem, &penalty, &LarsOptions::default()).map_err(|e| Failure::of(Kind::Fit)(&e))?;
+            let found = information_criteria(problem, &penalty, &path, &CriteriaOptions::default());
+            let found = found.map_err(|error| Failure::of(Kind::Fit)(&error))?;
+            Ok(found.lambdas[found.best[which]])
+        })
+    }
+
+    /// Least squares on some features of a target: coefficients (p) and intercept. Of features that depend on each other, the first carry the fit.
+    fn refit<'py>(
+        &self,
+        py: Python<'py>,
+        target: usize,
+        support: Vec<usize>,
+        positive: bool,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, f64)> {
+        let problem = self.target(target)?;
+        let p = problem.columns();
+        let mut penalty = penalty(p, positive);
+        penalty.factors = vec![f64::INFINITY; p];
+        for j in support {
+            match penalty.factors.get_mut(j) {
+                Some(factor) => *factor = 0.0,
+                None => return Err(Kind::Request.error(format!("feature {j} of {p} is in the support"))),
+            }
+        }
+        let path = run_any(py, None, |_| {
+            lars(problem, &penalty, &LarsOptions::default()).map_err(|error| Failure::of(Kind::Fit)(&error))
+        })?;
+        let Some(found) = path.knots.last() else {
+            return Err(Kind::Internal.error("a path without knots"));
+        };
+        Ok((PyArray1::from_vec(py, found.dense(p)), found.intercept))
+    }
+}
+
+impl Problems {
+    fn target(&self, target: usize) -> PyResult<&Quadratic> {
+        let count = self.targets.len();
+        self.targets.get(target).ok_or_else(|| Kind::Request.error(format!("target {target} of {count}")))
+    }
+}
+
+/// Equal penalties in raw units, and signs.
+pub(crate) fn penalty(features: usize, positive: bool) -> Penalty {
+    let signs = if positive { vec![Sign::NonNegative; features] } else { Vec::new() };
+    Penalty { signs, ..Penalty::default() }
+}
+
+fn solutions<'py>(py: Python<'py>, problem: &Quadratic, found: &[Descended]) -> PyResult<Solutions<'py>> {
+    let p = problem.columns();
+    let coefficients: Vec<f64> = found.iter().flat_map(|found| found.solution.dense(p)).collect();
+    let collect = |value: &dyn Fn(&Descended) -> f64| PyArray1::from_vec(py, found.iter().map(value).collect());
+    // The objective of zero coefficients, which the certificate's gap is relative to.
+    let half = 0.5 * problem.target_deviation().powi(2);
+    Ok((
+        PyArray1::from_vec(py, coefficients).reshape([found.len(), p])?,
+        collect(&|found| found.solution.intercept),
+        collect(&|found| half * found.solution.certificate.gap),
+        collect(&|found| 0.5 * found.solution.certificate.gap),
+        found.iter().map(|found| found.epochs).collect(),
+        PyArray1::from_vec(py, found.iter().map(|found| found.solution.converged).collect()),
+    ))
+}
+
+/// A fold: the design that holds its rows, and the groups of these that train and that test.
+type Fold = (Py<Design>, Vec<usize>, Vec<usize>);
+
+/// Mean squared errors of the first target on the held-out rows of every fold (alphas x folds), and the places of alphas where the solver of some fold
+/// missed its tolerance.
+#[pyfunction]
+#[pyo3(signature = (folds, alphas, intercept, l1_ratio, positive, max_epochs, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "named by Python's callers")]
+pub(crate) fn fold_errors<'py>(
+    py: Python<'py>,
+    folds: Vec<Fold>,
+    alphas: PyReadonlyArray1<'_, f64>,
+    intercept: bool,
+    l1_ratio: f64,
+    positive: bool,
+    max_epochs: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<usize>)> {
+    for (design, train, test) in &folds {
+        design.get().chosen(Some(train.clone()))?;
+        design.get().chosen(Some(test.clone()))?;
+    }
+    let alphas = alphas.as_array().to_vec();
+    let descent = CoordinateOptions { max_epochs, ..CoordinateOptions::default() };
+    let options = SelectOptions { l1_ratio, descent, ..SelectOptions::default() };
+    let found = run_any(py, progress, |progress| {
+        progress.stage("folds");
+        parallel_map(folds.len(), progress, |fold| {
+            let (design, train, test) = &folds[fold];
+            let design = design.get().of();
+            let problems = design.problems(Some(train), intercept)?;
+            let problem = problems.first().ok_or(Failure::Other(Kind::Internal, "a design without targets".into()))?;
+            let penalty = penalty(problem.columns(), positive);
+            let solved = solve_grid(problem, &penalty, &alphas, &options).map_err(|e| Failure::of(Kind::Fit)(&e))?;
+            let values = (0..alphas.len()).flat_map(|k| solved.coefficients.col_as_slice(k)).copied();
+            let values: Vec<f64> = values.collect();
+            let errors = design.mean_squares(Some(test), 0, &values, &solved.intercepts, &Silent)?;
+            Ok::<_, Failure>((errors, solved.exact))
+        })
+    })?;
+    let errors = (0..alphas.len()).flat_map(|k| found.iter().map(move |(errors, _)| errors[k]));
+    let errors = PyArray1::from_vec(py, errors.collect()).reshape([alphas.len(), folds.len()])?;
+    let inexact = (0..alphas.len()).filter(|&k| found.iter().any(|(_, exact)| !exact[k])).collect();
+    Ok((errors, inexact))
+}
