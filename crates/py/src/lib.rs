@@ -15,6 +15,7 @@ mod lars;
 // -- lasso
 
 // -- clusters and thresholds
+mod clusters;
 
 // -- identification
 
@@ -36,11 +37,13 @@ mod _core {
     #[pymodule_export]
     use crate::design::Design;
     #[pymodule_export]
-    use crate::lars::{LarsPath, lars_paths, lars_path_of_products};
+    use crate::lars::{LarsPath, lars_path_of_products, lars_paths};
 
     // -- lasso
 
     // -- clusters and thresholds
+    #[pymodule_export]
+    use crate::clusters::{KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws};
 
     // -- identification
 

@@ -9,6 +9,7 @@ from ._core import set_threads, thread_count
 # -- lasso
 
 # -- clusters and thresholds
+from ._kmeans import KMeans
 
 # -- identification
 
@@ -24,6 +25,7 @@ __all__ = [
     # -- lars
     # -- lasso
     # -- clusters and thresholds
+    "KMeans",
     # -- identification
     # -- statistics
     # -- tables
