@@ -5,6 +5,9 @@ from ._core import VERSION as __version__
 from ._core import set_threads, thread_count
 
 # -- lars
+from ._lars import lars_path, lars_path_gram
+from ._lars_models import Lars, LassoLars
+from ._lars_select import LassoLarsCV, LassoLarsIC
 
 # -- lasso
 
@@ -23,6 +26,12 @@ __all__ = [
     "set_threads",
     "thread_count",
     # -- lars
+    "Lars",
+    "LassoLars",
+    "LassoLarsCV",
+    "LassoLarsIC",
+    "lars_path",
+    "lars_path_gram",
     # -- lasso
     # -- clusters and thresholds
     "KMeans",

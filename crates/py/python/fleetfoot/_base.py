@@ -71,6 +71,7 @@ __all__ = [
     "check_weight",
     "check_x",
     "check_xy",
+    "random_numbers",
     "random_seed",
     "splits",
 ]
@@ -156,6 +157,15 @@ def random_seed(random_state: Any) -> int:
     if isinstance(random_state, np.random.Generator):
         return int(random_state.integers(np.iinfo(np.int32).max))
     raise ValueError(f"{random_state!r} cannot be used to seed: give an integer, a numpy RandomState or Generator, or None")
+
+
+def random_numbers(random_state: Any) -> Any:
+    """numpy's random numbers that `random_state` stands for: a `RandomState` for a seed, what is given otherwise, and numpy's own for `None`."""
+    if random_state is None or random_state is np.random:
+        return np.random
+    if isinstance(random_state, (np.random.RandomState, np.random.Generator)):
+        return random_state
+    return np.random.RandomState(random_seed(random_state))
 
 
 def splits(cv: Any, X: Any, y: Any, **params: Any) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:

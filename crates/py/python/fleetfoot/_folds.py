@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._base import HAS_SKLEARN, check_cv
 from ._core import Design
 
 #: Groups of rows beyond which folds share so little that each is read by itself.
@@ -74,3 +76,28 @@ def fold_designs(
         own = None if weight is None else weight[rows]
         folds.append((Design(X[rows], y[rows], own, sides, 2), [0], [1]))
     return None, FoldDesigns(folds)
+
+
+def fold_params(estimator: Any, params: dict[str, Any]) -> dict[str, Any]:
+    """What of the extra arguments of `fit` goes to the splitter `estimator.cv`: scikit-learn's metadata routing, where it is switched on."""
+    if HAS_SKLEARN:
+        import sklearn
+
+        if sklearn.get_config().get("enable_metadata_routing"):
+            from sklearn.utils.metadata_routing import process_routing
+
+            return dict(process_routing(estimator, "fit", **params).splitter.split)
+    if params:
+        raise ValueError(
+            f"Passing extra keyword arguments ({', '.join(params)}) to {type(estimator).__name__}.fit is only supported if "
+            "enable_metadata_routing=True: sklearn.set_config(enable_metadata_routing=True)"
+        )
+    return {}
+
+
+def fold_router(estimator: Any) -> Any:
+    """The routing of an estimator that hands its extra arguments to its splitter (scikit-learn's `get_metadata_routing`)."""
+    from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping
+
+    mapping = MethodMapping().add(caller="fit", callee="split")
+    return MetadataRouter(owner=type(estimator).__name__).add(splitter=check_cv(estimator.cv), method_mapping=mapping)

@@ -8,12 +8,13 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Self = TypeVar("Self", bound="BaseEstimator")
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class NotFittedError(ValueError, AttributeError):
@@ -48,7 +49,7 @@ class BaseEstimator:
             found[name] = value
         return found
 
-    def set_params(self: Self, **params: Any) -> Self:
+    def set_params(self, **params: Any) -> Self:
         """Sets parameters by name, ``name__parameter`` for those of an estimator among them."""
         known = self._parameter_names()
         inner: dict[str, dict[str, Any]] = {}
