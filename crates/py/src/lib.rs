@@ -18,6 +18,7 @@ mod bolasso;
 mod coordinate;
 
 // -- clusters and thresholds
+mod clusters;
 
 // -- identification
 mod fit;
@@ -50,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use crate::design::Design;
     #[pymodule_export]
-    use crate::lars::{LarsPath, lars_paths, lars_path_of_products};
+    use crate::lars::{LarsPath, lars_path_of_products, lars_paths};
 
     // -- lasso
     #[pymodule_export]
@@ -59,6 +60,8 @@ mod _core {
     use crate::coordinate::{Problems, fold_errors};
 
     // -- clusters and thresholds
+    #[pymodule_export]
+    use crate::clusters::{KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws};
 
     // -- identification
     #[pymodule_export]

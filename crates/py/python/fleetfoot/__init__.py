@@ -15,6 +15,7 @@ from ._coordinate_cv import ElasticNetCV, LassoCV
 from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
 # -- clusters and thresholds
+from ._kmeans import KMeans
 
 # -- identification
 from ._block_sparse import BlockSparse
@@ -56,6 +57,7 @@ __all__ = [
     "enet_path",
     "lasso_path",
     # -- clusters and thresholds
+    "KMeans",
     # -- identification
     "NARX",
     "PWA",

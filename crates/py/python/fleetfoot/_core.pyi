@@ -151,6 +151,22 @@ def fold_errors(
 
 # -- clusters and thresholds
 
+@final
+class KMeansPoints:
+    def __new__(cls, x: Any, weights: NDArray[np.float64] | None = None, progress: Progress = None) -> KMeansPoints: ...
+    def plus_plus(
+        self, clusters: int, draws: NDArray[np.float64], progress: Progress = None
+    ) -> NDArray[np.float64]: ...
+    def run(
+        self, start: NDArray[np.float64], max_iter: int, tol: float, history: bool = False, progress: Progress = None
+    ) -> tuple[NDArray[np.float64], float, int, bool, float, list[tuple[float, int, float]]]: ...
+
+def kmeans_draws(clusters: int) -> int: ...
+def kmeans_assign(
+    x: Any, centroids: NDArray[np.float64], weights: NDArray[np.float64] | None = None, progress: Progress = None
+) -> tuple[NDArray[np.int32], list[int], float]: ...
+def kmeans_distances(x: Any, centroids: NDArray[np.float64], progress: Progress = None) -> NDArray[np.float64]: ...
+
 # -- identification
 
 # -- statistics

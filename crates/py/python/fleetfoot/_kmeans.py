@@ -1,0 +1,343 @@
+"""k-means: Lloyd's algorithm, exact, and the same whatever the number of threads."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._base import (
+    BaseEstimator,
+    ClusterMixin,
+    ConvergenceWarning,
+    TransformerMixin,
+    check_is_fitted,
+    check_weight,
+    check_x,
+)
+from ._core import KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws
+from ._params import ARRAY, BOOLEAN, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
+
+__all__ = ["KMeans"]
+
+#: Starts where `n_init="auto"` and each start is another one.
+_RANDOM_STARTS = 10
+
+
+class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
+    """k-means clustering.
+
+    Minimises the inertia, the (weighted) sum of the squared distances of all rows to their nearest centres, by Lloyd's iterations. Bounds on the
+    distances skip what cannot change, so labels are those of the plain algorithm. The parameters, and the use that is made of `random_state`, are
+    those of `sklearn.cluster.KMeans`: the same numbers give the same centres there and here, to rounding.
+
+    The rows are kept once more while `fit` runs, in an order that suits the iterations: 8 bytes a value, for `float32` input too.
+    Sparse matrices are not supported.
+
+    Parameters
+    ----------
+    n_clusters : int, default=8
+        Clusters, and centres.
+    init : {'k-means++', 'random'}, callable or array-like of shape (n_clusters, n_features), default='k-means++'
+        Where the centres start: at rows drawn by greedy k-means++, at rows drawn evenly, at what ``init(X, n_clusters, random_state=...)`` returns (X as it
+        is, not centred), or here.
+    n_init : int or 'auto', default='auto'
+        Starts, of which the one with the least inertia counts. 'auto': 10 for 'random' and callables, else 1.
+    max_iter : int, default=300
+        Iterations at most, of each start.
+    tol : float, default=1e-4
+        The iteration ends when the squared shifts of the centres sum up to at most this times the mean variance of the features.
+    verbose : int, default=0
+        Whether the inertia of each iteration is printed; it costs a pass over the rows then.
+    random_state : int, RandomState, Generator or None, default=None
+        The random numbers of the starts.
+    copy_x : bool, default=True
+        Accepted, and without effect: X is never written to.
+    algorithm : {'lloyd', 'elkan'}, default='lloyd'
+        Accepted, and without effect: both give the same result, and bounds are used anyway.
+
+    Attributes
+    ----------
+    cluster_centers_ : ndarray of shape (n_clusters, n_features)
+        The centres, in the type of X (`float32` or `float64`) and the units of the features.
+    labels_ : ndarray of shape (n_samples,), int32
+        The nearest centre of each row, of equally near ones the first: ``predict`` of the training rows.
+    inertia_ : float
+        The weighted sum of squared distances: ``-score`` of the training rows.
+    n_iter_ : int
+        Iterations of the start that counts.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Their names, where X has any.
+
+    Notes
+    -----
+    A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at the farthest rows in turn; unlike in scikit-learn
+    the only row of a cluster, and a row of weight zero, are not taken for it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.array([[1.0, 2.0], [1.0, 4.0], [1.0, 0.0], [10.0, 2.0], [10.0, 4.0], [10.0, 0.0]])
+    >>> model = ff.KMeans(n_clusters=2, init=X[[0, 3]]).fit(X)
+    >>> model.labels_
+    array([0, 0, 0, 1, 1, 1], dtype=int32)
+    >>> model.cluster_centers_
+    array([[ 1.,  2.],
+           [10.,  2.]])
+    >>> model.predict([[0.0, 0.0], [12.0, 3.0]])
+    array([0, 1], dtype=int32)
+    """
+
+    cluster_centers_: NDArray[Any]
+    labels_: NDArray[np.int32]
+    inertia_: float
+    n_iter_: int
+    n_features_in_: int
+
+    _rules: dict[str, tuple[Rule, ...]] = {
+        "n_clusters": (integer(1),),
+        "init": (one_of("k-means++", "random"), Rule("a callable", callable), ARRAY),
+        "n_init": (one_of("auto"), integer(1)),
+        "max_iter": (integer(1),),
+        "tol": (real(0.0),),
+        "verbose": (VERBOSE,),
+        "random_state": (RANDOM_STATE,),
+        "copy_x": (BOOLEAN,),
+        "algorithm": (one_of("lloyd", "elkan"),),
+    }
+
+    def __init__(
+        self,
+        n_clusters: int = 8,
+        *,
+        init: Any = "k-means++",
+        n_init: int | str = "auto",
+        max_iter: int = 300,
+        tol: float = 1e-4,
+        verbose: int = 0,
+        random_state: Any = None,
+        copy_x: bool = True,
+        algorithm: str = "lloyd",
+    ) -> None:
+        self.n_clusters = n_clusters
+        self.init = init
+        self.n_init = n_init
+        self.max_iter = max_iter
+        self.tol = tol
+        self.verbose = verbose
+        self.random_state = random_state
+        self.copy_x = copy_x
+        self.algorithm = algorithm
+
+    def fit(self, X: Any, y: Any = None, sample_weight: Any = None) -> KMeans:
+        """Finds the centres.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Rows, finite. `float32` and `float64` are read as they lie, without a copy of the array as a whole.
+        y : None
+            Not used.
+        sample_weight : array-like of shape (n_samples,), default=None
+            A row of weight w counts as w equal rows. Starts that are given do not depend on it.
+
+        Returns
+        -------
+        KMeans
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            A parameter out of its range, fewer rows than clusters, a start of another shape, values that are not finite.
+        """
+        check_params(self, self._rules)
+        X = check_x(self, X, reset=True)
+        weight = check_weight(sample_weight, len(X))
+        self._n_init = self._starts(len(X))
+        given = None if isinstance(self.init, str) or callable(self.init) else self._checked_centers(X, self.init)
+        random = _Random(self.random_state)
+        points = KMeansPoints(X, weight)
+        best: tuple[NDArray[np.float64], float, int] | None = None
+        for _ in range(self._n_init):
+            start = self._start(X, points, weight, random) if given is None else given
+            centers, inertia, iterations = self._run(points, start)
+            if best is None or (inertia < best[1] and not _same_clusters(centers, best[0])):
+                best = centers, inertia, iterations
+        assert best is not None
+        self.cluster_centers_ = best[0].astype(X.dtype, copy=False)
+        self._n_features_out = self.n_clusters
+        self.labels_, counts, self.inertia_ = kmeans_assign(X, self._centers(), weight)
+        self.n_iter_ = best[2]
+        found = int(np.count_nonzero(counts))
+        if found < self.n_clusters:
+            warnings.warn(
+                f"Number of distinct clusters ({found}) found smaller than n_clusters ({self.n_clusters}). "
+                "Possibly due to duplicate points in X.",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
+        return self
+
+    def fit_predict(self, X: Any, y: Any = None, sample_weight: Any = None) -> NDArray[np.int32]:
+        """As `fit`, and returns `labels_`, of shape (n_samples,)."""
+        return self.fit(X, sample_weight=sample_weight).labels_
+
+    def fit_transform(self, X: Any, y: Any = None, sample_weight: Any = None) -> NDArray[Any]:
+        """As `fit`, and returns `transform` of the same rows, of shape (n_samples, n_clusters)."""
+        return self.fit(X, sample_weight=sample_weight).transform(X)
+
+    def predict(self, X: Any) -> NDArray[np.int32]:
+        """The nearest centre of each row.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Rows.
+
+        Returns
+        -------
+        ndarray of shape (n_samples,), int32
+            Numbers of the centres, from 0.
+        """
+        check_is_fitted(self)
+        return kmeans_assign(check_x(self, X, reset=False), self._centers())[0]
+
+    def transform(self, X: Any) -> NDArray[Any]:
+        """Distances of each row to all centres.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Rows.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_clusters)
+            Euclidean distances, in the type of X.
+        """
+        check_is_fitted(self)
+        X = check_x(self, X, reset=False)
+        return kmeans_distances(X, self._centers()).astype(X.dtype, copy=False)
+
+    def score(self, X: Any, y: Any = None, sample_weight: Any = None) -> float:
+        """Minus the inertia of rows: the weighted sum of squared distances to their nearest centres.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features)
+            Rows.
+        y : None
+            Not used.
+        sample_weight : array-like of shape (n_samples,), default=None
+            Weights of the rows.
+
+        Returns
+        -------
+        float
+            At most 0.
+        """
+        check_is_fitted(self)
+        X = check_x(self, X, reset=False)
+        return -kmeans_assign(X, self._centers(), check_weight(sample_weight, len(X)))[2]
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns of `transform`: 'kmeans0', 'kmeans1' and so on. `input_features` is not used."""
+        check_is_fitted(self)
+        prefix = type(self).__name__.lower()
+        return np.asarray([f"{prefix}{k}" for k in range(len(self.cluster_centers_))], dtype=object)
+
+    def _centers(self) -> NDArray[np.float64]:
+        return np.ascontiguousarray(self.cluster_centers_, dtype=np.float64)
+
+    def _starts(self, rows: int) -> int:
+        if rows < self.n_clusters:
+            raise ValueError(f"n_samples={rows} should be >= n_clusters={self.n_clusters}.")
+        if self.algorithm == "elkan" and self.n_clusters == 1:
+            warnings.warn(
+                "algorithm='elkan' doesn't make sense for a single cluster. Using 'lloyd' instead.",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+        drawn = isinstance(self.init, str) or callable(self.init)
+        if self.n_init == "auto":
+            again = callable(self.init) or (isinstance(self.init, str) and self.init == "random")
+            return _RANDOM_STARTS if again else 1
+        if not drawn and self.n_init != 1:
+            warnings.warn(
+                "Explicit initial center position passed: performing only one init in "
+                f"{type(self).__name__} instead of n_init={self.n_init}.",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+            return 1
+        return int(self.n_init)
+
+    def _checked_centers(self, X: NDArray[Any], centers: Any) -> NDArray[np.float64]:
+        """Centres that were given, as matrix of the right shape."""
+        found = np.array(centers, dtype=X.dtype).astype(np.float64)
+        if found.ndim != 2 or found.shape[0] != self.n_clusters:
+            raise ValueError(
+                f"The shape of the initial centers {found.shape} does not match the number of clusters {self.n_clusters}."
+            )
+        if found.shape[1] != X.shape[1]:
+            raise ValueError(
+                f"The shape of the initial centers {found.shape} does not match the number of features of the data {X.shape[1]}."
+            )
+        if not np.isfinite(found).all():
+            raise ValueError("init contains NaN or infinity: centres lie somewhere")
+        return found
+
+    def _start(
+        self, X: NDArray[Any], points: KMeansPoints, weight: NDArray[np.float64] | None, random: _Random
+    ) -> NDArray[np.float64]:
+        """Centres of one start."""
+        if callable(self.init):
+            return self._checked_centers(X, self.init(X, self.n_clusters, random_state=random.state))
+        if self.init == "random":
+            share = np.full(len(X), 1.0 / len(X)) if weight is None else weight / weight.sum()
+            rows = random.state.choice(len(X), size=self.n_clusters, replace=False, p=share)
+            return np.asarray(X[rows], dtype=np.float64)
+        return points.plus_plus(self.n_clusters, random.uniform(kmeans_draws(self.n_clusters)))
+
+    def _run(self, points: KMeansPoints, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, int]:
+        """One run: centres, inertia, iterations."""
+        verbose = bool(self.verbose)
+        if verbose:
+            print("Initialization complete")
+        centers, inertia, iterations, converged, threshold, steps = points.run(
+            start, self.max_iter, float(self.tol), verbose
+        )
+        for number, (value, changed, shift) in enumerate(steps):
+            print(f"Iteration {number}, inertia {value}.")
+            if converged and number + 1 == iterations:
+                why = "strict convergence" if changed == 0 else f"center shift {shift} within tolerance {threshold}"
+                print(f"Converged at iteration {number}: {why}.")
+        return centers, inertia, iterations
+
+
+class _Random:
+    """Random numbers, drawn as scikit-learn draws them."""
+
+    def __init__(self, random_state: Any) -> None:
+        if random_state is None or random_state is np.random:
+            random_state = np.random.mtrand._rand
+        if isinstance(random_state, (int, np.integer)):
+            random_state = np.random.RandomState(int(random_state))
+        self.state: Any = random_state
+
+    def uniform(self, count: int) -> NDArray[np.float64]:
+        draws: NDArray[np.float64] = self.state.uniform(size=count)
+        return draws
+
+
+def _same_clusters(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether centres are the same ones, in any order and up to rounding: then an inertia that is lower is lower by rounding."""
+    order = [np.lexsort(centers.T) for centers in (a, b)]
+    scale = np.ptp(a, axis=0).max(initial=0.0)
+    return bool(np.allclose(a[order[0]], b[order[1]], rtol=1e-12, atol=1e-12 * scale))
