@@ -38,7 +38,7 @@ def columns(rows=ROWS):
     }
 
 
-NAMES = list(columns(10))
+NAMES = list(columns(20))
 
 
 def bits(table):
@@ -312,7 +312,7 @@ print((resident() - before) / (8 * 11 * rows))
 @pytest.mark.parametrize("kind", ["polars", "pyarrow", "numpy", "fortran"])
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident memory is told by /proc alone")
 def test_tables_are_not_copied(kind):
-    """Memory grows by the column of eleven that is read back, its stamps, seconds and episodes, and blocks in flight."""
+    """Memory grows by the column of eleven that is read back, its stamps, seconds, episodes, and blocks in flight."""
     run = subprocess.run([sys.executable, "-c", ZERO_COPY, kind], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert float(run.stdout) < 0.6, f"memory grew by {run.stdout.strip()} tables"
