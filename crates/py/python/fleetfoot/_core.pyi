@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, TypeAlias, final, overload
+from typing import Any, TypeAlias, final
 
 Progress: TypeAlias = Callable[[str, int, int], object] | None
 
@@ -33,6 +33,7 @@ class Data:
 # -- statistics
 
 # -- tables
+from typing import overload  # noqa: E402
 
 def recipe(
     text: str,
