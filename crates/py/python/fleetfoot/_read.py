@@ -240,8 +240,8 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     >>> import pathlib, tempfile, fleetfoot as ff
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
     >>> _ = path.write_text("t,speed [m/s]\\n0,1\\n0.1,2\\n")
-    >>> [column["name"] for column in ff.info(path)["columns"]]
-    ['t', 'speed']
+    >>> [(column["name"], column["unit"]) for column in ff.info(path)["columns"]]
+    [('t', None), ('speed [m/s]', 'm/s')]
     """
     with reporting(progress) as callback:
         found: dict[str, Any] = json.loads(_core.info(Path(path), values, callback))
