@@ -169,9 +169,10 @@ def test_times_of_every_type():
     np.testing.assert_array_equal(ff.read(nanoseconds, ["x"], t="when")["stamp"].astype(np.int64), wanted)
     np.testing.assert_array_equal(ff.read({"when": stamps, "x": x}, ["x"], t="when")["stamp"].astype(np.int64), wanted)
     np.testing.assert_array_equal(ff.read({"x": x}, ["x"], t=stamps)["stamp"].astype(np.int64), wanted)
-    for unit in ("ms", "us"):
+    for unit, table in [(unit, table) for unit in ("ms", "us") for table in (pa.table, dict)]:
         coarse = stamps.astype(f"datetime64[{unit}]")
-        found = ff.read(pa.table({"when": pa.array(coarse), "x": x}), ["x", "when"], t="when")
+        when = pa.array(coarse) if table is pa.table else coarse
+        found = ff.read(table({"when": when, "x": x}), ["x", "when"], t="when")
         np.testing.assert_array_equal(found["stamp"], coarse)
         # As a value a time is its seconds.
         np.testing.assert_allclose(found["when"], coarse.astype(np.int64) * {"ms": 1e-3, "us": 1e-6}[unit], rtol=1e-15)
