@@ -153,7 +153,14 @@ impl Array {
             Scalar::U64 => turned!(u64, |value| value as f64),
             Scalar::F32 => turned!(f32, f64::from),
             Scalar::F64 => turned!(f64, |value| value),
-            Scalar::Time(_) => turned!(i64, |value| if value == i64::MIN { f64::NAN } else { value as f64 }),
+            // Seconds, as those of a file; split so that the fraction keeps its digits as far as f64 goes.
+            Scalar::Time(unit) => {
+                let each = 1_000_000_000 / unit.nanoseconds();
+                turned!(i64, |value| match value {
+                    i64::MIN => f64::NAN,
+                    _ => (value / each) as f64 + (value % each) as f64 / each as f64,
+                })
+            }
         };
         found.into_iter().map(ScalarBuffer::from).collect()
     }

@@ -15,6 +15,9 @@ use crate::{
     run::guard,
 };
 
+/// An array with the names of its columns.
+type Part<'py> = (Bound<'py, PyAny>, Vec<String>);
+
 /// What is read: files, tables in memory, or both.
 #[pyclass(frozen, module = "fleetfoot._core")]
 pub(crate) struct Data {
@@ -39,7 +42,7 @@ impl Data {
 
     /// Runs of arrays: for each its name, and its arrays with the names of their columns.
     #[staticmethod]
-    fn arrays(runs: Vec<(String, Vec<(Bound<'_, PyAny>, Vec<String>)>)>) -> PyResult<Self> {
+    fn arrays(runs: Vec<(String, Vec<Part<'_>>)>) -> PyResult<Self> {
         let mut tables: Vec<Arc<dyn MemoryTable>> = Vec::with_capacity(runs.len());
         for (name, parts) in runs {
             let arrays = parts

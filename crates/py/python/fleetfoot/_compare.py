@@ -86,7 +86,7 @@ class Comparison:
         ]
         rows = int(self.rows.sum())
         text.append(
-            f"one-step RMSE, mean over {len(self.groups)} {self.by}s ({rows} rows each; {self.excluded} left out of all) "
+            f"one-step RMSE, mean over {len(self.groups)} {self.by}s ({rows} rows; {self.excluded} left out of all) "
             f"with 95 % intervals; differences are to {self.reference}, paired by {self.by}"
         )
         text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
@@ -215,8 +215,8 @@ def compare(
     own = {name: model for name, model in named.items() if _is_model(model)}
     if not own:
         raise ValueError(
-            "models has functions alone; give one fleetfoot model as well, which says what the targets are and how they "
-            "are measured"
+            "models has functions alone; give one fleetfoot model as well, which says what the targets are and how "
+            "they are measured"
         )
     for name, model in named.items():
         if name not in own and not callable(model):

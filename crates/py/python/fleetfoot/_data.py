@@ -167,8 +167,8 @@ def _memory(source: Any, name: Any, t: Any) -> tuple[_core.Data, str | None]:
         runs, single = [_Batches(source)], True
     else:
         raise TypeError(
-            f"source is a {type(source).__name__}; give paths, Arrow tables, mappings of arrays, arrays, or an iterator "
-            "of batches"
+            f"source is a {type(source).__name__}; give paths, Arrow tables, mappings of arrays, arrays, or an "
+            "iterator of batches"
         )
     if not runs:
         raise ValueError("source is empty; give at least one run")

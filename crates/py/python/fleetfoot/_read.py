@@ -80,7 +80,8 @@ def read_mcap(
         Read joined rows of these columns: fields with their topics (``"/odom.twist.twist.linear.x"``), aliases of the
         recipe, or expressions over both.
     recipe : path, str or mapping, optional
-        Which fields are what, and how they are joined. Without ``columns``: all that it names.
+        Which fields are what, and how they are joined. Without ``columns``: its
+        states and inputs, else its aliases.
     base : str, optional
         The topic whose messages make the joined rows; that of the first column when not given.
     rate : float, optional
@@ -108,7 +109,7 @@ def read_mcap(
     Examples
     --------
     >>> import tempfile, fleetfoot as ff
-    >>> made = ff.generate("turtlebot3", tempfile.mkdtemp(), seconds=2.0)
+    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), seconds=2.0)
     >>> odometry = ff.read_mcap(made.files[0], "/odom", fields=["twist.twist.linear.x"])
     >>> odometry.columns
     ['log_time', 'publish_time', 'header_stamp', 'twist.twist.linear.x']
@@ -179,7 +180,8 @@ def read(
     source : path, table, array, Dataset, ...
         As in :func:`fleetfoot.open`.
     columns : list of str, optional
-        Columns, aliases of the recipe, or expressions over both. Without them: what the recipe names, else all columns.
+        Columns, aliases of the recipe, or expressions over both. Without them: the recipe's
+        states and inputs, else its aliases, else all columns.
     recipe, t, dt
         As in :func:`fleetfoot.open`.
     progress : bool or callable, optional
@@ -238,8 +240,8 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     >>> import pathlib, tempfile, fleetfoot as ff
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
     >>> _ = path.write_text("t,speed [m/s]\\n0,1\\n0.1,2\\n")
-    >>> [column["name"] for column in ff.info(path)["columns"]]
-    ['t', 'speed']
+    >>> [(column["name"], column["unit"]) for column in ff.info(path)["columns"]]
+    [('t', None), ('speed [m/s]', 'm/s')]
     """
     with reporting(progress) as callback:
         found: dict[str, Any] = json.loads(_core.info(Path(path), values, callback))
@@ -282,7 +284,7 @@ def robots() -> list[str]:
     Examples
     --------
     >>> import fleetfoot as ff
-    >>> "turtlebot3" in ff.robots()
+    >>> "diffdrive" in ff.robots()
     True
     """
     return list(_core.robots())
@@ -310,7 +312,7 @@ def world(robot: str, world: str | os.PathLike[str] | Mapping[str, Any] | None =
     Examples
     --------
     >>> import fleetfoot as ff
-    >>> ff.world("turtlebot3").startswith("#")
+    >>> ff.world("diffdrive").startswith("#")
     True
     """
     text, settings = _world(world)
@@ -405,7 +407,7 @@ def generate(
     Examples
     --------
     >>> import tempfile, fleetfoot as ff
-    >>> made = ff.generate("turtlebot3", tempfile.mkdtemp(), runs=2, seconds=1.0)
+    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), runs=2, seconds=1.0)
     >>> len(made.files), made.recipe.name
     (2, 'robot.toml')
     """

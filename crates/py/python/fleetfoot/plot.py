@@ -183,7 +183,7 @@ def selection_frequency(
     --------
     >>> from fleetfoot import plot
     >>> ax = plot.selection_frequency([1.0, 0.3, 0.9], feature_names=["v", "w", "v*w"], threshold=0.9)
-    >>> [bar.get_width() for bar in ax.patches]
+    >>> [float(bar.get_width()) for bar in ax.patches]
     [1.0, 0.9, 0.3]
     """
     shares = getattr(bolasso, "selection_frequency_", bolasso)

@@ -43,7 +43,7 @@ def data():
 
 
 def by_hand(predict):
-    """Root mean square errors by run, from central differences: of rows with neighbours, and a row before that has them."""
+    """Root mean square errors by run, from central differences: of rows with neighbours, after one that has them."""
     out = []
     for seed in range(10, 16):
         x, u = run(seed)

@@ -38,7 +38,7 @@ def columns(rows=ROWS):
     }
 
 
-NAMES = list(columns(10))
+NAMES = list(columns(20))
 
 
 def bits(table):
@@ -169,9 +169,10 @@ def test_times_of_every_type():
     np.testing.assert_array_equal(ff.read(nanoseconds, ["x"], t="when")["stamp"].astype(np.int64), wanted)
     np.testing.assert_array_equal(ff.read({"when": stamps, "x": x}, ["x"], t="when")["stamp"].astype(np.int64), wanted)
     np.testing.assert_array_equal(ff.read({"x": x}, ["x"], t=stamps)["stamp"].astype(np.int64), wanted)
-    for unit in ("ms", "us"):
+    for unit, table in [(unit, table) for unit in ("ms", "us") for table in (pa.table, dict)]:
         coarse = stamps.astype(f"datetime64[{unit}]")
-        found = ff.read(pa.table({"when": pa.array(coarse), "x": x}), ["x", "when"], t="when")
+        when = pa.array(coarse) if table is pa.table else coarse
+        found = ff.read(table({"when": when, "x": x}), ["x", "when"], t="when")
         np.testing.assert_array_equal(found["stamp"], coarse)
         # As a value a time is its seconds.
         np.testing.assert_allclose(found["when"], coarse.astype(np.int64) * {"ms": 1e-3, "us": 1e-6}[unit], rtol=1e-15)
@@ -312,7 +313,7 @@ print((resident() - before) / (8 * 11 * rows))
 @pytest.mark.parametrize("kind", ["polars", "pyarrow", "numpy", "fortran"])
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident memory is told by /proc alone")
 def test_tables_are_not_copied(kind):
-    """Memory grows by the column of eleven that is read back, its stamps, seconds and episodes, and blocks in flight."""
+    """Memory grows by the column of eleven that is read back, its stamps, seconds, episodes, and blocks in flight."""
     run = subprocess.run([sys.executable, "-c", ZERO_COPY, kind], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert float(run.stdout) < 0.6, f"memory grew by {run.stdout.strip()} tables"

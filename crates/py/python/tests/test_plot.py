@@ -86,7 +86,7 @@ def test_region_map_shows_the_regions_of_the_rows():
     for cell in rng.integers(0, len(x), size=40):
         here = regions[(column == column[cell]) & (row == row[cell])]
         shares = np.bincount(here, minlength=4)
-        if np.sort(shares)[-1] > np.sort(shares)[-2]:
+        if np.sort(shares)[-1] > np.sort(shares)[-2] + 1:
             assert np.unique(regions)[image[row[cell], column[cell]]] == shares.argmax()
     for value in ("transitions", "score", "rows"):
         shown = ff.plot.region_map(model, data, "a", "b", value=value, bins=10).images[0].get_array()

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 DATA = os.environ.get("FLEETFOOT_DATA")
+STAMPS = ("log_time", "publish_time", "header_stamp")
 LOGS = sorted((Path(DATA) / "mcap").glob("*.mcap")) if DATA else []
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    made = ff.generate("turtlebot3", tmp_path_factory.mktemp("logs"), seconds=3.0, seed=5)
+    made = ff.generate("diffdrive", tmp_path_factory.mktemp("logs"), seconds=3.0, seed=5)
     return made.files[0]
 
 
@@ -42,8 +43,10 @@ def agree(path, topic):
     np.testing.assert_array_equal(table["publish_time"].astype(np.int64), [one.publish_time_ns for one in messages])
     compared = 0
     for name in table.columns:
-        # Elements that are told apart by a name have no place in the message's type.
-        if name in ("log_time", "publish_time", "header_stamp") or "[" in name and not name.split("[")[1][0].isdigit():
+        # Elements that are told apart by a name have no place in the message's type, and the peer leaves out the
+        # member that empty types are padded with.
+        named = "[" in name and not name.split("[")[1][0].isdigit()
+        if named or name in STAMPS or name.endswith("structure_needs_at_least_one_member"):
             continue
         values = [field(one.ros_msg, name) for one in messages]
         if table[name].dtype == object:
@@ -129,7 +132,7 @@ def test_fields_and_topics_are_chosen(log):
 
 
 def test_joined_rows(log):
-    names = ["/odom.twist.twist.linear.x", "/cmd_vel.linear.x", "2 * /odom.twist.twist.linear.x"]
+    names = ["/odom.twist.twist.linear.x", "/cmd_vel.twist.linear.x", "2 * /odom.twist.twist.linear.x"]
     rows = ff.read_mcap(log, columns=names[:2])
     odometry = ff.read_mcap(log, "/odom", fields=["twist.twist.linear.x"])
     stamps, own = rows["stamp"].astype(np.int64), odometry["log_time"].astype(np.int64)
