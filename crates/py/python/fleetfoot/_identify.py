@@ -227,10 +227,10 @@ class Identifier:
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
         """The recipe with what the arguments say of states and inputs."""
-        for section, given in (("states", self.states), ("inputs", self.inputs)):
-            if given is None or (arrays and not isinstance(given, Mapping)):
+        for section, names in (("states", self.states), ("inputs", self.inputs)):
+            if names is None or (arrays and not isinstance(names, Mapping)):
                 continue
-            entries = given if isinstance(given, Mapping) else {name: {} for name in given}
+            entries = names if isinstance(names, Mapping) else {name: {} for name in names}
             recipe = _recipe.over({section: dict(entries)}, recipe)
         states, inputs = dict(recipe.get("states", {})), dict(recipe.get("inputs", {}))
         for name in self.angles:
@@ -239,10 +239,12 @@ class Identifier:
                 raise RequestError(f"angles: {name!r} is neither a state nor an input; there are {', '.join([*states, *inputs])}")
             entry = table[name]
             table[name] = {**({"column": entry} if isinstance(entry, str) else entry), "kind": "angle"}
-        for what, given in (("derivative", self._derivative()), ("known", self.known)):
+        pairs: list[tuple[str, Derivative]] = [("derivative", self._derivative()), ("known", self.known)]
+        for what, given in pairs:
+            texts = dict(given) if isinstance(given, Mapping) else {}
             if isinstance(given, str):
-                given = {name: given for name, state in states.items() if not ({"known", "derivative"} & set(state))}
-            for name, text in given.items() if isinstance(given, Mapping) else ():
+                texts = {name: given for name, state in states.items() if not {"known", "derivative"} & set(state)}
+            for name, text in texts.items():
                 if name not in states:
                     raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
                 states[name] = {**states[name], what: text}
@@ -252,10 +254,9 @@ class Identifier:
     # -- what was found
 
     def _found(self) -> Model:
-        model = getattr(self, "model_", None)
-        if model is None:
+        if not hasattr(self, "model_"):
             raise AttributeError(f"this {type(self).__name__} is not fitted yet; call fit first")
-        return model
+        return self.model_
 
     @property
     def model(self) -> Model:

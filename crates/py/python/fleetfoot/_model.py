@@ -469,7 +469,8 @@ class Model:
         ModelError, DataError, RequestError
         """
         if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
-            us, ts = u if self.inputs else [None] * len(x), [None] * len(x) if t is None else t
+            us: Any = u if self.inputs else [None] * len(x)
+            ts: Any = [None] * len(x) if t is None else t
             if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
                 raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
             return [self.predict(*run) for run in zip(x, us, ts)]
@@ -581,12 +582,12 @@ class Model:
         DataError, RequestError, ModelError
         """
         opened, changes = self._opened(data, recipe)
-        many = isinstance(starts, (int, np.integer))
+        at = [] if isinstance(starts, (int, np.integer)) else [(int(episode), int(row)) for episode, row in starts]
         request = {
             "horizon": int(horizon),
-            "count": int(starts) if many else 0,  # type: ignore[call-overload]
+            "count": int(starts) if isinstance(starts, (int, np.integer)) else 0,
             "seed": seed,
-            "at": [] if many else [(int(episode), int(row)) for episode, row in starts],  # type: ignore[union-attr]
+            "at": at,
             "method": method,
             "dt": dt,
             "keep": keep,
@@ -607,7 +608,7 @@ class Model:
 
         dataset: Dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        kept = {name: changes[name] for name in ("time", "rename", "join", "episodes") if name in changes}
+        kept: dict[str, Any] = {name: changes[name] for name in ("time", "rename", "join", "episodes") if name in changes}
         return dataset._core, _recipe.to_json(kept)
 
     def _arrays(

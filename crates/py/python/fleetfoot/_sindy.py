@@ -158,7 +158,8 @@ class SINDy(Identifier):
         self.progress = progress
 
     def _derivative(self) -> Derivative:
-        return _one("derivative", self.derivative, "differentiation", self.differentiation)
+        found: Derivative = _one("derivative", self.derivative, "differentiation", self.differentiation)
+        return found
 
     def _own_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
