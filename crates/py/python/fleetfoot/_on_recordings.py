@@ -132,7 +132,7 @@ class OnRecordings:
         Warns
         -----
         FleetfootWarning
-            What was assumed of the data; episodes that trained the model.
+            What was assumed of the data. Episodes that trained the model are no warning: ``in_sample_episodes`` names them.
         """
         if is_arrays(x):
             core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
