@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -342,7 +343,8 @@ class Model(OnRecordings):
         if not self.content.latents:
             return True
         columns = self.content.partitions[self.content.latents[0]["partition"]]["columns"]
-        return all(name not in column for name in self.inputs for column in columns)
+        words = {word for column in columns for word in re.findall(r"`[^`]*`|\w+", column)}
+        return not any(name in words or f"`{name}`" in words for name in self.inputs)
 
     def simulate(
         self,
