@@ -52,8 +52,9 @@ def lagged():
 
 def points(model, count=20, seed=1):
     rng = np.random.default_rng(seed)
-    x, u = rng.uniform(-1, 1, (count, len(model.states))), rng.uniform(-1, 1, (count, len(model.inputs)))
-    past = rng.uniform(-1, 1, (count, model.lags, len(model.states))), rng.uniform(-1, 1, (count, model.lags, len(model.inputs)))
+    widths = len(model.states), len(model.inputs)
+    x, u = (rng.uniform(-1, 1, (count, width)) for width in widths)
+    past = tuple(rng.uniform(-1, 1, (count, model.lags, width)) for width in widths)
     return x, u, past if model.lags else None
 
 
@@ -99,6 +100,7 @@ def test_derivative_is_the_sum_of_the_terms(sindy, pwa):
     x, u, _ = points(pwa)
     regions = pwa.region(x, u)
     assert set(regions) <= set(range(6)) and len(set(regions)) > 1
+    assert np.array_equal(pwa.region(x), regions), "the regions look at states alone"
     columns = np.column_stack([np.ones(20), x, u])
     expected = np.einsum("bij,bj->bi", pwa.coefficients()[regions], columns)
     np.testing.assert_allclose(pwa.derivative(x, u), expected, rtol=1e-12, atol=1e-12)
