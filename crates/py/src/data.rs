@@ -33,6 +33,9 @@ impl Data {
     /// Files that paths, glob patterns and folders name.
     #[staticmethod]
     fn files(patterns: Vec<PathBuf>) -> PyResult<Self> {
+        if fleetfoot::is_statistic(&patterns) {
+            return Ok(Self { logs: (&patterns).into() });
+        }
         let paths = fleetfoot::log::paths(patterns).map_err(|error| of_engine(error.into()))?;
         Ok(Self { logs: (&paths).into() })
     }

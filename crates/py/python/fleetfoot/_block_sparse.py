@@ -17,18 +17,23 @@ from ._progress import Progress
 
 @documented
 class BlockSparse(Identifier):
-    """Unknown functions, each a sparse sum of its own candidates, found together from all equations in which they stand (block-sparse regression).
+    """Unknown functions, each a sparse sum of its own candidates, found together from all equations in which they
+    stand (block-sparse regression).
 
-    The lasso with its path and a choice of lambda; with ``bolasso`` the columns that most resamples select; then least squares on what was
+    The lasso with its path and a choice of lambda; with ``bolasso`` the columns that most resamples select; then
+    least squares on what was
     selected. Without ``latents`` and ``tasks`` every state has an unknown function of its own over the polynomials.
 
     Parameters
     ----------
     latents : dict, optional
-        Unknown functions: ``{"T": {"times": "N1", "of": ["rho", "M"], "degree": 4}, "D": {...}}``, as a recipe's ``[latents]``: ``times``, ``of``, ``degree``,
-        ``functions``, ``constant``, ``penalty``, ``signs``, ``at_least``, ``at_most``, ``prior``, ``prior_strength``, ``prior_scale``.
+        Unknown functions: ``{"T": {"times": "N1", "of": ["rho", "M"], "degree": 4}, "D": {...}}``, as a recipe's
+        ``[latents]``: ``times``, ``of``, ``degree``,
+        ``functions``, ``constant``, ``penalty``, ``signs``, ``at_least``, ``at_most``, ``prior``, ``prior_strength``,
+        ``prior_scale``.
     tasks : dict, optional
-        Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with ``scale``, the error that counts as one; a pair
+        Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with
+        ``scale``, the error that counts as one; a pair
         of texts is target and right side.
     lam : float or str, optional
         Lambda: ``"auto"``, a number, or ``"L0/sqrt(n)"``.
@@ -69,7 +74,8 @@ class BlockSparse(Identifier):
     models_ : dict of str to Model
         With ``by`` the models by the label's value.
     report_ : dict
-        ``tasks`` (errors), ``latents`` with their candidates (coefficient, standard error, frequency, interval), ``lambda``, ``certificate``
+        ``tasks`` (errors), ``latents`` with their candidates (coefficient, standard error, frequency, interval),
+        ``lambda``, ``certificate``
         (KKT residual, duality gap), ``confounded``, ``notes``. With ``by`` that of the first.
     reports_ : dict of str to dict
         With ``by`` the reports by the label's value.
@@ -85,8 +91,8 @@ class BlockSparse(Identifier):
     ... ).fit(data)
     >>> [one["function"] for one in fit.report_["latents"][0]["functions"] if one["selected"]]
     ['1', 'a', 'b^2']
-    >>> fit.coefficients(latent="F")[0, 1:4].round(6)
-    array([ 2.,  0., 0.])
+    >>> fit.coefficients(latent="F")[1:4].round(6) + 0.0
+    array([2., 0., 0.])
     """
 
     models_: dict[str, Model]
@@ -162,7 +168,8 @@ class BlockSparse(Identifier):
             unscaled=self.unscaled,
             seed=None if self.seed is None else count("seed", self.seed, 0),
         )
-        model = _recipe.said(predict=self.target, degree=None if self.degree is None else count("degree", self.degree, 1))
+        degree = None if self.degree is None else count("degree", self.degree, 1)
+        model = _recipe.said(predict=self.target, degree=degree)
         tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
         sections = (("sparse", sparse), ("model", model), ("latents", dict(self.latents or {})), ("tasks", tasks))
         return {name: section for name, section in sections if section}

@@ -114,9 +114,9 @@ def _checked(region: int, count: int) -> int:
 
 
 def _left(equation: dict[str, Any]) -> str:
-    subject = equation["subject"]
+    subject = str(equation["subject"])
     words = {"derivative": f"d({subject})/dt", "next": f"next({subject})", "delta": f"delta({subject})"}
-    return words.get(equation["prediction"], subject)
+    return words.get(str(equation["prediction"]), subject)
 
 
 def _factor(function: str) -> str:

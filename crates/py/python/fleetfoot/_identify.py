@@ -28,20 +28,24 @@ Derivative = str | Mapping[str, str] | Callable[..., Any] | None
 
 #: Documentation of the arguments that all have, in the words of numpydoc.
 COMMON = """states : list of str, or dict, optional
-        Names of the states in files and tables; a dict gives for each what the recipe's ``[states]`` may say. Arrays have ``feature_names``.
+        Names of the states in files and tables; a dict gives for each what the recipe's ``[states]`` may say. Arrays
+        have ``feature_names``.
     inputs : list of str, or dict, optional
         Names of the inputs, likewise.
     angles : list of str
-        States and inputs that are angles (radians): their differences wrap, libraries and partitions see their cosine and sine.
+        States and inputs that are angles (radians): their differences wrap, libraries and partitions see their cosine
+        and sine.
     derivative : str, dict or callable, optional
-        How derivatives are measured: ``"central"`` (as when not given), ``"forward"``, ``"backward"``, or a column; a dict says it state by state. A function
+        How derivatives are measured: ``"central"`` (as when not given), ``"forward"``, ``"backward"``, or a column; a
+        dict says it state by state. A function
         ``(x, t) -> x_dot``, such as pysindy's differentiation objects, is called for every run of arrays.
     known : dict of str to str, optional
         Derivatives that are given, as expressions over columns: integrated, never fitted.
     weight : str, optional
         Non-negative weights of the rows: a column or an expression.
     recipe : path, TOML text or dict, optional
-        Anything else that a recipe may say. What the arguments say stands above it; it stands above the recipe of the data.
+        Anything else that a recipe may say. What the arguments say stands above it; it stands above the recipe of the
+        data.
     cache : path, optional
         A folder for the decoded columns of robots' logs.
     progress : bool or callable, optional
@@ -91,7 +95,8 @@ class Identifier:
 
     def __repr__(self) -> str:
         defaults = inspect.signature(type(self).__init__).parameters
-        given = (f"{name}={value!r}" for name, value in self.get_params().items() if _differs(value, defaults[name].default))
+        params = self.get_params().items()
+        given = (f"{name}={value!r}" for name, value in params if _differs(value, defaults[name].default))
         return f"{type(self).__name__}({', '.join(given)})"
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -116,10 +121,12 @@ class Identifier:
         Parameters
         ----------
         x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
-            The states of a run, (rows, states), or a list of such, one for each run. Read where they are, whatever their type, order and strides.
+            The states of a run, (rows, states), or a list of such, one for each run. Read where they are, whatever
+            their type, order and strides.
             Or files, a table, a data set, a statistic.
         t : array, list of arrays, float or str, optional
-            Stamps of the rows in seconds, (rows,), for each run or one for all; or the period. For tables and files the name of the clock's column.
+            Stamps of the rows in seconds, (rows,), for each run or one for all; or the period. For tables and files
+            the name of the clock's column.
         x_dot : array or list of arrays, optional
             Measured derivatives, in the shape of ``x``; differences of ``x`` when not given.
         u : array or list of arrays, optional
@@ -134,7 +141,8 @@ class Identifier:
         Returns
         -------
         self
-            With ``model_`` (:class:`fleetfoot.Model`) and ``report_`` (dict: scores, candidates, certificates, standard errors, notes).
+            With ``model_`` (:class:`fleetfoot.Model`) and ``report_`` (dict: scores, candidates, certificates,
+            standard errors, notes).
 
         Raises
         ------
@@ -209,10 +217,11 @@ class Identifier:
         else:
             if any(given is not None for given in (x_dot, u, feature_names, input_names, columns)):
                 raise ValueError(
-                    "x_dot, u, feature_names, input_names and columns belong to arrays; of files and tables name the columns: states=, inputs=, derivative="
+                    "x_dot, u, feature_names, input_names and columns belong to arrays; "
+                    "of files and tables name the columns: states=, inputs=, derivative="
                 )
             if differentiate is not None:
-                raise ValueError("derivative: a function is called for arrays; of files and tables name a column or a difference")
+                raise ValueError("derivative: a function is called for arrays; of files and tables name a column")
             from ._data import open as open_data
 
             if hasattr(x, "_as_data"):
@@ -227,22 +236,25 @@ class Identifier:
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
         """The recipe with what the arguments say of states and inputs."""
-        for section, given in (("states", self.states), ("inputs", self.inputs)):
-            if given is None or (arrays and not isinstance(given, Mapping)):
+        for section, names in (("states", self.states), ("inputs", self.inputs)):
+            if names is None or (arrays and not isinstance(names, Mapping)):
                 continue
-            entries = given if isinstance(given, Mapping) else {name: {} for name in given}
+            entries = names if isinstance(names, Mapping) else {name: {} for name in names}
             recipe = _recipe.over({section: dict(entries)}, recipe)
         states, inputs = dict(recipe.get("states", {})), dict(recipe.get("inputs", {}))
         for name in self.angles:
             table = states if name in states else inputs if name in inputs else None
             if table is None:
-                raise RequestError(f"angles: {name!r} is neither a state nor an input; there are {', '.join([*states, *inputs])}")
+                known = ", ".join([*states, *inputs])
+                raise RequestError(f"angles: {name!r} is neither a state nor an input; there are {known}")
             entry = table[name]
             table[name] = {**({"column": entry} if isinstance(entry, str) else entry), "kind": "angle"}
-        for what, given in (("derivative", self._derivative()), ("known", self.known)):
+        pairs: list[tuple[str, Derivative]] = [("derivative", self._derivative()), ("known", self.known)]
+        for what, given in pairs:
+            texts = dict(given) if isinstance(given, Mapping) else {}
             if isinstance(given, str):
-                given = {name: given for name, state in states.items() if not ({"known", "derivative"} & set(state))}
-            for name, text in given.items() if isinstance(given, Mapping) else ():
+                texts = {name: given for name, state in states.items() if not {"known", "derivative"} & set(state)}
+            for name, text in texts.items():
                 if name not in states:
                     raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
                 states[name] = {**states[name], what: text}
@@ -252,10 +264,9 @@ class Identifier:
     # -- what was found
 
     def _found(self) -> Model:
-        model = getattr(self, "model_", None)
-        if model is None:
+        if not hasattr(self, "model_"):
             raise AttributeError(f"this {type(self).__name__} is not fitted yet; call fit first")
-        return model
+        return self.model_
 
     @property
     def model(self) -> Model:
@@ -289,7 +300,8 @@ class Identifier:
     def score(self, x: Any, t: Any = None, x_dot: Any = None, u: Any = None, **options: Any) -> float:
         """Coefficient of determination of the one-step predictions, the mean of the fitted equations.
 
-        :meth:`fleetfoot.Model.score` takes the same and tells more: errors beside baselines, by episode, with intervals.
+        :meth:`fleetfoot.Model.score` takes the same and tells more: errors beside baselines, by episode, with
+        intervals.
         """
         model, derivative = self._found(), self._derivative()
         if callable(derivative) and x_dot is None and is_arrays(x):

@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _core, _recipe
+from . import _core
 from ._equations import Content
-from ._progress import Progress, reporting
-from ._runs import is_arrays, runs
-from ._warnings import warn, warn_all
+from ._on_recordings import OnRecordings
+from ._warnings import warn
 from .exceptions import ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ._data import Dataset
-
     Array = np.ndarray[Any, np.dtype[np.float64]]
     History = tuple[ArrayLike, ArrayLike]
 
 
-class Model:
+class Model(OnRecordings):
     """A model of a recording: what is predicted, from what, and how. It does not change.
 
-    Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds :attr:`inputs`, in their orders and in
-    the units of the columns (SI, radians): of shape (states,) for one point or (points, states) for many, and so for ``u``. A model
-    with lags needs its past, ``history=(x_past, u_past)``: the :attr:`lags` rows before the point, the oldest first, of shape (lags, states) and (lags, inputs)
+    Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds
+    :attr:`inputs`, in their orders and in
+    the units of the columns (SI, radians): of shape (states,) for one point or (points, states) for many, and so for
+    ``u``. A model
+    with lags needs its past, ``history=(x_past, u_past)``: the :attr:`lags` rows before the point, the oldest first,
+    of shape (lags, states) and (lags, inputs)
     for all points, or (points, lags, states) and (points, lags, inputs).
 
     Attributes
@@ -128,7 +127,8 @@ class Model:
         Returns
         -------
         array
-            (outputs, functions) with one region or one that is named, else (regions, outputs, functions); with ``latent`` the middle axis is left out.
+            (outputs, functions) with one region or one that is named, else (regions, outputs, functions); with
+            ``latent`` the middle axis is left out.
 
         Raises
         ------
@@ -256,7 +256,8 @@ class Model:
         x, u : array
             States and inputs: (states,) and (inputs,), or (points, states) and (points, inputs).
         dt : float, optional
-            The step in seconds, for models that integrate derivatives; the sampling period when not given. Discrete models advance by one sample.
+            The step in seconds, for models that integrate derivatives; the sampling period when not given. Discrete
+            models advance by one sample.
         method : {"rk4", "euler"}
             How derivatives are integrated.
         history : pair of arrays, optional
@@ -284,7 +285,8 @@ class Model:
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Array:
-        """The right sides of the states' equations: derivatives per second, or next values, or differences, as the model has them.
+        """The right sides of the states' equations: derivatives per second, or next values, or differences, as the
+        model has them.
 
         Parameters and errors as for :meth:`step`; the result has the shape of ``x``.
         """
@@ -302,7 +304,8 @@ class Model:
     ) -> tuple[Array, Array, Array]:
         """The model to first order at a point, ``A x + B u + c``, by exact derivatives within the region there.
 
-        Without ``dt``: of the derivatives of a continuous model, of the next states of a discrete one (angles not wrapped). With ``dt``: of
+        Without ``dt``: of the derivatives of a continuous model, of the next states of a discrete one (angles not
+        wrapped). With ``dt``: of
         a step of so many seconds. What rows before contribute is in ``c``.
 
         Returns
@@ -325,7 +328,8 @@ class Model:
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Any:
-        """The region of a point (int) or of points (array of int), an index of :attr:`regions`; -1 where none holds (a label that training did not see).
+        """The region of a point (int) or of points (array of int), an index of :attr:`regions`; -1 where none holds
+        (a label that training did not see).
 
         ``u`` may be left out where no input decides the region.
         """
@@ -359,7 +363,8 @@ class Model:
         t : array of shape (times,)
             Seconds, rising; the first is that of ``x0``. A discrete model makes one step from each to the next.
         u : array or callable, optional
-            Inputs, each row held until the next time: (times, inputs) or (times - 1, inputs), or with points in front. Or ``u(t)``, or ``u(t, x)``,
+            Inputs, each row held until the next time: (times, inputs) or (times - 1, inputs), or with points in
+            front. Or ``u(t)``, or ``u(t, x)``,
             which closes the loop.
         method : {"rk4", "euler"}
             How derivatives are integrated.
@@ -426,220 +431,6 @@ class Model:
                     past[at] = np.concatenate([wide, row[..., None, :]], axis=-2)[..., 1:, :]
             states.append(step[..., 1, :])
         return np.stack(states, axis=-2)
-
-    # -- on recordings
-
-    def predict(
-        self,
-        x: Any,
-        u: ArrayLike | None = None,
-        t: ArrayLike | None = None,
-        *,
-        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-        cache: str | os.PathLike[str] | None = None,
-        progress: Progress = None,
-    ) -> Any:
-        """What the fitted equations say of every row.
-
-        Parameters
-        ----------
-        x : array, or anything that :func:`fleetfoot.open` takes
-            The states of consecutive rows, (rows, states), with ``u``, (rows, inputs); or a data set, files, a table. ``None`` for a model without states.
-        u : array, optional
-            Inputs.
-        t : array, optional
-            Seconds since the start, for models that speak of time.
-        recipe : optional
-            What is different in these files: ``[time]``, ``[rename]``, ``[episodes]``.
-        cache : path, optional
-            A folder for the decoded columns of robots' logs.
-        progress : bool or callable, optional
-            ``True`` for a bar.
-
-        Returns
-        -------
-        array or dict
-            For arrays (rows, outputs), for a list of runs a list of such; NaN for rows without the past that the model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
-            ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows, targets), ``region`` (-1: none),
-            ``distance`` (from the region's mean, Mahalanobis), ``complete`` (target and prediction are there), ``domain`` (0 within what the region saw in
-            training, 1 outside of that, 2 outside of all training).
-
-        Raises
-        ------
-        ModelError, DataError, RequestError
-        """
-        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
-            us, ts = u if self.inputs else [None] * len(x), [None] * len(x) if t is None else t
-            if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
-                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
-            return [self.predict(*run) for run in zip(x, us, ts)]
-        if x is None or is_arrays(x):
-            return self._core.fitted(x, u, t)[0]
-        data, changes = self._opened(x, recipe)
-        with reporting(progress) as callback:
-            return _core.predict_rows(self._core, data, changes, cache, callback)
-
-    def score(
-        self,
-        x: Any,
-        t: Any = None,
-        x_dot: Any = None,
-        u: Any = None,
-        *,
-        dt: float | None = None,
-        columns: Mapping[str, Any] | None = None,
-        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-        cache: str | os.PathLike[str] | None = None,
-        progress: Progress = None,
-    ) -> dict[str, Any]:
-        """One-step errors on a recording, beside the null model, persistence and constant velocity.
-
-        Parameters
-        ----------
-        x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
-            Runs as for :meth:`fleetfoot.SINDy.fit`, or files, tables, data sets.
-        t, x_dot, u, dt, columns : optional
-            As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is needed where the fit had it.
-        recipe, cache, progress : optional
-            As for :meth:`predict`.
-
-        Returns
-        -------
-        dict
-            ``targets``: for each fitted equation its errors (``mae``, ``rmse``, ``r2``, ``mae_over_null`` with 95 % intervals) and the ``baselines``;
-            ``by_episode``; ``in_sample_episodes``, names of those that trained the model; ``rows``, ``skipped``, ``mahalanobis``, ``calibration``, ``notes``.
-
-        Raises
-        ------
-        DataError, RequestError, ModelError
-
-        Warns
-        -----
-        FleetfootWarning
-            What was assumed of the data; episodes that trained the model.
-        """
-        if is_arrays(x):
-            core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
-        else:
-            core = self._core
-            data, changes = self._opened(x, recipe, t, dt)
-        with reporting(progress) as callback:
-            report: dict[str, Any] = json.loads(_core.score(core, data, changes, cache, callback))
-        warn_all(report["notes"])
-        return report
-
-    def rollout(
-        self,
-        data: Any,
-        horizon: int,
-        *,
-        starts: int | Sequence[tuple[int, int]] = 1000,
-        seed: int | None = None,
-        method: str = "rk4",
-        dt: float | None = None,
-        controller: str | os.PathLike[str] | None = None,
-        settings: Mapping[str, Any] | None = None,
-        keep: bool = False,
-        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-        cache: str | os.PathLike[str] | None = None,
-        progress: Progress = None,
-    ) -> dict[str, Any]:
-        """Free runs from measured states, scored by horizon beside the baselines. Inputs come from the recording, or from a controller.
-
-        Parameters
-        ----------
-        data : anything that :func:`fleetfoot.open` takes
-            Recordings.
-        horizon : int
-            Steps ahead.
-        starts : int or list of (episode, row)
-            How many starts, evenly spread or, with ``seed``, at random; or these.
-        seed : int, optional
-            Seed of random starts.
-        method : {"rk4", "euler"}
-            How derivatives are integrated.
-        dt : float, optional
-            Length of a step, seconds; the recording's period when not given.
-        controller : str or path, optional
-            ``"treadmill"``, or a TOML file: closes the loop.
-        settings : mapping, optional
-            Settings of the controller.
-        keep : bool
-            Whether trajectories are given.
-        recipe, cache, progress : optional
-            As for :meth:`predict`.
-
-        Returns
-        -------
-        dict
-            ``time`` (horizon), ``states``, ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states; ``mahalanobis`` with intervals),
-            ``useful_horizon``, ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each start a dict of ``episode``, ``row``,
-            ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
-
-        Raises
-        ------
-        DataError, RequestError, ModelError
-        """
-        opened, changes = self._opened(data, recipe)
-        many = isinstance(starts, (int, np.integer))
-        request = {
-            "horizon": int(horizon),
-            "count": int(starts) if many else 0,  # type: ignore[call-overload]
-            "seed": seed,
-            "at": [] if many else [(int(episode), int(row)) for episode, row in starts],  # type: ignore[union-attr]
-            "method": method,
-            "dt": dt,
-            "keep": keep,
-            "controller": None if controller is None else os.fspath(controller),
-            "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
-        }
-        with reporting(progress) as callback:
-            text, trajectories = _core.rollout(self._core, opened, changes, request, cache, callback)
-        report: dict[str, Any] = json.loads(text)
-        if keep:
-            report["trajectories"] = trajectories
-        warn_all(report["notes"])
-        return report
-
-    def _opened(self, data: Any, recipe: Any, t: Any = None, dt: float | None = None) -> tuple[_core.Data, str]:
-        """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns itself."""
-        from ._data import open as open_data
-
-        dataset: Dataset = open_data(data, t=t, dt=dt)
-        changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        kept = {name: changes[name] for name in ("time", "rename", "join", "episodes") if name in changes}
-        return dataset._core, _recipe.to_json(kept)
-
-    def _arrays(
-        self,
-        x: Any,
-        t: Any,
-        x_dot: Any,
-        u: Any,
-        dt: float | None,
-        columns: Mapping[str, Any] | None,
-    ) -> tuple[_core.Model, _core.Data, str]:
-        """Arrays in the order of states and inputs, and the model over columns of these names."""
-        fitted = self.content.fitted()
-        known = {column["name"] for column in self.content.columns}
-        measured = {one["subject"]: one["target"].strip("`") for one in fitted if one["prediction"] == "derivative"}
-        own = {name: column for name, column in measured.items() if column in known and column not in self.states}
-        if own and x_dot is None:
-            raise ModelError(f"x_dot is missing: the model was fitted to derivatives that were given ({', '.join(own)})")
-        given = [name for name in self.inputs if name not in (columns or {})]
-        found = runs(
-            x,
-            t,
-            x_dot,
-            u,
-            self.states,
-            given if u is not None else None,
-            columns=columns,
-            dt=dt,
-            default_dt=self.dt or None,
-            derivative_names=own,
-        )
-        return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
 
 
 def _takes_state(u: Callable[..., Any]) -> bool:

@@ -17,7 +17,8 @@ from ._progress import Progress
 class NARX(Identifier):
     """Outputs from their own past and that of the inputs: polynomials, and piecewise where asked for.
 
-    What is chosen (order, terms, partition) is chosen by simulations of spans that did not train, unless another rule is named. The outputs are what
+    What is chosen (order, terms, partition) is chosen by simulations of spans that did not train, unless another rule
+    is named. The outputs are what
     :meth:`fit` calls ``x``.
 
     Parameters
@@ -57,7 +58,8 @@ class NARX(Identifier):
     model_ : Model
         A discrete model; it needs ``history`` at points.
     report_ : dict
-        ``order``, ``regions`` with the terms and their error reduction ratios, ``train``, ``test`` and ``files`` with one-step and free-run errors; ``notes``.
+        ``order``, ``regions`` with the terms and their error reduction ratios, ``train``, ``test`` and ``files`` with
+        one-step and free-run errors; ``notes``.
 
     Examples
     --------

@@ -34,7 +34,8 @@ def library(given: Any) -> list[str] | None:
     if name == "PolynomialLibrary":
         _default(given, "interaction_only", False)
         if not getattr(given, "include_interaction", True):
-            raise _refused(given, "without interactions is not supported", "write the functions: library=['x^2', 'y^2']")
+            mend = "write the functions: library=['x^2', 'y^2']"
+            raise _refused(given, "without interactions is not supported", mend)
         bias = "" if getattr(given, "include_bias", True) else ", bias=false"
         return [f"poly({int(given.degree)}{bias})"]
     if name == "FourierLibrary":

@@ -17,12 +17,14 @@ from ._progress import Progress
 class PWA(Identifier):
     """A piecewise-affine model: regions of the state space by k-means, labels or a ball, and least squares in each.
 
-    Of several partitions the smallest whose cross-validated error is within one standard error of the best is taken (or the one of the lowest BIC).
+    Of several partitions the smallest whose cross-validated error is within one standard error of the best is taken
+    (or the one of the lowest BIC).
 
     Parameters
     ----------
     partition : int, str or list, optional
-        ``"average"`` (one region, as when not given), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list one is
+        ``"average"`` (one region, as when not given), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``),
+        ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list one is
         chosen.
     target : str, optional
         ``"derivative"`` (as when not given), ``"next"``, ``"delta"``, or a column (plain regression).
@@ -58,7 +60,8 @@ class PWA(Identifier):
     models_ : list of Model
         With ``keep_all`` those of all partitions, in their order.
     report_ : dict
-        ``candidates``: for each partition ``mae_over_null``, ``r2``, ``loss``, ...; ``chosen``; ``condition``; ``notes``.
+        ``candidates``: for each partition ``mae_over_null``, ``r2``, ``loss``, ...; ``chosen``; ``condition``;
+        ``notes``.
 
     Examples
     --------

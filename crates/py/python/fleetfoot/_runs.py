@@ -182,7 +182,8 @@ def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, d
 def _derivative(differentiate: Differentiate, x: np.ndarray[Any, Any], t: Any, run: int) -> np.ndarray[Any, Any]:
     found = np.asarray(differentiate(_columns(x), t))
     if found.shape != _columns(x).shape:
-        raise ValueError(f"derivative: run {run} of the shape {_columns(x).shape} has derivatives of the shape {found.shape}")
+        shape = _columns(x).shape
+        raise ValueError(f"derivative: run {run} of the shape {shape} has derivatives of the shape {found.shape}")
     return found
 
 

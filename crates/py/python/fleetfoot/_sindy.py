@@ -21,18 +21,22 @@ if TYPE_CHECKING:
 
 @documented
 class SINDy(Identifier):
-    """Equations as sparse sums of candidate functions, beside what is known of the dynamics (sparse identification of nonlinear dynamics).
+    """Equations as sparse sums of candidate functions, beside what is known of the dynamics (sparse identification of
+    nonlinear dynamics).
 
-    One pass over the rows; the number of terms is chosen by held-out errors (fewest within one standard error of the least) unless a threshold or
+    One pass over the rows; the number of terms is chosen by held-out errors (fewest within one standard error of the
+    least) unless a threshold or
     the number is given. With a number for ``threshold`` it is pysindy's STLSQ, ridge weight 0.05 included.
 
     Parameters
     ----------
     optimizer : str or object, optional
-        ``"stlsq"`` (as when not given), ``"sr3"``, ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of pysindy or of this package,
+        ``"stlsq"`` (as when not given), ``"sr3"``, ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or
+        ``FROLS`` object of pysindy or of this package,
         whose threshold, ridge weight, normalisation and number of terms are taken.
     library : str, list of str or object, optional
-        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier, identity, concatenated or tensored library of pysindy.
+        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
+        identity, concatenated or tensored library of pysindy.
         ``"poly(2)"`` when not given.
     differentiation : optional
         Another name for ``derivative``, for pysindy's objects.
@@ -76,7 +80,8 @@ class SINDy(Identifier):
     ----------
     model_ : Model
     report_ : dict
-        ``regions``: for each its ``equations`` with ``terms`` (coefficient, standard error, inclusion), errors on the rows of the fit and held out; ``notes``.
+        ``regions``: for each its ``equations`` with ``terms`` (coefficient, standard error, inclusion), errors on the
+        rows of the fit and held out; ``notes``.
     front_ : dict of int to Model
         With ``front``: models by the number of terms an equation has at most.
 
@@ -158,11 +163,12 @@ class SINDy(Identifier):
         self.progress = progress
 
     def _derivative(self) -> Derivative:
-        return _one("derivative", self.derivative, "differentiation", self.differentiation)
+        found: Derivative = _one("derivative", self.derivative, "differentiation", self.differentiation)
+        return found
 
     def _own_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
-            raise RequestError(f"discrete_time=True predicts next values, and target={self.target!r}; leave one of them away")
+            raise RequestError(f"discrete_time=True predicts next values, target={self.target!r} not; leave one away")
         model = _recipe.said(
             predict="next" if self.discrete_time else self.target,
             partition=partition(self.partition),
@@ -173,8 +179,10 @@ class SINDy(Identifier):
         if items is not None:
             recipe["library"] = {"functions": items}
         if self.parameters:
-            tables = {name: one if isinstance(one, Mapping) else {"initial": one} for name, one in self.parameters.items()}
-            recipe["parameters"] = tables
+            given = self.parameters.items()
+            recipe["parameters"] = {
+                name: one if isinstance(one, Mapping) else {"initial": number(name, one)} for name, one in given
+            }
         return {name: section for name, section in recipe.items() if section}
 
     def _section(self) -> dict[str, Any]:
@@ -208,7 +216,8 @@ class SINDy(Identifier):
         return Model(chosen), json.loads(report)
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
-        """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some equation uses."""
+        """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some
+        equation uses."""
         if latent is not None:
             return super().get_feature_names(latent)
         self._found()

@@ -389,3 +389,25 @@ def test_notes_are_warnings_of_the_callers_line():
     own = [one for one in caught if issubclass(one.category, ff.FleetfootWarning)]
     assert [str(one.message) for one in own] == fit.report_["notes"] and own
     assert {one.filename for one in own} == {__file__}
+
+
+def test_a_statistic_is_fitted_without_its_rows(tmp_path):
+    command = os.environ.get("FLEETFOOT_BIN")
+    if not command:
+        pytest.skip("FLEETFOOT_BIN does not name the fleetfoot command")
+    t, x, _ = lorenz(3000)
+    rows = np.column_stack([t, x])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,x0,x1,x2", comments="", fmt="%.17g")
+    recipe = tmp_path / "lorenz.toml"
+    recipe.write_text('[states]\nx0 = {}\nx1 = {}\nx2 = {}\n[time]\ncolumn = "t"\n[model]\ndegree = 2\n')
+    arguments = ["scan", "-c", str(recipe), "run.csv", "-o", "run.stats"]
+    subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
+    known = ff.SINDy(threshold=0.1, recipe=recipe, library="poly(2)").fit(tmp_path / "run.csv")
+    found = ff.SINDy(threshold=0.1, library="poly(2)").fit(tmp_path / "run.stats")
+    assert found.get_feature_names() == known.get_feature_names()
+    np.testing.assert_allclose(found.coefficients(), known.coefficients(), rtol=1e-9, atol=1e-9)
+    sparse = ff.BlockSparse(select="bic").fit(tmp_path / "run.stats")
+    assert [task["name"] for task in sparse.report_["tasks"]] == ["d(x0)/dt", "d(x1)/dt", "d(x2)/dt"]
+    assert min(task["r2"] for task in sparse.report_["tasks"]) > 0.999
+    with pytest.raises(RequestError, match="rows|statistic"):
+        ff.SINDy(nominal={"x0": "x1"}).fit(tmp_path / "run.stats")

@@ -52,8 +52,9 @@ def lagged():
 
 def points(model, count=20, seed=1):
     rng = np.random.default_rng(seed)
-    x, u = rng.uniform(-1, 1, (count, len(model.states))), rng.uniform(-1, 1, (count, len(model.inputs)))
-    past = rng.uniform(-1, 1, (count, model.lags, len(model.states))), rng.uniform(-1, 1, (count, model.lags, len(model.inputs)))
+    widths = len(model.states), len(model.inputs)
+    x, u = (rng.uniform(-1, 1, (count, width)) for width in widths)
+    past = tuple(rng.uniform(-1, 1, (count, model.lags, width)) for width in widths)
     return x, u, past if model.lags else None
 
 

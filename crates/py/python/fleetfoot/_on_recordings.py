@@ -1,0 +1,264 @@
+"""Models on recordings: predictions row by row, scores, rollouts."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core as engine
+from . import _recipe
+from ._equations import Content
+from ._progress import Progress, reporting
+from ._runs import is_arrays, runs
+from ._warnings import warn_all
+from .exceptions import ModelError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ._data import Dataset
+
+
+class OnRecordings:
+    """What a model does with recordings: files, tables, data sets, arrays."""
+
+    __slots__ = ()
+
+    _core: engine.Model
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    dt: float
+
+    @property
+    def content(self) -> Content:
+        """What the model's file says."""
+        raise NotImplementedError
+
+    def predict(
+        self,
+        x: Any,
+        u: ArrayLike | None = None,
+        t: ArrayLike | None = None,
+        *,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> Any:
+        """What the fitted equations say of every row.
+
+        Parameters
+        ----------
+        x : array, or anything that :func:`fleetfoot.open` takes
+            The states of consecutive rows, (rows, states), with ``u``, (rows, inputs); or a data set, files, a table.
+            ``None`` for a model without states.
+        u : array, optional
+            Inputs.
+        t : array, optional
+            Seconds since the start, for models that speak of time.
+        recipe : optional
+            What is different in these files: ``[time]``, ``[rename]``, ``[episodes]``.
+        cache : path, optional
+            A folder for the decoded columns of robots' logs.
+        progress : bool or callable, optional
+            ``True`` for a bar.
+
+        Returns
+        -------
+        array or dict
+            For arrays (rows, outputs), for a list of runs a list of such; NaN for rows without the past that the
+            model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
+            ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows,
+            targets), ``region`` (-1: none),
+            ``distance`` (from the region's mean, Mahalanobis), ``complete`` (target and prediction are there),
+            ``domain`` (0 within what the region saw in
+            training, 1 outside of that, 2 outside of all training).
+
+        Raises
+        ------
+        ModelError, DataError, RequestError
+        """
+        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
+            us: Any = u if self.inputs else [None] * len(x)
+            ts: Any = [None] * len(x) if t is None else t
+            if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
+                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
+            return [self.predict(*run) for run in zip(x, us, ts)]
+        if x is None or is_arrays(x):
+            return self._core.fitted(x, u, t)[0]
+        data, changes = self._opened(x, recipe)
+        with reporting(progress) as callback:
+            return engine.predict_rows(self._core, data, changes, cache, callback)
+
+    def score(
+        self,
+        x: Any,
+        t: Any = None,
+        x_dot: Any = None,
+        u: Any = None,
+        *,
+        dt: float | None = None,
+        columns: Mapping[str, Any] | None = None,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """One-step errors on a recording, beside the null model, persistence and constant velocity.
+
+        Parameters
+        ----------
+        x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
+            Runs as for :meth:`fleetfoot.SINDy.fit`, or files, tables, data sets.
+        t, x_dot, u, dt, columns : optional
+            As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is needed where the fit had it.
+        recipe, cache, progress : optional
+            As for :meth:`predict`.
+
+        Returns
+        -------
+        dict
+            ``targets``: for each fitted equation its errors (``mae``, ``rmse``, ``r2``, ``mae_over_null`` with 95 %
+            intervals) and the ``baselines``;
+            ``by_episode``; ``in_sample_episodes``, names of those that trained the model; ``rows``, ``skipped``,
+            ``mahalanobis``, ``calibration``, ``notes``.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError
+
+        Warns
+        -----
+        FleetfootWarning
+            What was assumed of the data; episodes that trained the model.
+        """
+        if is_arrays(x):
+            core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
+        else:
+            core = self._core
+            data, changes = self._opened(x, recipe, t, dt)
+        with reporting(progress) as callback:
+            report: dict[str, Any] = json.loads(engine.score(core, data, changes, cache, callback))
+        warn_all(report["notes"])
+        return report
+
+    def rollout(
+        self,
+        data: Any,
+        horizon: int,
+        *,
+        starts: int | Sequence[tuple[int, int]] = 1000,
+        seed: int | None = None,
+        method: str = "rk4",
+        dt: float | None = None,
+        controller: str | os.PathLike[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        keep: bool = False,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Free runs from measured states, scored by horizon beside the baselines. Inputs come from the recording, or
+        from a controller.
+
+        Parameters
+        ----------
+        data : anything that :func:`fleetfoot.open` takes
+            Recordings.
+        horizon : int
+            Steps ahead.
+        starts : int or list of (episode, row)
+            How many starts, evenly spread or, with ``seed``, at random; or these.
+        seed : int, optional
+            Seed of random starts.
+        method : {"rk4", "euler"}
+            How derivatives are integrated.
+        dt : float, optional
+            Length of a step, seconds; the recording's period when not given.
+        controller : str or path, optional
+            ``"treadmill"``, or a TOML file: closes the loop.
+        settings : mapping, optional
+            Settings of the controller.
+        keep : bool
+            Whether trajectories are given.
+        recipe, cache, progress : optional
+            As for :meth:`predict`.
+
+        Returns
+        -------
+        dict
+            ``time`` (horizon), ``states``, ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
+            ``mahalanobis`` with intervals),
+            ``useful_horizon``, ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each
+            start a dict of ``episode``, ``row``,
+            ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError
+        """
+        opened, changes = self._opened(data, recipe)
+        at = [] if isinstance(starts, (int, np.integer)) else [(int(episode), int(row)) for episode, row in starts]
+        request = {
+            "horizon": int(horizon),
+            "count": int(starts) if isinstance(starts, (int, np.integer)) else 0,
+            "seed": seed,
+            "at": at,
+            "method": method,
+            "dt": dt,
+            "keep": keep,
+            "controller": None if controller is None else os.fspath(controller),
+            "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
+        }
+        with reporting(progress) as callback:
+            text, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
+        report: dict[str, Any] = json.loads(text)
+        if keep:
+            report["trajectories"] = trajectories
+        warn_all(report["notes"])
+        return report
+
+    def _opened(self, data: Any, recipe: Any, t: Any = None, dt: float | None = None) -> tuple[engine.Data, str]:
+        """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns
+        itself."""
+        from ._data import open as open_data
+
+        dataset: Dataset = open_data(data, t=t, dt=dt)
+        changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
+        own = ("time", "rename", "join", "episodes")
+        kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}
+        return dataset._core, _recipe.to_json(kept)
+
+    def _arrays(
+        self,
+        x: Any,
+        t: Any,
+        x_dot: Any,
+        u: Any,
+        dt: float | None,
+        columns: Mapping[str, Any] | None,
+    ) -> tuple[engine.Model, engine.Data, str]:
+        """Arrays in the order of states and inputs, and the model over columns of these names."""
+        fitted = self.content.fitted()
+        known = {column["name"] for column in self.content.columns}
+        measured = {one["subject"]: one["target"].strip("`") for one in fitted if one["prediction"] == "derivative"}
+        own = {name: column for name, column in measured.items() if column in known and column not in self.states}
+        if own and x_dot is None:
+            names = ", ".join(own)
+            raise ModelError(f"x_dot is missing: the model was fitted to derivatives that were given ({names})")
+        given = [name for name in self.inputs if name not in (columns or {})]
+        found = runs(
+            x,
+            t,
+            x_dot,
+            u,
+            self.states,
+            given if u is not None else None,
+            columns=columns,
+            dt=dt,
+            default_dt=self.dt or None,
+            derivative_names=own,
+        )
+        return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
