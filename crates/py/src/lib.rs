@@ -26,7 +26,10 @@ mod statistic;
 // -- tables
 mod arrow;
 mod arrow_column;
+mod generate;
+mod read;
 mod recipe;
+mod table;
 
 use pyo3::prelude::*;
 
@@ -58,7 +61,13 @@ mod _core {
 
     // -- tables
     #[pymodule_export]
+    use crate::generate::{generate, project, robots, world};
+    #[pymodule_export]
+    use crate::read::{info, read_messages, read_model_rows, read_table, student_t_95, topics};
+    #[pymodule_export]
     use crate::recipe::recipe;
+    #[pymodule_export]
+    use crate::table::Table;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

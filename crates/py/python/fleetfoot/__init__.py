@@ -25,7 +25,10 @@ from ._solution import Certificate, Solution
 from ._stats import Plan, Stats, merge, scan
 
 # -- tables
+from . import plot
+from ._compare import Comparison, compare
 from ._data import Dataset, open  # noqa: A004
+from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 
 __all__ = [
     "__version__",
@@ -53,6 +56,17 @@ __all__ = [
     "merge",
     "scan",
     # -- tables
+    "Comparison",
     "Dataset",
+    "Generated",
+    "Table",
+    "compare",
+    "generate",
+    "info",
     "open",
+    "plot",
+    "read",
+    "read_mcap",
+    "robots",
+    "world",
 ]

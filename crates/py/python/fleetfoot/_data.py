@@ -17,7 +17,8 @@ from . import _core
 class Dataset:
     """Recordings, and what they mean. Made by :func:`fleetfoot.open`.
 
-    Nothing is read until a fit, a scan or a score asks for rows: files stream, arrays and Arrow tables stay where they are.
+    Nothing is read until a fit, a scan or a score asks for rows: files stream, arrays and Arrow tables stay where they
+    are.
 
     Parameters
     ----------
@@ -71,20 +72,25 @@ def open(  # noqa: A001
     Parameters
     ----------
     source : path, table, array, mapping, list or iterator
-        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, Parquet and CSV files, or a statistic (``.stats``). They stream.
-        - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2 and later, duckdb).
+        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, Parquet and CSV files, or a statistic
+          (``.stats``). They stream.
+        - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2 and
+          later, duckdb).
           Columns of ``float64`` without nulls in one chunk are read where they are.
-        - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``, ``name1``, ... (a tuple of
+        - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``,
+          ``name1``, ... (a tuple of
           k names as the key names them). numpy arrays of any number type, order and strides are read where they are.
         - An array of shape (rows, k): its columns are called ``x0``, ``x1``, ...
         - A list of tables, mappings or arrays: one run each.
-        - An iterator of record batches or tables of one schema: one run. Fits read rows more than once, so the batches are gathered and kept.
+        - An iterator of record batches or tables of one schema: one run. Fits read rows more than once, so the batches
+          are gathered and kept.
     recipe : path, str or mapping, optional
         Which fields are what: a TOML file, TOML text, or the same as a mapping.
     name : str or list of str, optional
         Names of the runs in memory; ``"run"``, or ``"run 0"``, ``"run 1"``, ... when not given.
     t : str, array or list of arrays, optional
-        The clock: the name of its column; or stamps of each run in memory, shape (rows,), in seconds (or ``datetime64``).
+        The clock: the name of its column; or stamps of each run in memory, shape (rows,), in seconds (or
+        ``datetime64``).
     dt : float, optional
         Seconds from row to row, for recordings without a clock.
 
@@ -160,7 +166,10 @@ def _memory(source: Any, name: Any, t: Any) -> tuple[_core.Data, str | None]:
     elif isinstance(source, Iterator) or isinstance(source, Iterable):
         runs, single = [_Batches(source)], True
     else:
-        raise TypeError(f"source is a {type(source).__name__}; give paths, Arrow tables, mappings of arrays, arrays, or an iterator of batches")
+        raise TypeError(
+            f"source is a {type(source).__name__}; give paths, Arrow tables, mappings of arrays, arrays, or an "
+            "iterator of batches"
+        )
     if not runs:
         raise ValueError("source is empty; give at least one run")
     names = _names(name, len(runs), single)
@@ -262,7 +271,9 @@ def _recipe(recipe: Any, clock: str | None, unit: str | None, dt: float | None) 
         except OSError as error:
             from .exceptions import RequestError
 
-            raise RequestError(f"{path} cannot be read as a recipe: {error.strerror}; give a TOML file, TOML text or a dict") from error
+            raise RequestError(
+                f"{path} cannot be read as a recipe: {error.strerror}; give a TOML file, TOML text or a dict"
+            ) from error
     else:
         raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
     return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else float(dt))

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 Callback: TypeAlias = Callable[[str, int, int], object]
-#: What ``progress=`` takes: nothing, ``True`` for a bar, or a function of the stage's name, the pieces done and the pieces in all (0: unknown).
+#: What ``progress=`` takes: nothing, ``True`` for a bar, or a function of the stage's name, the pieces done and the
+#: pieces in all (0: unknown).
 Progress: TypeAlias = "bool | Callback | None"
 
 
@@ -42,8 +43,10 @@ def reporting(progress: Progress) -> Iterator[Callback | None]:
     Parameters
     ----------
     progress : bool, callable or None
-        ``None`` and ``False``: nothing is told. ``True``: a bar of ``tqdm``. A callable is called a few times a second, from the thread
-        that waits, with the stage's name, the pieces done and the pieces in all (0: unknown); what it raises stops the work.
+        ``None`` and ``False``: nothing is told. ``True``: a bar of ``tqdm``. A callable is called a few times a second,
+        from the thread
+        that waits, with the stage's name, the pieces done and the pieces in all (0: unknown); what it raises stops the
+        work.
 
     Yields
     ------
@@ -66,9 +69,11 @@ def reporting(progress: Progress) -> Iterator[Callback | None]:
         yield None
     elif progress is True:
         try:
-            from tqdm.auto import tqdm
+            from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
         except ImportError as error:
-            raise ImportError("progress=True needs tqdm: pip install tqdm, or give a function (stage, done, total)") from error
+            raise ImportError(
+                "progress=True needs tqdm: pip install tqdm, or give a function (stage, done, total)"
+            ) from error
         bar = _Bar(tqdm)
         try:
             yield bar

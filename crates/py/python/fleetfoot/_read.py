@@ -1,0 +1,440 @@
+"""Files as tables, and logs of simulated robots."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, overload
+
+from . import _core
+from ._core import Table
+from ._data import Dataset
+from ._data import open as open_data
+from ._progress import Progress, reporting
+from .exceptions import DataError
+
+
+def _one_path(path: Any) -> Path:
+    """The one recording that a path, a glob or a list of one names."""
+    names = open_data(path).names
+    if len(names) != 1:
+        raise DataError(f"{len(names)} recordings are named, but messages are read from one at a time; give one path")
+    return Path(names[0])
+
+
+@overload
+def read_mcap(
+    path: Any,
+    topic: Sequence[str],
+    *,
+    fields: Sequence[str] | None = None,
+    progress: Progress = None,
+) -> dict[str, Table]: ...
+@overload
+def read_mcap(
+    path: Any,
+    topic: str | None = None,
+    *,
+    fields: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    recipe: Any = None,
+    base: str | None = None,
+    rate: float | None = None,
+    stamp: str | None = None,
+    progress: Progress = None,
+) -> Table: ...
+def read_mcap(
+    path: Any,
+    topic: str | Sequence[str] | None = None,
+    *,
+    fields: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    recipe: Any = None,
+    base: str | None = None,
+    rate: float | None = None,
+    stamp: Literal["header", "log", "publish"] | str | None = None,
+    progress: Progress = None,
+) -> Table | dict[str, Table]:
+    """Reads a robot's log (an MCAP file or a rosbag2 folder) into a table.
+
+    Either the messages of a topic as they are, one row each (``topic``); or rows of several topics joined on one clock
+    (``columns`` or
+    ``recipe``). Messages are decoded on all cores, straight into Arrow's memory.
+
+    Parameters
+    ----------
+    path : path or list of paths
+        The log. Joined rows may come from several.
+    topic : str or list of str, optional
+        Read the messages of this topic. A list gives a dict of tables, by topic. When neither ``topic`` nor ``columns``
+        nor ``recipe`` is given, the
+        log must have one topic.
+    fields : list of str, optional
+        Paths of the fields within a message, such as ``"pose.position.x"``; all that are found in some of the messages
+        when not given. Elements of
+        arrays with more than 64 numbers are read only when they are named (``"ranges[0]"``).
+    columns : list of str, optional
+        Read joined rows of these columns: fields with their topics (``"/odom.twist.twist.linear.x"``), aliases of the
+        recipe, or expressions over both.
+    recipe : path, str or mapping, optional
+        Which fields are what, and how they are joined. Without ``columns``: its
+        states and inputs, else its aliases.
+    base : str, optional
+        The topic whose messages make the joined rows; that of the first column when not given.
+    rate : float, optional
+        Joined rows a second, in place of a base.
+    stamp : {"header", "log", "publish"}, optional
+        The clock of the joined rows; the headers' where every topic has one, else the log's.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    Table or dict of Table
+        Of messages: ``log_time`` and ``publish_time`` (nanoseconds, UTC), ``header_stamp`` where there are headers,
+        then the fields: numbers and truth
+        values as ``float64`` (NaN where a message has none), texts as dictionaries. Whole numbers beyond 2**53 are
+        rounded. Of joined rows: ``episode``,
+        ``stamp`` (nanoseconds), ``t`` (seconds since the episode's begin), then the columns. ``table.notes`` tells what
+        was assumed or left out.
+
+    Raises
+    ------
+    DataError
+        The log cannot be read; a topic or a field does not exist, or holds no numbers or texts.
+
+    Examples
+    --------
+    >>> import tempfile, fleetfoot as ff
+    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), seconds=2.0)
+    >>> odometry = ff.read_mcap(made.files[0], "/odom", fields=["twist.twist.linear.x"])
+    >>> odometry.columns
+    ['log_time', 'publish_time', 'header_stamp', 'twist.twist.linear.x']
+    """
+    joined = columns is not None or recipe is not None
+    if topic is not None and joined:
+        raise ValueError("topic reads messages as they are, columns and recipe join topics: give one of them")
+    if joined:
+        if fields is not None:
+            raise ValueError("fields are those of one topic's messages; name them with their topics in columns")
+        data = open_data(path, recipe=recipe)
+        return _read_rows(data, columns, base, rate, stamp, progress)
+    for name, value in [("base", base), ("rate", rate), ("stamp", stamp)]:
+        if value is not None:
+            raise ValueError(f"{name} says how topics are joined: give columns or a recipe as well")
+    file = _one_path(path)
+    if topic is None:
+        topic = _only_topic(file)
+    wanted = None if fields is None else [str(field) for field in fields]
+    with reporting(progress) as callback:
+        if isinstance(topic, str):
+            return _core.read_messages(file, topic, wanted, callback)
+        return {str(name): _core.read_messages(file, str(name), wanted, callback) for name in topic}
+
+
+def _only_topic(path: Path) -> str:
+    topics = [name for name, messages in _core.topics(path) if messages != 0]
+    if len(topics) != 1:
+        raise DataError(
+            f"{path} has {len(topics)} topics with messages ({', '.join(topics[:20])}); name one: topic=..."
+        )
+    return topics[0]
+
+
+def _read_rows(
+    data: Dataset,
+    columns: Sequence[str] | None,
+    base: str | None,
+    rate: float | None,
+    stamp: str | None,
+    progress: Progress,
+) -> Table:
+    if isinstance(columns, str):
+        raise TypeError(f"columns={columns!r}: give a list of names")
+    if base is not None and rate is not None:
+        raise ValueError("base and rate are both given; the rows come from one of them")
+    names = None if columns is None else [str(name) for name in columns]
+    with reporting(progress) as callback:
+        return _core.read_table(data._core, data.recipe, names, base, rate, stamp, callback)
+
+
+def read(
+    source: Any,
+    columns: Sequence[str] | None = None,
+    *,
+    recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    t: Any = None,
+    dt: float | None = None,
+    progress: Progress = None,
+) -> Table:
+    """Reads rows of recordings of any kind into a table, as a fit would see them.
+
+    Rows come by episode: a file begins one, and so does a gap in its clock. Rows without a readable stamp are left out
+    and counted in ``notes``.
+
+    Parameters
+    ----------
+    source : path, table, array, Dataset, ...
+        As in :func:`fleetfoot.open`.
+    columns : list of str, optional
+        Columns, aliases of the recipe, or expressions over both. Without them: the recipe's
+        states and inputs, else its aliases, else all columns.
+    recipe, t, dt
+        As in :func:`fleetfoot.open`.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    Table
+        ``episode``, ``stamp`` (nanoseconds), ``t`` (seconds since the episode's begin; ``seconds`` where a column is
+        called ``t``), then the columns.
+
+    Raises
+    ------
+    RequestError
+        A column that does not exist.
+    DataError
+        Recordings that cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> table = ff.read({"t": np.arange(3) * 0.5, "x": np.array([1.0, 2.0, 4.0])}, ["x", "x * x"])
+    >>> table["x * x"]
+    array([ 1.,  4., 16.])
+    """
+    return _read_rows(open_data(source, recipe=recipe, t=t, dt=dt), columns, None, None, None, progress)
+
+
+def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progress = None) -> dict[str, Any]:
+    """What a file holds: columns, units, clock; of a robot's log its topics and fields.
+
+    Parameters
+    ----------
+    path : path
+        An MCAP, Parquet or CSV file, or a rosbag2 folder.
+    values : bool
+        Read all rows once: ranges of the values, gaps of the clock, episodes.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    dict
+        ``path``, ``format``, ``bytes``, ``rows``, ``columns`` (name, unit, kind, statistics, ...), ``topics`` (name,
+        type, messages, rate in Hz,
+        gaps, ...), ``time`` (the guessed clock), ``clock`` (periods and gaps in seconds), ``episodes``, ``notes``.
+        ``None`` where a thing is not known.
+
+    Raises
+    ------
+    DataError
+        A file that cannot be read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, fleetfoot as ff
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
+    >>> _ = path.write_text("t,speed [m/s]\\n0,1\\n0.1,2\\n")
+    >>> [column["name"] for column in ff.info(path)["columns"]]
+    ['t', 'speed']
+    """
+    with reporting(progress) as callback:
+        found: dict[str, Any] = json.loads(_core.info(Path(path), values, callback))
+    return found
+
+
+@dataclass(frozen=True)
+class Generated:
+    """What :func:`generate` wrote.
+
+    Attributes
+    ----------
+    files : list of Path
+        The logs, in the order of their runs.
+    recipe : Path
+        The recipe for them.
+    runs : list of dict
+        For each run its file, length (seconds), rows, messages, size (bytes), end and excitation.
+    excitation : dict
+        What the rows of all runs together could tell a model.
+    """
+
+    files: list[Path]
+    recipe: Path
+    runs: list[dict[str, Any]]
+    excitation: dict[str, Any]
+
+    def open(self) -> Dataset:
+        """The logs with their recipe, for a fit."""
+        return open_data(list(self.files), recipe=self.recipe)
+
+
+def robots() -> list[str]:
+    """Names of the robots that :func:`generate` can simulate.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import fleetfoot as ff
+    >>> "diffdrive" in ff.robots()
+    True
+    """
+    return list(_core.robots())
+
+
+def world(robot: str, world: str | os.PathLike[str] | Mapping[str, Any] | None = None) -> str:
+    """A robot's physical parameters, as TOML with comments.
+
+    Parameters
+    ----------
+    robot : str
+        One of :func:`robots`.
+    world : path, str or mapping, optional
+        What to change of it, as in :func:`generate`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    RequestError
+        No such robot or parameter, or a value out of its range.
+
+    Examples
+    --------
+    >>> import fleetfoot as ff
+    >>> ff.world("diffdrive").startswith("#")
+    True
+    """
+    text, settings = _world(world)
+    return _core.world(robot, text, settings)
+
+
+def _world(world: Any) -> tuple[str | None, list[tuple[str, str]]]:
+    """TOML text, and single settings."""
+    if world is None:
+        return None, []
+    if isinstance(world, Mapping):
+        return None, list(_flat("", world))
+    if isinstance(world, str) and ("\n" in world or "=" in world):
+        return world, []
+    return Path(world).read_text(encoding="utf-8"), []
+
+
+def _flat(prefix: str, table: Mapping[str, Any]) -> Any:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat(f"{prefix}{key}.", value)
+        else:
+            # Numbers, texts and lists are written alike in JSON and TOML.
+            plain = value.tolist() if hasattr(value, "tolist") else value
+            yield f"{prefix}{key}", json.dumps(plain)
+
+
+def generate(
+    robot: str,
+    folder: str | os.PathLike[str],
+    *,
+    runs: int = 1,
+    minutes: float | None = None,
+    seconds: float | None = None,
+    seed: int = 1,
+    world: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    excitation: str | None = None,
+    speed: tuple[float, float] | None = None,
+    format: Literal["mcap", "parquet"] | None = None,  # noqa: A002
+    truth: bool = True,
+    first_run: int = 0,
+    force: bool = False,
+    progress: Progress = None,
+) -> Generated:
+    """Simulates a robot and writes its logs, and a recipe for fits beside them.
+
+    The same arguments give the same bytes on any number of threads.
+
+    Parameters
+    ----------
+    robot : str
+        One of :func:`robots`.
+    folder : path
+        Where the logs go; made when needed.
+    runs : int
+        How many runs, a file each.
+    minutes : float, optional
+        Simulated time of all runs together, minutes.
+    seconds : float, optional
+        Simulated time of each run, seconds; a length that suits the robot when neither is given.
+    seed : int
+        Where the random numbers begin.
+    world : path, str or mapping, optional
+        Physical parameters: a TOML file, TOML text, or a mapping such as ``{"belt": {"speed": 0.3}}`` or
+        ``{"belt.speed": 0.3}``.
+    excitation : str, optional
+        How the robot is driven, where that can be chosen.
+    speed : (float, float), optional
+        The first and the last run's speed, spread evenly over the runs, in the unit of the world's parameter.
+    format : {"mcap", "parquet"}, optional
+        Messages of sensors, or rows of truth; what suits the robot when not given.
+    truth : bool
+        Whether messages tell the truth too, on topics of their own.
+    first_run : int
+        The number of the first run, which decides its random numbers.
+    force : bool
+        Replace the runs of an earlier call in the folder.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    Generated
+
+    Raises
+    ------
+    RequestError
+        No such robot or parameter, or a value out of its range.
+    WriteError
+        A folder that cannot be written, or that holds other logs.
+
+    Examples
+    --------
+    >>> import tempfile, fleetfoot as ff
+    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), runs=2, seconds=1.0)
+    >>> len(made.files), made.recipe.name
+    (2, 'robot.toml')
+    """
+    if minutes is not None and seconds is not None:
+        raise ValueError(
+            "minutes and seconds are both given; minutes are of all runs together, seconds of each: give one"
+        )
+    if runs < 1:
+        raise ValueError(f"runs={runs}: give at least 1")
+    if minutes is not None:
+        seconds = minutes * 60.0 / runs
+    text, settings = _world(world)
+    wanted = {
+        "runs": int(runs),
+        "first_run": int(first_run),
+        "seconds": seconds,
+        "seed": int(seed),
+        "speed": speed,
+        "format": format,
+        "truth": truth,
+        "force": force,
+        "excitation": excitation,
+    }
+    with reporting(progress) as callback:
+        made = json.loads(_core.generate(robot, Path(folder), text, settings, wanted, callback))
+    files = [Path(run["file"]) for run in made["runs"]]
+    return Generated(files, Path(made["recipe"]), made["runs"], made["excitation"])
+
+
+__all__ = ["Generated", "Table", "generate", "info", "read", "read_mcap", "robots", "world"]

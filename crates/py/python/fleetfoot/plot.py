@@ -1,0 +1,435 @@
+"""Pictures with matplotlib, which is imported when the first is drawn: ``pip install matplotlib``.
+
+Each function draws on an ``Axes``, a new one when none is given, and returns it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from . import _core
+from ._data import open as open_data
+from ._progress import Progress, reporting
+
+__all__ = ["horizon", "path", "region_map", "selection_frequency"]
+
+#: Lines that are told by name; the rest are grey.
+_NAMED = 10
+#: Names longer than this are cut.
+_LONG = 40
+
+
+def _axes(ax: Any) -> Any:
+    if ax is not None:
+        return ax
+    try:
+        import matplotlib.pyplot as plt
+    except ImportError as error:
+        raise ImportError("fleetfoot.plot needs matplotlib: pip install matplotlib") from error
+    return plt.subplots(layout="constrained")[1]
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONG else name[: _LONG - 1] + "…"
+
+
+def path(
+    estimator: Any,
+    *,
+    feature_names: Sequence[str] | None = None,
+    target: int = 0,
+    unit: str | None = None,
+    ax: Any = None,
+) -> Any:
+    """The coefficients along a regularisation path.
+
+    Parameters
+    ----------
+    estimator : object or tuple
+        A fitted estimator with ``alphas_`` and ``coef_path_`` (``Lars``, ``LassoLars``, ...), or what ``lars_path`` and
+        ``lasso_path`` return.
+    feature_names : list of str, optional
+        Names of the features; the estimator's ``feature_names_in_`` when not given, else ``x0``, ``x1``, ...
+    target : int
+        Which target, where there are several.
+    unit : str, optional
+        The coefficients' unit.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    TypeError
+        The estimator has no path.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fleetfoot import plot
+    >>> alphas, coefs = np.array([1.0, 0.5, 0.1]), np.array([[0.0, 0.4, 0.8], [0.0, 0.0, -0.3]])
+    >>> plot.path((alphas, coefs)).get_xlabel()
+    'alpha (penalty, weaker to the right)'
+    """
+    alphas, coefs = _path_of(estimator, target)
+    names = _names(estimator, feature_names, len(coefs))
+    ax = _axes(ax)
+    order = np.argsort(-np.abs(coefs).max(axis=1))
+    positive = bool((alphas > 0).any())
+    # The last knot of a whole path is zero, which a logarithm has not: it is drawn where the path would go on.
+    shown = np.where(alphas > 0, alphas, alphas[alphas > 0].min() / 2) if positive else alphas
+    for rank, feature in enumerate(order):
+        if not coefs[feature].any():
+            continue
+        style: dict[str, Any] = (
+            {"label": _short(names[feature]), "lw": 1.6} if rank < _NAMED else {"color": "0.75", "lw": 0.8, "zorder": 1}
+        )
+        ax.plot(shown, coefs[feature], **style)
+    if positive:
+        ax.set_xscale("log")
+    ax.invert_xaxis()
+    ax.axhline(0.0, color="0.5", lw=0.6)
+    ax.set_xlabel("alpha (penalty, weaker to the right)")
+    ax.set_ylabel(f"coefficient [{unit}]" if unit else "coefficient")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize="small", frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def _path_of(estimator: Any, target: int) -> tuple[Any, Any]:
+    """Penalties and coefficients (features, penalties) of one target."""
+    alphas: Any
+    coefs: Any
+    if isinstance(estimator, tuple):
+        alphas = np.asarray(estimator[0], dtype=float)
+        coefs = next((np.asarray(part, dtype=float) for part in estimator[1:] if np.ndim(part) >= 2), None)
+    else:
+        found: tuple[Any, Any] = getattr(estimator, "alphas_", None), getattr(estimator, "coef_path_", None)
+        alphas, coefs = found if not isinstance(found[1], list) else (found[0][target], found[1][target])
+    if alphas is None or coefs is None:
+        raise TypeError(
+            f"{type(estimator).__name__} has no alphas_ and coef_path_: fit it with fit_path=True, or give what "
+            "lars_path returns"
+        )
+    alphas, coefs = np.asarray(alphas, dtype=float), np.asarray(coefs, dtype=float)
+    if coefs.ndim == 3:
+        coefs = coefs[target]
+    if coefs.ndim != 2 or alphas.shape != (coefs.shape[1],):
+        raise TypeError(
+            f"the path has {alphas.shape} penalties and {coefs.shape} coefficients; give features in rows and "
+            "penalties in columns"
+        )
+    return alphas, coefs
+
+
+def _names(estimator: Any, names: Sequence[str] | None, count: int) -> list[str]:
+    if names is None:
+        names = getattr(estimator, "feature_names_in_", None)
+    if names is None:
+        return [f"x{i}" for i in range(count)]
+    if len(names) != count:
+        raise ValueError(f"feature_names has {len(names)} names for {count} features")
+    return [str(name) for name in names]
+
+
+def selection_frequency(
+    bolasso: Any,
+    *,
+    feature_names: Sequence[str] | None = None,
+    target: int = 0,
+    threshold: float | None = None,
+    most: int = 30,
+    ax: Any = None,
+) -> Any:
+    """How often the replicates of a bootstrap select each feature.
+
+    Parameters
+    ----------
+    bolasso : object or array
+        A fitted estimator with ``selection_frequency_``, or the shares themselves, shape (features,) or (targets,
+        features).
+    feature_names : list of str, optional
+        Names of the features; the estimator's ``feature_names_in_`` when not given, else ``x0``, ``x1``, ...
+    target : int
+        Which target, where there are several.
+    threshold : float, optional
+        The share from which a feature counts as selected, drawn as a line; the estimator's ``threshold`` when it has
+        one.
+    most : int
+        Features shown, the most frequent first.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    TypeError
+        There are no frequencies.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from fleetfoot import plot
+    >>> ax = plot.selection_frequency([1.0, 0.3, 0.9], feature_names=["v", "w", "v*w"], threshold=0.9)
+    >>> [bar.get_width() for bar in ax.patches]
+    [1.0, 0.9, 0.3]
+    """
+    shares = getattr(bolasso, "selection_frequency_", bolasso)
+    try:
+        shares = np.asarray(shares, dtype=float)
+    except (TypeError, ValueError):
+        shares = np.empty((0, 0, 0))
+    if shares.ndim not in (1, 2):
+        raise TypeError(
+            f"{type(bolasso).__name__} has no selection_frequency_: fit it, or give the shares of the features"
+        )
+    shares = shares[target] if shares.ndim == 2 else shares
+    names = _names(bolasso, feature_names, len(shares))
+    if threshold is None:
+        own = getattr(bolasso, "threshold", None)
+        threshold = float(own) if isinstance(own, (int, float)) else None
+    order = np.argsort(-shares, kind="stable")[: max(1, most)]
+    ax = _axes(ax)
+    chosen = shares[order] >= (threshold if threshold is not None else 1.0)
+    ax.barh(range(len(order)), shares[order], color=np.where(chosen, "tab:blue", "0.75"))
+    ax.set_yticks(range(len(order)), [_short(names[place]) for place in order])
+    ax.set_ylim(len(order) - 0.4, -0.6)
+    if threshold is not None:
+        ax.axvline(threshold, color="black", lw=0.8, ls="--", label=f"threshold {threshold:g}")
+        ax.legend(fontsize="small", loc="lower right")
+    ax.set_xlim(0.0, 1.02)
+    ax.set_xlabel("share of replicates that select it")
+    return ax
+
+
+def horizon(
+    rollout: Any,
+    *,
+    state: str | None = None,
+    unit: str | None = None,
+    baselines: bool = True,
+    label: str = "model",
+    ax: Any = None,
+) -> Any:
+    """The error of rollouts against the time since their start.
+
+    Parameters
+    ----------
+    rollout : dict
+        What ``Model.rollout`` returns.
+    state : str, optional
+        Draw the root mean square error of this state; the Mahalanobis score of all, with its 95 % interval, when not
+        given.
+    unit : str, optional
+        The state's unit.
+    baselines : bool
+        Draw the baselines too.
+    label : str
+        What the model is called.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    TypeError
+        This is no rollout.
+    ValueError
+        No such state.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from fleetfoot import plot
+    >>> report = {"time": [0.1, 0.2], "states": ["v"], "model": {"rmse": [[0.1], [0.2]]}, "baselines": {}}
+    >>> plot.horizon(report, state="v", unit="m/s").get_ylabel()
+    'RMSE of v [m/s]'
+    """
+    if not isinstance(rollout, dict) or not {"time", "states", "model", "baselines"} <= rollout.keys():
+        raise TypeError(f"{type(rollout).__name__} is no rollout; give what Model.rollout returns")
+    time = np.asarray(rollout["time"], dtype=float)
+    curves = [(label, rollout["model"])] + (list(rollout["baselines"].items()) if baselines else [])
+    place = None
+    if state is not None:
+        if state not in rollout["states"]:
+            raise ValueError(f"state={state!r} is none of {', '.join(rollout['states'])}")
+        place = rollout["states"].index(state)
+    ax = _axes(ax)
+    for at, (name, score) in enumerate(curves):
+        style: dict[str, Any] = (
+            {"lw": 2.0, "color": "tab:blue"} if at == 0 else {"lw": 1.2, "ls": "--", "color": f"C{at}"}
+        )
+        if place is not None:
+            ax.plot(time, np.asarray(score["rmse"], dtype=float)[:, place], label=name, **style)
+            continue
+        bands = np.asarray(score["mahalanobis"], dtype=float)
+        ax.plot(time, bands[:, 0], label=name, **style)
+        ax.fill_between(time, bands[:, 1], bands[:, 2], color=style["color"], alpha=0.15, lw=0)
+    ax.set_xlabel("time since the start [s]")
+    ax.set_ylabel(f"RMSE of {state}" + (f" [{unit}]" if unit else "") if state else "Mahalanobis score [1]")
+    ax.set_xlim(left=0.0)
+    ax.set_ylim(bottom=0.0)
+    ax.legend(fontsize="small", frameon=False)
+    return ax
+
+
+_VALUES = {
+    "transitions": "share of passages with a change of region [1]",
+    "score": "mean Mahalanobis score of one step [1]",
+    "rows": "rows",
+}
+
+
+def region_map(
+    model: Any,
+    data: Any,
+    x: str,
+    y: str,
+    *,
+    value: Literal["region", "transitions", "score", "rows"] = "region",
+    bins: int = 60,
+    recipe: Any = None,
+    ax: Any = None,
+    progress: Progress = None,
+) -> Any:
+    """Where a model's regions lie, and how well it predicts there, on the plane of two columns.
+
+    Parameters
+    ----------
+    model : Model or estimator
+        A model, or a fitted estimator with ``model_``.
+    data : path, table, array, Dataset, ...
+        Rows to show, as in :func:`fleetfoot.open`.
+    x, y : str
+        Columns of the model, or expressions over them; for ``value="region"`` columns.
+    value : {"region", "transitions", "score", "rows"}
+        What the colour tells: the region that most rows of the cell are in; the share of the trajectories' stays in the
+        cell in which the region changes; the
+        mean Mahalanobis score of the one-step errors; or the number of rows.
+    bins : int
+        Cells along each axis.
+    recipe : path, str or mapping, optional
+        Changes of clock, topics or labels for these data.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        A column that the model does not have, or another ``value``.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> x = np.cumsum(np.random.default_rng(0).normal(size=(500, 2)), axis=0)
+    >>> data = ff.open({("a", "b"): x}, dt=0.1, recipe={"states": {"a": {}, "b": {}}})
+    >>> ax = ff.plot.region_map(ff.PWA(3).fit(data), data, "a", "b", bins=20)
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('a', 'b')
+    """
+    if value != "region" and value not in _VALUES:
+        raise ValueError(f'value={value!r}: write "region", {", ".join(repr(name) for name in _VALUES)}')
+    if not 1 <= bins <= 1000:
+        raise ValueError(f"bins={bins}: give 1 to 1000")
+    ax = _axes(ax)
+    inner = getattr(model, "model_", model)
+    dataset = open_data(data, recipe=recipe)
+    text = inner.to_json()
+    with reporting(progress) as callback:
+        plane = _core.project(text, dataset._core, dataset.recipe, x, y, int(bins), callback)
+        rows = _core.read_model_rows(text, dataset._core, dataset.recipe, callback) if value == "region" else None
+    extent = (*plane["x"][:2], *plane["y"][:2])
+    if rows is None:
+        cells = np.asarray(plane[value]).reshape(bins, bins).T
+        cells = np.where(np.asarray(plane["rows"]).reshape(bins, bins).T > 0, cells, np.nan)
+        image = ax.imshow(cells, origin="lower", extent=extent, aspect="auto", interpolation="nearest", cmap="viridis")
+        ax.figure.colorbar(image, ax=ax, label=_VALUES[value])
+    else:
+        _regions(ax, rows, (x, y), plane, bins, extent)
+    units = _units_of(inner)
+    ax.set_xlabel(_labelled(x, units))
+    ax.set_ylabel(_labelled(y, units))
+    return ax
+
+
+def _regions(
+    ax: Any, rows: dict[str, Any], axes: tuple[str, str], plane: dict[str, Any], bins: int, extent: Any
+) -> None:
+    """The region of most rows in each cell."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.pyplot import get_cmap
+
+    cells = []
+    for name, key in zip(axes, ("x", "y")):
+        if name not in rows["columns"]:
+            raise ValueError(
+                f"{name!r} is no column of the model ({', '.join(rows['columns'])}); "
+                'value="transitions" takes expressions'
+            )
+        low, high, periodic = plane[key]
+        values = rows["columns"][name][1]
+        offset = np.mod(values - low, high - low) if periodic else values - low
+        with np.errstate(invalid="ignore"):
+            cells.append(np.floor(offset / (high - low) * bins))
+    region = rows["region"]
+    inside = (region >= 0) & np.logical_and.reduce([(cell >= 0) & (cell < bins) for cell in cells])
+    if not inside.any():
+        raise ValueError("no row of these data is in a region of the model")
+    place = (cells[1][inside] * bins + cells[0][inside]).astype(np.int64)
+    seen, which = np.unique(region[inside], return_inverse=True)
+    counts = np.zeros((bins * bins, len(seen)), dtype=np.int64)
+    np.add.at(counts, (place, which), 1)
+    shown = np.where(counts.any(axis=1), counts.argmax(axis=1), -1).reshape(bins, bins)
+    palette = get_cmap("tab20" if len(seen) > 10 else "tab10")
+    colours = ListedColormap([palette(at % palette.N) for at in range(len(seen))])
+    norm = BoundaryNorm(np.arange(len(seen) + 1) - 0.5, len(seen))
+    image = ax.imshow(
+        np.ma.masked_less(shown, 0),
+        origin="lower",
+        extent=extent,
+        aspect="auto",
+        interpolation="nearest",
+        cmap=colours,
+        norm=norm,
+    )
+    bar = ax.figure.colorbar(image, ax=ax, label="region")
+    step = max(1, -(-len(seen) // 20))
+    bar.set_ticks(np.arange(0, len(seen), step), labels=[str(region) for region in seen[::step]])
+
+
+def _units_of(model: Any) -> dict[str, str | None]:
+    """The units of a model's columns, as its file tells them."""
+    import json
+
+    content = json.loads(model.to_json())
+    columns = content.get("columns") or content.get("model", {}).get("columns", [])
+    return {column["name"]: column.get("unit") for column in columns}
+
+
+def _labelled(name: str, units: dict[str, str | None]) -> str:
+    unit = units.get(name)
+    return f"{name} [{unit}]" if unit else name

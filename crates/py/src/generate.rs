@@ -1,0 +1,156 @@
+//! Logs of simulated robots, and a model's plane.
+
+use std::path::PathBuf;
+
+use fleetfoot::{
+    Error, Recipe,
+    generate::{Format, Generated, Job, World, generate as run_job, robots as all_robots},
+    sim::End,
+};
+use numpy::PyArray1;
+use pyo3::{prelude::*, types::PyDict};
+use serde_json::json;
+
+use crate::{
+    data::Data,
+    error::{Kind, OrRaise, of_engine},
+    run::run,
+};
+
+/// Names of the robots that can be simulated.
+#[pyfunction]
+pub(crate) fn robots() -> Vec<&'static str> {
+    all_robots()
+}
+
+/// What a job may say beside its robot and folder.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Wanted {
+    runs: u64,
+    first_run: u64,
+    seconds: Option<f64>,
+    seed: u64,
+    speed: Option<(f64, f64)>,
+    format: Option<String>,
+    truth: bool,
+    force: bool,
+    excitation: Option<String>,
+}
+
+/// The parameters of a robot as TOML with comments: its own, changed by TOML text and by single settings.
+#[pyfunction]
+#[pyo3(signature = (robot, text = None, settings = Vec::new()))]
+pub(crate) fn world(robot: &str, text: Option<&str>, settings: Vec<(String, String)>) -> PyResult<String> {
+    Ok(world_of(robot, text, &settings, None).map_err(of_engine)?.to_commented_toml())
+}
+
+fn world_of(
+    robot: &str,
+    text: Option<&str>,
+    settings: &[(String, String)],
+    excitation: Option<&str>,
+) -> Result<World, Error> {
+    let mut world = World::of(robot)?;
+    if let Some(text) = text {
+        world = world.parse(text, "the world")?;
+    }
+    if let Some(kind) = excitation {
+        if !world.excitable() {
+            return Err(Error::Request(format!("excitation: `{}` is driven by its controller alone", world.robot())));
+        }
+        world.excite(kind)?;
+    }
+    for (path, value) in settings {
+        world.set(path, value)?;
+    }
+    Ok(world)
+}
+
+/// Runs a robot and writes its logs and a recipe; what was made, as JSON.
+#[pyfunction]
+#[pyo3(signature = (robot, folder, text, settings, wanted, progress = None))]
+pub(crate) fn generate(
+    py: Python<'_>,
+    robot: &str,
+    folder: PathBuf,
+    text: Option<&str>,
+    settings: Vec<(String, String)>,
+    wanted: &Bound<'_, PyDict>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let wanted: Wanted = wanted.extract()?;
+    let world = world_of(robot, text, &settings, wanted.excitation.as_deref()).map_err(of_engine)?;
+    let mut job = Job::new(world, folder);
+    match wanted.format.as_deref() {
+        None => {}
+        Some("mcap") => job.format = Format::Mcap,
+        Some("parquet") => job.format = Format::Parquet,
+        Some(other) => return Err(Kind::Request.error(format!("format=\"{other}\": write \"mcap\" or \"parquet\""))),
+    }
+    (job.runs, job.first_run, job.seed) = (wanted.runs, wanted.first_run, wanted.seed);
+    (job.truth, job.force, job.speed) = (wanted.truth, wanted.force, wanted.speed);
+    job.seconds = wanted.seconds.unwrap_or(job.seconds);
+    let made = run(py, progress, |progress| run_job(&job, progress))?;
+    Ok(report(&made).to_string())
+}
+
+fn report(made: &Generated) -> serde_json::Value {
+    let excitation = |own: &fleetfoot::generate::Excitation| {
+        json!({
+            "log_determinant": own.log_determinant, "regressors": own.regressors, "dependent": own.dependent,
+            "nonuniformity": own.nonuniformity, "outside": own.outside,
+        })
+    };
+    let runs = made.runs.iter().map(|run| {
+        let (end, reason) = match &run.end {
+            End::Complete => ("complete", None),
+            End::Early { reason, .. } => ("early", Some(reason)),
+            End::Fault { reason, .. } => ("fault", Some(reason)),
+            _ => ("other", None),
+        };
+        json!({
+            "run": run.run, "file": run.file.display().to_string(), "speed": run.speed, "seconds": run.seconds,
+            "rows": run.rows, "messages": run.messages, "bytes": run.bytes, "end": end, "reason": reason,
+            "excitation": excitation(&run.excitation),
+        })
+    });
+    json!({
+        "runs": runs.collect::<Vec<_>>(), "excitation": excitation(&made.excitation),
+        "recipe": made.recipe.display().to_string(),
+    })
+}
+
+/// A model's regions and one-step scores on the plane of two expressions over its columns, as a dict of arrays of `bins * bins` cells, the second
+/// axis' cells of the first axis' first bin first.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe, x, y, bins, progress = None))]
+#[expect(clippy::too_many_arguments, reason = "a plane has a model, data, two axes and a number of bins")]
+pub(crate) fn project<'py>(
+    py: Python<'py>,
+    model: &str,
+    data: &Data,
+    recipe: &str,
+    x: String,
+    y: String,
+    bins: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let model = fleetfoot::Model::from_json(model, "the model").or_raise(Kind::Model)?;
+    let changes = Recipe::parse(recipe, "the recipe").map_err(of_engine)?;
+    let axes = [x, y];
+    let plane =
+        run(py, progress, |progress| fleetfoot::project(&model, &changes, &data.logs, &axes, bins, None, progress))?
+            .plane;
+    let out = PyDict::new(py);
+    for (name, axis) in ["x", "y"].into_iter().zip(&plane.axes) {
+        out.set_item(name, (axis.low, axis.high, axis.periodic))?;
+    }
+    let cells =
+        |value: fn(&fleetfoot::dynamics::PlaneCell) -> f64| PyArray1::from_iter(py, plane.cells.iter().map(value));
+    out.set_item("rows", cells(|cell| cell.rows as f64))?;
+    out.set_item("transitions", cells(fleetfoot::dynamics::PlaneCell::transition_ratio))?;
+    out.set_item("score", cells(fleetfoot::dynamics::PlaneCell::mean_score))?;
+    out.set_item("outside", plane.outside)?;
+    Ok(out)
+}
