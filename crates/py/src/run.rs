@@ -18,6 +18,9 @@ use crate::error::{Kind, of_engine};
 /// How often Ctrl-C and the progress are looked at.
 const PERIOD: Duration = Duration::from_millis(50);
 
+/// The most threads that can be asked for.
+const MOST_THREADS: usize = 1024;
+
 /// The threads, and the process that they are of: a forked child has none of its parent's.
 struct Pool {
     process: u32,
@@ -55,8 +58,13 @@ fn pool() -> PyResult<Arc<Threads>> {
 ///
 /// Results do not depend on it.
 #[pyfunction]
-pub(crate) fn set_threads(count: usize) {
+pub(crate) fn set_threads(count: usize) -> PyResult<()> {
+    if count > MOST_THREADS {
+        let mend = format!("give at most {MOST_THREADS}, or 0 for as many as there are cores");
+        return Err(Kind::Request.error(format!("{count} threads are too many: {mend}")));
+    }
     WANTED.store(count, Ordering::Relaxed);
+    Ok(())
 }
 
 /// The number of threads that calls use.

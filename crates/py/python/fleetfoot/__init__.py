@@ -27,8 +27,9 @@ from ._warnings import FleetfootWarning
 
 # -- statistics
 from . import distributed
+from ._episodes import Episode
 from ._solution import Certificate, Solution
-from ._stats import Episode, Plan, Stats, merge, scan
+from ._stats import Plan, Stats, merge, scan
 
 # -- tables
 from . import plot

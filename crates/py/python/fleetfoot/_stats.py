@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import os
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._core import Data, Statistic
 from ._data import open as open_data
+from ._episodes import Episode, Episodes, matching
 from ._progress import Progress, reporting
 from ._warnings import warn_all
 from .exceptions import StatisticError
@@ -22,46 +21,6 @@ if TYPE_CHECKING:
 
 #: What a recipe may be: a path, TOML text, or the same as a mapping.
 Recipe: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
-#: What names episodes: a name, an identity, a record, several of them, or a function of the record.
-Episodes: TypeAlias = "str | Episode | Iterable[str | Episode] | Callable[[Episode], bool]"
-
-#: Digits of an identity that name an episode, at least.
-_LEAST_DIGITS = 8
-
-
-@dataclass(frozen=True)
-class Episode:
-    """One uninterrupted recording behind a statistic.
-
-    Attributes
-    ----------
-    id : str
-        Its identity, by its content.
-    name : str
-        Its file's name (the path where two files share the name), with ``#k`` where the file holds several episodes.
-    file : str
-        The file or table that it came from.
-    labels : dict of str
-        Labels from the recipe and from the path.
-    rows : int
-        Rows in all.
-    complete : int
-        Rows that were summed.
-    start, end : int
-        First and last stamp, nanoseconds.
-    period : float
-        Median sampling period, seconds; 0 for a single row.
-    """
-
-    id: str
-    name: str
-    file: str
-    rows: int
-    complete: int
-    start: int
-    end: int
-    period: float
-    labels: dict[str, str] = field(default_factory=dict, hash=False)
 
 
 class Rows(NamedTuple):
@@ -172,8 +131,8 @@ class _Value:
 class Plan(_Value):
     """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.
 
-    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known
-    by its hash.
+    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known by
+    its hash.
 
     Parameters
     ----------
@@ -240,9 +199,9 @@ class Plan(_Value):
 class Stats(_Value):
     """The sums of a scan: what any number of fits needs instead of the rows. Made by :func:`fleetfoot.scan`.
 
-    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by
-    episode and chunk, so that episodes can be taken
-    out again, and so that the bits do not depend on who summed what in which order.
+    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by episode
+    and chunk, so that episodes can be taken out again, and so that the bits do not depend on who summed what in which
+    order.
 
     Examples
     --------
@@ -318,7 +277,7 @@ class Stats(_Value):
         StatisticError
             Something matches no episode, with what there is; or nothing would be left.
         """
-        return self._kept(self._matching(episodes, where))
+        return self._kept(matching(self.episodes, episodes, where))
 
     def drop(self, episodes: Episodes | None = None, *, where: Mapping[str, Any] | None = None) -> Stats:
         """The statistic without some of the episodes; they are named as in :meth:`select`.
@@ -328,7 +287,7 @@ class Stats(_Value):
         StatisticError
             Something matches no episode, with what there is; or nothing would be left.
         """
-        unwanted = self._matching(episodes, where)
+        unwanted = matching(self.episodes, episodes, where)
         return self._kept({episode.id for episode in self.episodes} - unwanted)
 
     def compact(self) -> Stats:
@@ -374,11 +333,9 @@ class Stats(_Value):
         """Coefficients at a penalty that is given; nothing is chosen, held out or refitted.
 
         The objective is ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j
-        (b_j u_j)^2)``: n rows; ``scale_t`` the
-        recipe's scale of the task, else the deviation of its target; ``u_j`` the deviation of column j over the
-        tasks in units of their scales (1
-        with ``unscaled`` in the recipe's ``[sparse]``). Constants that stand alone in an equation are not
-        penalised. The coefficients are in raw units.
+        (b_j u_j)^2)``: n rows; ``scale_t`` the recipe's scale of the task, else the deviation of its target; ``u_j``
+        the deviation of column j over the tasks in units of their scales (1 with ``unscaled`` in the recipe's
+        ``[sparse]``). Constants that stand alone in an equation are not penalised. The coefficients are in raw units.
 
         Parameters
         ----------
@@ -389,8 +346,8 @@ class Stats(_Value):
         l1_ratio : float, optional
             Share of the absolute values in the penalty; ``"elastic-net"`` needs it.
         recipe : path, str or mapping, optional
-            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks
-            must be the scan's.
+            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks must be
+            the scan's.
         progress : bool or callable, optional
             As in :func:`fleetfoot.scan`.
 
@@ -436,50 +393,6 @@ class Stats(_Value):
             raise StatisticError(f"none of the {len(self._core.episodes())} episodes would be left; select others")
         return Stats._of(self._core.kept(identities))
 
-    def _matching(self, episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
-        """Identities of what ``episodes`` and ``where`` name."""
-        if episodes is None and where is None:
-            raise ValueError("neither episodes nor where is given; name the episodes")
-        found = self.episodes
-        chosen = {episode.id for episode in found} if episodes is None else _named(found, episodes)
-        for label, value in (where or {}).items():
-            values = {value} if isinstance(value, str) or not isinstance(value, Iterable) else set(value)
-            chosen &= _labelled(found, label, {str(one) for one in values})
-        return chosen
-
-
-def _named(found: list[Episode], episodes: Episodes) -> set[str]:
-    if callable(episodes):
-        return {episode.id for episode in found if episodes(episode)}
-    asked = [episodes] if isinstance(episodes, (str, Episode)) else list(episodes)
-    chosen: set[str] = set()
-    for one in asked:
-        if not isinstance(one, (str, Episode)):
-            raise TypeError(f"episodes has a {type(one).__name__}; give names, identities or records")
-        text = one.id if isinstance(one, Episode) else one
-        digits = text.lower() if len(text) >= _LEAST_DIGITS else None
-        matching = {e.id for e in found if e.name == text or (digits is not None and e.id.startswith(digits))}
-        if not matching:
-            raise StatisticError(f"{text!r} matches no episode; {_nearest(text, [e.name for e in found])}")
-        chosen |= matching
-    return chosen
-
-
-def _labelled(found: list[Episode], label: str, values: set[str]) -> set[str]:
-    known = {episode.labels[label] for episode in found if label in episode.labels}
-    for value in sorted(values - known):
-        names = sorted(known) if known else sorted({name for episode in found for name in episode.labels})
-        what = "values" if known else "labels"
-        missing = "no episode has labels; scan with keys=['name={dir1}']"
-        there = _nearest(value if known else label, names) if names else missing
-        raise StatisticError(f"where: {label} = {value!r} matches no episode; of {what} {there}")
-    return {episode.id for episode in found if episode.labels.get(label) in values}
-
-
-def _nearest(text: str, names: list[str]) -> str:
-    shown = difflib.get_close_matches(text, names, 3) or names[:8]
-    return f"there is {', '.join(shown)}" + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
-
 
 def scan(
     plan: Plan | Recipe | None,
@@ -494,14 +407,13 @@ def scan(
     Parameters
     ----------
     plan : Plan, path, str, mapping or None
-        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe
-        of the dataset.
+        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe of
+        the dataset.
     data : Dataset, path, table, array or list
         Recordings, as :func:`fleetfoot.open` takes them. One that is there twice is summed once, with a warning.
     keys : str or list of str, optional
-        Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the
-        one above, ``{name}`` and ``{stem}``
-        the file's.
+        Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the one
+        above, ``{name}`` and ``{stem}`` the file's.
     chunk_rows : int, optional
         As in :class:`fleetfoot.Plan`; a plan has its own.
     progress : bool or callable, optional

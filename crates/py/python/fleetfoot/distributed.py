@@ -36,24 +36,21 @@ def scan(
 ) -> Stats:
     """Scans recordings on the workers of a cluster: one task for each file, then a tree of merges.
 
-    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and joined by
-    key, so it does not matter who summed what in
-    which order, nor how often: a worker that dies loses nothing, its tasks run again elsewhere, and a log cannot
-    count twice.
+    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and joined by key,
+    so it does not matter who summed what in which order, nor how often: a worker that dies loses nothing, its tasks run
+    again elsewhere, and a log cannot count twice.
 
     Parameters
     ----------
     plan : Plan, path, str or mapping
         A plan; or a recipe, whose plan is then frozen here from a pilot sample of all files.
     files : path, str or list
-        Files, glob patterns and folders. They must be visible under the same paths here and on the workers,
-        relative ones from the same folder. Or a
-        list of tables in memory (as :func:`fleetfoot.open` takes them), of ``dask.delayed`` objects and futures, or
-        of references of Ray, whose values are tables.
+        Files, glob patterns and folders. They must be visible under the same paths here and on the workers, relative
+        ones from the same folder. Or a list of tables in memory (as :func:`fleetfoot.open` takes them), of
+        ``dask.delayed`` objects and futures, or of references of Ray, whose values are tables.
     client : dask.distributed.Client or ray, optional
         Where the tasks run: a client of Dask, or the module ``ray`` (initialised). When not given, the Ray that is
-        initialised in this process, else the
-        current client of Dask.
+        initialised in this process, else the current client of Dask.
     backend : {"dask", "ray"}, optional
         Which of the two, where both are there.
     keys : str or list of str, optional
@@ -80,10 +77,10 @@ def scan(
 
     Notes
     -----
-    fleetfoot must be installed on the workers, in the same version. Ctrl-C stops the scan: tasks that have not
-    begun are cancelled. A Dask worker may die three
-    times under a task before Dask gives the task up (``distributed.scheduler.allowed-failures``); Ray tries a task
-    five times.
+    fleetfoot must be installed on the workers, in the same version. A task uses all cores of its machine; where several
+    workers share one, give each its part: ``client.run(fleetfoot.set_threads, 1)``. Ctrl-C stops the scan: tasks that
+    have not begun are cancelled. A Dask worker may die three times under a task before Dask gives the task up
+    (``distributed.scheduler.allowed-failures``); Ray tries a task five times.
 
     Examples
     --------

@@ -189,6 +189,14 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
     assert found[0] == found[1] == found[2]
 
 
+def test_absurd_numbers_of_threads_are_refused() -> None:
+    with pytest.raises(RequestError, match="100000 threads are too many"):
+        ff.set_threads(100_000)
+    with pytest.raises(OverflowError):
+        ff.set_threads(-1)
+    assert ff.thread_count() >= 1
+
+
 def test_python_threads_at_once_find_the_same_bits() -> None:
     def work(seed: int) -> bytes:
         return ff.scan(recipe(4), rows(40_000, seed), chunk_rows=1000).to_bytes()

@@ -295,3 +295,40 @@ def test_tables_and_files_of_the_same_rows_have_the_same_sums(tmp_path: Path, fi
     assert [e.id for e in from_files.episodes] == [e.id for e in from_arrays.episodes]
     assert from_files.gram(0).xtx.tobytes() == from_arrays.gram(0).xtx.tobytes()
     assert from_files.solve().coefficients.tobytes() == from_arrays.solve().coefficients.tobytes()
+
+
+def test_the_statistic_of_no_rows_is_a_clear_error(plan: ff.Plan, files: list[str]) -> None:
+    empty = ff.Stats.from_bytes(plan.to_bytes())
+    assert empty.rows == (0, 0, 0) and empty.episodes == [] and empty.files == [] and empty.compact() == empty
+    assert ff.scan(plan, files[:1]) + empty == ff.scan(plan, files[:1])
+    with pytest.raises(RequestError, match="no rows"):
+        empty.solve()
+    with pytest.raises(RequestError, match="no rows"):
+        empty.solve("lasso", 0.1)
+    with pytest.raises(StatisticError, match="no rows"):
+        empty.gram(0)
+    with pytest.raises(StatisticError, match="none of the 0 episodes"):
+        empty.drop(lambda _: True)
+    for estimator in (ff.BlockSparse(), ff.SINDy()):
+        with pytest.raises((RequestError, StatisticError)):
+            estimator.fit(empty)
+
+
+def test_a_solution_is_a_model() -> None:
+    runs = [fleet.noisy(300, 1), fleet.noisy(200, 2)]
+    found = ff.scan(fleet.PLAIN, runs).solve()
+    values = found.as_dict()["f_y"]
+    model = found.model
+    assert model.to_json() == found.to_json() and model.method == "statistic least squares"
+    names = model.get_feature_names()
+    assert dict(zip(names, model.coefficients().ravel(), strict=True)) == pytest.approx(values, rel=1e-15)
+
+
+def test_estimators_fit_a_statistic_as_they_fit_its_logs() -> None:
+    t = np.arange(600) * 0.01
+    run = {"t": t, "x": np.cos(2 * t), "v": -2 * np.sin(2 * t)}
+    recipe = {"states": {"x": {}, "v": {}}, "time": {"column": "t"}, "model": {"degree": 2}}
+    stats = ff.scan(recipe, run)
+    from_stats, from_rows = ff.SINDy(threshold=0.1).fit(stats), ff.SINDy(threshold=0.1, recipe=recipe).fit(run)
+    assert from_stats.equations() == from_rows.equations()
+    assert ff.BlockSparse(recipe=fleet.SHARED).fit(ff.scan(fleet.SHARED, fleet.run(400, 1.0))).model_.method
