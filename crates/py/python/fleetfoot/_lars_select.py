@@ -270,9 +270,9 @@ class LassoLarsIC(LarsModel):
         rows, features = X.shape
         if self.noise_variance is None and rows <= features + self.fit_intercept:
             raise ValueError(
-                "You are using LassoLarsIC in the case where the number of samples is smaller than the number "
-                f"of features (n_samples={rows}, n_features={features}): least squares leaves nothing to estimate the noise from; "
-                "give noise_variance"
+                "You are using LassoLarsIC in the case where the number of samples is smaller than the number of "
+                f"features (n_samples={rows}, n_features={features}): least squares leaves nothing to estimate the "
+                "noise from; give noise_variance"
             )
         design = Design(X, y)
         path, intercepts, mse = self._path(design, X, y, request)
