@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ._lars import LarsRequest
+
 Progress: TypeAlias = Callable[[str, int, int], object] | None
 
 VERSION: str
@@ -29,12 +31,6 @@ class Data:
     def __len__(self) -> int: ...
 
 # -- lars
-
-class LarsRequest(TypedDict):
-    lasso: bool
-    positive: bool
-    alpha_min: float
-    max_iter: int
 
 @final
 class Design:
@@ -82,9 +78,7 @@ class LarsPath:
 def lars_paths(
     design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: Progress = None
 ) -> list[LarsPath]: ...
-def lars_path_of_products(
-    gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest
-) -> LarsPath: ...
+def lars_path_of_products(gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest) -> LarsPath: ...
 
 # -- lasso
 

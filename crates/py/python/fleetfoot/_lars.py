@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,16 @@ __all__ = ["lars_path", "lars_path_gram"]
 EPS = float(np.finfo(float).eps)
 #: A number of steps; infinity is no limit.
 STEPS = Rule("an int >= 0 or np.inf", lambda v: integer(0).holds(v) or (isinstance(v, float) and v == np.inf))
+
+
+class LarsRequest(TypedDict):
+    """Which path is followed, and how far."""
+
+    lasso: bool
+    positive: bool
+    alpha_min: float
+    max_iter: int
+
 
 _PATH_RULES: dict[str, tuple[Rule, ...]] = {
     "max_iter": (STEPS,),
@@ -214,7 +224,7 @@ def lars_path_gram(
     return _answer(path, _dtype([products, moments]), verbose, return_path, return_n_iter)
 
 
-def path_request(method: str, positive: bool, alpha_min: float, max_iter: float) -> Any:
+def path_request(method: str, positive: bool, alpha_min: float, max_iter: float) -> LarsRequest:
     """What the engine is asked for."""
     if method == "lar" and positive:
         raise ValueError("Positive constraint not supported for 'lar' coding method.")
@@ -240,7 +250,9 @@ def known_gram(Gram: Any) -> NDArray[Any] | None:
     return np.asarray(Gram)
 
 
-def path_of_products(gram: NDArray[Any], xy: NDArray[Any], yy: float | None, rows: int, request: Any) -> LarsPath:
+def path_of_products(
+    gram: NDArray[Any], xy: NDArray[Any], yy: float | None, rows: int, request: LarsRequest
+) -> LarsPath:
     """The path of products of `rows` rows."""
     if xy.ndim != 1 or gram.shape != (len(xy), len(xy)):
         raise ValueError("The shapes of the inputs Gram and Xy do not match.")
@@ -248,7 +260,7 @@ def path_of_products(gram: NDArray[Any], xy: NDArray[Any], yy: float | None, row
 
 
 def centred_paths(
-    X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: Any
+    X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: LarsRequest
 ) -> list[tuple[LarsPath, NDArray[np.float64]]]:
     """Paths of all targets from products that are known in part, and the intercepts at their knots.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ._base import MultiOutputMixin, check_xy, random_numbers
 from ._core import Design, LarsPath, lars_paths
-from ._lars import EPS, STEPS, centred_paths, check_eps, known_gram, path_request, tell
+from ._lars import EPS, STEPS, LarsRequest, centred_paths, check_eps, known_gram, path_request, tell
 from ._linear import LinearModel
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, one_of, real
 
@@ -41,7 +41,7 @@ class LarsModel(LinearModel):
     coef_path_: Any
     n_iter_: Any
 
-    def _request(self, alpha_min: float, max_iter: float) -> Any:
+    def _request(self, alpha_min: float, max_iter: float) -> LarsRequest:
         check_eps(type(self).__name__, self.eps)
         return path_request(self.method, self.positive, alpha_min, max_iter)
 

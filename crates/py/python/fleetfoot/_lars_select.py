@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ._base import check_xy, splits
 from ._core import Design, LarsPath, lars_paths
 from ._folds import fold_designs, fold_params, fold_router
-from ._lars import EPS, STEPS, centred_paths, known_gram
+from ._lars import EPS, STEPS, LarsRequest, centred_paths, known_gram
 from ._lars_models import COMMON_RULES, LarsModel
 from ._params import BOOLEAN, CV, NONE, Rule, check_params, integer, one_of, real
 from .exceptions import FitError
@@ -270,9 +270,9 @@ class LassoLarsIC(LarsModel):
         rows, features = X.shape
         if self.noise_variance is None and rows <= features + self.fit_intercept:
             raise ValueError(
-                "You are using LassoLarsIC in the case where the number of samples is smaller than the number of features "
-                f"(n_samples={rows}, n_features={features}): least squares leaves nothing to estimate the noise from; "
-                "give noise_variance"
+                "You are using LassoLarsIC in the case where the number of samples is smaller than the number of "
+                f"features (n_samples={rows}, n_features={features}): least squares leaves nothing to estimate the "
+                "noise from; give noise_variance"
             )
         design = Design(X, y)
         path, intercepts, mse = self._path(design, X, y, request)
@@ -296,7 +296,7 @@ class LassoLarsIC(LarsModel):
         return self
 
     def _path(
-        self, design: Design, X: NDArray[Any], y: NDArray[Any], request: Any
+        self, design: Design, X: NDArray[Any], y: NDArray[Any], request: LarsRequest
     ) -> tuple[LarsPath, NDArray[np.float64], NDArray[np.float64]]:
         """The path, and the intercept and the mean squared error at its knots."""
         gram = known_gram(self.precompute)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import threading
 import warnings
 from typing import Any
 
@@ -345,3 +346,25 @@ def test_models_are_pickled() -> None:
     model = ff.LassoLars(alpha=0.1).fit(X, y)
     again = pickle.loads(pickle.dumps(model))
     assert np.array_equal(again.predict(X), model.predict(X)) and again.get_params() == model.get_params()
+
+
+def test_threads_may_fit_at_once() -> None:
+    X, y = correlated(400, 20, seed=13)
+    found: list[Any] = [None] * 4
+
+    def fit(at: int) -> None:
+        found[at] = ff.LassoLarsCV(cv=4).fit(X, y).coef_
+
+    threads = [threading.Thread(target=fit, args=(at,)) for at in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(coef, ff.LassoLarsCV(cv=4).fit(X, y).coef_) for coef in found)
+
+
+def test_a_target_that_does_not_vary() -> None:
+    X, _ = correlated(30, 3)
+    for kind in (ff.Lars, ff.LassoLars, ff.LassoLarsCV, ff.LassoLarsIC):
+        model = kind().fit(X, np.full(30, 2.5))
+        assert not model.coef_.any() and model.intercept_ == 2.5

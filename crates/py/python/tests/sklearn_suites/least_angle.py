@@ -5,8 +5,9 @@ PACKAGES = ["sklearn.linear_model"]
 
 _COPY = "copy_X=False allows that X is overwritten, and the test wants it to be: fleetfoot never writes into X"
 _JITTER = (
-    "wants the fit without jitter to be wrong: two columns tie at the first knot, where scikit-learn's answer breaks the "
-    "optimality conditions by 1.2 (alpha is 0.001), and fleetfoot's meets them to rounding; the fit with jitter is as wanted"
+    "wants the fit without jitter to be wrong: two columns tie at the first knot, where scikit-learn's answer breaks "
+    "the optimality conditions by 1.2 (alpha is 0.001), and fleetfoot's meets them to rounding; with jitter the fit is "
+    "as wanted"
 )
 
 EXPECTED: dict[str, str] = {
