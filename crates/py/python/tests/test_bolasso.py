@@ -33,7 +33,13 @@ def fitted(X: Any, y: Any, weight: Any = None, **options: Any) -> ff.Bolasso:
 
 
 def violation(
-    X: NDArray[Any], y: NDArray[Any], counts: NDArray[Any], coef: NDArray[Any], constant: float, alpha: float, positive: bool
+    X: NDArray[Any],
+    y: NDArray[Any],
+    counts: NDArray[Any],
+    coef: NDArray[Any],
+    constant: float,
+    alpha: float,
+    positive: bool,
 ) -> float:
     """Largest violation of the optimality conditions of the lasso of counted rows, relative to the penalty."""
     share = counts / counts.sum()
@@ -130,7 +136,7 @@ def test_the_seed_decides_what_is_drawn() -> None:
 
 
 def test_a_criterion_chooses_the_penalty() -> None:
-    peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, whose path this is held against, is not installed")
+    peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
     X, Y = problem(2)
     rows = len(X)
     for criterion, price in (("aic", 2.0), ("bic", np.log(rows))):

@@ -25,7 +25,7 @@ def problem(rows: int = 60, features: int = 12, targets: int = 1, seed: int = 0)
 
 
 def violation(model: Any, X: Any, y: Any, weight: Any = None, l1_ratio: float = 1.0, positive: bool = False) -> float:
-    """Largest violation of the optimality conditions, in units of the target's deviation times those of the features."""
+    """Largest violation of the optimality conditions, over the deviations of target and feature."""
     X, y = np.asarray(X, dtype=np.float64), np.asarray(y, dtype=np.float64)
     share = np.full(len(X), 1.0 / len(X)) if weight is None else weight / np.sum(weight)
     left = y - X @ np.asarray(model.coef_, dtype=np.float64) - model.intercept_
@@ -347,4 +347,5 @@ def test_signatures_are_those_of_scikit_learn() -> None:
         assert list(ours) == list(theirs), name
         for parameter in ours:
             # scikit-learn spells some switches as 0.
-            assert (ours[parameter].default, ours[parameter].kind) == (theirs[parameter].default, theirs[parameter].kind)
+            found, wanted = ours[parameter], theirs[parameter]
+            assert (found.default, found.kind) == (wanted.default, wanted.kind)

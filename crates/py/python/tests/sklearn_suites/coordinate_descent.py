@@ -3,10 +3,10 @@
 MODULE = "sklearn.linear_model.tests.test_coordinate_descent"
 PACKAGES = ["sklearn.linear_model"]
 
-_SPARSE = "sparse X is not supported: a TypeError says so (the dense half of this test passes where it has one of its own)"
+_SPARSE = "sparse X is not supported: a TypeError says so"
 _MULTI_TASK = (
-    "compares coefficients to 7 digits with scikit-learn's multi-task class, which stops at tol=1e-4; with tol=1e-12 it agrees: "
-    "test_coordinate_descent.py, test_one_task_is_the_multi_task_solution"
+    "compares coefficients to 7 digits with scikit-learn's multi-task class, which stops at tol=1e-4; with tol=1e-12 it "
+    "agrees: test_coordinate_descent.py, test_one_task_is_the_multi_task_solution"
 )
 
 EXPECTED: dict[str, str] = {
@@ -27,23 +27,24 @@ EXPECTED: dict[str, str] = {
     "test_1d_multioutput_enet_and_multitask_enet_cv": _MULTI_TASK,
     "test_1d_multioutput_lasso_and_multitask_lasso_cv": _MULTI_TASK,
     "test_lasso_dual_gap": (
-        "compares the gap to 7 digits with that of one dual point; at an exact solution both are rounding (2e-15 of an objective of 1)"
+        "compares the gap to 7 digits with that of one dual point; at an exact solution both are rounding, 2e-15"
     ),
     "test_warm_start": (
-        "compares what 5 and 5 sweeps reach with what 10 sweeps reach, which is the same for plain sweeps alone; here sweeps work on the "
-        "columns that count, and Newton steps come between them. All three fits say that they did not converge"
+        "compares what 5 and 5 sweeps reach with what 10 sweeps reach, which is the same for plain sweeps alone; here "
+        "sweeps work on the columns that count, and Newton steps come between them. Where the sweeps do not suffice, a "
+        "ConvergenceWarning says so"
     ),
     # Other behaviour, on purpose.
     "test_lasso_alpha_warning": "expects a warning that alpha=0 does not converge well: here it does, to least squares",
     "test_enet_nonfinite_params": (
-        "expects a message about non-finite coefficients of columns whose squares overflow; here such a column is refused by its number "
-        "with a FitError, a ValueError, before any fit"
+        "expects a message about non-finite coefficients of columns whose squares overflow; here such a column is refused "
+        "by its number with a FitError, a ValueError, before any fit"
     ),
     "test_check_input_false": (
-        "expects an error for X in C order with check_input=False: any order is read as it lies, and the answer is right"
+        "expects an error for X in C order with check_input=False: here any order is read as it lies"
     ),
     "test_enet_copy_X_False_check_input_False": "expects X to be overwritten with copy_X=False: X is never written",
     "test_lassoCV_does_not_set_precompute*": (
-        "puts a class of its own in the place of a private name of scikit-learn; here the last fit is not made by another estimator"
+        "puts a class in the place of a private name of scikit-learn; here the last fit is not made by another estimator"
     ),
 }

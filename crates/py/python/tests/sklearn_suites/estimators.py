@@ -9,7 +9,7 @@ from typing import Any
 EXPECTED: dict[str, dict[str, str]] = {
     "Bolasso": {
         "check_sample_weight_equivalence_on_dense_data": (
-            "a row of weight 2 is drawn as one row, two equal rows are drawn each on its own: the replicates differ, as they should"
+            "a row of weight 2 is drawn as one row, two equal rows are drawn each on its own: the replicates differ"
         ),
     },
 }
