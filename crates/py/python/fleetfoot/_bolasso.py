@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,31 +23,48 @@ _Fitted = TypeVar("_Fitted", bound="Bolasso")
 _BLOCKS = 200
 
 
+class BolassoRequest(TypedDict):
+    """What the engine resamples, and how."""
+
+    alphas: list[float]
+    scales: list[float]
+    intercept: bool
+    positive: bool
+    replicates: int
+    seed: int
+    unit: str
+    block_length: int
+    lengths: list[int]
+
+
 class Bolasso(MultiOutputMixin, LinearModel):
     """Features that the lassos of most bootstrap replicates select, and least squares on them.
 
-    The lasso keeps the features that made the target, but also others that are correlated with them; these change from replicate to
-    replicate, and the features that (nearly) all replicates select are the right ones (Bach 2008). Every replicate minimises the
-    objective of :class:`Lasso` with its rows counted as often as they were drawn; the last fit is least squares on the features that at
-    least `threshold` of the replicates select.
+    The lasso keeps the features that made the target, but also others that are correlated with them; these change from
+    replicate to replicate, and the features that (nearly) all replicates select are the right ones (Bach 2008). Every
+    replicate minimises the objective of :class:`Lasso` with its rows counted as often as they were drawn; the last fit
+    is least squares on the features that at least `threshold` of the replicates select.
 
-    With ``bootstrap="rows"`` the moments of all replicates are made in one pass over X, whatever their number; blocks and groups need
-    one statistic each. X is never copied. Features count in their own units, as in :class:`Lasso`: scale them where that is not meant.
+    With ``bootstrap="rows"`` the moments of all replicates are made in one pass over X, whatever their number; blocks
+    and groups need one statistic each. X is never copied. Features count in their own units, as in :class:`Lasso`:
+    scale them where that is not meant.
 
     Parameters
     ----------
     n_estimators : int, default=128
         Number of bootstrap replicates.
     alpha : float, array-like of shape (n_targets,), "aic", "bic" or "ebic", default="bic"
-        Penalty of the replicates' lassos; a word chooses the knot of the lasso path of all rows with the least value of that criterion,
-        target by target. The bolasso is consistent for penalties that fall like ``n_samples ** -0.5``.
+        Penalty of the replicates' lassos; a word chooses the knot of the lasso path of all rows with the least value of
+        that criterion, target by target. The bolasso is consistent for penalties that fall like ``n_samples ** -0.5``.
     threshold : float in (0, 1], default=0.9
         Share of the replicates that must select a feature; 1 keeps the intersection of their supports.
     bootstrap : {"rows", "blocks", "groups"}, default="rows"
-        What is drawn: rows, independently (the counts have the Poisson distribution of mean 1); blocks of neighbouring rows, for recordings
-        whose neighbouring rows are correlated; or whole groups, such as episodes, as many as there are.
+        What is drawn: rows, independently (the counts have the Poisson distribution of mean 1); blocks of neighbouring
+        rows, for recordings whose neighbouring rows are correlated; or whole groups, such as episodes, as many as there
+        are.
     block_length : int or None, default=None
-        Rows of a block, more than the rows that are correlated; None: the larger of the cube root and a 200th of the rows.
+        Rows of a block, more than the rows that are correlated; None: the larger of the cube root and a 200th of the
+        rows.
     fit_intercept : bool, default=True
         Whether there is an intercept; it is not penalised.
     positive : bool, default=False
@@ -155,7 +172,8 @@ class Bolasso(MultiOutputMixin, LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, the data are not finite or do not go together, or groups are missing or scattered.
+            When a parameter is out of its range, the data are not finite or do not go together, or groups are missing
+            or scattered.
         TypeError
             When X is sparse.
         """
@@ -167,7 +185,7 @@ class Bolasso(MultiOutputMixin, LinearModel):
         problems = pose(X, y, weight, intercept=self.fit_intercept).problems
         targets = 1 if y.ndim == 1 else y.shape[1]
         alphas = self._alphas(problems, targets)
-        request: _core.BolassoRequest = {
+        request: BolassoRequest = {
             "alphas": alphas,
             "scales": [problems.deviation(k) for k in range(targets)],
             "intercept": self.fit_intercept,
@@ -181,8 +199,8 @@ class Bolasso(MultiOutputMixin, LinearModel):
         frequency, sign, coefs, intercepts, self.kkt_, missed, _ = _core.bolasso(X, y, weight, request)
         if missed:
             warnings.warn(
-                f"{missed} of {self.n_estimators} replicates did not converge: the largest violation of the optimality conditions is "
-                f"{self.kkt_:.3g} as a correlation; give a larger alpha",
+                f"{missed} of {self.n_estimators} replicates did not converge: the largest violation of the optimality "
+                f"conditions is {self.kkt_:.3g} as a correlation; give a larger alpha",
                 ConvergenceWarning,
                 stacklevel=2,
             )
@@ -225,7 +243,10 @@ class Bolasso(MultiOutputMixin, LinearModel):
         return found if self.support_.ndim > 1 else found[0]
 
     def resampling_counts(self) -> NDArray[np.float64]:
-        """How often every replicate of the fit drew every row (n_estimators, n_samples): weights that make the same replicate elsewhere."""
+        """How often every replicate of the fit drew every row (n_estimators, n_samples).
+
+        As weights of the rows, a row of it makes the same replicate elsewhere.
+        """
         check_is_fitted(self)
         if self.bootstrap == "rows":
             return _core.row_counts(self._seed, self._lengths, int(self.n_estimators))
@@ -236,7 +257,8 @@ class Bolasso(MultiOutputMixin, LinearModel):
         """Rows of every unit that is drawn; for rows of the whole."""
         if self.bootstrap != "groups":
             if groups is not None:
-                raise ValueError(f'groups are given, and bootstrap="{self.bootstrap}" does not draw them: set bootstrap="groups"')
+                drawn = f'bootstrap="{self.bootstrap}"'
+                raise ValueError(f'groups are given, and {drawn} does not draw them: set bootstrap="groups"')
             if self.bootstrap == "rows":
                 return [rows]
             default = max(int(np.ceil(np.cbrt(rows))), -(-rows // _BLOCKS))

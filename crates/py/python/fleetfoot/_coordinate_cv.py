@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from numbers import Integral, Real
 from typing import Any, TypeVar
@@ -82,7 +83,8 @@ class _PathCV(LinearModel):
         y : array-like of shape (n_samples,)
             Target.
         sample_weight : float or array-like of shape (n_samples,), optional
-            Weights of the rows, in the fits and in the errors of the held-out rows; the mean over the folds is a plain one.
+            Weights of the rows, in the fits and in the errors of the held-out rows; the mean over the folds is a plain
+            one.
         **params
             For ``cv.split``, with scikit-learn's metadata routing enabled.
 
@@ -93,14 +95,15 @@ class _PathCV(LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, the data are not finite or do not go together, or a fold has no rows on one side.
+            When a parameter is out of its range, the data are not finite or do not go together, or a fold has no rows
+            on one side.
         TypeError
             When X is sparse.
         """
         if params and not _routing():
             raise ValueError(
-                f"{', '.join(sorted(params))} of {type(self).__name__}.fit is only supported if enable_metadata_routing=True, "
-                "see sklearn.set_config"
+                f"{', '.join(sorted(params))} of {type(self).__name__}.fit is only supported if "
+                "enable_metadata_routing=True, see sklearn.set_config"
             )
         check_params(self, self._rules)
         given = None if isinstance(self.alphas, Integral) else _checked(self.alphas)
@@ -136,8 +139,9 @@ class _PathCV(LinearModel):
         if inexact:
             worst = -distinct[inexact]
             warnings.warn(
-                f"Objective did not converge in some fold at {len(worst)} of {len(distinct)} alphas, the largest {worst.max():.6g}. "
-                f"You might want to increase the number of iterations, max_iter = {self.max_iter}, or the smallest alpha",
+                f"Objective did not converge in some fold at {len(worst)} of {len(distinct)} alphas, the largest "
+                f"{worst.max():.6g}. You might want to increase the number of iterations, max_iter = {self.max_iter}, "
+                "or the smallest alpha",
                 ConvergenceWarning,
                 stacklevel=3,
             )
@@ -157,9 +161,8 @@ class _PathCV(LinearModel):
 def _routing() -> bool:
     if not HAS_SKLEARN:
         return False
-    from sklearn import get_config
-
-    return bool(get_config().get("enable_metadata_routing", False))
+    found: dict[str, Any] = importlib.import_module("sklearn").get_config()
+    return bool(found.get("enable_metadata_routing", False))
 
 
 def _checked(alphas: Any) -> NDArray[np.float64]:
@@ -167,7 +170,7 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
     for index, alpha in enumerate(alphas):
         if not isinstance(alpha, Real):
             raise ParameterError(f"alphas[{index}] must be an instance of float, not {type(alpha).__name__}.")
-        if not 0 <= alpha < np.inf:
+        if not 0.0 <= float(alpha) < np.inf:
             raise ParameterError(f"alphas[{index}] == {alpha}, must be >= 0.0.")
     found = np.sort(np.asarray(alphas, dtype=np.float64))[::-1]
     if found.size == 0:
@@ -178,15 +181,16 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
 class LassoCV(_PathCV):
     """The lasso with its strength chosen by cross-validation, as scikit-learn's class of this name.
 
-    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X is read once for
-    all folds together, and every fold follows its exact path.
+    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
+    is read once for all folds together, and every fold follows its exact path.
 
     Parameters
     ----------
     eps : float, default=1e-3
         The smallest alpha of the grid over the largest.
     alphas : int or array-like of shape (n_alphas,), default=100
-        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are zero downwards.
+        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
+        zero downwards.
     fit_intercept : bool, default=True
         Whether there is an intercept; it is not penalised.
     precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
@@ -280,13 +284,14 @@ class LassoCV(_PathCV):
 
 
 class ElasticNetCV(_PathCV):
-    """The elastic net with its strength and the share of its l1 penalty chosen by cross-validation, as scikit-learn's class of this name.
+    """The elastic net, its strength and its l1 share chosen by cross-validation, as scikit-learn's class of this name.
 
     Parameters
     ----------
     l1_ratio : float in [0, 1] or list of them, default=0.5
         The share of the l1 penalty, or those that are compared.
-    eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state, selection
+    eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state,
+    selection
         As for :class:`LassoCV`.
 
     Attributes

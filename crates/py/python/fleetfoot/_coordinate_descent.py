@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from collections.abc import Callable
 from numbers import Integral, Real
@@ -56,8 +57,9 @@ def enet_path(
 ) -> Any:
     """Elastic net coefficients at many alphas, as scikit-learn's function of this name.
 
-    Minimises ``1 / (2 n) |y - X w|^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` without an intercept, at every alpha in
-    descending order, each solution started from the one before. All solutions are exact up to rounding where the data determine them.
+    Minimises ``1 / (2 n) |y - X w|^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` without an intercept, at
+    every alpha in descending order, each solution started from the one before. All solutions are exact up to rounding
+    where the data determine them.
 
     Parameters
     ----------
@@ -72,9 +74,11 @@ def enet_path(
     n_alphas : int, deprecated
         Number of alphas; give `alphas` instead.
     alphas : int or array-like of shape (n_alphas,), default=100
-        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are zero downwards.
+        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
+        zero downwards.
     precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
-        The Gram matrix ``X.T @ X`` where it is known. Anything else leaves the choice to the engine, and changes nothing but time.
+        The Gram matrix ``X.T @ X`` where it is known. Anything else leaves the choice to the engine, and changes
+        nothing but time.
     Xy : array-like of shape (n_features,), optional
         ``X.T @ y``, used with a given Gram matrix.
     copy_X : bool, default=True
@@ -90,9 +94,10 @@ def enet_path(
     check_input : bool, default=True
         Whether X, y and a given Gram matrix are checked.
     **params
-        `max_iter` (default 1000: the most sweeps an alpha) and `tol` (default 1e-4: duality gap, relative to the target's mean square,
-        above which a solution that is not exact is a `ConvergenceWarning`). `selection`, `random_state`, `do_screening`, `X_offset` and
-        `X_scale` are accepted and change nothing: coordinates are visited in the order of the engine.
+        `max_iter` (default 1000: the most sweeps an alpha) and `tol` (default 1e-4: duality gap, relative to the
+        target's mean square, above which a solution that is not exact is a `ConvergenceWarning`). `selection`,
+        `random_state`, `do_screening`, `X_offset` and `X_scale` are accepted and change nothing: coordinates are
+        visited in the order of the engine.
 
     Returns
     -------
@@ -139,7 +144,8 @@ def enet_path(
         if positive:
             raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
         raise NotImplementedError(
-            "enet_path of several targets (the multi-task penalty, one support for all): fit ElasticNet or Lasso for a support a target"
+            "enet_path of several targets (the multi-task penalty, one support for all): fit ElasticNet or Lasso for a "
+            "support a target"
         )
     if X.dtype == np.float32:
         y = np.asarray(y, dtype=np.float32)
@@ -171,9 +177,10 @@ def lasso_path(
     positive: bool = False,
     **params: Any,
 ) -> Any:
-    """Lasso coefficients at many alphas, as scikit-learn's function of this name: :func:`enet_path` with ``l1_ratio=1``.
+    """Lasso coefficients at many alphas, as scikit-learn's function of this name.
 
-    Minimises ``1 / (2 n) |y - X w|^2 + alpha |w|_1`` without an intercept. For all solutions at once, exactly, see :func:`lars_path`.
+    It is :func:`enet_path` with ``l1_ratio=1``. Minimises ``1 / (2 n) |y - X w|^2 + alpha |w|_1`` without an intercept. For all solutions at once, exactly, see
+    :func:`lars_path`.
 
     Parameters
     ----------
@@ -232,7 +239,8 @@ def _alphas(n_alphas: Any, alphas: Any) -> Any:
     wanted = alphas
     if not isinstance(n_alphas, str):
         warnings.warn(
-            "'n_alphas' was deprecated in 1.9 and will be removed in 1.11 of scikit-learn: give the number of alphas as `alphas`",
+            "'n_alphas' was deprecated in 1.9 and will be removed in 1.11 of scikit-learn: give the number of alphas as "
+            "`alphas`",
             FutureWarning,
             stacklevel=3,
         )
@@ -254,7 +262,9 @@ def _solver_options(owner: str, params: dict[str, Any]) -> dict[str, Any]:
     known = {"tol", "max_iter", "random_state", "selection", "do_screening", "X_offset", "X_scale", "sample_weight"}
     unknown = sorted(set(params) - known)
     if unknown:
-        raise ValueError(f"Unexpected parameters in params: {', '.join(unknown)}; {owner} knows {', '.join(sorted(known))}")
+        raise ValueError(
+            f"Unexpected parameters in params: {', '.join(unknown)}; {owner} knows {', '.join(sorted(known))}"
+        )
     if params.get("selection", "cyclic") not in ("random", "cyclic"):
         raise ValueError("selection should be either random or cyclic.")
     if params.get("sample_weight") is not None:
@@ -276,11 +286,13 @@ def _start(coef_init: Any, features: int) -> NDArray[np.float64] | None:
 class ElasticNet(MultiOutputMixin, LinearModel):
     """Linear regression with an l1 and an l2 penalty, as scikit-learn's class of this name.
 
-    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` over w and the
-    intercept b, s the weights of the rows and n their sum. Several targets are fitted each on its own, in one pass over X.
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` over w
+    and the intercept b, s the weights of the rows and n their sum. Several targets are fitted each on its own, in one
+    pass over X.
 
-    X is compressed in one pass, in parallel and without a copy; coordinate descent then runs on at most n_features rows, and ends with
-    Newton steps on the support: solutions are exact up to rounding (see `dual_gap_`), whatever `tol` is.
+    X is compressed in one pass, in parallel and without a copy; coordinate descent then runs on at most n_features
+    rows, and ends with Newton steps on the support: solutions are exact up to rounding (see `dual_gap_`), whatever
+    `tol` is.
 
     Parameters
     ----------
@@ -291,14 +303,15 @@ class ElasticNet(MultiOutputMixin, LinearModel):
     fit_intercept : bool, default=True
         Whether there is an intercept; it is not penalised.
     precompute : bool or array-like of shape (n_features, n_features), default=False
-        The Gram matrix of the (centred, weighted) features where it is known. True and False both leave the choice to the engine.
+        The Gram matrix of the (centred, weighted) features where it is known. True and False both leave the choice to
+        the engine.
     max_iter : int, default=1000
         The most sweeps over the coordinates.
     copy_X : bool, default=True
         Accepted; X is never copied and never written.
     tol : float, default=1e-4
-        A solution that is not exact when the sweeps are used up is a `ConvergenceWarning` if its duality gap is above `tol` times the
-        target's mean square.
+        A solution that is not exact when the sweeps are used up is a `ConvergenceWarning` if its duality gap is above
+        `tol` times the target's mean square.
     warm_start : bool, default=False
         Whether `fit` starts from `coef_` of the fit before. It changes the number of sweeps, not the answer.
     positive : bool, default=False
@@ -440,8 +453,8 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         start = np.atleast_2d(self.coef_)
         if start.shape != (targets, features):
             raise ValueError(
-                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} features: "
-                "set warm_start=False, or give data of the same shape"
+                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} "
+                "features: set warm_start=False, or give data of the same shape"
             )
         return list(start)
 
@@ -463,17 +476,17 @@ class ElasticNet(MultiOutputMixin, LinearModel):
     def sparse_coef_(self) -> Any:
         """`coef_` as a sparse matrix by rows (n_targets, n_features)."""
         try:
-            from scipy.sparse import csr_matrix
+            sparse: Any = importlib.import_module("scipy.sparse")
         except ImportError as error:
             raise ImportError("sparse_coef_ needs scipy: pip install scipy, or read coef_") from error
-        return csr_matrix(np.atleast_2d(self.coef_))
+        return sparse.csr_matrix(np.atleast_2d(self.coef_))
 
 
 class Lasso(ElasticNet):
     """Linear regression with an l1 penalty, as scikit-learn's class of this name.
 
-    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha |w|_1`` over w and the intercept b, s the weights of the rows and n their
-    sum: :class:`ElasticNet` with ``l1_ratio=1``, whose notes hold.
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha |w|_1`` over w and the intercept b, s the weights of the
+    rows and n their sum: :class:`ElasticNet` with ``l1_ratio=1``, whose notes hold.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._bolasso import BolassoRequest
 from ._lars import LarsRequest
 
 Progress: TypeAlias = Callable[[str, int, int], object] | None
@@ -111,17 +112,6 @@ class Problems:
     ]: ...
     def criterion_alpha(self, target: int, positive: bool, criterion: str) -> float: ...
     def refit(self, target: int, support: Sequence[int], positive: bool) -> tuple[NDArray[np.float64], float]: ...
-
-class BolassoRequest(TypedDict):
-    alphas: Sequence[float]
-    scales: Sequence[float]
-    intercept: bool
-    positive: bool
-    replicates: int
-    seed: int
-    unit: str
-    block_length: int
-    lengths: Sequence[int]
 
 def bolasso(
     x: Any, y: Any, weights: NDArray[np.float64] | None, request: BolassoRequest, progress: Progress = None

@@ -1,4 +1,4 @@
-"""What the estimators and paths of coordinate descent share: posing problems, solving them, and saying when they did not converge."""
+"""What the estimators and paths of coordinate descent share: problems, their solutions, and what did not converge."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Posed(NamedTuple):
         tol: float,
         start: NDArray[Any] | None = None,
     ) -> Solved:
-        """Solves one target at all alphas, each from the one before; what misses the tolerance is a `ConvergenceWarning`."""
+        """Solves one target at all alphas, each from the one before; a missed tolerance is a `ConvergenceWarning`."""
         strengths = np.ascontiguousarray(alphas, dtype=np.float64)
         first = None if start is None else np.ascontiguousarray(start, dtype=np.float64)
         found = self.problems.descend(target, strengths, l1_ratio, positive, first, max_iter)
@@ -60,8 +60,8 @@ class Posed(NamedTuple):
             worst = int(np.argmax(np.where(missed, relative, -np.inf)))
             warnings.warn(
                 "Objective did not converge. You might want to increase the number of iterations. "
-                f"At alpha = {strengths[worst]:.6g} the duality gap is {relative[worst]:.3g} of the target's mean square "
-                f"after {sweeps[worst]} of at most max_iter = {max_iter} sweeps; tol = {tol:g}",
+                f"At alpha = {strengths[worst]:.6g} the duality gap is {relative[worst]:.3g} of the target's mean "
+                f"square after {sweeps[worst]} of at most max_iter = {max_iter} sweeps; tol = {tol:g}",
                 ConvergenceWarning,
                 stacklevel=3,
             )
@@ -108,15 +108,17 @@ def given_gram(
 ) -> NDArray[np.float64] | None:
     """The Gram matrix that `precompute` is, when it is one that fits the rows.
 
-    One whose columns were not centred while an intercept is to be fitted is left aside with a `UserWarning`; one that is not that of X is
-    a `ValueError`.
+    One whose columns were not centred while an intercept is to be fitted is left aside with a `UserWarning`; one that
+    is not that of X is a `ValueError`.
     """
     if isinstance(precompute, (bool, np.bool_, str)):
         return None
     gram = np.asarray(precompute)
     features = X.shape[1]
     if gram.shape != (features, features):
-        raise ValueError(f"precompute has the shape {gram.shape}: the Gram matrix of {features} features is {features} x {features}")
+        raise ValueError(
+            f"precompute has the shape {gram.shape}: the Gram matrix of {features} features is {features} x {features}"
+        )
     offset = np.average(X, axis=0, weights=weight) if intercept else np.zeros(features)
     if intercept and not np.allclose(offset, 0.0):
         warnings.warn(
@@ -141,9 +143,9 @@ def _compare(X: NDArray[Any], weight: NDArray[np.float64] | None, gram: NDArray[
     rough = np.float32 in (gram.dtype, X.dtype)
     if not np.isclose(expected, gram[i, j], rtol=1e-4 if rough else 1e-7, atol=1e-5):
         raise ValueError(
-            f"Gram matrix given as `precompute` did not pass validation: entry ({i}, {j}) is {gram[i, j]}, and {expected} of the rows; "
-            "with an intercept it is that of the centred columns, with weights that of the rows times the roots of the weights, "
-            "which sum to the number of rows"
+            f"Gram matrix given as `precompute` did not pass validation: entry ({i}, {j}) is {gram[i, j]}, and {expected} "
+            "of the rows; with an intercept it is that of the centred columns, with weights that of the rows times the "
+            "roots of the weights, which sum to the number of rows"
         )
 
 
@@ -158,7 +160,7 @@ def largest_alpha(problems: _core.Problems, l1_ratio: float, positive: bool) -> 
     """The least alpha at which all coefficients of the first target are zero."""
     if l1_ratio == 0:
         raise ValueError(
-            "Automatic alpha grid generation is not supported for l1_ratio=0. Please supply a grid by providing your estimator with "
-            "the appropriate `alphas=` argument."
+            "Automatic alpha grid generation is not supported for l1_ratio=0. Please supply a grid by providing your "
+            "estimator with the appropriate `alphas=` argument."
         )
     return problems.largest_alpha(0, positive) / l1_ratio
