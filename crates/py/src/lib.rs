@@ -16,6 +16,8 @@ mod lars;
 
 // -- clusters and thresholds
 mod clusters;
+mod pwa;
+mod thresholds;
 
 // -- identification
 
@@ -44,6 +46,10 @@ mod _core {
     // -- clusters and thresholds
     #[pymodule_export]
     use crate::clusters::{KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws};
+    #[pymodule_export]
+    use crate::pwa::{PwaFit, pwa_regions};
+    #[pymodule_export]
+    use crate::thresholds::{SparseModels, frols, sr3, stlsq};
 
     // -- identification
 

@@ -13,6 +13,8 @@ from ._lars_select import LassoLarsCV, LassoLarsIC
 
 # -- clusters and thresholds
 from ._kmeans import KMeans
+from ._optimizers import FROLS, SR3, STLSQ
+from ._pwa import PWARegressor
 
 # -- identification
 
@@ -34,7 +36,11 @@ __all__ = [
     "lars_path_gram",
     # -- lasso
     # -- clusters and thresholds
+    "FROLS",
     "KMeans",
+    "PWARegressor",
+    "SR3",
+    "STLSQ",
     # -- identification
     # -- statistics
     # -- tables

@@ -101,6 +101,104 @@ def kmeans_assign(
 ) -> tuple[NDArray[np.int32], list[int], float]: ...
 def kmeans_distances(x: Any, centroids: NDArray[np.float64], progress: Progress = None) -> NDArray[np.float64]: ...
 
+class StlsqRequest(TypedDict):
+    threshold: float
+    alpha: float
+    max_iter: int
+    normalize: bool
+    unbias: bool
+    fixed: list[int]
+
+class Sr3Request(TypedDict):
+    regularizer: str
+    nu: float
+    tol: float
+    max_iter: int
+    normalize: bool
+    unbias: bool
+
+class FrolsRequest(TypedDict):
+    max_terms: int
+    alpha: float
+    kappa: float
+    normalize: bool
+    unbias: bool
+
+@final
+class SparseModels:
+    @property
+    def coefficients(self) -> NDArray[np.float64]: ...
+    @property
+    def decided(self) -> NDArray[np.float64]: ...
+    @property
+    def history(self) -> NDArray[np.float64]: ...
+    @property
+    def relaxed(self) -> NDArray[np.float64]: ...
+    @property
+    def ratios(self) -> list[list[float]]: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def empty(self) -> list[int]: ...
+
+def stlsq(
+    design: Design, request: StlsqRequest, initial: NDArray[np.float64] | None = None, progress: Progress = None
+) -> SparseModels: ...
+def sr3(
+    design: Design,
+    request: Sr3Request,
+    weights: NDArray[np.float64],
+    initial: NDArray[np.float64] | None = None,
+    progress: Progress = None,
+) -> SparseModels: ...
+def frols(design: Design, request: FrolsRequest, progress: Progress = None) -> SparseModels: ...
+
+class PwaRequest(TypedDict):
+    partitions: str
+    features: list[int]
+    groups: list[int]
+    folds: int
+    shrinkage: float | None
+    bic: bool
+    seed: int
+    restarts: int
+    max_iter: int
+
+class PwaRule(TypedDict):
+    features: list[int]
+    centre: list[float]
+    scale: list[float]
+    centroids: list[list[float]]
+    radius: float | None
+
+@final
+class PwaFit:
+    def __new__(cls, x: Any, y: Any, weights: Any | None, request: PwaRequest, progress: Progress = None) -> PwaFit: ...
+    @property
+    def coefficients(self) -> list[list[list[float]]]: ...
+    @property
+    def constants(self) -> list[list[float]]: ...
+    @property
+    def partition(self) -> str: ...
+    @property
+    def units(self) -> tuple[list[float], list[float]]: ...
+    @property
+    def centroids(self) -> list[list[float]]: ...
+    @property
+    def radius(self) -> float | None: ...
+    @property
+    def rows(self) -> list[int]: ...
+    @property
+    def candidates(self) -> list[tuple[str, int, float, float, list[float], list[float], float]]: ...
+    @property
+    def chosen(self) -> int: ...
+    @property
+    def notes(self) -> list[str]: ...
+
+def pwa_regions(x: Any, rule: PwaRule) -> NDArray[np.int32]: ...
+
 # -- identification
 
 # -- statistics
