@@ -190,8 +190,9 @@ class STLSQ(_Optimizer):
     """Sequentially thresholded least squares.
 
     Regresses with a ridge, drops the coefficients below the threshold, regresses on the rest, until nothing is dropped:
-    ``|y - X w|^2 + alpha |w|^2``, on sums over the rows, without an intercept. Parameters, defaults and stopping rule are those of pysindy's `STLSQ`;
-    as an optimizer inside `pysindy.SINDy` and `pysindy.EnsembleOptimizer` it takes that one's place.
+    ``|y - X w|^2 + alpha |w|^2``, on sums over the rows, without an intercept. Parameters, defaults and stopping rule
+    are those of pysindy's `STLSQ`; as an optimizer inside `pysindy.SINDy` and `pysindy.EnsembleOptimizer` it takes that
+    one's place.
 
     Parameters
     ----------
@@ -212,8 +213,8 @@ class STLSQ(_Optimizer):
     verbose : bool, default=False
         Whether the iterations are printed.
     sparse_ind : list of int or None, default=None
-        Columns that are penalised and may be dropped; the others are always in, without ridge. `coef_` and `ind_` then have these columns alone, and
-        `optvar_non_sparse_` and `ind_non_sparse_` the others.
+        Columns that are penalised and may be dropped; the others are always in, without ridge. `coef_` and `ind_` then
+        have these columns alone, and `optvar_non_sparse_` and `ind_non_sparse_` the others.
     unbias : bool, default=True
         Whether the terms that are left are fitted again without the ridge.
 
@@ -232,10 +233,9 @@ class STLSQ(_Optimizer):
     n_features_in_ : int
         Number of features.
 
-    Notes
-    -----
-    The answer is pysindy's to rounding, except where columns depend on each other: coefficients are then those of least norm in units of the columns'
-    lengths, in pysindy in raw units. The data are read once, and what is iterated is their triangular factor.
+    Notes ----- The answer is pysindy's to rounding, except where columns depend on each other: coefficients are then
+    those of least norm in units of the columns' lengths, in pysindy in raw units. The data are read once, and what is
+    iterated is their triangular factor.
 
     Examples
     --------
@@ -354,8 +354,8 @@ class STLSQ(_Optimizer):
 class SR3(_Optimizer):
     """Sparse relaxed regularised regression.
 
-    Alternates between coefficients w that fit and coefficients v that are sparse:
-    ``0.5 |y - X w|^2 + reg_weight_lam R(v) + 0.5 / relax_coeff_nu |w - v|^2``, on sums over the rows, without an intercept. Parameters, defaults and
+    Alternates between coefficients w that fit and coefficients v that are sparse: ``0.5 |y - X w|^2 + reg_weight_lam
+    R(v) + 0.5 / relax_coeff_nu |w - v|^2``, on sums over the rows, without an intercept. Parameters, defaults and
     stopping rule are those of pysindy's `SR3`; inside `pysindy.SINDy` it takes that one's place.
 
     Parameters
@@ -363,7 +363,8 @@ class SR3(_Optimizer):
     reg_weight_lam : float or array-like of shape (n_targets, n_features), default=0.005
         Weight of R, one for all or one a coefficient.
     regularizer : {'l0', 'l1', 'l2', 'weighted_l0', 'weighted_l1', 'weighted_l2'}, default='L0'
-        R: number of coefficients, sum of their sizes, or of their squares; in any case of letters. The weighted ones need an array of weights.
+        R: number of coefficients, sum of their sizes, or of their squares; in any case of letters. The weighted ones
+        need an array of weights.
     relax_coeff_nu : float, default=1.0
         Relaxation: the smaller, the nearer w is to v.
     tol : float, default=1e-5
@@ -460,7 +461,7 @@ class SR3(_Optimizer):
 
     @staticmethod
     def calculate_l0_weight(threshold: Any, relax_coeff_nu: float) -> Any:
-        """The `reg_weight_lam` at which the l0 regularizer drops coefficients up to `threshold`: ``threshold**2 / (2 relax_coeff_nu)``."""
+        """The weight at which l0 drops coefficients up to `threshold`: ``threshold**2 / (2 relax_coeff_nu)``."""
         return threshold**2 / (2 * relax_coeff_nu)
 
     def enable_trimming(self, trimming_fraction: float) -> None:
@@ -521,9 +522,10 @@ class SR3(_Optimizer):
 class FROLS(_Optimizer):
     """Forward regression by orthogonal least squares.
 
-    Takes one column after the other, always the one with the largest error reduction ratio, and chooses one of the models on the way by pysindy's
-    rule: the one before the term with the least ``ratio + kappa cond(X) terms``, where the ratios of a target and of all targets before it are added up.
-    Parameters and defaults are those of pysindy's `FROLS`; inside `pysindy.SINDy` it takes that one's place.
+    Takes one column after the other, always the one with the largest error reduction ratio, and chooses one of the
+    models on the way by pysindy's rule: the one before the term with the least ``ratio + kappa cond(X) terms``, where
+    the ratios of a target and of all targets before it are added up. Parameters and defaults are those of pysindy's
+    `FROLS`; inside `pysindy.SINDy` it takes that one's place.
 
     Parameters
     ----------
@@ -559,10 +561,8 @@ class FROLS(_Optimizer):
     n_features_in_ : int
         Number of features.
 
-    Notes
-    -----
-    Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or raises. Coefficients below 1e-10 are kept; pysindy
-    sets them to zero.
+    Notes ----- Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or
+    raises. Coefficients below 1e-10 are kept; pysindy sets them to zero.
 
     Examples
     --------

@@ -35,9 +35,10 @@ _BLOCK = 1 << 16
 class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Piecewise-affine regression.
 
-    The space of the features is cut into regions (by default Voronoi cells of k-means centres on standardised features), and in each region the targets
-    are an affine map of the features, by least squares. Several partitions are compared by cross-validation, and the smallest within one standard error
-    of the best is taken. After Buchan, Haldane and Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
+    The space of the features is cut into regions (by default Voronoi cells of k-means centres on standardised
+    features), and in each region the targets are an affine map of the features, by least squares. Several partitions
+    are compared by cross-validation, and the smallest within one standard error of the best is taken. After Buchan,
+    Haldane and Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
 
     For models of how a state moves, with time, logs, simulation and export, see `PWA`.
 
@@ -46,8 +47,9 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     n_regions : int or list of int, default=10
         Regions; of several numbers cross-validation chooses one.
     partition : str or None, default=None
-        Partitions in place of `n_regions`: ``"kmeans:10"``, ``"zscore:1.5"`` (inside and outside a ball of that many standard deviations),
-        ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from: ``"average,zscore:1.5,kmeans:2,5,10"``.
+        Partitions in place of `n_regions`: ``"kmeans:10"``, ``"zscore:1.5"`` (inside and outside a ball of that many
+        standard deviations), ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from:
+        ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that the regions depend on; default: all. The affine maps are of all features.
     cv : int, default=5
@@ -55,7 +57,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     selection : {'cv', 'bic'}, default='cv'
         How one of several partitions is chosen: by held-out error, or by the Bayesian information criterion.
     shrinkage : float or 'auto', default=0.0
-        Pull of each region towards the one-region map, as if it had seen so many more rows that obey it; 'auto': by cross-validation.
+        Pull of each region towards the one-region map, as if it had seen so many more rows that obey it; 'auto': by
+        cross-validation.
     n_init : int, default=1
         Starts of k-means, of which the best counts.
     max_iter : int, default=300
@@ -80,15 +83,15 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     partition_ : str
         The partition that was chosen.
     cv_results_ : dict
-        For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over the variance of the targets, and its
-        standard error over folds), 'split_test_loss' (partitions x folds), 'r2' (partitions x targets), 'bic'; losses are NaN without folds.
+        For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over the
+        variance of the targets, and its standard error over folds), 'split_test_loss' (partitions x folds), 'r2'
+        (partitions x targets), 'bic'; losses are NaN without folds.
     n_features_in_ : int
         Number of features.
 
-    Notes
-    -----
-    A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is the one of least norm in standardised units.
-    Weights count in the regressions; the regions do not depend on them. k-means sees all rows up to 512 MB of them, and a sample of that size beyond.
+    Notes ----- A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
+    the one of least norm in standardised units. Weights count in the regressions; the regions do not depend on them.
+    k-means sees all rows up to 512 MB of them, and a sample of that size beyond.
 
     Examples
     --------
@@ -159,7 +162,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         sample_weight : array-like of shape (n_samples,), default=None
             Weights of the rows' squared errors.
         groups : array-like of shape (n_samples,), default=None
-            Rows of a group (a recording, say) are not split between folds where there are at least as many groups as folds.
+            Rows of a group (a recording, say) are not split between folds where there are at least as many groups as
+            folds.
 
         Returns
         -------
@@ -270,7 +274,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.partition is not None:
             if "labels" in self.partition:
                 raise NotImplementedError(
-                    f"partition={self.partition!r}: regions by labels are not supported by PWARegressor; fit one for each label, or use PWA"
+                    f"partition={self.partition!r}: regions by labels are not supported by PWARegressor; "
+                    "fit one for each label, or use PWA"
                 )
             return self.partition
         if isinstance(self.n_regions, Integral):

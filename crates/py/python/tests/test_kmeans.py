@@ -32,8 +32,9 @@ def test_the_same_random_numbers_give_scikit_learns_result(init: str, weighted: 
     cluster = pytest.importorskip("sklearn.cluster", reason="scikit-learn, the peer, is not installed")
     X = _rows(seed)
     weight = np.random.RandomState(seed).uniform(size=len(X)) if weighted else None
-    start: Any = {"array": X[:7], "callable": lambda X, k, random_state: X[random_state.permutation(len(X))[:k]]}.get(init, init)
-    options: dict[str, Any] = {"n_clusters": 7, "init": start, "n_init": 1 if init == "array" else 3, "random_state": seed}
+    drawn = {"array": X[:7], "callable": lambda X, k, random_state: X[random_state.permutation(len(X))[:k]]}
+    options: dict[str, Any] = {"n_clusters": 7, "init": drawn.get(init, init), "random_state": seed}
+    options["n_init"] = 1 if init == "array" else 3
     ours = ff.KMeans(**options).fit(X, sample_weight=weight)
     theirs = cluster.KMeans(**options).fit(X, sample_weight=weight)
     np.testing.assert_array_equal(ours.labels_, theirs.labels_)
@@ -48,7 +49,7 @@ def test_the_same_random_numbers_give_scikit_learns_result(init: str, weighted: 
 @pytest.mark.parametrize("order", ["C", "F", "strided"])
 def test_the_result_is_a_fixed_point_whatever_the_layout(kind: Any, order: str) -> None:
     plain = _rows(3, offset=0.0).astype(kind)
-    X = np.repeat(plain, 2, axis=0)[::2] if order == "strided" else np.asarray(plain, order=order)  # type: ignore[call-overload]
+    X: Any = {"C": plain, "F": np.asfortranarray(plain), "strided": np.repeat(plain, 2, axis=0)[::2]}[order]
     model = ff.KMeans(5, tol=0.0, random_state=0).fit(X)
     labels, squared = _nearest(plain, model.cluster_centers_)
     np.testing.assert_array_equal(model.labels_, labels)

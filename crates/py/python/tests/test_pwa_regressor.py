@@ -74,12 +74,13 @@ def test_the_number_of_regions_is_chosen_by_cross_validation() -> None:
 
 
 def test_groups_are_folds() -> None:
-    # What is learned in one group holds in no other: held out by group it is worthless, held out by neighbouring rows it is not.
+    # What is learned in one group holds in no other: by group it is worthless on held-out rows, by rows it is not.
     random = np.random.RandomState(3)
     groups = np.repeat(np.arange(6), 50)
     X = groups[:, None] * 10.0 + random.uniform(size=(300, 1))
     y = random.normal(size=6)[groups] + X[:, 0] % 1.0
     shuffled = random.permutation(300)
+
     def loss(rows: NDArray[np.int64]) -> float:
         model = ff.PWARegressor(n_regions=[6, 2], cv=6, n_init=5).fit(X[rows], y[rows], groups=groups[rows])
         return float(model.cv_results_["mean_test_loss"][0])

@@ -7,7 +7,7 @@ _SPARSE = "does not apply: sparse matrices are not supported, and refused by nam
 _PRIVATE = "does not apply: calls a private method of scikit-learn's class; tests/test_kmeans.py tests the same of ours"
 
 EXPECTED: dict[str, str] = {
-    # MiniBatchKMeans and private functions stay scikit-learn's own, and so do their sparse cases: the patterns name KMeans's tests.
+    # MiniBatchKMeans and private functions stay scikit-learn's own, and so do their sparse cases.
     "test_kmeans_results[[]*sparse_*]": _SPARSE,
     "test_kmeans_relocated_clusters[[]*sparse_*]": _SPARSE,
     "test_kmeans_elkan_results[[]*sparse_*]": _SPARSE,
