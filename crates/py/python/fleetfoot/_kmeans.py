@@ -75,7 +75,9 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
     feature_names_in_ : ndarray of shape (n_features_in_,)
         Their names, where X has any.
 
-    Notes ----- A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at
+    Notes
+    -----
+    A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at
     the farthest rows in turn; unlike in scikit-learn the only row of a cluster, and a row of weight zero, are not taken
     for it.
 

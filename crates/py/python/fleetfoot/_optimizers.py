@@ -233,7 +233,9 @@ class STLSQ(_Optimizer):
     n_features_in_ : int
         Number of features.
 
-    Notes ----- The answer is pysindy's to rounding, except where columns depend on each other: coefficients are then
+    Notes
+    -----
+    The answer is pysindy's to rounding, except where columns depend on each other: coefficients are then
     those of least norm in units of the columns' lengths, in pysindy in raw units. The data are read once, and what is
     iterated is their triangular factor.
 
@@ -561,7 +563,9 @@ class FROLS(_Optimizer):
     n_features_in_ : int
         Number of features.
 
-    Notes ----- Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or
+    Notes
+    -----
+    Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or
     raises. Coefficients below 1e-10 are kept; pysindy sets them to zero.
 
     Examples

@@ -89,7 +89,9 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     n_features_in_ : int
         Number of features.
 
-    Notes ----- A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
+    Notes
+    -----
+    A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
     the one of least norm in standardised units. Weights count in the regressions; the regions do not depend on them.
     k-means sees all rows up to 512 MB of them, and a sample of that size beyond.
 
