@@ -36,8 +36,8 @@ class _Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
     history_: list[NDArray[np.float64]]
     intercept_: float
     n_features_in_: int
-    #: Regressions that the last fit made.
-    iters: int = 0
+    n_iter_: int
+    _iters: int = 0
 
     _rules: dict[str, tuple[Rule, ...]] = {}
 
@@ -79,6 +79,7 @@ class _Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.ind_ = models.decided != 0.0
         self.history_ = list(models.history)
         self.intercept_ = 0.0
+        self.n_iter_ = max(models.iterations, 1)
         self._told(models)
         if getattr(self, "verbose", False):
             self._print(X, y.reshape(len(X), targets))
@@ -101,6 +102,11 @@ class _Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X = check_x(self, X, reset=False)
         found: NDArray[Any] = X @ self._all_coefficients().T
         return found[:, 0] if self._flat else found
+
+    @property
+    def iters(self) -> int:
+        """What the last fit counted: regressions for STLSQ, iterations for SR3; pysindy's name."""
+        return self._iters
 
     @property
     def complexity(self) -> int:
@@ -230,6 +236,8 @@ class STLSQ(_Optimizer):
         0: a column of ones is a feature like the others.
     iters : int
         Regressions that were made, all targets together.
+    n_iter_ : int
+        Iterations: the most of any target.
     n_features_in_ : int
         Number of features.
 
@@ -249,7 +257,7 @@ class STLSQ(_Optimizer):
     >>> model.coef_.round(6)
     array([[ 0. ,  2. , -0.5]])
     >>> model.complexity
-    3
+    2
     """
 
     _rules = {
@@ -334,7 +342,7 @@ class STLSQ(_Optimizer):
 
     def _told(self, models: SparseModels) -> None:
         before = [np.ones(len(self.coef_), dtype=bool)] + [h.any(axis=1) for h in self.history_[1:-1]]
-        self.iters = int(sum(alive.sum() for alive in before))
+        self._iters = int(sum(alive.sum() for alive in before))
         for _ in models.empty:
             warnings.warn(
                 f"Sparsity parameter is too big ({self.threshold}) and eliminated all coefficients", stacklevel=3
@@ -400,7 +408,7 @@ class SR3(_Optimizer):
         v at the start and after each iteration.
     intercept_ : float
         0: a column of ones is a feature like the others.
-    iters : int
+    n_iter_, iters : int
         Iterations that were made.
     n_features_in_ : int
         Number of features.
@@ -516,7 +524,7 @@ class SR3(_Optimizer):
 
     def _told(self, models: SparseModels) -> None:
         self.coef_full_ = models.relaxed
-        self.iters = models.iterations
+        self._iters = models.iterations
         if not models.converged:
             warnings.warn(f"SR3 did not converge after {self.max_iter} iterations.", ConvergenceWarning, stacklevel=3)
 
@@ -558,6 +566,8 @@ class FROLS(_Optimizer):
         Coefficients of the models with 0, 1, ... terms, with the ridge.
     ERR_global : ndarray of shape (n_features, n_targets)
         Error reduction ratio of each term in the order of entry; 0 beyond the last that was looked at.
+    n_iter_ : int
+        Terms that were tried.
     intercept_ : float
         0: a column of ones is a feature like the others.
     n_features_in_ : int

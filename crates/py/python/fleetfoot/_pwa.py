@@ -52,7 +52,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that the regions depend on; default: all. The affine maps are of all features.
-    cv : int, default=5
+    folds : int, default=5
         Folds, where there is something to choose: groups where there are at least as many, else neighbouring rows.
     selection : {'cv', 'bic'}, default='cv'
         How one of several partitions is chosen: by held-out error, or by the Bayesian information criterion.
@@ -61,7 +61,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         cross-validation.
     n_init : int, default=1
         Starts of k-means, of which the best counts.
-    max_iter : int, default=300
+    max_kmeans_iter : int, default=300
         Iterations of k-means at most.
     random_state : int, RandomState, Generator or None, default=0
         Seed of the starts of k-means.
@@ -82,6 +82,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Regions. Fewer than asked for where there are fewer different rows.
     partition_ : str
         The partition that was chosen.
+    best_index_ : int
+        The number of the chosen partition in `cv_results_`.
     cv_results_ : dict
         For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over the
         variance of the targets, and its standard error over folds), 'split_test_loss' (partitions x folds), 'r2'
@@ -114,6 +116,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     counts_: NDArray[np.int64]
     n_regions_: int
     partition_: str
+    best_index_: int
     cv_results_: dict[str, Any]
     n_features_in_: int
 
@@ -121,11 +124,11 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         "n_regions": (integer(1), ARRAY),
         "partition": (Rule("a str", lambda value: isinstance(value, str)), NONE),
         "partition_features": (ARRAY, NONE),
-        "cv": (integer(2, 65535, "both"),),
+        "folds": (integer(2, 65535, "both"),),
         "selection": (one_of("cv", "bic"),),
         "shrinkage": (real(0.0), one_of("auto")),
         "n_init": (integer(1),),
-        "max_iter": (integer(1),),
+        "max_kmeans_iter": (integer(1),),
         "random_state": (RANDOM_STATE,),
     }
 
@@ -135,21 +138,21 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         *,
         partition: str | None = None,
         partition_features: Any = None,
-        cv: int = 5,
+        folds: int = 5,
         selection: str = "cv",
         shrinkage: float | str = 0.0,
         n_init: int = 1,
-        max_iter: int = 300,
+        max_kmeans_iter: int = 300,
         random_state: Any = 0,
     ) -> None:
         self.n_regions = n_regions
         self.partition = partition
         self.partition_features = partition_features
-        self.cv = cv
+        self.folds = folds
         self.selection = selection
         self.shrinkage = shrinkage
         self.n_init = n_init
-        self.max_iter = max_iter
+        self.max_kmeans_iter = max_kmeans_iter
         self.random_state = random_state
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> PWARegressor:
@@ -305,12 +308,12 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "partitions": partitions,
             "features": self._features(features),
             "groups": groups,
-            "folds": int(self.cv) if choice else 0,
+            "folds": int(self.folds) if choice else 0,
             "shrinkage": None if self.shrinkage == "auto" else float(self.shrinkage),
             "bic": self.selection == "bic",
             "seed": random_seed(self.random_state),
             "restarts": int(self.n_init),
-            "max_iter": int(self.max_iter),
+            "max_iter": int(self.max_kmeans_iter),
         }
 
 

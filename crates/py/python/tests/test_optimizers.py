@@ -36,11 +36,12 @@ STLSQ_GRID = _grid(
     normalize_columns=[False, True],
     unbias=[False, True],
 )
+# pysindy's SR3 divides by zero where there are fewer than ten iterations.
 SR3_GRID = _grid(
     reg_weight_lam=[0.0, 0.005, 0.1],
     regularizer=["L0", "l1", "L2"],
     relax_coeff_nu=[0.1, 1.0],
-    max_iter=[3, 30, 400],
+    max_iter=[10, 30, 400],
     normalize_columns=[False, True],
     unbias=[False, True],
 )
@@ -84,7 +85,7 @@ def test_answers_are_pysindys(name: str, grid: list[dict[str, Any]], weighted: b
         _same(ours, theirs, options)
         np.testing.assert_allclose(ours.predict(X), theirs.predict(X), rtol=1e-9, atol=1e-9)
         if name != "FROLS":
-            assert ours.iters == theirs.iters or name == "STLSQ", options
+            assert ours.iters == theirs.iters, options
         if name == "SR3":
             np.testing.assert_allclose(ours.coef_full_, theirs.coef_full_, rtol=1e-9, atol=1e-9)
 
@@ -106,7 +107,7 @@ def test_guesses_end_stlsq_and_start_sr3_as_there() -> None:
     for guess, normalize in itertools.product([first, other, mixed], [False, True]):
         options = {"threshold": 0.2, "initial_guess": guess, "normalize_columns": normalize}
         _same(*_both("STLSQ", options, X, y), options)
-        options = {"initial_guess": guess, "normalize_columns": normalize, "max_iter": 2}
+        options = {"initial_guess": guess, "normalize_columns": normalize, "max_iter": 10}
         _same(*_both("SR3", options, X, y), options)
     with pytest.raises(ValueError, match="initial_guess shape"):
         ff.STLSQ(initial_guess=np.ones(3)).fit(X, y)
@@ -123,7 +124,7 @@ def test_weights_of_single_coefficients_are_those_of_pysindy() -> None:
 def test_columns_that_are_always_in_are_neither_penalised_nor_dropped() -> None:
     X, y = _library()
     chosen = [1, 3, 4, 5, 6, 7]
-    model = ff.STLSQ(threshold=0.2, alpha=0.5, sparse_ind=chosen, unbias=False).fit(X, y)
+    model = ff.STLSQ(threshold=0.1, alpha=0.5, sparse_ind=chosen, unbias=False).fit(X, y)
     assert model.coef_.shape == (2, 6) and model.optvar_non_sparse_.shape == (2, 2)
     assert model.ind_non_sparse_.all() and not model.ind_.all()
     for target in range(2):
@@ -133,7 +134,7 @@ def test_columns_that_are_always_in_are_neither_penalised_nor_dropped() -> None:
         expected = np.linalg.lstsq(design, right, rcond=None)[0]
         np.testing.assert_allclose(model.optvar_non_sparse_[target], expected[:2], rtol=1e-9)
         np.testing.assert_allclose(model.coef_[target][model.ind_[target]], expected[2:], rtol=1e-9)
-    _, theirs = _both("STLSQ", {"threshold": 0.2, "alpha": 0.5, "sparse_ind": chosen, "unbias": False}, X, y)
+    _, theirs = _both("STLSQ", {"threshold": 0.1, "alpha": 0.5, "sparse_ind": chosen, "unbias": False}, X, y)
     np.testing.assert_allclose(model.coef_, theirs.coef_, rtol=1e-9, atol=1e-10)
 
 

@@ -82,12 +82,12 @@ def test_groups_are_folds() -> None:
     shuffled = random.permutation(300)
 
     def loss(rows: NDArray[np.int64]) -> float:
-        model = ff.PWARegressor(n_regions=[6, 2], cv=6, n_init=5).fit(X[rows], y[rows], groups=groups[rows])
+        model = ff.PWARegressor(n_regions=[6, 2], folds=6, n_init=5).fit(X[rows], y[rows], groups=groups[rows])
         return float(model.cv_results_["mean_test_loss"][0])
 
     by_group = loss(np.arange(300))
     np.testing.assert_allclose(loss(shuffled), by_group, rtol=0.5)
-    rows = ff.PWARegressor(n_regions=[6, 2], cv=6, n_init=5).fit(X[shuffled], y[shuffled])
+    rows = ff.PWARegressor(n_regions=[6, 2], folds=6, n_init=5).fit(X[shuffled], y[shuffled])
     assert rows.cv_results_["mean_test_loss"][0] < 0.1 * by_group
 
 
@@ -118,7 +118,7 @@ def test_bad_input_is_told() -> None:
         ({"n_regions": [2, 0]}, "n_regions"),
         ({"partition": "voronoi:3"}, "partition `voronoi:3`"),
         ({"partition_features": [2]}, "partition_features"),
-        ({"cv": 1}, "cv"),
+        ({"folds": 1}, "folds"),
         ({"shrinkage": -1.0}, "shrinkage"),
     ]:
         with pytest.raises(ValueError, match=text):
