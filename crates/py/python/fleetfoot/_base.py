@@ -1,7 +1,9 @@
-"""Base classes of the estimators: scikit-learn's where it is installed (1.6 or newer), else small ones that behave alike.
+"""Base classes of the estimators: scikit-learn's (1.6 or newer) where it is installed, else small ones like them.
 
-What an estimator here does: `fit` calls :func:`check_params` and :func:`check_xy` (or :func:`check_x`), `predict` and `transform` call
-:func:`check_is_fitted` and ``check_x(self, X, reset=False)``. Arrays of `float32` and `float64` come back as they are, without a copy.
+What an estimator here does: `fit` calls :func:`check_params` and :func:`check_xy` (or :func:`check_x`), `predict` and
+`transform` call
+:func:`check_is_fitted` and ``check_x(self, X, reset=False)``. Arrays of `float32` and `float64` come back as they are,
+without a copy.
 """
 
 from __future__ import annotations
@@ -80,7 +82,8 @@ __all__ = [
 def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1) -> NDArray[Any]:
     """X as a finite matrix (n_samples, n_features) of `float32` or `float64`.
 
-    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. Sparse matrices are a `TypeError`; anything that
+    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. Sparse matrices are a
+    `TypeError`; anything that
     is not a matrix of finite numbers is a `ValueError`.
     """
     if HAS_SKLEARN:
@@ -99,7 +102,9 @@ def check_xy(
     y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets).
     """
     if y is None:
-        raise ValueError(f"This {type(estimator).__name__} estimator requires y to be passed, but the target y is None.")
+        raise ValueError(
+            f"This {type(estimator).__name__} estimator requires y to be passed, but the target y is None."
+        )
     if HAS_SKLEARN:
         options: dict[str, Any] = {
             "dtype": [np.float64, np.float32],
@@ -143,7 +148,8 @@ def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
 def random_seed(random_state: Any) -> int:
     """The seed that `random_state` stands for.
 
-    An integer is one; a `numpy.random.RandomState` or `Generator` gives its next; `None` takes one from numpy's global state
+    An integer is one; a `numpy.random.RandomState` or `Generator` gives its next; `None` takes one from numpy's global
+    state
     (`numpy.random.seed` decides it).
     """
     if random_state is None or random_state is np.random:
@@ -156,11 +162,16 @@ def random_seed(random_state: Any) -> int:
         return int(random_state.randint(np.iinfo(np.int32).max))
     if isinstance(random_state, np.random.Generator):
         return int(random_state.integers(np.iinfo(np.int32).max))
-    raise ValueError(f"{random_state!r} cannot be used to seed: give an integer, a numpy RandomState or Generator, or None")
+    raise ValueError(
+        f"{random_state!r} cannot be used to seed: give an integer, a numpy RandomState or Generator, or None"
+    )
 
 
 def random_numbers(random_state: Any) -> Any:
-    """numpy's random numbers that `random_state` stands for: a `RandomState` for a seed, what is given otherwise, and numpy's own for `None`."""
+    """numpy's random numbers that `random_state` stands for.
+
+    A seed makes a `RandomState`, `None` means numpy's own, and what is given otherwise stays.
+    """
     if random_state is None or random_state is np.random:
         return np.random
     if isinstance(random_state, (np.random.RandomState, np.random.Generator)):

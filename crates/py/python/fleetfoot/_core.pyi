@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, TypeAlias, TypedDict, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ._lars import LarsRequest
 
 Progress: TypeAlias = Callable[[str, int, int], object] | None
 
@@ -24,12 +26,6 @@ class Data:
     def __len__(self) -> int: ...
 
 # -- lars
-
-class LarsRequest(TypedDict):
-    lasso: bool
-    positive: bool
-    alpha_min: float
-    max_iter: int
 
 @final
 class Design:
@@ -77,9 +73,7 @@ class LarsPath:
 def lars_paths(
     design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: Progress = None
 ) -> list[LarsPath]: ...
-def lars_path_of_products(
-    gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest
-) -> LarsPath: ...
+def lars_path_of_products(gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest) -> LarsPath: ...
 
 # -- lasso
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,10 @@ class FoldDesigns:
 def fold_groups(
     splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], rows: int
 ) -> tuple[NDArray[np.uint32], list[list[int]], list[list[int]]] | None:
-    """Labels of the rows (rows,) such that every fold trains and tests on unions of groups: labels, training groups, test groups.
+    """Labels of the rows (rows,), and the labels that every fold trains on and tests on.
 
-    Rows that are in the same folds on the same sides share a group. `None` when a fold names a row twice (as bootstrap samples do), or when there
+    Rows that are in the same folds on the same sides share a group. `None` when a fold names a row twice (as bootstrap
+    samples do), or when there
     would be too many groups.
     """
     labels = np.zeros(rows, dtype=np.int64)
@@ -58,7 +60,10 @@ def fold_designs(
     splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]],
     weight: NDArray[np.float64] | None = None,
 ) -> tuple[Design | None, FoldDesigns]:
-    """Designs of all folds: one for all where folds are unions of groups of rows (then it also comes first), else one for each."""
+    """Designs of all folds.
+
+    It is one for all where folds are unions of groups of rows (then it also comes first), else one for each.
+    """
     if not splits:
         raise ValueError("cv has no folds: give at least one (train, test)")
     for fold, (train, test) in enumerate(splits):
@@ -79,25 +84,21 @@ def fold_designs(
 
 
 def fold_params(estimator: Any, params: dict[str, Any]) -> dict[str, Any]:
-    """What of the extra arguments of `fit` goes to the splitter `estimator.cv`: scikit-learn's metadata routing, where it is switched on."""
-    if HAS_SKLEARN:
-        import sklearn
-
-        if sklearn.get_config().get("enable_metadata_routing"):
-            from sklearn.utils.metadata_routing import process_routing
-
-            return dict(process_routing(estimator, "fit", **params).splitter.split)
+    """What of the extra arguments of `fit` goes to the splitter `estimator.cv`, by scikit-learn's metadata routing."""
+    if HAS_SKLEARN and import_module("sklearn").get_config().get("enable_metadata_routing"):
+        routing = import_module("sklearn.utils.metadata_routing")
+        return dict(routing.process_routing(estimator, "fit", **params).splitter.split)
     if params:
         raise ValueError(
-            f"Passing extra keyword arguments ({', '.join(params)}) to {type(estimator).__name__}.fit is only supported if "
-            "enable_metadata_routing=True: sklearn.set_config(enable_metadata_routing=True)"
+            f"Passing extra keyword arguments ({', '.join(params)}) to {type(estimator).__name__}.fit "
+            "is only supported if enable_metadata_routing=True: sklearn.set_config(enable_metadata_routing=True)"
         )
     return {}
 
 
 def fold_router(estimator: Any) -> Any:
-    """The routing of an estimator that hands its extra arguments to its splitter (scikit-learn's `get_metadata_routing`)."""
-    from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping
-
-    mapping = MethodMapping().add(caller="fit", callee="split")
-    return MetadataRouter(owner=type(estimator).__name__).add(splitter=check_cv(estimator.cv), method_mapping=mapping)
+    """What `get_metadata_routing` answers where extra arguments go to the splitter."""
+    routing = import_module("sklearn.utils.metadata_routing")
+    mapping = routing.MethodMapping().add(caller="fit", callee="split")
+    router = routing.MetadataRouter(owner=type(estimator).__name__)
+    return router.add(splitter=check_cv(estimator.cv), method_mapping=mapping)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,16 @@ __all__ = ["lars_path", "lars_path_gram"]
 EPS = float(np.finfo(float).eps)
 #: A number of steps; infinity is no limit.
 STEPS = Rule("an int >= 0 or np.inf", lambda v: integer(0).holds(v) or (isinstance(v, float) and v == np.inf))
+
+
+class LarsRequest(TypedDict):
+    """Which path is followed, and how far."""
+
+    lasso: bool
+    positive: bool
+    alpha_min: float
+    max_iter: int
+
 
 _PATH_RULES: dict[str, tuple[Rule, ...]] = {
     "max_iter": (STEPS,),
@@ -51,8 +61,10 @@ def lars_path(
 ) -> Any:
     """The path of least angle regression, or of the lasso by it, without an intercept.
 
-    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``, and the knots between which the
-    coefficients are linear in alpha are exact. Rows are compressed once; the path is followed on an orthogonal factor of the active columns.
+    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``, and the knots
+    between which the
+    coefficients are linear in alpha are exact. Rows are compressed once; the path is followed on an orthogonal factor
+    of the active columns.
 
     Parameters
     ----------
@@ -63,7 +75,8 @@ def lars_path(
     Xy : array-like of shape (n_features,), optional
         ``X.T @ y``, where it is known.
     Gram : None, 'auto', bool or array of shape (n_features, n_features), default=None
-        ``X.T @ X``, where it is known: then the path is that of the products, with the digits that they have. Anything else leaves it to
+        ``X.T @ X``, where it is known: then the path is that of the products, with the digits that they have. Anything
+        else leaves it to
         the engine how rows are compressed.
     max_iter : int, default=500
         The most steps; `np.inf` for no limit.
@@ -74,7 +87,8 @@ def lars_path(
     copy_X, copy_Gram : bool, default=True
         Taken for compatibility: nothing is ever overwritten.
     eps : float, default=np.finfo(float).eps
-        Taken for compatibility. Which columns depend on others is decided by the rounding of each; another value than the default is a
+        Taken for compatibility. Which columns depend on others is decided by the rounding of each; another value than
+        the default is a
         `NotImplementedError`.
     verbose : int, default=0
         More than 0 prints the steps.
@@ -210,7 +224,7 @@ def lars_path_gram(
     return _answer(path, _dtype([products, moments]), verbose, return_path, return_n_iter)
 
 
-def path_request(method: str, positive: bool, alpha_min: float, max_iter: float) -> Any:
+def path_request(method: str, positive: bool, alpha_min: float, max_iter: float) -> LarsRequest:
     """What the engine is asked for."""
     if method == "lar" and positive:
         raise ValueError("Positive constraint not supported for 'lar' coding method.")
@@ -236,7 +250,9 @@ def known_gram(Gram: Any) -> NDArray[Any] | None:
     return np.asarray(Gram)
 
 
-def path_of_products(gram: NDArray[Any], xy: NDArray[Any], yy: float | None, rows: int, request: Any) -> LarsPath:
+def path_of_products(
+    gram: NDArray[Any], xy: NDArray[Any], yy: float | None, rows: int, request: LarsRequest
+) -> LarsPath:
     """The path of products of `rows` rows."""
     if xy.ndim != 1 or gram.shape != (len(xy), len(xy)):
         raise ValueError("The shapes of the inputs Gram and Xy do not match.")
@@ -244,9 +260,12 @@ def path_of_products(gram: NDArray[Any], xy: NDArray[Any], yy: float | None, row
 
 
 def centred_paths(
-    X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: Any
+    X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: LarsRequest
 ) -> list[tuple[LarsPath, NDArray[np.float64]]]:
-    """Paths of all targets from products that are known in part (of centred columns, with an intercept), and the intercepts at their knots."""
+    """Paths of all targets from products that are known in part, and the intercepts at their knots.
+
+    With an intercept, the products are those of centred columns.
+    """
     columns, targets = _wide(X), _wide(y).reshape(len(y), -1)
     means, centre = np.zeros(columns.shape[1]), np.zeros(targets.shape[1])
     if fit_intercept:
@@ -267,15 +286,16 @@ def tell(path: LarsPath, verbose: int) -> None:
     alphas = path.alphas
     if path.stalled:
         warnings.warn(
-            f"Early stopping the lars path: at alpha={alphas[-1]:.3e}, after {len(alphas) - 1} steps, nothing is left but rounding. The path is "
-            "right down to there",
+            f"Early stopping the lars path: at alpha={alphas[-1]:.3e}, after {len(alphas) - 1} steps, nothing is left "
+            "but rounding. The path is right down to there",
             ConvergenceWarning,
             stacklevel=3,
         )
     if path.collinear and not path.interpolating:
         names = ", ".join(map(str, path.collinear[:10])) + (", ..." if len(path.collinear) > 10 else "")
         warnings.warn(
-            f"Regressors in active set degenerate. Columns {names} are combinations of the active ones up to rounding, and stay out",
+            f"Regressors in active set degenerate. Columns {names} are combinations of the active ones up to rounding, "
+            "and stay out",
             ConvergenceWarning,
             stacklevel=3,
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ._base import MultiOutputMixin, check_xy, random_numbers
 from ._core import Design, LarsPath, lars_paths
-from ._lars import EPS, STEPS, centred_paths, check_eps, known_gram, path_request, tell
+from ._lars import EPS, STEPS, LarsRequest, centred_paths, check_eps, known_gram, path_request, tell
 from ._linear import LinearModel
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, one_of, real
 
@@ -41,7 +41,7 @@ class LarsModel(LinearModel):
     coef_path_: Any
     n_iter_: Any
 
-    def _request(self, alpha_min: float, max_iter: float) -> Any:
+    def _request(self, alpha_min: float, max_iter: float) -> LarsRequest:
         check_eps(type(self).__name__, self.eps)
         return path_request(self.method, self.positive, alpha_min, max_iter)
 
@@ -63,12 +63,17 @@ class LarsModel(LinearModel):
             self.coef_path_ = coefs[0].T if one else [path.T for path in coefs]
         else:
             self.alphas_ = ends[0] if one else ends
-        self.coef_ = coefs[0][-1] if one else np.stack([path[-1] for path in coefs])
+        # As in scikit-learn, one target is a vector where the path is kept, and a matrix of one row where it is not.
+        flat = one and fit_path
+        self.coef_ = coefs[0][-1].copy() if flat else np.stack([path[-1] for path in coefs])
+        self._set_intercepts(X, y, [path.intercepts[-1] for path in paths])
+
+    def _set_intercepts(self, X: NDArray[Any], y: NDArray[Any], intercepts: list[Any]) -> None:
         if not self.fit_intercept:
             self.intercept_ = 0.0
             return
-        found = np.array([path.intercepts[-1] for path in paths], dtype=dtype)
-        self.intercept_ = found[0] if y.ndim == 1 else found
+        found = np.array(intercepts, dtype=X.dtype)
+        self.intercept_ = found[0] if y.ndim == 1 and self.coef_.ndim == 1 else found
 
 
 class Lars(MultiOutputMixin, LarsModel):
@@ -81,7 +86,8 @@ class Lars(MultiOutputMixin, LarsModel):
     verbose : bool or int, default=False
         More than 1 prints the steps.
     precompute : bool, 'auto' or array of shape (n_features, n_features), default='auto'
-        The Gram matrix of the regressors (centred, with an intercept), where it is known: then the path has the digits of the products.
+        The Gram matrix of the regressors (centred, with an intercept), where it is known: then the path has the digits
+        of the products.
         Anything else leaves it to the engine how rows are compressed.
     n_nonzero_coefs : int, default=500
         The most steps, and so the most coefficients; `np.inf` for no limit.
@@ -186,9 +192,7 @@ class Lars(MultiOutputMixin, LarsModel):
             return self
         known = centred_paths(X, y, gram, Xy, self.fit_intercept, request)
         self._keep(X, y, [path for path, _ in known], self.fit_path)
-        if self.fit_intercept:
-            found = np.array([intercepts[-1] for _, intercepts in known], dtype=X.dtype)
-            self.intercept_ = found[0] if y.ndim == 1 else found
+        self._set_intercepts(X, y, [intercepts[-1] for _, intercepts in known])
         return self
 
 

@@ -1,4 +1,4 @@
-"""The lasso with its penalty chosen: by cross-validation (`LassoLarsCV`), or by an information criterion (`LassoLarsIC`)."""
+"""The lasso with its penalty chosen: `LassoLarsCV` by cross-validation, `LassoLarsIC` by an information criterion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ._base import check_xy, splits
 from ._core import Design, LarsPath, lars_paths
 from ._folds import fold_designs, fold_params, fold_router
-from ._lars import EPS, STEPS, centred_paths, known_gram
+from ._lars import EPS, STEPS, LarsRequest, centred_paths, known_gram
 from ._lars_models import COMMON_RULES, LarsModel
 from ._params import BOOLEAN, CV, NONE, Rule, check_params, integer, one_of, real
 from .exceptions import FitError
@@ -25,7 +25,8 @@ __all__ = ["LassoLarsCV", "LassoLarsIC"]
 class LassoLarsCV(LarsModel):
     """The lasso by least angle regression, its penalty chosen by cross-validation.
 
-    Every fold's path is followed with its exact knots, and the held-out error is known between them. All folds share one pass over the rows:
+    Every fold's path is followed with its exact knots, and the held-out error is known between them. All folds share
+    one pass over the rows:
     the products of a fold's training rows are those of the other folds, added up.
 
     Parameters
@@ -160,7 +161,10 @@ class LassoLarsCV(LarsModel):
 
 
 def _between_knots(path: LarsPath, alphas: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coefficients (n_alphas, n_features) and intercepts (n_alphas,) at any alphas: linear between knots, and constant beyond the first and the last."""
+    """Coefficients (n_alphas, n_features) and intercepts (n_alphas,) at any alphas.
+
+    They are linear between knots, and constant beyond the first and the last.
+    """
     knots, at = path.alphas[::-1], path.coefficients[::-1]
     intercepts = np.interp(alphas, knots, path.intercepts[::-1])
     if len(knots) == 1:
@@ -174,7 +178,8 @@ def _between_knots(path: LarsPath, alphas: NDArray[np.float64]) -> tuple[NDArray
 class LassoLarsIC(LarsModel):
     """The lasso by least angle regression, its penalty chosen by Akaike's or the Bayesian information criterion.
 
-    At every knot, with df the number of coefficients that are not zero (Zou, Hastie and Tibshirani 2007) and v the noise variance:
+    At every knot, with df the number of coefficients that are not zero (Zou, Hastie and Tibshirani 2007) and v the
+    noise variance:
     ``n log(2 pi v) + rss / v + c df``, where c is 2 ("aic") or log n ("bic").
 
     Parameters
@@ -186,7 +191,8 @@ class LassoLarsIC(LarsModel):
     max_iter : int, default=500
         The most steps.
     noise_variance : float, optional
-        Variance of the noise; `None` takes that of least squares on all columns (non-negative ones with `positive`), ``rss / (n - p - 1)``.
+        Variance of the noise; `None` takes that of least squares on all columns (non-negative ones with `positive`),
+        ``rss / (n - p - 1)``.
 
     Attributes
     ----------
@@ -264,8 +270,9 @@ class LassoLarsIC(LarsModel):
         rows, features = X.shape
         if self.noise_variance is None and rows <= features + self.fit_intercept:
             raise ValueError(
-                "You are using LassoLarsIC in the case where the number of samples is smaller than the number of features: "
-                "least squares leaves nothing to estimate the noise from; give noise_variance"
+                "You are using LassoLarsIC in the case where the number of samples is smaller than the number of "
+                f"features (n_samples={rows}, n_features={features}): least squares leaves nothing to estimate the "
+                "noise from; give noise_variance"
             )
         design = Design(X, y)
         path, intercepts, mse = self._path(design, X, y, request)
@@ -289,7 +296,7 @@ class LassoLarsIC(LarsModel):
         return self
 
     def _path(
-        self, design: Design, X: NDArray[Any], y: NDArray[Any], request: Any
+        self, design: Design, X: NDArray[Any], y: NDArray[Any], request: LarsRequest
     ) -> tuple[LarsPath, NDArray[np.float64], NDArray[np.float64]]:
         """The path, and the intercept and the mean squared error at its knots."""
         gram = known_gram(self.precompute)
@@ -305,7 +312,7 @@ class LassoLarsIC(LarsModel):
             path = lars_paths(design, None, self.fit_intercept, self._request(0.0, np.inf))[0]
         if path.alphas[-1] > 0.0:
             raise FitError(
-                f"the noise variance of LassoLarsIC is not known: the path ends at alpha={path.alphas[-1]:.3e}, where nothing is left "
-                "but rounding, and not at least squares; give noise_variance"
+                f"the noise variance of LassoLarsIC is not known: the path ends at alpha={path.alphas[-1]:.3e}, where "
+                "nothing is left but rounding, and not at least squares; give noise_variance"
             )
         return float(path.mse[-1] * design.shape[0])

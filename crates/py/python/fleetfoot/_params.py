@@ -95,7 +95,7 @@ VERBOSE = Rule("a bool or an int >= 0", lambda v: _is_bool(v) or (isinstance(v, 
 
 
 def check_params(owner: Any, rules: dict[str, tuple[Rule, ...]], **values: Any) -> None:
-    """Checks parameters by their rules: those of an estimator `owner`, or the named `values` of a function of the name `owner`.
+    """Checks parameters by their rules: those of an estimator, or the `values` given to a function that `owner` names.
 
     Raises :class:`ParameterError`, which names the parameter, what it may be and what it is.
     """

@@ -56,9 +56,7 @@ class BaseEstimator:
         for name, value in params.items():
             own, _, rest = name.partition("__")
             if own not in known:
-                raise ValueError(
-                    f"{type(self).__name__} has no parameter {own!r}; it has {', '.join(known) or 'none'}"
-                )
+                raise ValueError(f"{type(self).__name__} has no parameter {own!r}; it has {', '.join(known) or 'none'}")
             if rest:
                 inner.setdefault(own, {})[rest] = value
             else:
@@ -160,7 +158,10 @@ def validate_data(
     multi_output: bool = False,
     ensure_min_samples: int = 1,
 ) -> Any:
-    """X as a matrix of `float32` or `float64`, and y when given; numbers and names of features are kept, or compared when not `reset`."""
+    """X as a matrix of `float32` or `float64`, and y when given.
+
+    Number and names of the features are kept, or compared when not `reset`.
+    """
     _feature_names(estimator, X, reset)
     matrix = as_matrix(X, type(estimator).__name__, ensure_min_samples)
     if reset:
@@ -185,7 +186,8 @@ def as_matrix(X: Any, owner: str, ensure_min_samples: int = 1) -> NDArray[Any]:
     array = _numbers(X, "X")
     if array.ndim != 2:
         raise ValueError(
-            f"X has {array.ndim} dimensions, 2 are needed: X.reshape(-1, 1) makes one feature of them, X.reshape(1, -1) one sample"
+            f"X has {array.ndim} dimensions, 2 are needed: X.reshape(-1, 1) makes one feature of them, "
+            "X.reshape(1, -1) one sample"
         )
     rows, columns = array.shape
     if rows < ensure_min_samples:
@@ -199,9 +201,7 @@ def as_target(y: Any, multi_output: bool) -> NDArray[Any]:
     """y as finite numbers: a vector, or a matrix where there may be several targets."""
     array = _numbers(y, "y")
     if array.ndim == 2 and not multi_output and array.shape[1] == 1:
-        warnings.warn(
-            "y is a column, and a vector is meant: give y.ravel()", DataConversionWarning, stacklevel=4
-        )
+        warnings.warn("y is a column, and a vector is meant: give y.ravel()", DataConversionWarning, stacklevel=4)
         return array[:, 0]
     if array.ndim != 1 and not (multi_output and array.ndim == 2):
         raise ValueError(f"y should be a 1d array, got an array of shape {array.shape} instead")
@@ -238,7 +238,8 @@ def _feature_names(estimator: Any, X: Any, reset: bool) -> None:
             del estimator.feature_names_in_
     elif names is not None and known is not None and list(names) != list(known):
         raise ValueError(
-            f"the feature names differ from those of the fit: {', '.join(map(str, names))} against {', '.join(map(str, known))}"
+            f"the feature names differ from those of the fit: {', '.join(map(str, names))} "
+            f"against {', '.join(map(str, known))}"
         )
 
 

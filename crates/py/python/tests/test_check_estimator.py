@@ -9,7 +9,9 @@ import pytest
 
 import fleetfoot
 
-checks = pytest.importorskip("sklearn.utils.estimator_checks", reason="scikit-learn, whose checks these are, is not installed")
+checks = pytest.importorskip(
+    "sklearn.utils.estimator_checks", reason="scikit-learn, whose checks these are, is not installed"
+)
 
 from sklearn_suites import estimators  # noqa: E402
 

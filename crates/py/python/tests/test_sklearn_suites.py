@@ -1,4 +1,8 @@
-"""scikit-learn's own tests (they come with its wheel) on fleetfoot's classes. With ``-s`` the list of what does not pass is printed, with the reasons."""
+"""scikit-learn's own tests (they come with its wheel) on fleetfoot's classes.
+
+With ``-s`` the list of what does not pass is printed, with the reasons; it is also written into the folder that
+FLEETFOOT_SUITES_OUT names.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,17 @@ def test_suite_of_scikit_learn(suite: str, tmp_path: Path) -> None:
         "FLEETFOOT_SUITE": suite,
         "FLEETFOOT_SUITE_REPORT": str(report),
     }
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "sklearn_suites.plugin", "-p", "no:cacheprovider", "--pyargs"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "sklearn_suites.plugin",
+        "-p",
+        "no:cacheprovider",
+        "--pyargs",
+    ]
     found = subprocess.run(
         [*command, described.MODULE], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
     )
@@ -51,7 +65,10 @@ def test_suite_of_scikit_learn(suite: str, tmp_path: Path) -> None:
 def _summary(suite: str, told: dict) -> tuple[str, list[str]]:
     """The list of what does not pass with the counts, and the tests that fail without being expected to."""
     tests = told["tests"]
-    by = {kind: [name for name, test in tests.items() if test["outcome"] == kind] for kind in ("passed", "expected", "failed", "skipped")}
+    by = {
+        kind: [name for name, test in tests.items() if test["outcome"] == kind]
+        for kind in ("passed", "expected", "failed", "skipped")
+    }
     ours = [name for name in by["passed"] if tests[name]["calls"]]
     lines = [
         f"{suite}: {len(tests)} tests; {len(by['passed'])} pass ({len(ours)} of them call fleetfoot), "

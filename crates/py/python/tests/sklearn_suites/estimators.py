@@ -1,4 +1,4 @@
-"""What `check_estimator` is expected to find: for every class the checks that fail or do not apply, each with its reason."""
+"""What `check_estimator` is expected to find: by class the checks that fail or do not apply, with their reasons."""
 
 from __future__ import annotations
 

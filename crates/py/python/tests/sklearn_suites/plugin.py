@@ -1,8 +1,11 @@
-"""A pytest plugin: scikit-learn's test module of a suite, with fleetfoot's classes and functions in the place of its own.
+"""A pytest plugin: a test module of scikit-learn, with fleetfoot's classes and functions in the place of its own.
 
-The suite is named by the variable FLEETFOOT_SUITE and described by the module of that name beside this file: `MODULE` is scikit-learn's test module,
-`PACKAGES` are the packages whose public names are replaced, and `EXPECTED` says which tests fail or do not apply (`fnmatch` pattern of the test's id) and why.
-A test of that list that passes, and a pattern that fits no test, is an error. The outcomes go to the file that FLEETFOOT_SUITE_REPORT names, as JSON.
+The suite is named by the variable FLEETFOOT_SUITE and described by the module of that name beside this file: `MODULE`
+is scikit-learn's test module,
+`PACKAGES` are the packages whose public names are replaced, and `EXPECTED` says which tests fail or do not apply
+(`fnmatch` pattern of the test's id) and why.
+A test of that list that passes, and a pattern that fits no test, is an error. The outcomes go to the file that
+FLEETFOOT_SUITE_REPORT names, as JSON.
 """
 
 from __future__ import annotations
