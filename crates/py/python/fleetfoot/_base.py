@@ -141,7 +141,7 @@ def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
     if (weight < 0.0).any():
         raise ValueError("Negative values in sample_weight: weights are 0 or more")
     if rows and not weight.any():
-        raise ValueError("All values of sample_weight are 0: at least one row needs weight")
+        raise ValueError("All values of sample_weight are zero: at least one row needs weight")
     return weight
 
 

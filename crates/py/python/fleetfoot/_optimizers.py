@@ -599,7 +599,7 @@ class FROLS(_Optimizer):
         "unbias": (BOOLEAN,),
     }
 
-    ERR_global: NDArray[np.float64]
+    _ratios: NDArray[np.float64]
     #: pysindy's ensembles ask for it.
     initial_guess: Any = None
 
@@ -624,6 +624,12 @@ class FROLS(_Optimizer):
         self.unbias = unbias
         self._check()
 
+    @property
+    def ERR_global(self) -> NDArray[np.float64]:
+        """Error reduction ratios (n_features, n_targets): pysindy's name."""
+        check_is_fitted(self)
+        return self._ratios
+
     def _check(self) -> None:
         super()._check()
         _check_ridge(self.ridge_kw, "FROLS")
@@ -643,6 +649,6 @@ class FROLS(_Optimizer):
         )
 
     def _told(self, models: SparseModels) -> None:
-        self.ERR_global = np.zeros((self.n_features_in_, len(self.coef_)))
+        self._ratios = np.zeros((self.n_features_in_, len(self.coef_)))
         for target, ratios in enumerate(models.ratios):
-            self.ERR_global[: len(ratios), target] = ratios
+            self._ratios[: len(ratios), target] = ratios
