@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._lars import LarsRequest
+from ._requests import FrolsRequest, PwaRequest, PwaRule, Sr3Request, StlsqRequest
 
 Progress: TypeAlias = Callable[[str, int, int], object] | None
 
@@ -95,29 +96,6 @@ def kmeans_assign(
 ) -> tuple[NDArray[np.int32], list[int], float]: ...
 def kmeans_distances(x: Any, centroids: NDArray[np.float64], progress: Progress = None) -> NDArray[np.float64]: ...
 
-class StlsqRequest(TypedDict):
-    threshold: float
-    alpha: float
-    max_iter: int
-    normalize: bool
-    unbias: bool
-    fixed: list[int]
-
-class Sr3Request(TypedDict):
-    regularizer: str
-    nu: float
-    tol: float
-    max_iter: int
-    normalize: bool
-    unbias: bool
-
-class FrolsRequest(TypedDict):
-    max_terms: int
-    alpha: float
-    kappa: float
-    normalize: bool
-    unbias: bool
-
 @final
 class SparseModels:
     @property
@@ -148,24 +126,6 @@ def sr3(
     progress: Progress = None,
 ) -> SparseModels: ...
 def frols(design: Design, request: FrolsRequest, progress: Progress = None) -> SparseModels: ...
-
-class PwaRequest(TypedDict):
-    partitions: str
-    features: list[int]
-    groups: list[int]
-    folds: int
-    shrinkage: float | None
-    bic: bool
-    seed: int
-    restarts: int
-    max_iter: int
-
-class PwaRule(TypedDict):
-    features: list[int]
-    centre: list[float]
-    scale: list[float]
-    centroids: list[list[float]]
-    radius: float | None
 
 @final
 class PwaFit:

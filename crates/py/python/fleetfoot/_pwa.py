@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,7 @@ from ._base import (
 )
 from ._core import PwaFit, pwa_regions
 from ._params import ARRAY, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
-
-if TYPE_CHECKING:
-    from ._core import PwaRequest, PwaRule
+from ._requests import PwaRequest, PwaRule
 
 __all__ = ["PWARegressor"]
 
