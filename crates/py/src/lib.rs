@@ -19,6 +19,8 @@ mod coordinate;
 
 // -- clusters and thresholds
 mod clusters;
+mod pwa;
+mod thresholds;
 
 // -- identification
 mod fit;
@@ -62,6 +64,10 @@ mod _core {
     // -- clusters and thresholds
     #[pymodule_export]
     use crate::clusters::{KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws};
+    #[pymodule_export]
+    use crate::pwa::{PwaFit, pwa_regions};
+    #[pymodule_export]
+    use crate::thresholds::{SparseModels, frols, sr3, stlsq};
 
     // -- identification
     #[pymodule_export]

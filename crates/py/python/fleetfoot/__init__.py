@@ -16,6 +16,8 @@ from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
 # -- clusters and thresholds
 from ._kmeans import KMeans
+from ._optimizers import FROLS, SR3, STLSQ
+from ._pwa_regressor import PWARegressor
 
 # -- identification
 from ._block_sparse import BlockSparse
@@ -58,7 +60,11 @@ __all__ = [
     "enet_path",
     "lasso_path",
     # -- clusters and thresholds
+    "FROLS",
     "KMeans",
+    "PWARegressor",
+    "SR3",
+    "STLSQ",
     # -- identification
     "NARX",
     "PWA",

@@ -29,26 +29,28 @@ _RANDOM_STARTS = 10
 class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
     """k-means clustering.
 
-    Minimises the inertia, the (weighted) sum of the squared distances of all rows to their nearest centres, by Lloyd's iterations. Bounds on the
-    distances skip what cannot change, so labels are those of the plain algorithm. The parameters, and the use that is made of `random_state`, are
-    those of `sklearn.cluster.KMeans`: the same numbers give the same centres there and here, to rounding.
+    Minimises the inertia, the (weighted) sum of the squared distances of all rows to their nearest centres, by Lloyd's
+    iterations. Bounds on the distances skip what cannot change, so labels are those of the plain algorithm. The
+    parameters, and the use that is made of `random_state`, are those of `sklearn.cluster.KMeans`: the same numbers give
+    the same centres there and here, to rounding.
 
-    The rows are kept once more while `fit` runs, in an order that suits the iterations: 8 bytes a value, for `float32` input too.
-    Sparse matrices are not supported.
+    The rows are kept once more while `fit` runs, in an order that suits the iterations: 8 bytes a value, for `float32`
+    input too. Sparse matrices are not supported.
 
     Parameters
     ----------
     n_clusters : int, default=8
         Clusters, and centres.
     init : {'k-means++', 'random'}, callable or array-like of shape (n_clusters, n_features), default='k-means++'
-        Where the centres start: at rows drawn by greedy k-means++, at rows drawn evenly, at what ``init(X, n_clusters, random_state=...)`` returns (X as it
-        is, not centred), or here.
+        Where the centres start: at rows drawn by greedy k-means++, at rows drawn evenly, at what ``init(X, n_clusters,
+        random_state=...)`` returns (X as it is, not centred), or here.
     n_init : int or 'auto', default='auto'
         Starts, of which the one with the least inertia counts. 'auto': 10 for 'random' and callables, else 1.
     max_iter : int, default=300
         Iterations at most, of each start.
     tol : float, default=1e-4
-        The iteration ends when the squared shifts of the centres sum up to at most this times the mean variance of the features.
+        The iteration ends when the squared shifts of the centres sum up to at most this times the mean variance of the
+        features.
     verbose : int, default=0
         Whether the inertia of each iteration is printed; it costs a pass over the rows then.
     random_state : int, RandomState, Generator or None, default=None
@@ -75,8 +77,9 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
 
     Notes
     -----
-    A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at the farthest rows in turn; unlike in scikit-learn
-    the only row of a cluster, and a row of weight zero, are not taken for it.
+    A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at
+    the farthest rows in turn; unlike in scikit-learn the only row of a cluster, and a row of weight zero, are not taken
+    for it.
 
     Examples
     --------
@@ -154,7 +157,8 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            A parameter out of its range, fewer rows than clusters, a start of another shape, values that are not finite.
+            A parameter out of its range, fewer rows than clusters, a start of another shape, values that are not
+            finite.
         """
         check_params(self, self._rules)
         X = check_x(self, X, reset=True)
@@ -184,11 +188,15 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
             )
         return self
 
-    def fit_predict(self, X: Any, y: Any = None, sample_weight: Any = None) -> NDArray[np.int32]:
+    def fit_predict(  # type: ignore[override]
+        self, X: Any, y: Any = None, sample_weight: Any = None
+    ) -> NDArray[np.int32]:
         """As `fit`, and returns `labels_`, of shape (n_samples,)."""
         return self.fit(X, sample_weight=sample_weight).labels_
 
-    def fit_transform(self, X: Any, y: Any = None, sample_weight: Any = None) -> NDArray[Any]:
+    def fit_transform(  # type: ignore[override]
+        self, X: Any, y: Any = None, sample_weight: Any = None
+    ) -> NDArray[Any]:
         """As `fit`, and returns `transform` of the same rows, of shape (n_samples, n_clusters)."""
         return self.fit(X, sample_weight=sample_weight).transform(X)
 
@@ -283,11 +291,13 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         found = np.array(centers, dtype=X.dtype).astype(np.float64)
         if found.ndim != 2 or found.shape[0] != self.n_clusters:
             raise ValueError(
-                f"The shape of the initial centers {found.shape} does not match the number of clusters {self.n_clusters}."
+                f"The shape of the initial centers {found.shape} does not match the number of clusters "
+                f"{self.n_clusters}."
             )
         if found.shape[1] != X.shape[1]:
             raise ValueError(
-                f"The shape of the initial centers {found.shape} does not match the number of features of the data {X.shape[1]}."
+                f"The shape of the initial centers {found.shape} does not match the number of features of the data "
+                f"{X.shape[1]}."
             )
         if not np.isfinite(found).all():
             raise ValueError("init contains NaN or infinity: centres lie somewhere")
@@ -337,7 +347,7 @@ class _Random:
 
 
 def _same_clusters(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether centres are the same ones, in any order and up to rounding: then an inertia that is lower is lower by rounding."""
+    """Whether centres are the same in any order, to rounding: a lower inertia is then lower by rounding."""
     order = [np.lexsort(centers.T) for centers in (a, b)]
     scale = np.ptp(a, axis=0).max(initial=0.0)
     return bool(np.allclose(a[order[0]], b[order[1]], rtol=1e-12, atol=1e-12 * scale))

@@ -1,0 +1,61 @@
+"""What the engine is asked for, as dictionaries."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+
+class StlsqRequest(TypedDict):
+    """Options of STLSQ."""
+
+    threshold: float
+    alpha: float
+    max_iter: int
+    normalize: bool
+    unbias: bool
+    fixed: list[int]
+
+
+class Sr3Request(TypedDict):
+    """Options of SR3."""
+
+    regularizer: str
+    nu: float
+    tol: float
+    max_iter: int
+    normalize: bool
+    unbias: bool
+
+
+class FrolsRequest(TypedDict):
+    """Options of forward regression."""
+
+    max_terms: int
+    alpha: float
+    kappa: float
+    normalize: bool
+    unbias: bool
+
+
+class PwaRequest(TypedDict):
+    """How regions are made and chosen."""
+
+    partitions: str
+    features: list[int]
+    groups: list[int]
+    folds: int
+    shrinkage: float | None
+    bic: bool
+    seed: int
+    restarts: int
+    max_iter: int
+
+
+class PwaRule(TypedDict):
+    """Which region a row belongs to."""
+
+    features: list[int]
+    centre: list[float]
+    scale: list[float]
+    centroids: list[list[float]]
+    radius: float | None

@@ -1,0 +1,133 @@
+"""PWARegressor: exact on piecewise-affine data, and the regressions those of numpy."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import fleetfoot as ff
+
+CENTERS = np.array([[-4.0, 0.0], [4.0, 0.0], [0.0, 7.0]])
+COEF = np.array([[[1.0, -2.0], [0.5, 0.0]], [[-3.0, 0.25], [2.0, 1.0]], [[0.0, 4.0], [-1.0, -1.0]]])
+INTERCEPT = np.array([[1.0, 2.0], [-5.0, 0.0], [3.0, 30.0]])
+
+
+def _data(n: int = 900, noise: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    random = np.random.RandomState(0)
+    region = np.arange(n) % 3
+    X = CENTERS[region] + random.uniform(-1.0, 1.0, (n, 2))
+    y = np.einsum("nqp,np->nq", COEF[region], X) + INTERCEPT[region]
+    return X, y + noise * random.normal(size=y.shape), region
+
+
+def test_maps_of_separate_regions_are_found() -> None:
+    X, y, region = _data()
+    model = ff.PWARegressor(n_regions=3, n_init=5).fit(X, y)
+    assert model.n_regions_ == 3 and model.centers_ is not None
+    order = [int(np.argmin(((model.centers_ - center) ** 2).sum(axis=1))) for center in CENTERS]
+    assert sorted(order) == [0, 1, 2]
+    np.testing.assert_allclose(model.coef_[order], COEF, atol=1e-9)
+    np.testing.assert_allclose(model.intercept_[order], INTERCEPT, atol=1e-8)
+    np.testing.assert_array_equal(model.apply(X), np.asarray(order)[region])
+    np.testing.assert_array_equal(model.labels_, model.apply(X))
+    np.testing.assert_allclose(model.predict(X), y, atol=1e-8)
+    assert model.score(X, y) > 1.0 - 1e-12
+    np.testing.assert_array_equal(model.counts_, [300, 300, 300])
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("partition", ["kmeans:7", "zscore:1.2", "average", "null"])
+def test_each_region_is_least_squares_on_its_rows(partition: str, weighted: bool) -> None:
+    X, y, _ = _data(noise=0.5)
+    weight = np.random.RandomState(1).uniform(0.5, 2.0, len(X)) if weighted else None
+    model = ff.PWARegressor(partition=partition).fit(X, y, sample_weight=weight)
+    assert model.partition_ == partition
+    root = np.ones(len(X)) if weight is None else np.sqrt(weight)
+    for region in range(model.n_regions_):
+        rows = model.labels_ == region
+        design = np.column_stack([np.ones(rows.sum()), X[rows]])
+        if partition == "null":
+            design = design[:, :1]
+        expected = np.linalg.lstsq(design * root[rows, None], y[rows] * root[rows, None], rcond=None)[0]
+        np.testing.assert_allclose(model.intercept_[region], expected[0], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(model.coef_[region], expected[1:].T if len(expected) > 1 else 0.0, atol=1e-9)
+    if partition == "zscore:1.2":
+        z = (X - X.mean(axis=0)) / X.std(axis=0)
+        np.testing.assert_array_equal(model.labels_, ((z**2).sum(axis=1) > 1.2**2).astype(int))
+
+
+def test_the_number_of_regions_is_chosen_by_cross_validation() -> None:
+    X, y, _ = _data(noise=0.3)
+    order = np.random.RandomState(2).permutation(len(X))
+    X, y = X[order], y[order]
+    model = ff.PWARegressor(n_regions=[1, 2, 3, 12], n_init=5).fit(X, y)
+    results = model.cv_results_
+    assert results["partition"] == ["kmeans:1", "kmeans:2", "kmeans:3", "kmeans:12"]
+    assert model.n_regions_ == 3 and model.best_index_ == 2
+    assert results["split_test_loss"].shape == (4, 5)
+    np.testing.assert_allclose(results["split_test_loss"].mean(axis=1), results["mean_test_loss"])
+    assert results["mean_test_loss"][2] < 0.5 * results["mean_test_loss"][1]
+    assert ff.PWARegressor(n_regions=[1, 3], selection="bic", n_init=5).fit(X, y).n_regions_ == 3
+
+
+def test_groups_are_folds() -> None:
+    # What is learned in one group holds in no other: by group it is worthless on held-out rows, by rows it is not.
+    random = np.random.RandomState(3)
+    groups = np.repeat(np.arange(6), 50)
+    X = groups[:, None] * 10.0 + random.uniform(size=(300, 1))
+    y = random.normal(size=6)[groups] + X[:, 0] % 1.0
+    shuffled = random.permutation(300)
+
+    def loss(rows: NDArray[np.int64]) -> float:
+        model = ff.PWARegressor(n_regions=[6, 2], folds=6, n_init=5).fit(X[rows], y[rows], groups=groups[rows])
+        return float(model.cv_results_["mean_test_loss"][0])
+
+    by_group = loss(np.arange(300))
+    np.testing.assert_allclose(loss(shuffled), by_group, rtol=0.5)
+    rows = ff.PWARegressor(n_regions=[6, 2], folds=6, n_init=5).fit(X[shuffled], y[shuffled])
+    assert rows.cv_results_["mean_test_loss"][0] < 0.1 * by_group
+
+
+def test_regions_may_look_at_some_features_only() -> None:
+    X, y, _ = _data(noise=0.1)
+    model = ff.PWARegressor(n_regions=2, partition_features=[1]).fit(X, y[:, 0])
+    assert model.centers_ is not None and model.centers_.shape == (2, 1) and model.coef_.shape == (2, 1, 2)
+    moved = X + [100.0, 0.0]
+    np.testing.assert_array_equal(model.apply(moved), model.apply(X))
+    assert model.predict(X).shape == (len(X),)
+    again = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(again.predict(X), model.predict(X))
+
+
+def test_layout_and_type_do_not_show() -> None:
+    X, y, _ = _data(noise=0.1)
+    plain = ff.PWARegressor(n_regions=3).fit(X, y)
+    for other in (np.asfortranarray(X), np.repeat(X, 2, axis=1)[:, ::2]):
+        np.testing.assert_array_equal(ff.PWARegressor(n_regions=3).fit(other, y).predict(X), plain.predict(X))
+    single = ff.PWARegressor(n_regions=3).fit(X.astype(np.float32), y.astype(np.float32))
+    np.testing.assert_allclose(single.predict(X), plain.predict(X), atol=1e-4)
+
+
+def test_bad_input_is_told() -> None:
+    X, y, _ = _data(60)
+    for options, text in [
+        ({"n_regions": 0}, "n_regions"),
+        ({"n_regions": [2, 0]}, "n_regions"),
+        ({"partition": "voronoi:3"}, "partition `voronoi:3`"),
+        ({"partition_features": [2]}, "partition_features"),
+        ({"folds": 1}, "folds"),
+        ({"shrinkage": -1.0}, "shrinkage"),
+    ]:
+        with pytest.raises(ValueError, match=text):
+            ff.PWARegressor(**options).fit(X, y)
+    with pytest.raises(NotImplementedError, match="labels"):
+        ff.PWARegressor(partition="labels:x0").fit(X, y)
+    with pytest.raises(ValueError, match="same value"):
+        ff.PWARegressor(2).fit(X, np.ones(60))
+    with pytest.raises(ValueError, match="groups"):
+        ff.PWARegressor(2).fit(X, y, groups=np.ones(3))
+    with pytest.raises(ValueError, match="too few"):
+        ff.PWARegressor(2).fit(X[:3], y[:3])

@@ -1,0 +1,335 @@
+//! Piecewise-affine regression of arrays.
+
+use std::{collections::BTreeMap, ops::Range};
+
+use fleetfoot::{
+    Column, Episode, Halo, Source,
+    data::{Block, Error as DataError, Fingerprint, ScalarBuffer},
+    library::Expr,
+    model::{Column as ModelColumn, Equation, Prediction, Role, Rule},
+    pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify},
+};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+
+use crate::{
+    array::Array,
+    error::Kind,
+    run::{Failure, run_any},
+};
+
+/// Nanoseconds between the rows of an array: it has no clock.
+const SECOND: i64 = 1_000_000_000;
+
+/// X, y and weights as a source: neighbouring rows of one group are an episode.
+struct Table {
+    parts: Vec<Array>,
+    columns: Vec<Column>,
+    episodes: Vec<Episode>,
+    first: Vec<usize>,
+}
+
+impl Table {
+    fn new(parts: Vec<Array>, names: &[String], groups: &[usize]) -> Self {
+        let columns = names.iter().map(Column::float).collect();
+        let mut table = Self { parts, columns, episodes: Vec::new(), first: Vec::new() };
+        let mut first = 0;
+        for (group, &rows) in groups.iter().enumerate() {
+            let stamps: Vec<i64> = (0..rows as i64).map(|row| row * SECOND).collect();
+            let mut fingerprint = Fingerprint::new();
+            fingerprint.stamps(&stamps);
+            for range in Fingerprint::sampled_rows(rows) {
+                fingerprint.sample(&table.columns, &table.block(first, range));
+            }
+            table.episodes.push(Episode {
+                id: fingerprint.finish(),
+                name: group.to_string(),
+                file: None,
+                labels: BTreeMap::new(),
+                rows,
+                start: 0,
+                end: stamps.last().copied().unwrap_or(0),
+                period: 1.0,
+            });
+            table.first.push(first);
+            first += rows;
+        }
+        table
+    }
+
+    /// Rows of the episode that begins at row `first` of the arrays.
+    fn block(&self, first: usize, rows: Range<usize>) -> Block {
+        let whole = first + rows.start..first + rows.end;
+        let all = |part: &Array| part.values(&(0..part.columns()).collect::<Vec<_>>(), whole.clone());
+        Block {
+            first: rows.start,
+            before: 0,
+            rows: rows.len(),
+            after: 0,
+            start: 0,
+            time: rows.map(|row| row as i64 * SECOND).collect::<Vec<_>>().into(),
+            columns: self.parts.iter().flat_map(all).collect::<Vec<ScalarBuffer<f64>>>(),
+        }
+    }
+}
+
+impl Source for Table {
+    fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    fn episodes(&self) -> &[Episode] {
+        &self.episodes
+    }
+
+    // Nothing here has lags or differences: there are no neighbours to bring along.
+    fn read(&self, episode: usize, rows: Range<usize>, _: Halo) -> Result<Block, DataError> {
+        let info = &self.episodes[episode];
+        if rows.start > rows.end || rows.end > info.rows {
+            let (start, end) = (rows.start, rows.end);
+            return Err(DataError::OutOfRange { episode: info.name.clone(), start, end, rows: info.rows });
+        }
+        Ok(self.block(self.first[episode], rows))
+    }
+}
+
+impl From<fleetfoot::pwa::Error> for Failure {
+    fn from(error: fleetfoot::pwa::Error) -> Self {
+        match error {
+            fleetfoot::pwa::Error::Cancelled(cancelled) => cancelled.into(),
+            error => Self::Other(Kind::Fit, error.to_string()),
+        }
+    }
+}
+
+/// How regions are made and chosen: a dictionary in Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct PwaRequest {
+    /// Partitions as users write them.
+    partitions: String,
+    /// Features that partitions look at.
+    features: Vec<usize>,
+    /// Rows of each group; neighbours.
+    groups: Vec<usize>,
+    folds: u16,
+    /// Rows of shrinkage; `None`: by cross-validation.
+    shrinkage: Option<f64>,
+    bic: bool,
+    seed: u64,
+    restarts: usize,
+    max_iter: usize,
+}
+
+impl PwaRequest {
+    fn options(&self) -> Result<Options, Failure> {
+        let partitions = Specification::parse_list(&self.partitions)
+            .map_err(|error| Failure::Other(Kind::Request, error.to_string()))?;
+        let mut options = Options::default();
+        options.partitions = partitions;
+        options.folds = self.folds;
+        options.shrinkage = self.shrinkage.map_or(Shrinkage::Auto, Shrinkage::Rows);
+        options.selection = if self.bic { Selection::Bic } else { Selection::CrossValidation };
+        options.seed = self.seed;
+        options.restarts = self.restarts;
+        options.iterations = self.max_iter;
+        Ok(options)
+    }
+}
+
+/// Names of the columns: features, targets, the weight.
+fn names(features: usize, targets: usize, weighted: bool) -> Vec<String> {
+    let x = (0..features).map(|j| format!("x{j}"));
+    let y = (0..targets).map(|t| format!("y{t}"));
+    x.chain(y).chain(weighted.then(|| "weight".to_owned())).collect()
+}
+
+fn problem(features: usize, targets: usize, weighted: bool, partition: &[usize]) -> Problem {
+    let column = |name: String, role: Role| ModelColumn { source: name.clone(), name, unit: None, role, angle: false };
+    let x = |j: usize| Expr::column(format!("x{j}"));
+    let inputs = (0..features).map(|j| column(format!("x{j}"), Role::Input));
+    let outputs = (0..targets).map(|t| column(format!("y{t}"), Role::Auxiliary));
+    Problem {
+        columns: inputs.chain(outputs).collect(),
+        library: (0..features).map(x).collect(),
+        equations: (0..targets)
+            .map(|t| Equation {
+                subject: format!("y{t}"),
+                prediction: Prediction::Value,
+                right: Expr::column(format!("f{t}")),
+                target: Some(Expr::column(format!("y{t}"))),
+                unit: None,
+            })
+            .collect(),
+        partition_columns: partition.iter().copied().map(x).collect(),
+        weight: weighted.then(|| Expr::column("weight")),
+        step: 1.0,
+    }
+}
+
+/// A candidate: its partition, regions, held-out loss, standard error, loss of each fold, coefficients of determination, and BIC.
+type Candidate = (String, usize, f64, f64, Vec<f64>, Vec<f64>, f64);
+
+/// Piecewise-affine models of arrays.
+#[pyclass(frozen, module = "fleetfoot._core")]
+pub(crate) struct PwaFit {
+    found: Identification,
+}
+
+#[pymethods]
+impl PwaFit {
+    /// Fits X (n x p), y (n or n x q), row weights (n).
+    #[new]
+    #[pyo3(signature = (x, y, weights, request, progress=None))]
+    fn new(
+        x: &Bound<'_, PyAny>,
+        y: &Bound<'_, PyAny>,
+        weights: Option<&Bound<'_, PyAny>>,
+        request: PwaRequest,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let mut parts = vec![Array::of(x, "X")?, Array::of(y, "y")?];
+        let (features, targets) = (parts[0].columns(), parts[1].columns());
+        parts.extend(weights.map(|weights| Array::of(weights, "sample_weight")).transpose()?);
+        let rows = parts[0].rows();
+        let told: usize = request.groups.iter().sum();
+        if parts.iter().any(|part| part.rows() != rows) || told != rows {
+            return Err(Kind::Data.error(format!("X has {rows} rows: y, sample_weight and groups have as many")));
+        }
+        if let Some(feature) = request.features.iter().find(|&&feature| feature >= features) {
+            return Err(Kind::Request.error(format!("feature {feature} of the partition: X has {features}")));
+        }
+        let weighted = weights.is_some();
+        let problem = problem(features, targets, weighted, &request.features);
+        let found = run_any(x.py(), progress, |progress| {
+            let table = Table::new(parts, &names(features, targets, weighted), &request.groups);
+            Ok(identify(&problem, &request.options()?, &table, progress)?)
+        })?;
+        Ok(Self { found })
+    }
+
+    /// Coefficients of each region and target (regions x q x p).
+    #[getter]
+    fn coefficients(&self) -> Vec<Vec<Vec<f64>>> {
+        let latents = &self.found.model.latents;
+        (0..self.regions()).map(|k| latents.iter().map(|latent| latent.coefficients[k].clone()).collect()).collect()
+    }
+
+    /// Constant of each region and target (regions x q).
+    #[getter]
+    fn constants(&self) -> Vec<Vec<f64>> {
+        let latents = &self.found.model.latents;
+        (0..self.regions()).map(|k| latents.iter().map(|latent| latent.constants[k]).collect()).collect()
+    }
+
+    /// The partition as users write it.
+    #[getter]
+    fn partition(&self) -> String {
+        self.found.candidates[self.found.chosen].specification.to_string()
+    }
+
+    /// Centre and scale of the partition's features.
+    #[getter]
+    fn units(&self) -> (Vec<f64>, Vec<f64>) {
+        let partition = self.found.model.partitions.first();
+        partition.map_or_else(Default::default, |partition| (partition.centre.clone(), partition.scale.clone()))
+    }
+
+    /// Standardised centroids; empty where the partition has none.
+    #[getter]
+    fn centroids(&self) -> Vec<Vec<f64>> {
+        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+            Some(Rule::Linear { weights, .. }) => weights.clone(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Radius of the ball, where the partition is one.
+    #[getter]
+    fn radius(&self) -> Option<f64> {
+        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+            Some(Rule::Ball { radius }) => Some(*radius),
+            _ => None,
+        }
+    }
+
+    /// Rows that each region was fitted on.
+    #[getter]
+    fn rows(&self) -> Vec<u64> {
+        let regions = self.found.model.partitions.iter().take(1).flat_map(|partition| &partition.regions);
+        regions.map(|region| region.rows).collect()
+    }
+
+    /// All partitions that were tried.
+    #[getter]
+    fn candidates(&self) -> Vec<Candidate> {
+        let told = |score: &fleetfoot::pwa::Score| {
+            let (name, losses) = (score.specification.to_string(), score.losses.clone());
+            (name, score.regions, score.loss, score.standard_error, losses, score.r2.clone(), score.bic)
+        };
+        self.found.candidates.iter().map(told).collect()
+    }
+
+    /// The number of the chosen one.
+    #[getter]
+    fn chosen(&self) -> usize {
+        self.found.chosen
+    }
+
+    /// What the user should know.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.found.notes.clone()
+    }
+}
+
+impl PwaFit {
+    fn regions(&self) -> usize {
+        self.found.model.latents.first().map_or(0, |latent| latent.constants.len())
+    }
+}
+
+/// The rule of a partition: a dictionary in Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct PwaRule {
+    features: Vec<usize>,
+    centre: Vec<f64>,
+    scale: Vec<f64>,
+    centroids: Vec<Vec<f64>>,
+    radius: Option<f64>,
+}
+
+/// The region of each row of X (n x p).
+#[pyfunction]
+pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult<Bound<'py, PyArray1<i32>>> {
+    let array = Array::of(x, "X")?;
+    let PwaRule { features, centre, scale, centroids, radius } = rule;
+    let width = features.len();
+    let fits = centre.len() == width && scale.len() == width && centroids.iter().all(|row| row.len() == width);
+    if !fits || features.iter().any(|&feature| feature >= array.columns()) {
+        return Err(Kind::Request.error("the partition's features, centres and scales do not go together"));
+    }
+    let rule = match radius {
+        Some(radius) => Rule::Ball { radius },
+        None if centroids.is_empty() => Rule::Whole,
+        None => Rule::voronoi(centroids),
+    };
+    let found = run_any(x.py(), None, |progress| {
+        const BLOCK: usize = 16_384;
+        let blocks = fleetfoot::data::parallel_map(array.rows().div_ceil(BLOCK), progress, |block| {
+            let rows = block * BLOCK..((block + 1) * BLOCK).min(array.rows());
+            let mut regions = vec![0; rows.len()];
+            let columns = array.values(&features, rows);
+            let z: Vec<Vec<f64>> = columns
+                .iter()
+                .zip(centre.iter().zip(&scale))
+                .map(|(column, (centre, scale))| column.iter().map(|value| (value - centre) / scale).collect())
+                .collect();
+            rule.assign(&z.iter().map(Vec::as_slice).collect::<Vec<_>>(), &mut regions);
+            Ok::<_, Failure>(regions.into_iter().map(|region| region as i32).collect::<Vec<i32>>())
+        })?;
+        Ok(blocks.concat())
+    })?;
+    Ok(PyArray1::from_vec(x.py(), found))
+}
