@@ -137,6 +137,12 @@ impl Compiled {
         self.rights.evaluate(&leaves, rows, &mut workspace.outputs, stride, &mut workspace.scratch);
     }
 
+    /// The values of the latent that stands behind the columns at this index, after [`Self::evaluate`]; `None` for a column.
+    pub(crate) fn latent<'a>(&self, column: usize, workspace: &'a Workspace) -> Option<&'a [f64]> {
+        let slot = column.checked_sub(self.columns)?;
+        workspace.latents.get(slot * workspace.stride..)
+    }
+
     fn assign(&self, rows: usize, workspace: &mut Workspace) {
         workspace.regions.resize_with(self.partitions.len(), Vec::new);
         for (regions, out) in self.partitions.iter().zip(&mut workspace.regions) {

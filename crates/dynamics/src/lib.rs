@@ -3,6 +3,7 @@
 //! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
 //! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
+//! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
 //! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
 //!
@@ -26,11 +27,14 @@ mod layout;
 mod mahalanobis;
 mod metrics;
 mod plane;
+mod points;
 mod predict;
 mod rollout;
 mod score;
 mod simulator;
 mod starts;
+mod stepper;
+mod tangent;
 mod trajectory;
 mod window;
 
@@ -43,11 +47,14 @@ pub use integrate::{Method, Step};
 pub use mahalanobis::Mahalanobis;
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
 pub use plane::{Axis, MAX_BINS, Plane, PlaneCell, plane};
+pub use points::Points;
 pub use predict::{Predicted, Predictor, PredictorWorkspace, RowStatus};
 pub use rollout::{Outcome, Rollouts, rollout, rollout_closed_loop};
 pub use score::{ScoreOptions, score};
 pub use simulator::{RolloutOptions, Simulator};
 pub use starts::{Start, Starts};
+pub use stepper::{InputSequence, Stepper, StepperWorkspace};
+pub use tangent::{Linearized, Tangent};
 pub use trajectory::{End, Trajectory};
 
 pub use fleetfoot_stats::{Basis, Estimate, student_t_95};

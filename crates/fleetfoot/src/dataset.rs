@@ -15,7 +15,7 @@ use crate::{
     labels::Labelled,
     sindy::EquationTask,
     structure::StructuredTask,
-    task::{Task, aliases_of_model},
+    task::{Aliases, Task, aliases_of_model},
     wildcard::is_match,
 };
 
@@ -348,6 +348,51 @@ impl Dataset {
         let (recipe, task) = Self::equations(recipe, logs)?;
         let dataset = Self::open(&recipe, &task.columns, &task.aliases, logs, progress)?;
         Ok((dataset, task))
+    }
+
+    /// Opens logs for columns: aliases of the recipe, fields, or expressions over both. Without names: the recipe's states and inputs, else its
+    /// aliases, else all fields.
+    ///
+    /// # Errors
+    /// A name that is none, no column at all; those of opening.
+    pub fn for_columns(
+        recipe: &Recipe,
+        names: Option<&[String]>,
+        logs: impl Into<Logs>,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let logs = &logs.into();
+        let (fields, info) = fields(recipe, logs)?;
+        let recipe = &recipe.expand(&fields)?;
+        let mut aliases = Aliases::of_recipe(recipe, &fields)?;
+        let readable = |field: &&Column| {
+            let of_file = info.iter().flat_map(|info| &info.columns).find(|column| column.name == field.name);
+            of_file.is_none_or(|column| column.unsupported.is_none())
+        };
+        let named: Vec<String> = match names {
+            Some(names) => names.to_vec(),
+            // What a fit sees; a recipe may name more.
+            None if !aliases.columns.is_empty() => Vec::new(),
+            None if !recipe.columns.is_empty() => recipe.columns.keys().cloned().collect(),
+            None => fields.iter().filter(readable).map(|field| field.name.clone()).collect(),
+        };
+        for name in &named {
+            let text = (!aliases.has(name)).then_some(name.as_str());
+            aliases
+                .add(name, text, None, Role::Auxiliary, false, "the columns")
+                .map_err(|error| explained(error, info.as_ref()))?;
+        }
+        let (mut columns, mut expressions) = (aliases.columns, aliases.expressions);
+        if names.is_some() {
+            let place = |name: &String| columns.iter().position(|column| column.name == *name);
+            let places: Vec<usize> = named.iter().filter_map(place).collect();
+            columns = places.iter().map(|&at| columns[at].clone()).collect();
+            expressions = places.iter().map(|&at| expressions[at].clone()).collect();
+        }
+        if columns.is_empty() {
+            return Err(Error::Request("there is no column to read: name some".into()));
+        }
+        Self::open(recipe, &columns, &expressions, logs, progress)
     }
 
     /// Sees the same fields through other aliases from now on.

@@ -15,12 +15,14 @@ mod export;
 mod fit;
 pub mod generate;
 mod init;
+mod json;
 mod labels;
 mod logs;
 mod narx;
 mod output;
 mod project;
 mod recipe;
+mod rows;
 mod run;
 mod sindy;
 mod sparse_fit;
@@ -35,6 +37,7 @@ pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
+pub use json::interval_in_words;
 pub use logs::Logs;
 pub use narx::{
     NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,
@@ -45,6 +48,7 @@ pub use recipe::{
     EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,
     NarxSection, NarxTerms, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection, Threshold, Time,
 };
+pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{
     Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint, Parameter, ParameterReport,
@@ -53,8 +57,8 @@ pub use sindy::{
 };
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, FoldRule, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
-    Resampled, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value, fit_sparse,
-    is_statistic, write_frequencies,
+    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
+    file_by_value, fit_sparse, is_statistic, solve_statistic, write_frequencies,
 };
 pub use structure::{Moments, StructuredTask};
 pub use task::Task;

@@ -33,7 +33,7 @@ pub struct Scored {
 
 /// Scores one-step predictions on files.
 pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Scored, Error> {
-    let dataset = Dataset::for_model(model, changes, &logs.into(), progress)?;
+    let dataset = Dataset::for_model(model, changes, logs, progress)?;
     let view = dataset.view()?;
     progress.stage("score");
     let scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
@@ -113,7 +113,7 @@ pub fn predict_rows(
     progress: &dyn Progress,
     mut take: impl FnMut(&Predictor, &PredictedRows<'_>) -> Result<(), Error> + Send,
 ) -> Result<Written, Error> {
-    let dataset = Dataset::for_model(model, changes, &logs.into(), progress)?;
+    let dataset = Dataset::for_model(model, changes, logs, progress)?;
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;

@@ -9,6 +9,7 @@ mod model;
 mod options;
 mod problem;
 mod report;
+mod solve;
 mod support;
 pub(crate) mod words;
 
@@ -33,6 +34,7 @@ pub use lambda::LambdaChoice;
 pub use options::{Criterion, FoldRule, LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
 pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
+pub use solve::{SolveMethod, Solved, solve_statistic};
 
 /// Episodes from which on they are the clusters of the standard errors, and the units of stability selection; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;

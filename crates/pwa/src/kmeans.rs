@@ -18,6 +18,8 @@ mod lloyd;
 mod plus_plus;
 mod points;
 mod random;
+mod rows;
+mod run;
 mod screen;
 mod step;
 mod sums;
@@ -27,9 +29,10 @@ mod transpose;
 
 pub use assigner::Assigner;
 pub use points::Points;
+pub use rows::{Assigned, KMeansRows, Units, assign_rows, distances_to};
+pub use run::{KMeansRun, KMeansStep, kmeans_from, plus_plus_draws, starting_centroids};
 
 use fleetfoot_data::{Cancelled, Progress};
-use lloyd::Lloyd;
 
 /// Where the centroids start.
 #[derive(Debug, Clone, Copy)]
@@ -125,6 +128,17 @@ pub enum KMeansError {
         /// The value, in the unit of the column.
         value: f64,
     },
+    /// A weight that is no number of rows.
+    #[error("row {row}: its weight is {value}; weights are finite, not negative and at most 1e30")]
+    Weight {
+        /// Which row, from 0.
+        row: usize,
+        /// Its weight.
+        value: f64,
+    },
+    /// Nothing that counts.
+    #[error("all weights are zero: no row counts")]
+    NoWeight,
     /// A starting centroid that is nowhere.
     #[error("coordinate {column} of starting centroid {cluster} is {value}")]
     Centroid {
@@ -157,31 +171,16 @@ pub fn kmeans(
     options: &KMeansOptions,
     progress: &dyn Progress,
 ) -> Result<KMeans, KMeansError> {
-    if points.rows() == 0 {
-        return Err(KMeansError::NoRows);
-    }
-    if options.k == 0 {
-        return Err(KMeansError::NoClusters);
-    }
-    if options.tolerance.is_nan() || options.tolerance < 0.0 {
-        return Err(KMeansError::Tolerance(options.tolerance));
-    }
+    check(points, options)?;
     match start {
         Start::Centroids(centroids) => {
-            let expected = options.k * points.dimensions();
-            if centroids.len() != expected {
-                return Err(KMeansError::Shape {
-                    what: "coordinates of starting centroids",
-                    expected,
-                    found: centroids.len(),
-                });
-            }
-            check_centroids(centroids, points.dimensions())?;
+            check_start(points, centroids, options)?;
             iterate(points, centroids.to_vec(), options, progress)
         }
         Start::PlusPlus { seed, restarts } => {
             let run = |restart: u64| {
-                let centroids = plus_plus::plus_plus(points, options.k, seed, restart, progress)?;
+                let draw = |draw: usize| random::uniform(seed, restart, draw as u64);
+                let centroids = plus_plus::plus_plus(points, options.k, draw, progress)?;
                 iterate(points, centroids, options, progress)
             };
             let mut best = run(0)?;
@@ -203,24 +202,36 @@ fn iterate(
     options: &KMeansOptions,
     progress: &dyn Progress,
 ) -> Result<KMeans, KMeansError> {
-    let d = points.dimensions();
-    let mut lloyd = Lloyd::new(points, start);
-    let threshold = if options.tolerance > 0.0 { options.tolerance * points.mean_variance(progress)? } else { 0.0 };
-    let (mut iterations, mut converged) = (0, false);
-    while iterations < options.max_iterations && !converged {
-        let changed = lloyd.assign(progress)?;
-        let shift = lloyd.update(progress)?;
-        iterations += 1;
-        converged = changed == 0 || (threshold > 0.0 && shift <= threshold);
-        progress.advance(1, options.max_iterations);
-    }
-    // The centroids moved since the rows were assigned.
-    lloyd.assign(progress)?;
-    let inertia = lloyd.inertia(progress)?;
-    let members = || lloyd.counts().iter().zip(lloyd.centroids.chunks_exact(d)).filter(|(count, _)| **count > 0);
-    let counts = members().map(|(count, _)| *count as u64).collect();
+    let run::KMeansRun { centroids, counts, inertia, iterations, converged, .. } =
+        run::iterate(points, start, options, false, progress)?;
+    let members = || counts.iter().zip(centroids.chunks_exact(points.dimensions())).filter(|&(&count, _)| count > 0);
     let centroids = members().flat_map(|(_, centroid)| centroid).copied().collect();
+    let counts = members().map(|(&count, _)| count).collect();
     Ok(KMeans { centroids, counts, inertia, iterations, converged })
+}
+
+/// Refuses what cannot be clustered.
+fn check(points: &Points, options: &KMeansOptions) -> Result<(), KMeansError> {
+    if points.rows() == 0 {
+        return Err(KMeansError::NoRows);
+    }
+    if options.k == 0 {
+        return Err(KMeansError::NoClusters);
+    }
+    if options.tolerance.is_nan() || options.tolerance < 0.0 {
+        return Err(KMeansError::Tolerance(options.tolerance));
+    }
+    Ok(())
+}
+
+/// Refuses starting centroids of another number or shape.
+fn check_start(points: &Points, centroids: &[f64], options: &KMeansOptions) -> Result<(), KMeansError> {
+    let expected = options.k * points.dimensions();
+    if centroids.len() != expected {
+        let found = centroids.len();
+        return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, found });
+    }
+    check_centroids(centroids, points.dimensions())
 }
 
 /// Refuses centroids that have no place or no shape.

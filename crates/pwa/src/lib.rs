@@ -25,7 +25,10 @@ mod tsqr;
 
 pub use error::Error;
 pub use identify::{Cost, Identification, Score, cost, identify};
-pub use kmeans::{Assigner, KMeans, KMeansError, KMeansOptions, Points, Start, kmeans};
+pub use kmeans::{
+    Assigned, Assigner, KMeans, KMeansError, KMeansOptions, KMeansRows, KMeansRun, KMeansStep, Points, Start, Units,
+    assign_rows, distances_to, kmeans, kmeans_from, plus_plus_draws, starting_centroids,
+};
 pub use partition::{Partitioned, partition};
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError};

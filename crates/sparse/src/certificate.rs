@@ -20,6 +20,8 @@ use crate::{
 
 /// An l1 penalty, as a correlation, that rounding of the gradient may be above.
 const NO_PENALTY: f64 = 1e-6;
+/// Distance of two gradients, as correlations, that ill-conditioned columns make by rounding.
+const REACHED: f64 = 1e-10;
 
 /// How far coefficients are from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,8 +171,14 @@ impl Point<'_> {
             for &j in used {
                 gradient[j] = original[j] - explained[j] - ridge(j) * step[j];
             }
-            moved.iter().for_each(|&j| gradient[j] = self.goal(j, original[j]));
-            length = moved.iter().map(|&j| step[j] * excess[j]).sum::<f64>().max(0.0);
+            // What is reached but for rounding is reached. Without a penalty all columns get there; with one, columns that depend on each other may not.
+            for &j in &moved {
+                let goal = self.goal(j, original[j]);
+                if self.limit(j) == 0.0 || (gradient[j] - goal).abs() <= REACHED {
+                    gradient[j] = goal;
+                }
+            }
+            length = moved.iter().map(|&j| step[j] * (original[j] - gradient[j])).sum::<f64>().max(0.0);
             along = moved.iter().map(|&j| step[j] * gradient[j]).sum();
         }
         let feasible = |scale: f64, &j: &usize| {

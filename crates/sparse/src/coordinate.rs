@@ -11,13 +11,16 @@ use crate::{
 
 /// Columns that join the working set at once, at least.
 const JOIN: usize = 32;
+/// The least violation, as a correlation, that is more than rounding.
+const MOST_EXACT: f64 = 1e-14;
 
 /// How coordinate descent is done.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoordinateOptions {
     /// Share of the l1 penalty: 1 is the lasso, 0 is ridge.
     pub l1_ratio: f64,
-    /// The violation of the optimality conditions, as a correlation ([`Certificate::kkt`](crate::Certificate)), at which a solution is good.
+    /// The violation of the optimality conditions, as a correlation ([`Certificate::kkt`](crate::Certificate)), at which a solution is good; where the
+    /// penalty itself is smaller than a hundred times that, a hundredth of the penalty.
     pub tolerance: f64,
     /// The most sweeps over the working set, a lambda.
     pub max_epochs: usize,
@@ -44,6 +47,49 @@ pub fn coordinate_descent(
     lambdas: &[f64],
     options: &CoordinateOptions,
 ) -> Result<Vec<Solution>, SparseError> {
+    let found = descend(problem, penalty, lambdas, options, None)?;
+    Ok(found.into_iter().map(|found| found.solution).collect())
+}
+
+/// A solution, and what it cost.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Descended {
+    /// The solution.
+    pub solution: Solution,
+    /// Sweeps over the working set, all working sets of this lambda together; 0 where the start met the tolerance.
+    pub epochs: usize,
+}
+
+/// As [`coordinate_descent`], the first lambda started from the coefficients `start` (p, raw units) instead of zeros. Where a coefficient may not have its
+/// value, or its column takes no part, it starts from zero.
+///
+/// # Errors
+/// As [`coordinate_descent`], and when `start` does not have one finite value a column.
+pub fn coordinate_descent_from(
+    problem: &Quadratic,
+    penalty: &Penalty,
+    lambdas: &[f64],
+    options: &CoordinateOptions,
+    start: &[f64],
+) -> Result<Vec<Descended>, SparseError> {
+    let p = problem.columns();
+    if start.len() != p {
+        return Err(SparseError::Length { what: "the start", found: start.len(), expected: p });
+    }
+    if let Some(column) = start.iter().position(|value| !value.is_finite()) {
+        return Err(SparseError::ColumnNotFinite { column });
+    }
+    descend(problem, penalty, lambdas, options, Some(start))
+}
+
+fn descend(
+    problem: &Quadratic,
+    penalty: &Penalty,
+    lambdas: &[f64],
+    options: &CoordinateOptions,
+    start: Option<&[f64]>,
+) -> Result<Vec<Descended>, SparseError> {
     check_ratio(options.l1_ratio)?;
     if !(1e-15..=1.0).contains(&options.tolerance) {
         return Err(SparseError::Tolerance { value: options.tolerance });
@@ -53,14 +99,19 @@ pub fn coordinate_descent(
     }
     let weights = Weights::new(problem, penalty)?;
     let mut descent = Descent::new(problem, &weights);
-    let mut points = Vec::with_capacity(lambdas.len());
+    if let Some(start) = start {
+        descent.start(start);
+    }
+    let (mut points, mut epochs) = (Vec::with_capacity(lambdas.len()), Vec::with_capacity(lambdas.len()));
     for &lambda in lambdas {
         let strength = Strength::elastic_net(lambda, options.l1_ratio);
-        let converged = descent.solve(strength.l1 / weights.tau, strength.l2, options);
+        let (converged, used) = descent.solve(strength.l1 / weights.tau, strength.l2, options);
         let delta = descent.delta.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         points.push(Point { l1: strength.l1, l2: strength.l2, delta, converged });
+        epochs.push(used);
     }
-    Ok(finish(problem, &weights, points))
+    let solutions = finish(problem, &weights, points).into_iter().zip(epochs);
+    Ok(solutions.map(|(solution, epochs)| Descended { solution, epochs }).collect())
 }
 
 /// The smallest lambda at which every penalised coefficient is zero; 0 when none ever differs from zero.
@@ -132,8 +183,21 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// The minimiser at these strengths, from the present coefficients on; whether it meets the tolerance.
-    fn solve(&mut self, l1: f64, l2: f64, options: &CoordinateOptions) -> bool {
+    /// Goes on from these coefficients, in raw units.
+    fn start(&mut self, raw: &[f64]) {
+        let size = self.problem.target_length();
+        for (j, &value) in raw.iter().enumerate() {
+            let used = value != 0.0 && self.weights.used(j) && self.weights.signs[j].allows(value);
+            self.delta[j] = if used { value * (self.problem.length[j] / size) } else { 0.0 };
+            if used {
+                self.form(j);
+            }
+        }
+        self.refresh();
+    }
+
+    /// The minimiser at these strengths, from the present coefficients on; whether it meets the tolerance, and the sweeps that it took.
+    fn solve(&mut self, l1: f64, l2: f64, options: &CoordinateOptions) -> (bool, usize) {
         let p = self.problem.columns();
         let limit: Vec<f64> =
             self.weights.omega.iter().map(|&omega| if omega == 0.0 { 0.0 } else { l1 * omega }).collect();
@@ -147,14 +211,17 @@ impl<'a> Descent<'a> {
         let mut working: Vec<usize> = if self.l1.is_finite() {
             (0..p).filter(strong).collect()
         } else {
-            (0..p).filter(|&j| self.weights.used(j) && limit[j] == 0.0).collect()
+            (0..p).filter(|&j| self.weights.used(j) && (limit[j] == 0.0 || self.delta[j] != 0.0)).collect()
         };
         self.l1 = l1;
+        // A violation as large as the penalty itself would be no solution.
+        let least = limit.iter().copied().filter(|limit| *limit > 0.0).fold(f64::INFINITY, f64::min);
+        let tolerance = options.tolerance.min((0.01 * least).max(MOST_EXACT));
         let (mut epochs, mut idle) = (options.max_epochs, 0);
         loop {
             let small = self.small(&working, &limit, l2);
             let mut delta: Vec<f64> = working.iter().map(|&j| self.delta[j]).collect();
-            let (_, used) = small.minimise(&mut delta, 0.5 * options.tolerance, epochs);
+            let (_, used) = small.minimise(&mut delta, 0.5 * tolerance, epochs);
             working.iter().zip(&delta).for_each(|(&j, &delta)| self.delta[j] = delta);
             self.refresh();
             epochs -= used.min(epochs);
@@ -164,10 +231,10 @@ impl<'a> Descent<'a> {
                     let gradient = self.gradient[j] - l2 * self.weights.rho[j] * self.delta[j];
                     (violation(self.weights.signs[j], limit[j], self.delta[j], gradient), j)
                 })
-                .filter(|&(violation, _)| violation > options.tolerance)
+                .filter(|&(violation, _)| violation > tolerance)
                 .collect();
             if broken.is_empty() {
-                return true;
+                return (true, options.max_epochs - epochs);
             }
             broken.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             let before = working.len();
@@ -179,7 +246,7 @@ impl<'a> Descent<'a> {
             // Nothing joined: what is broken lies in the working set, and sweeping again mends rounding at best.
             idle += usize::from(working.len() == before);
             if epochs == 0 || idle > 2 {
-                return false;
+                return (false, options.max_epochs - epochs);
             }
         }
     }

@@ -125,7 +125,9 @@ fn follow(
             Settled::Full => return (points, PathStatus::MaxFeatures),
             Settled::Stalled => return (points, PathStatus::Stalled),
         }
-        let next = homotopy.next(lambda).max(end);
+        let next = homotopy.next(lambda);
+        // A knot that only rounding tells from the end is the end.
+        let next = if next <= end * (1.0 + 8.0 * f64::EPSILON) { end } else { next };
         idle = if next < lambda { 0 } else { idle + 1 };
         if idle > 2 * problem.columns() + 10 {
             return (points, PathStatus::Stalled);

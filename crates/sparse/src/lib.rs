@@ -21,6 +21,7 @@ mod certificate;
 mod cholesky;
 mod constrained;
 mod coordinate;
+mod dense;
 mod descent;
 mod error;
 mod factor;
@@ -51,7 +52,10 @@ pub use constrained::{
     ConstrainedStatus, Constraints, LatentFit, LatentLimit, LatentOptions, Limit, LinearConstraint, constrain_latent,
     constrained,
 };
-pub use coordinate::{CoordinateOptions, coordinate_descent, lambda_grid, lambda_max};
+pub use coordinate::{
+    CoordinateOptions, Descended, coordinate_descent, coordinate_descent_from, lambda_grid, lambda_max,
+};
+pub use dense::{DenseDesign, DenseError, DenseRows};
 pub use error::SparseError;
 pub use inference::{
     BootstrapInterval, Clusters, Confounded, Confounding, Covariance, InferenceError, Influence, InfluenceReport,
@@ -64,9 +68,9 @@ pub use path::{Path, PathStatus, Solution};
 pub use penalty::{Penalty, Sign, Strength};
 pub use quadratic::Quadratic;
 pub use select::{
-    CriteriaOptions, CrossValidation, Folds, HeldOut, InformationCriteria, Lambdas, NoiseVariance, RandomSplits,
-    SelectError, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task, effective_rows,
-    information_criteria, task_criteria,
+    CriteriaOptions, CrossValidation, Folds, GridSolutions, HeldOut, InformationCriteria, Lambdas, NoiseVariance,
+    RandomSplits, SelectError, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task,
+    effective_rows, information_criteria, solve_grid, task_criteria,
 };
 pub use structured::{
     Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
@@ -75,7 +79,7 @@ pub use structured::{
 pub use system::{System, SystemError, SystemPlan, SystemScan, Unit, sampled_mean_squares};
 pub use threshold::{
     Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
-    FrolsChoice, LassoPath, Matching, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Step,
+    FrolsChoice, Joint, LassoPath, Matching, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Step,
     StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, choose_by_cross_validation,
     ensemble, optimize, sweep, sweep_thresholds,
 };

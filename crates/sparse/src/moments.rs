@@ -23,7 +23,9 @@ impl Quadratic {
             return Err(SparseError::NoRows);
         }
         let column = |j: usize| root.r.col_as_slice(j)[..=j].iter().copied();
-        if let Some(column) = (0..p).find(|&j| !column(j).all(f64::is_finite) || !root.mean_x[j].is_finite()) {
+        let finite =
+            |j: usize| column(j).all(f64::is_finite) && root.mean_x[j].is_finite() && root.magnitude[j].is_finite();
+        if let Some(column) = (0..p).find(|&j| !finite(j)) {
             return Err(SparseError::ColumnNotFinite { column });
         }
         let z = root.z.col_as_slice(target);
@@ -86,6 +88,37 @@ impl Quadratic {
         let xy = columns.iter().map(|&column| gram.get(column, target)).collect();
         let means = Means { x: columns.iter().map(|&column| gram.mean[column]).collect(), y: gram.mean[target] };
         Self::of_moments(gram.weight, Some(means), moments, xy, gram.get(target, target))
+    }
+
+    /// As [`Quadratic::from_gram`], without an intercept: the means return to the products.
+    ///
+    /// # Errors
+    /// As [`Quadratic::from_gram`].
+    pub fn from_gram_at_origin(gram: &Gram, columns: &[usize], target: usize) -> Result<Self, SparseError> {
+        let d = gram.dimension();
+        if let Some(&target) = columns.iter().chain([&target]).find(|&&column| column >= d) {
+            return Err(SparseError::NoSuchTarget { target, targets: d });
+        }
+        let product = |i: usize, j: usize| gram.get(i, j) + gram.weight * gram.mean[i] * gram.mean[j];
+        let moments = Slab::from_fn(columns.len(), columns.len(), |i, j| product(columns[i], columns[j]));
+        let xy = columns.iter().map(|&column| product(column, target)).collect();
+        Self::of_moments(gram.weight, None, moments, xy, product(target, target))
+    }
+
+    /// As [`Quadratic::from_products`], the Gram matrix column after column (p x p), where `y'y` need not be known: then solutions are right, but
+    /// [`Solution::mse`](crate::Solution), [`Solution::r2`](crate::Solution) and what else is relative to the target's length are relative to
+    /// `sum_j (x_j'y)^2 / x_j'x_j` in its place.
+    ///
+    /// # Errors
+    /// As [`Quadratic::from_products`].
+    pub fn from_dense_products(gram: &[f64], xy: &[f64], yy: Option<f64>, n: f64) -> Result<Self, SparseError> {
+        let p = xy.len();
+        if gram.len() != p * p {
+            return Err(SparseError::Length { what: "the Gram matrix", found: gram.len(), expected: p * p });
+        }
+        let gram = MatRef::from_column_major_slice(gram, p, p);
+        let share = |j: usize| if gram[(j, j)] > 0.0 { xy[j] * (xy[j] / gram[(j, j)]) } else { 0.0 };
+        Self::from_products(gram, xy, yy.unwrap_or_else(|| (0..p).map(share).sum()), n)
     }
 
     /// From plain products `X'X` (p x p), `X'y` (p) and `y'y` of rows whose weights sum to n, without an intercept (or of rows that were centred).

@@ -8,6 +8,7 @@ mod cross_validation;
 mod ensemble;
 mod error;
 mod frols;
+mod joint;
 mod lasso;
 mod optimizer;
 mod prepared;
@@ -26,6 +27,7 @@ pub use cross_validation::{FoldProblem, FoldScores, Matching, choose_by_cross_va
 pub use ensemble::{Ensemble, EnsembleOptions, ensemble};
 pub use error::ThresholdError;
 pub use frols::{Frols, FrolsChoice};
+pub use joint::Joint;
 pub use lasso::LassoPath;
 pub use optimizer::{Optimizer, Scaling, optimize};
 pub use select::{Choice, Sweep, SweepOptions, sweep};

@@ -6,3 +6,4 @@ mod latents;
 mod plane;
 mod rollouts;
 mod scores;
+mod steppers;

@@ -48,7 +48,7 @@ pub fn fit_narx(
 ) -> Result<NarxFitted, Error> {
     let options = NarxOptions::new(recipe)?;
     let prepared = one_row_ahead(recipe, &options)?;
-    let (dataset, task) = Dataset::for_equations(&prepared, &logs.into(), progress)?;
+    let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
     let narx = NarxTask::new(task, recipe, &options)?;
     let view = dataset.view()?;
     let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;

@@ -29,7 +29,7 @@ impl<'a> Problem<'a> {
     ) -> Result<Self, Error> {
         let structure = task.regression.structure();
         let banks = Banks::new(&file.scanned, wanted);
-        let roots = banks.total();
+        let roots = if banks.keys().is_empty() { Vec::new() } else { banks.total() };
         if roots.iter().all(|root| root.weight <= 0.0) {
             return Err(Error::Request(
                 "no rows: every row lacks a value, or has the weight 0; `fleetfoot info --values` tells which columns have missing values".into(),

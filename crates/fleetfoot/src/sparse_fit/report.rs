@@ -100,8 +100,7 @@ impl SparseReport {
         left_out: [u64; 2],
         notes: Vec<String>,
     ) -> Result<Self, Error> {
-        let confounding = confounded(&problem.assembled, &support.columns, CONFOUNDED)?;
-        let groups = confounding.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());
+        let (confounded, condition) = named(problem, &support.columns)?;
         Ok(Self {
             rows: problem.rows(),
             episodes: problem.episodes(),
@@ -112,12 +111,19 @@ impl SparseReport {
             lambda,
             certificate: support.lasso.certificate,
             worst_replicate: support.replicates.as_ref().map(|replicates| replicates.worst_kkt),
-            confounded: groups.collect(),
-            condition: confounding.condition,
+            confounded,
+            condition,
             influence: None,
             notes,
         })
     }
+}
+
+/// Columns that can hardly be told apart, by name; and the condition number of all.
+pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec<String>>, f64), Error> {
+    let found = confounded(&problem.assembled, columns, CONFOUNDED)?;
+    let groups = found.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());
+    Ok((groups.collect(), found.condition))
 }
 
 fn tasks(problem: &Problem<'_>, lambda: &LambdaChoice, theta: &[f64]) -> Vec<TaskReport> {

@@ -27,6 +27,6 @@ pub use file::{ColumnRecord, EpisodeRecord, FileRecord, StatisticFile};
 pub use key::LabelKey;
 pub use operations::Unwanted;
 pub use plan::{ScanPlan, plan_scan};
-pub use scan::{ScanOptions, ScanReport, scan};
+pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
 pub(crate) use subset::Subset;
 pub use target::{ScanOutcome, ScanTarget, scan_to};

@@ -55,13 +55,51 @@ impl StatisticFile {
         Ok(())
     }
 
+    /// Adds the rows of another statistic of the same plan as one scan of the logs of both does: a file whose content is here already is left out. Tells
+    /// what was left out, with the reason.
+    ///
+    /// # Errors
+    /// Those of [`StatisticFile::merge`]: another plan, the same rows in another file. `self` is then unchanged.
+    pub fn append(&mut self, mut other: Self) -> Result<Vec<String>, Error> {
+        self.same_plan("the statistic", &other, "the one added to it")?;
+        let known: HashMap<ContentHash, &str> = self.files.iter().map(|file| (file.hash, file.name.as_str())).collect();
+        let mut skipped = Vec::new();
+        for file in &other.files {
+            match known.get(&file.hash) {
+                Some(&same) if same == file.name => skipped.push(format!("{same}: it is there already")),
+                Some(same) => skipped.push(format!("{}: the same content as {same}", file.name)),
+                None => {}
+            }
+        }
+        if !skipped.is_empty() {
+            let gone = |file: &ContentHash| known.contains_key(file);
+            let episodes: HashSet<EpisodeId> =
+                other.episodes.iter().filter(|episode| gone(&episode.file)).map(|episode| episode.id).collect();
+            other.files.retain(|file| !gone(&file.hash));
+            other.episodes.retain(|episode| !episodes.contains(&episode.id));
+            other.scanned.retain(|id| !episodes.contains(&id));
+        }
+        self.merge("the statistic", other, "the one added to it")?;
+        Ok(skipped)
+    }
+
+    /// Keeps the episodes that are wanted; returns the names of the others. What is left is what a scan of them finds with the same plan.
+    ///
+    /// # Errors
+    /// When nothing would be left. `self` is then unchanged.
+    pub fn keep_episodes(&mut self, wanted: impl Fn(&EpisodeRecord) -> bool) -> Result<Vec<String>, Error> {
+        let dropped: HashSet<EpisodeId> =
+            self.episodes.iter().filter(|episode| !wanted(episode)).map(|episode| episode.id).collect();
+        self.without(&dropped)
+    }
+
     /// Drops the episodes that any of these names; returns their names. What is left is what a scan of the others finds with the same plan. A file
     /// without episodes is forgotten, so that it can be appended again.
     ///
     /// # Errors
     /// A name that matches nothing, with what there is; when nothing would be left.
     pub fn drop_episodes(&mut self, unwanted: &[Unwanted]) -> Result<Vec<String>, Error> {
-        let mut dropped: Vec<EpisodeId> = Vec::new();
+        let mut dropped: HashSet<EpisodeId> = HashSet::new();
         for one in unwanted {
             let found = self.matching(one);
             if found.is_empty() {
@@ -69,16 +107,20 @@ impl StatisticFile {
             }
             dropped.extend(found);
         }
-        dropped.sort_unstable();
-        dropped.dedup();
+        self.without(&dropped)
+    }
+
+    fn without(&mut self, dropped: &HashSet<EpisodeId>) -> Result<Vec<String>, Error> {
+        if dropped.is_empty() {
+            return Ok(Vec::new());
+        }
         if dropped.len() == self.episodes.len() {
             return Err(StatisticError::NothingLeft(dropped.len()).into());
         }
-        let gone = |id: EpisodeId| dropped.binary_search(&id).is_ok();
-        let parted = self.episodes.iter().filter(|episode| gone(episode.id));
+        let parted = self.episodes.iter().filter(|episode| dropped.contains(&episode.id));
         let (names, files): (Vec<_>, Vec<_>) = parted.map(|episode| (episode.name.clone(), episode.file)).unzip();
-        self.scanned.retain(|id| !gone(id));
-        self.episodes.retain(|episode| !gone(episode.id));
+        self.scanned.retain(|id| !dropped.contains(&id));
+        self.episodes.retain(|episode| !dropped.contains(&episode.id));
         let left: HashSet<_> = self.episodes.iter().map(|episode| episode.file).collect();
         self.files.retain(|file| left.contains(&file.hash) || !files.contains(&file.hash));
         self.arrange();

@@ -64,6 +64,44 @@ pub fn scan(
     scan.finish()
 }
 
+/// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and what had to be assumed.
+///
+/// Scans that begin with it, wherever they run, go together.
+///
+/// # Errors
+/// Those of opening files and of reading the sample; text where numbers are needed.
+pub fn freeze(
+    recipe: &Recipe,
+    options: &ScanOptions,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<(StatisticFile, Vec<String>), Error> {
+    let mut scan = Scan::new(recipe, options, None, "the plan");
+    let files = scan.new_files(hash_logs(&logs.into(), progress)?);
+    let logs: Logs = files.into_iter().map(|file| file.log).collect::<Vec<_>>().into();
+    let opened = Dataset::for_structure(recipe, &logs, progress)?;
+    Ok((scan.begin(&opened, progress)?, scan.report.notes))
+}
+
+/// [`scan`] of some of the logs of one scan, with the plan of `plan`, whose rows are left out. A part may be without a complete row.
+///
+/// Parts put together with [`StatisticFile::append`] in the order of their logs are what one scan of all finds, bit for bit.
+///
+/// # Errors
+/// As [`scan`], a part without a complete row excepted.
+pub fn scan_part(
+    plan: &StatisticFile,
+    options: &ScanOptions,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<(StatisticFile, ScanReport), Error> {
+    let recipe = Recipe::parse(&plan.recipe, "the recipe of the plan")?;
+    let mut scan = Scan::new(&recipe, options, Some(plan.without_rows()), "the plan");
+    scan.run(hash_logs(&logs.into(), progress)?, progress, &mut |_| Ok(()))?;
+    let Scan { file, report, .. } = scan;
+    Ok((file.unwrap_or_else(|| plan.without_rows()), report))
+}
+
 /// A scan under way.
 pub(super) struct Scan<'a> {
     recipe: &'a Recipe,
@@ -105,22 +143,26 @@ impl<'a> Scan<'a> {
             return Ok(());
         }
         let logs: Logs = files.iter().map(|file| file.log.clone()).collect::<Vec<_>>().into();
-        let OpenedStructure { dataset, task, recipe, fields } = Dataset::for_structure(self.recipe, &logs, progress)?;
-        self.report.notes.extend_from_slice(dataset.notes());
-        refuse_text(&task, dataset.fields())?;
-        let mut file = match self.file.take() {
-            Some(file) => file,
-            None => {
-                progress.stage("pilot");
-                let view = dataset.view()?;
-                let chunk_rows = self.options.chunk_rows.map_or_else(|| default_chunk(&task, view.rows()), Into::into);
-                let plan = Plan::new(task.regression.clone(), task.also.clone(), chunk_rows, &view)?;
-                StatisticFile::empty(plan, &recipe, &task, &fields)
-            }
-        };
-        let added = self.add(&mut file, &files, &dataset, progress, keep);
+        let opened = Dataset::for_structure(self.recipe, &logs, progress)?;
+        let mut file = self.begin(&opened, progress)?;
+        let added = self.add(&mut file, &files, &opened.dataset, progress, keep);
         self.file = Some(file);
         added
+    }
+
+    /// What there is; else a plan from a pilot sample, without rows.
+    fn begin(&mut self, opened: &OpenedStructure, progress: &dyn Progress) -> Result<StatisticFile, Error> {
+        let OpenedStructure { dataset, task, recipe, fields } = opened;
+        self.report.notes.extend_from_slice(dataset.notes());
+        refuse_text(task, dataset.fields())?;
+        if let Some(file) = self.file.take() {
+            return Ok(file);
+        }
+        progress.stage("pilot");
+        let view = dataset.view()?;
+        let chunk_rows = self.options.chunk_rows.map_or_else(|| default_chunk(task, view.rows()), Into::into);
+        let plan = Plan::new(task.regression.clone(), task.also.clone(), chunk_rows, &view)?;
+        Ok(StatisticFile::empty(plan, recipe, task, fields))
     }
 
     /// The files whose content is not there yet, each content once.

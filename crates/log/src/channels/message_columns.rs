@@ -216,11 +216,16 @@ impl<'a> Sink<'a> {
         self.failed += part.failed;
         self.why = self.why.take().or(part.why);
         for slot in 0..part.values.len() {
-            if part.text[slot].is_empty() {
-                self.numbers[slot] += part.values[slot].iter().filter(|value| !value.is_nan()).count() as u64;
-                self.columns.fields[slot].values.extend_from_slice(&part.values[slot]);
-            } else {
+            if !part.text[slot].is_empty() {
                 self.take_texts(slot, &part.values[slot], &part.text[slot], &part.texts)?;
+                continue;
+            }
+            self.numbers[slot] += part.values[slot].iter().filter(|value| !value.is_nan()).count() as u64;
+            let values = &mut self.columns.fields[slot].values;
+            if self.names[slot].is_empty() {
+                values.extend_from_slice(&part.values[slot]);
+            } else {
+                values.resize(values.len() + part.values[slot].len(), f64::NAN);
             }
         }
         self.columns.log_time.extend(part.log_time);
@@ -233,10 +238,14 @@ impl<'a> Sink<'a> {
         let (codes, names) = (&mut self.codes[slot], &mut self.names[slot]);
         let mut known: Vec<Option<u32>> = vec![None; texts.len()];
         let field = &mut self.columns.fields[slot];
+        if names.is_empty() {
+            // The first texts: what came before is none.
+            field.values.fill(f64::NAN);
+        }
         for (&value, &is_text) in values.iter().zip(text) {
             if !is_text {
                 self.numbers[slot] += u64::from(!value.is_nan());
-                field.values.push(value);
+                field.values.push(f64::NAN);
                 continue;
             }
             // Codes beyond the texts stand for all that were too many.

@@ -1,6 +1,7 @@
 //! Robots' logs as recordings: clocks, episodes, joins, names, the cache, and what is refused. The logs are written here.
 
 mod clocks;
+mod columns;
 mod joins;
 mod kept;
 mod logs;

@@ -36,14 +36,15 @@ impl<'a> Lloyd<'a> {
         let d = points.dimensions();
         let clusters = centroids.len() / d;
         let chunks = (0..points.chunks()).map(|chunk| Mutex::new(Rows::new(points.chunk(chunk).rows())));
-        let quanta = Quanta::new(points.rows(), points.largest());
-        Self {
-            points,
-            chunks: chunks.collect(),
-            sums: Sums::new(clusters, d, quanta),
-            shrinkage: vec![0.0; clusters],
-            centroids,
-        }
+        let sums = match points.weights() {
+            None => Sums::new(clusters, d, Quanta::new(points.rows(), points.largest())),
+            Some(weights) => {
+                let largest = weights.iter().fold(0.0, |largest: f64, &weight| largest.max(weight));
+                let quanta = Quanta::new(points.rows(), points.largest() * largest);
+                Sums::weighted(clusters, d, quanta, Quanta::new(points.rows(), largest))
+            }
+        };
+        Self { points, chunks: chunks.collect(), sums, shrinkage: vec![0.0; clusters], centroids }
     }
 
     /// Rows of each cluster.
@@ -55,13 +56,11 @@ impl<'a> Lloyd<'a> {
     pub(super) fn assign(&mut self, progress: &dyn Progress) -> Result<usize, Cancelled> {
         let d = self.points.dimensions();
         let screen = Screen::new(&self.centroids, d);
-        let quanta = self.sums.quanta();
-        let clusters = self.shrinkage.len();
         let next = AtomicUsize::new(0);
         let arch = Arch::new();
         // Workers take chunks as they come: the sums are exact, so their order does not matter.
         let parts = parallel_map(thread_count().min(self.chunks.len()), &Silent, |_| {
-            let mut sums = Sums::new(clusters, d, quanta);
+            let mut sums = self.sums.emptied();
             let mut scratch = Scratch::new(d);
             let mut changed = 0;
             while let Some((chunk, state)) = claim(&next, &self.chunks) {
@@ -119,7 +118,7 @@ impl<'a> Lloyd<'a> {
             let distances = self.distances(rows, &state.labels).into_iter().zip(&state.labels).enumerate();
             let mut far: Vec<(f64, usize, u32)> =
                 distances.map(|(row, (distance, label))| (distance, row, *label)).collect();
-            far.retain(|(distance, ..)| *distance > 0.0);
+            far.retain(|&(distance, row, _)| distance > 0.0 && rows.weight(row) > 0.0);
             far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             far.truncate(wanted);
             far
@@ -137,18 +136,23 @@ impl<'a> Lloyd<'a> {
             let Some(target) = cluster else { break };
             // The last row of a cluster stays: taking it would only move the hole.
             if sums.counts()[label as usize] > 1 {
-                let row = self.points.row(row);
-                sums.subtract(label as usize, &row);
-                sums.add(target, &row);
+                let weight = self.points.weights().map(|weights| weights[row]);
+                sums.transfer(Some(label as usize), target, &mut self.points.row(row), weight);
                 cluster = empty.next();
             }
         }
         Ok(())
     }
 
-    /// Sum of the squared distances of all rows to their centroids, in the order of the rows, chunk by chunk.
+    /// Weighted sum of the squared distances of all rows to their centroids, in the order of the rows, chunk by chunk.
     pub(super) fn inertia(&self, progress: &dyn Progress) -> Result<f64, Cancelled> {
-        let parts = self.map_chunks(progress, |rows, state| self.distances(rows, &state.labels).iter().sum::<f64>())?;
+        let parts = self.map_chunks(progress, |rows, state| {
+            let distances = self.distances(rows, &state.labels);
+            match rows.weights {
+                None => distances.iter().sum::<f64>(),
+                Some(weights) => distances.iter().zip(weights).map(|(distance, weight)| distance * weight).sum(),
+            }
+        })?;
         Ok(parts.iter().sum())
     }
 

@@ -17,7 +17,6 @@ use super::{
     Points,
     distance::squared_distance,
     points::{CHUNK, ChunkRows},
-    random::uniform,
     screen::{Lane, Screen, TILE, Tile},
     transpose::prefetch,
 };
@@ -39,17 +38,26 @@ struct Found {
     gains: Vec<f64>,
 }
 
+/// Candidates for each centroid but the first.
+pub(super) fn trials(clusters: usize) -> usize {
+    (2 + (clusters.max(1) as f64).ln() as usize).min(MOST - 1)
+}
+
 /// At most `clusters` different rows as centroids (row-major); fewer if there are fewer different rows.
+///
+/// `draw` gives the uniform numbers: 0 for the first centroid, then one for each candidate of each further one.
 pub(super) fn plus_plus(
     points: &Points,
     clusters: usize,
-    seed: u64,
-    restart: u64,
+    draw: impl Fn(usize) -> f64,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Cancelled> {
     let d = points.dimensions();
-    let trials = (2 + (clusters as f64).ln() as usize).min(MOST - 1);
-    let first = (uniform(seed, restart, 0) * points.rows() as f64) as usize;
+    let trials = trials(clusters);
+    let first = match points.weights() {
+        None => (draw(0) * points.rows() as f64) as usize,
+        Some(weights) => pass(weights, draw(0) * weights.iter().sum::<f64>()).0,
+    };
     let mut centroids = points.row(first.min(points.rows() - 1));
     let chunks: Vec<Mutex<Closest>> = (0..points.chunks())
         .map(|chunk| {
@@ -68,11 +76,17 @@ pub(super) fn plus_plus(
         let renew = Round::new(&centroids, d, &[]);
         let mut candidates = Vec::with_capacity(trials * d);
         for trial in 0..trials {
-            let draw = ((cluster - 1) * trials + trial + 1) as u64;
-            let (chunk, rest) = pass(&totals, uniform(seed, restart, draw) * total);
+            let (chunk, rest) = pass(&totals, draw((cluster - 1) * trials + trial + 1) * total);
             let mut closest = lock(&chunks[chunk]);
             renew.chunk(points.chunk(chunk), &mut closest);
-            candidates.extend(points.row(chunk * CHUNK + pass(&closest.squared, rest).0));
+            let row = match points.chunk(chunk).weights {
+                None => pass(&closest.squared, rest).0,
+                Some(weights) => {
+                    let weighted: Vec<f64> = closest.squared.iter().zip(weights).map(|(a, b)| a * b).collect();
+                    pass(&weighted, rest).0
+                }
+            };
+            candidates.extend(points.row(chunk * CHUNK + row));
         }
         let found = Round::new(&centroids, d, &candidates).run(points, &chunks, progress)?;
         let gains: Vec<f64> = (0..trials).map(|trial| found.iter().map(|found| found.gains[trial]).sum()).collect();
@@ -200,7 +214,12 @@ impl WithSimd for Visit<'_> {
             std::mem::swap(&mut ready, &mut fresh);
         }
         self.consider(&mut ready, &mut x, &mut gains);
-        Found { total: sum(&self.closest.squared), gains }
+        let squared = &self.closest.squared;
+        let total = match self.rows.weights {
+            None => sum(squared),
+            Some(weights) => sum(&squared.iter().zip(weights).map(|(a, b)| a * b).collect::<Vec<_>>()),
+        };
+        Found { total, gains }
     }
 }
 
@@ -245,6 +264,7 @@ impl Visit<'_> {
         for (row, mask) in hits.drain(..) {
             let row = row as usize;
             self.rows.copy(row, x);
+            let weight = self.rows.weight(row);
             let mut current = self.closest.squared[row];
             if mask & 1 == 1 {
                 let squared = squared_distance(x, &round.columns[..d]);
@@ -260,7 +280,7 @@ impl Visit<'_> {
                 mask &= mask - 1;
                 let squared = squared_distance(x, &round.candidates[candidate * d..][..d]);
                 if squared < current {
-                    gains[candidate] += current - squared;
+                    gains[candidate] += weight * (current - squared);
                 }
             }
         }
@@ -283,6 +303,7 @@ fn sum(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kmeans::random::uniform;
     use proptest::prelude::*;
 
     proptest! {

@@ -29,6 +29,7 @@ pub struct Points {
     chunks: Vec<Chunk>,
     rows: usize,
     largest: f64,
+    weights: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Clone)]
@@ -47,12 +48,14 @@ pub(super) struct ChunkRows<'a> {
     pub(super) high: &'a [f32],
     /// What the rounding took away.
     pub(super) low: &'a [u32],
+    /// Weights, where there are any.
+    pub(super) weights: Option<&'a [f64]>,
 }
 
 impl Points {
     /// No rows yet, of `dimensions` columns.
     pub fn new(dimensions: usize) -> Self {
-        Self { dimensions, chunks: Vec::new(), rows: 0, largest: 0.0 }
+        Self { dimensions, chunks: Vec::new(), rows: 0, largest: 0.0, weights: None }
     }
 
     /// All rows of `columns` (d slices of length n) at once.
@@ -71,6 +74,13 @@ impl Points {
     /// A wrong number of columns, centres or scales, columns of different lengths, a scale that is not positive, a value that is not finite or
     /// that is beyond 1e30 when standardised. Nothing is appended then.
     pub fn append(&mut self, columns: &[&[f64]], centre: &[f64], scale: &[f64]) -> Result<(), KMeansError> {
+        if self.weights.is_some() {
+            return Err(KMeansError::Shape {
+                what: "rows, as many as weights,",
+                expected: self.rows,
+                found: self.rows + 1,
+            });
+        }
         let frame = Frame::new(self.dimensions, columns, centre, scale)?;
         let room = if self.rows.is_multiple_of(CHUNK) { 0 } else { CHUNK - self.rows % CHUNK }.min(frame.rows);
         let length = self.chunks.last().map_or(0, |last| last.low.len());
@@ -106,6 +116,39 @@ impl Points {
         Ok((chunks, maxima.into_iter().fold(largest, f64::max)))
     }
 
+    /// Appends the rows of another, which begin a chunk: this one's chunks are full.
+    pub(super) fn join(&mut self, other: Self) {
+        debug_assert!(self.rows.is_multiple_of(CHUNK) && self.weights.is_none() && other.weights.is_none());
+        self.rows += other.rows;
+        self.largest = self.largest.max(other.largest);
+        self.chunks.extend(other.chunks);
+    }
+
+    /// Gives each row a weight: it then counts as that many equal rows. A row of weight zero has a label and moves nothing.
+    ///
+    /// No rows can be appended after it.
+    ///
+    /// # Errors
+    /// Another number of weights than of rows; a weight that is negative, not finite or beyond 1e30; no weight above zero.
+    pub fn weigh(&mut self, weights: Vec<f64>) -> Result<(), KMeansError> {
+        if weights.len() != self.rows {
+            return Err(KMeansError::Shape { what: "weights", expected: self.rows, found: weights.len() });
+        }
+        if let Some(row) = weights.iter().position(|weight| !(0.0..=LARGEST).contains(weight)) {
+            return Err(KMeansError::Weight { row, value: weights[row] });
+        }
+        if weights.iter().all(|&weight| weight == 0.0) {
+            return Err(KMeansError::NoWeight);
+        }
+        self.weights = Some(weights);
+        Ok(())
+    }
+
+    /// Weights of the rows, where there are any.
+    pub(super) fn weights(&self) -> Option<&[f64]> {
+        self.weights.as_deref()
+    }
+
     /// Rows, n.
     pub fn rows(&self) -> usize {
         self.rows
@@ -138,7 +181,10 @@ impl Points {
     /// The rows of a chunk: `CHUNK` of them, fewer in the last.
     pub(super) fn chunk(&self, chunk: usize) -> ChunkRows<'_> {
         let Chunk { high, first, low } = &self.chunks[chunk];
-        ChunkRows { dimensions: self.dimensions, high: &high[*first..], low }
+        let first_row = chunk * CHUNK;
+        let rows = low.len() / self.dimensions;
+        let weights = self.weights.as_ref().map(|weights| &weights[first_row..first_row + rows]);
+        ChunkRows { dimensions: self.dimensions, high: &high[*first..], low, weights }
     }
 
     /// Mean over the columns of their population variances.
@@ -227,6 +273,12 @@ impl<'a> ChunkRows<'a> {
         for ((high, low), out) in self.high[range.clone()].iter().zip(&self.low[range]).zip(out) {
             *out = f64::from_bits(f64::from(*high).to_bits() | u64::from(*low));
         }
+    }
+
+    /// The weight of a row, 1 where there are none.
+    #[inline(always)]
+    pub(super) fn weight(&self, row: usize) -> f64 {
+        self.weights.map_or(1.0, |weights| weights[row])
     }
 
     /// Means of the columns, and the sum of all squared deviations from them.

@@ -150,10 +150,9 @@ impl Step<'_> {
                 prefetch(self.rows.high, self.dimensions, &[next]);
             }
             self.rows.copy(row as usize, x);
-            if old != NONE {
-                self.sums.subtract(old as usize, x);
-            }
-            self.sums.add(self.state.labels[row as usize] as usize, x);
+            let from = (old != NONE).then_some(old as usize);
+            let weight = self.rows.weights.map(|weights| weights[row as usize]);
+            self.sums.transfer(from, self.state.labels[row as usize] as usize, x, weight);
         }
     }
 }

@@ -51,11 +51,64 @@ pub(super) struct Sums {
     values: Vec<f64>,
     /// Differences may be negative until they are merged.
     counts: Vec<i64>,
+    /// Sums of weights, where rows have weights.
+    masses: Option<Masses>,
+}
+
+/// Sums of weights.
+#[derive(Debug, Clone)]
+struct Masses {
+    quanta: Quanta,
+    /// For each cluster the coarse and the fine part.
+    values: Vec<[f64; 2]>,
 }
 
 impl Sums {
     pub(super) fn new(clusters: usize, dimensions: usize, quanta: Quanta) -> Self {
-        Self { dimensions, quanta, values: vec![0.0; 2 * clusters * dimensions], counts: vec![0; clusters] }
+        Self {
+            dimensions,
+            quanta,
+            values: vec![0.0; 2 * clusters * dimensions],
+            counts: vec![0; clusters],
+            masses: None,
+        }
+    }
+
+    /// Sums of weighted rows, with the quanta of the weights.
+    pub(super) fn weighted(clusters: usize, dimensions: usize, quanta: Quanta, weights: Quanta) -> Self {
+        let masses = Masses { quanta: weights, values: vec![[0.0; 2]; clusters] };
+        Self { masses: Some(masses), ..Self::new(clusters, dimensions, quanta) }
+    }
+
+    /// Sums of nothing, of this shape and these quanta.
+    pub(super) fn emptied(&self) -> Self {
+        let (clusters, d) = (self.counts.len(), self.dimensions);
+        match &self.masses {
+            None => Self::new(clusters, d, self.quanta),
+            Some(masses) => Self::weighted(clusters, d, self.quanta, masses.quanta),
+        }
+    }
+
+    /// Moves a row to a cluster, from another one where it was in one. `row` is overwritten where there are weights.
+    #[inline(always)]
+    pub(super) fn transfer(&mut self, from: Option<usize>, to: usize, row: &mut [f64], weight: Option<f64>) {
+        if let Some(weight) = weight {
+            if weight == 0.0 {
+                return;
+            }
+            row.iter_mut().for_each(|x| *x *= weight);
+            if let Some(Masses { quanta, values }) = &mut self.masses {
+                let (coarse, fine) = quanta.split(weight);
+                for (cluster, sign) in from.map(|from| (from, -1.0)).into_iter().chain([(to, 1.0)]) {
+                    values[cluster][0] += sign * coarse;
+                    values[cluster][1] += sign * fine;
+                }
+            }
+        }
+        if let Some(from) = from {
+            self.subtract(from, row);
+        }
+        self.add(to, row);
     }
 
     /// Adds a row to a cluster.
@@ -94,13 +147,15 @@ impl Sums {
     pub(super) fn merge(&mut self, other: &Sums) {
         self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value);
         self.counts.iter_mut().zip(&other.counts).for_each(|(sum, value)| *sum += value);
+        if let (Some(masses), Some(others)) = (&mut self.masses, &other.masses) {
+            for (sum, value) in masses.values.iter_mut().zip(&others.values) {
+                sum[0] += value[0];
+                sum[1] += value[1];
+            }
+        }
     }
 
-    pub(super) fn quanta(&self) -> Quanta {
-        self.quanta
-    }
-
-    /// Rows of each cluster.
+    /// Rows of each cluster; those of weight zero do not count.
     pub(super) fn counts(&self) -> &[i64] {
         &self.counts
     }
@@ -111,9 +166,10 @@ impl Sums {
         for (cluster, centroid) in centroids.chunks_exact_mut(d).enumerate() {
             let count = self.counts[cluster];
             if count > 0 {
+                let mass = self.masses.as_ref().map_or(count as f64, |masses| masses.values[cluster].iter().sum());
                 let (high, low) = self.values[2 * cluster * d..2 * (cluster + 1) * d].split_at(d);
                 for j in 0..d {
-                    centroid[j] = (high[j] + low[j]) / count as f64;
+                    centroid[j] = (high[j] + low[j]) / mass;
                 }
             }
         }

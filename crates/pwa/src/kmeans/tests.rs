@@ -198,7 +198,7 @@ fn seeding_prefers_what_is_far_and_restarts_do_not_hurt() {
     let rows: Vec<Vec<f64>> =
         (0..7000).map(|i| vec![100.0 * f64::from(i % 7) + uniform(1, i as u64, 0), uniform(1, i as u64, 1)]).collect();
     let points = points(&rows);
-    let start = plus_plus::plus_plus(&points, 7, 42, 0, &Silent).unwrap();
+    let start = plus_plus::plus_plus(&points, 7, |draw| uniform(42, 0, draw as u64), &Silent).unwrap();
     let mut blobs: Vec<i64> = start.chunks(2).map(|c| (c[0] / 100.0).floor() as i64).collect();
     blobs.sort_unstable();
     assert_eq!(blobs, (0..7).collect::<Vec<_>>());

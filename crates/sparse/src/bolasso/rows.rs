@@ -92,7 +92,8 @@ impl Columns {
         let regression = &plan.regression;
         let shape = regression.structure();
         let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
-        let mut scaled = scaled_columns(regression);
+        // Raw coefficients have no use for scales.
+        let mut scaled = if assembly.raw { Vec::new() } else { scaled_columns(regression) };
         let pilot = Pilot::read(regression, &scaled, source, &names)?;
         let size = pilot.target_size(regression, assembly);
         for (at, scaled) in scaled.iter_mut().enumerate() {

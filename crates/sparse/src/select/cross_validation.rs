@@ -158,7 +158,8 @@ pub fn cross_validate_problems(
     };
     progress.stage("paths of the folds");
     let end = given.as_ref().map_or(0.0, |list| list.iter().copied().fold(f64::INFINITY, f64::min));
-    let paths = parallel_map(splits.len(), progress, |fold| solver.path(&splits[fold], end))?;
+    let paths =
+        parallel_map(splits.len(), progress, |fold| solver.path(&splits[fold].train, &splits[fold].penalty, end))?;
     let lambdas = sorted(given.unwrap_or_else(|| knots(&paths)));
     if lambdas.is_empty() {
         return Err(SelectError::NoLambdas);
@@ -167,6 +168,40 @@ pub fn cross_validate_problems(
     let scored =
         parallel_map(splits.len(), progress, |fold| solver.score(&splits[fold], paths[fold].as_ref(), &lambdas))?;
     CrossValidation::new(lambdas, &scored, overlap)
+}
+
+/// Models of one problem at some lambdas.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct GridSolutions {
+    /// Coefficients in raw units (p x lambdas).
+    pub coefficients: Mat<f64>,
+    /// Intercepts; 0 for problems without one.
+    pub intercepts: Vec<f64>,
+    /// Whether the solver met its tolerance.
+    pub exact: Vec<bool>,
+}
+
+/// The models that a fold compares: at all `lambdas` (best descending), from the path of LARS or by coordinate descent, as `options` says. Its own lambdas
+/// do not count.
+///
+/// # Errors
+/// When an option, a lambda or the penalty is out of range.
+pub fn solve_grid(
+    problem: &Quadratic,
+    penalty: &Penalty,
+    lambdas: &[f64],
+    options: &SelectOptions,
+) -> Result<GridSolutions, SelectError> {
+    check_ratio(options.l1_ratio)?;
+    for &lambda in lambdas {
+        check_strength("lambda", lambda)?;
+    }
+    let solver = Solver { options, columns: problem.columns() };
+    let end = lambdas.iter().copied().fold(f64::INFINITY, f64::min);
+    let path = if lambdas.is_empty() { None } else { solver.path(problem, penalty, end)? };
+    let (solved, exact) = solver.solve(problem, penalty, path.as_ref(), lambdas)?;
+    Ok(GridSolutions { coefficients: solved.values, intercepts: solved.intercepts, exact })
 }
 
 fn check(full: &Quadratic, splits: &[Split], options: &SelectOptions) -> Result<(), SelectError> {
@@ -216,38 +251,19 @@ struct Solver<'a> {
 
 impl Solver<'_> {
     /// The path of a fold, where one is followed.
-    fn path(&self, split: &Split, end: f64) -> Result<Option<Path>, SelectError> {
+    fn path(&self, problem: &Quadratic, penalty: &Penalty, end: f64) -> Result<Option<Path>, SelectError> {
         let wanted = self.options.lambdas == Lambdas::Knots || self.columns <= self.options.most_for_lars;
         if !wanted || self.options.l1_ratio < 1.0 {
             return Ok(None);
         }
         let options = LarsOptions { lambda_min: end, ..LarsOptions::default() };
-        Ok(Some(lars(&split.train, &split.penalty, &options)?))
+        Ok(Some(lars(problem, penalty, &options)?))
     }
 
     /// Errors of a fold at all lambdas: from its path, and by coordinate descent where there is none or it ended before.
     fn score(&self, split: &Split, path: Option<&Path>, lambdas: &[f64]) -> Result<Scored, SelectError> {
         let count = lambdas.len();
-        let end = path.map_or(f64::INFINITY, |path| path.knots.last().map_or(0.0, |knot| knot.l1));
-        let on_path = lambdas.iter().take_while(|&&lambda| lambda >= end).count();
-        let mut solved = Coefficients { values: Mat::zeros(self.columns, count), intercepts: vec![0.0; count] };
-        let mut exact = vec![true; count];
-        if let Some(path) = path {
-            for (k, &lambda) in lambdas[..on_path].iter().enumerate() {
-                let values = path.coefficients(lambda)?;
-                solved.intercepts[k] = split.train.intercept(values.iter().copied().enumerate());
-                solved.values.col_as_slice_mut(k).copy_from_slice(&values);
-            }
-        }
-        if on_path < count {
-            let options = CoordinateOptions { l1_ratio: self.options.l1_ratio, ..self.options.descent.clone() };
-            let found: Vec<Solution> = coordinate_descent(&split.train, &split.penalty, &lambdas[on_path..], &options)?;
-            for (solution, k) in found.iter().zip(on_path..) {
-                solved.intercepts[k] = solution.intercept;
-                solved.values.col_as_slice_mut(k).copy_from_slice(&solution.dense(self.columns));
-                exact[k] = solution.converged;
-            }
-        }
+        let (solved, exact) = self.solve(&split.train, &split.penalty, path, lambdas)?;
         let tasks = split.test.errors(&solved);
         let nonzero = |k: usize| solved.values.col_as_slice(k).iter().filter(|value| **value != 0.0).count();
         Ok(Scored {
@@ -257,5 +273,37 @@ impl Solver<'_> {
             exact,
             rows: [split.test.weight(), split.train.weight()],
         })
+    }
+
+    /// The solutions at all lambdas, and whether each is exact.
+    fn solve(
+        &self,
+        problem: &Quadratic,
+        penalty: &Penalty,
+        path: Option<&Path>,
+        lambdas: &[f64],
+    ) -> Result<(Coefficients, Vec<bool>), SelectError> {
+        let count = lambdas.len();
+        let end = path.map_or(f64::INFINITY, |path| path.knots.last().map_or(0.0, |knot| knot.l1));
+        let on_path = lambdas.iter().take_while(|&&lambda| lambda >= end).count();
+        let mut solved = Coefficients { values: Mat::zeros(self.columns, count), intercepts: vec![0.0; count] };
+        let mut exact = vec![true; count];
+        if let Some(path) = path {
+            for (k, &lambda) in lambdas[..on_path].iter().enumerate() {
+                let values = path.coefficients(lambda)?;
+                solved.intercepts[k] = problem.intercept(values.iter().copied().enumerate());
+                solved.values.col_as_slice_mut(k).copy_from_slice(&values);
+            }
+        }
+        if on_path < count {
+            let options = CoordinateOptions { l1_ratio: self.options.l1_ratio, ..self.options.descent.clone() };
+            let found: Vec<Solution> = coordinate_descent(problem, penalty, &lambdas[on_path..], &options)?;
+            for (solution, k) in found.iter().zip(on_path..) {
+                solved.intercepts[k] = solution.intercept;
+                solved.values.col_as_slice_mut(k).copy_from_slice(&solution.dense(self.columns));
+                exact[k] = solution.converged;
+            }
+        }
+        Ok((solved, exact))
     }
 }

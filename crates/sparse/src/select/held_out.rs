@@ -120,6 +120,13 @@ impl HeldOut {
     }
 }
 
+/// Weighted mean squared errors of models of one target (p x k, in raw units), whose intercepts are given.
+pub(crate) fn mean_squares(root: SquareRoot, target: usize, models: MatRef<'_, f64>, intercepts: &[f64]) -> Vec<f64> {
+    let weight = root.weight;
+    let task = HeldOutTask { columns: (0..root.regressors()).collect(), root, target, weight: 1.0 };
+    task.squares(models, intercepts).into_iter().map(|square| square / weight).collect()
+}
+
 impl HeldOutTask {
     /// `|R theta - z|^2 + residual + weight (mean error)^2`: a sum of squares throughout, nothing cancels.
     fn squares(&self, theta: MatRef<'_, f64>, intercepts: &[f64]) -> Vec<f64> {

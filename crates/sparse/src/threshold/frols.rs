@@ -73,7 +73,7 @@ impl Frols {
     }
 
     /// The model of the first `terms` terms.
-    fn step(&self, prepared: &Prepared<'_>, target: usize, entered: &Entered, terms: usize) -> Step {
+    pub(super) fn step(&self, prepared: &Prepared<'_>, target: usize, entered: &Entered, terms: usize) -> Step {
         let ridge = if self.unbias { 0.0 } else { self.alpha };
         let values = entered.coefficients(prepared, terms, ridge);
         let mut order: Vec<usize> = (0..terms).collect();
@@ -90,7 +90,7 @@ impl Frols {
         }
     }
 
-    fn choose(
+    pub(super) fn choose(
         &self,
         prepared: &Prepared<'_>,
         target: usize,
@@ -121,12 +121,12 @@ impl Frols {
 }
 
 /// Terms in the order in which they entered.
-struct Entered {
+pub(super) struct Entered {
     /// How many of them are fixed: the first ones.
-    fixed: usize,
-    order: Vec<usize>,
+    pub(super) fixed: usize,
+    pub(super) order: Vec<usize>,
     /// Error reduction ratio of each.
-    err: Vec<f64>,
+    pub(super) err: Vec<f64>,
     /// Columns in order of entry, upper triangular, and Q'y behind them.
     factor: Slab,
     z: Vec<f64>,
@@ -134,7 +134,7 @@ struct Entered {
 
 impl Entered {
     /// Fixed terms, then up to `most` others.
-    fn select(prepared: &Prepared<'_>, target: usize, most: usize) -> Self {
+    pub(super) fn select(prepared: &Prepared<'_>, target: usize, most: usize) -> Self {
         let problem = prepared.problem();
         let p = problem.columns();
         let mut left: Vec<usize> = prepared.open.clone();
@@ -179,7 +179,7 @@ impl Entered {
     }
 
     /// Raw coefficients of the first `terms` terms, in order of entry. The ridge is on the system `A b = g` of the orthogonal terms, A with unit diagonal.
-    fn coefficients(&self, prepared: &Prepared<'_>, terms: usize, ridge: f64) -> Vec<f64> {
+    pub(super) fn coefficients(&self, prepared: &Prepared<'_>, terms: usize, ridge: f64) -> Vec<f64> {
         let unit = |at: usize| if ridge > 0.0 { prepared.unit[self.order[at]] } else { 1.0 };
         let scale = |i: usize| if ridge > 0.0 { self.factor.column(i)[i] / unit(i) } else { 1.0 };
         let a =

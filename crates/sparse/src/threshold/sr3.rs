@@ -107,6 +107,17 @@ impl Sr3 {
 
     /// One lambda on a prepared problem.
     pub(super) fn run(&self, prepared: &Prepared<'_>, target: usize, lambda: f64) -> Run {
+        self.watched(prepared, target, lambda, |_, _, _| {})
+    }
+
+    /// The same; `watch` sees v and w of the open columns after each iteration, and the length of v's step in the units of the tolerance.
+    pub(super) fn watched(
+        &self,
+        prepared: &Prepared<'_>,
+        target: usize,
+        lambda: f64,
+        mut watch: impl FnMut(&[f64], &[f64], f64),
+    ) -> Run {
         let open = &prepared.open;
         let state = Relaxed::new(prepared, target);
         let size = if self.scaling == Scaling::Share { prepared.target_length(target) } else { 1.0 };
@@ -138,7 +149,9 @@ impl Sr3 {
                 moved.push((value - *sparse) * prepared.unit[j] / size);
                 *sparse = value;
             }
-            if norm(moved.into_iter()) / self.nu < self.tolerance {
+            let step = norm(moved.into_iter()) / self.nu;
+            watch(&sparse, &dense, step);
+            if step < self.tolerance {
                 status = Status::Converged;
                 break;
             }
@@ -170,7 +183,7 @@ impl Sr3 {
         dense
     }
 
-    fn start(&self, prepared: &Prepared<'_>, target: usize) -> Vec<f64> {
+    pub(super) fn start(&self, prepared: &Prepared<'_>, target: usize) -> Vec<f64> {
         match &self.initial {
             Some(initial) => prepared.open.iter().map(|&j| initial[j]).collect(),
             None => prepared.refit(&prepared.open, target).values,

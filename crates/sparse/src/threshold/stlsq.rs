@@ -69,6 +69,17 @@ impl Stlsq {
 
     /// One threshold on a prepared problem.
     pub(super) fn run(&self, prepared: &Prepared<'_>, target: usize, threshold: f64) -> Run {
+        self.watched(prepared, target, threshold, |_, _| {})
+    }
+
+    /// The same; `watch` sees the columns that each iteration keeps, and their coefficients.
+    pub(super) fn watched(
+        &self,
+        prepared: &Prepared<'_>,
+        target: usize,
+        threshold: f64,
+        mut watch: impl FnMut(&[usize], &[f64]),
+    ) -> Run {
         let cut = prepared.cut(threshold, target);
         let mut active = prepared.open.clone();
         let mut before: Option<Vec<usize>> = self.initial.as_ref().map(|guess| nonzero(guess));
@@ -99,6 +110,7 @@ impl Stlsq {
                 active = places.iter().map(|&place| active[place]).collect();
                 solved.values = places.iter().map(|&place| solved.values[place]).collect();
             }
+            watch(&active, &solved.values);
             if all || before.take().is_some_and(|before| before == active) {
                 status = Status::Converged;
                 break;
@@ -124,6 +136,6 @@ impl Stlsq {
 }
 
 /// Indices of the entries that are not zero.
-fn nonzero(values: &[f64]) -> Vec<usize> {
+pub(super) fn nonzero(values: &[f64]) -> Vec<usize> {
     (0..values.len()).filter(|&j| values[j] != 0.0).collect()
 }

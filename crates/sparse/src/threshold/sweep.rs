@@ -23,8 +23,9 @@ pub enum Thresholds {
     },
     /// These.
     List(Vec<f64>),
-    /// Every threshold at which an iteration of STLSQ, or of SR3 with l0, goes another way, from 0 up; one model for every support. Where there would be more
-    /// than `most`, the upper half of the budget is spread in equal factors.
+    /// Every threshold at which an iteration of STLSQ, or of SR3 with l0, goes another way, from 0 up; one model for every support, at the (geometric) middle of
+    /// the thresholds that give it, so that data a little different have it there too. Where there would be more than `most`, the upper half of the budget
+    /// is spread in equal factors.
     Changes {
         /// The most thresholds that are tried.
         most: usize,
@@ -83,6 +84,26 @@ pub(super) struct Run {
     pub(super) most: f64,
 }
 
+/// A model, and the thresholds that give it.
+struct Reign {
+    step: Step,
+    from: f64,
+    to: f64,
+    /// Whether the iterations go the same way under all of them.
+    one_way: bool,
+}
+
+impl Reign {
+    /// The threshold in the middle: at the ends, the least change of the data gives another model.
+    fn middle(&self) -> f64 {
+        match (self.from > 0.0, self.to.is_finite()) {
+            (true, true) => (self.from * self.to).sqrt().clamp(self.from, self.to.max(self.from)),
+            (false, true) => self.to / 2.0,
+            (_, false) => 2.0 * self.from,
+        }
+    }
+}
+
 impl Swept<'_> {
     fn prepared(&self) -> &Prepared<'_> {
         match self {
@@ -106,6 +127,22 @@ impl Swept<'_> {
                 Regularizer::L1 | Regularizer::L2 => cut / sr3.nu,
             },
         }
+    }
+
+    /// The threshold on coefficients that a parameter stands for, up to a factor.
+    fn cut(&self, parameter: f64) -> f64 {
+        match self {
+            Self::Sr3(Sr3 { regularizer: Regularizer::L0, .. }, _) => parameter.sqrt(),
+            _ => parameter,
+        }
+    }
+
+    /// A model under another threshold, for which the iterations go the same way.
+    fn moved(&self, mut step: Step, parameter: f64) -> Step {
+        let ratio = self.cut(step.parameter) / self.cut(parameter);
+        step.certificate.dropped *= ratio;
+        step.certificate.kept *= ratio;
+        Step { parameter, ..step }
     }
 
     /// Just above the largest coefficient of the first regression, fixed terms not counted.
@@ -145,12 +182,7 @@ impl Swept<'_> {
             // A margin for the rounding of thresholds relative to the target.
             let same = steps.last().filter(|_| threshold > most * (1.0 + 1e-12)).cloned();
             steps.push(match same {
-                Some(mut step) => {
-                    let ratio = step.parameter / threshold;
-                    step.certificate.dropped *= ratio;
-                    step.certificate.kept *= ratio;
-                    Step { parameter: threshold, ..step }
-                }
+                Some(step) => self.moved(step, threshold),
                 None => {
                     let run = self.run(target, threshold);
                     most = run.most;
@@ -167,23 +199,29 @@ impl Swept<'_> {
             return Err(ThresholdError::Nothing { what, mend: "give a grid or a list of lambdas" });
         }
         let largest = self.parameter(self.largest(target));
-        let (mut steps, mut parameter) = (Vec::<Step>::new(), 0.0_f64);
+        let (mut found, mut parameter) = (Vec::<Reign>::new(), 0.0_f64);
         for tried in 0..most.max(2) {
             let Run { step, least, .. } = self.run(target, parameter);
-            // The threshold that stands for a support is its smallest.
-            if steps.last().is_none_or(|last| last.support != step.support) {
-                steps.push(step);
+            let to = self.parameter(least);
+            match found.last_mut().filter(|last| last.step.support == step.support) {
+                Some(last) => (last.to, last.one_way) = (to, false),
+                None => found.push(Reign { step, from: parameter, to, one_way: parameter > 0.0 }),
             }
             if !least.is_finite() {
                 break;
             }
-            let mut next = self.parameter(least).max(parameter).next_up();
+            let mut next = to.max(parameter).next_up();
             let left = most.max(2) - tried;
             if tried >= most / 2 && parameter > 0.0 && parameter < largest {
                 next = next.max(parameter * (largest / parameter).powf(1.0 / left as f64));
             }
             parameter = next;
         }
+        let at_middle = |reign: Reign| match (reign.middle(), reign.one_way) {
+            (middle, true) => self.moved(reign.step, middle),
+            (middle, false) => self.run(target, middle).step,
+        };
+        let mut steps: Vec<Step> = found.into_iter().map(at_middle).collect();
         steps.reverse();
         Ok(steps)
     }

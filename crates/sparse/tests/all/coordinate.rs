@@ -1,7 +1,12 @@
 //! Coordinate descent: certificates, and agreement with the path of LARS.
 
+use faer::Mat;
+
 use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
-use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Solution, coordinate_descent, lambda_grid, lars};
+use fleetfoot_sparse::{
+    CoordinateOptions, LarsOptions, Penalty, Quadratic, Sign, Solution, coordinate_descent, coordinate_descent_from,
+    lambda_grid, lars,
+};
 
 /// Difference of two sets of coefficients, in units of what moves the prediction by the target's deviation.
 fn difference(rows: &Rows, a: &Solution, b: &Solution) -> f64 {
@@ -100,6 +105,66 @@ fn not_converging_is_a_status() {
     let found = coordinate_descent(&problem, &penalty, &[lambda], &CoordinateOptions::default());
     let found = found.expect("a solution").remove(0);
     assert!(found.converged && found.certificate.objective < stopped.certificate.objective);
+}
+
+#[test]
+fn a_start_costs_or_saves_sweeps_and_leaves_the_solution() {
+    let rows = random(5, 60, 20);
+    let options = CoordinateOptions { l1_ratio: 0.9, ..CoordinateOptions::default() };
+    for form in FORMS {
+        let problem = rows.problem(form);
+        for sign in [Sign::Free, Sign::NonNegative] {
+            let penalty = Penalty { signs: vec![sign; 20], ..Penalty::default() };
+            let lambda = 0.05 * problem.target_deviation();
+            let from = |start: &[f64]| {
+                let found = coordinate_descent_from(&problem, &penalty, &[lambda], &options, start);
+                found.expect("a solution").remove(0)
+            };
+            let cold = from(&[0.0; 20]);
+            let plain = coordinate_descent(&problem, &penalty, &[lambda], &options).expect("a solution").remove(0);
+            assert_eq!(cold.solution, plain);
+            assert!(cold.epochs > 0 && !plain.support.is_empty());
+            let again = from(&plain.dense(20));
+            assert_eq!(again.epochs, 0);
+            let far: Vec<f64> = (0..20).map(|j| if j % 2 == 0 { 1e3 } else { -1e3 }).collect();
+            let far = from(&far);
+            assert!(far.solution.converged && far.epochs > 0);
+            for other in [&again.solution, &far.solution] {
+                assert_eq!(other.support, plain.support);
+                assert!(difference(&rows, other, &plain) < 1e-9);
+            }
+        }
+        let wrong = coordinate_descent_from(&problem, &Penalty::default(), &[1.0], &options, &[0.0; 3]);
+        assert!(wrong.is_err());
+        let wrong = coordinate_descent_from(&problem, &Penalty::default(), &[1.0], &options, &[f64::NAN; 20]);
+        assert!(wrong.is_err());
+    }
+}
+
+#[test]
+fn a_tiny_penalty_on_dependent_columns_is_still_one() {
+    // x0 = x1 = -x2 = -x3 and y = x0: at the minimum the coefficients along x0 sum to (nearly) 1 and none pulls against another.
+    let rows = Mat::from_fn(2, 4, |i, j| if (i == 0) == (j < 2) { -1.0 } else { 1.0 });
+    let problem = Quadratic::from_rows(rows.as_ref(), &[-1.0, 1.0], None, false).expect("a problem");
+    let (lambda, far) = (1e-10, [1.0, 1.0, 1.0, 1000.0]);
+    let options = CoordinateOptions { max_epochs: 1, ..CoordinateOptions::default() };
+    let solve = |options: &CoordinateOptions, start: &[f64]| {
+        let found = coordinate_descent_from(&problem, &Penalty::default(), &[lambda], options, start);
+        found.expect("a solution").remove(0).solution
+    };
+    let excess = |solution: &Solution| {
+        let objective = |w: &[f64]| {
+            let along = w[0] + w[1] - w[2] - w[3];
+            0.5 * (1.0 - along).powi(2) + lambda * w.iter().map(|w| w.abs()).sum::<f64>()
+        };
+        objective(&solution.dense(4)) - objective(&[1.0 - lambda, 0.0, 0.0, 0.0])
+    };
+    // The gap, in units of half the target's mean square 1, bounds what is left to gain.
+    let stopped = solve(&options, &far);
+    assert!(!stopped.converged && excess(&stopped) > 1e-8);
+    assert!(0.5 * stopped.certificate.gap >= 0.999 * excess(&stopped), "{:?}", stopped.certificate);
+    let found = solve(&CoordinateOptions::default(), &[0.0; 4]);
+    assert!(found.converged && excess(&found) < 1e-15, "{:e} {:?}", excess(&found), found.certificate);
 }
 
 #[test]

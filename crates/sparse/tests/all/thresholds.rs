@@ -314,7 +314,7 @@ fn models_without_error_have_no_terms_of_rounding() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Any threshold's model is the one of the last change at or below it.
+    /// Any threshold's model is one of the two whose thresholds it lies between, and a model stands at a threshold that gives it, as do those around.
     #[test]
     fn changes_are_all_the_changes(seed in 0_u64..10_000, share in 0.0..1.2_f64, index in 0_usize..4) {
         let problem = compressed(&rows(seed, 40, 7, 1, 3.0), 1, true);
@@ -331,8 +331,18 @@ proptest! {
             sweep_thresholds(&problem, 0, &optimizer, &Terms::all(), &list).expect("models").steps
         };
         let one = list(vec![threshold]);
-        let known = all.iter().find(|step| step.parameter <= threshold).expect("a change at 0");
-        prop_assert_eq!(&one[0].support, &known.support);
+        let above = all.iter().rev().find(|step| step.parameter >= threshold);
+        let below = all.iter().find(|step| step.parameter <= threshold);
+        prop_assert!(above.iter().chain(&below).any(|step| step.support == one[0].support));
+        for step in &all {
+            for factor in [1.0 - 1e-9, 1.0, 1.0 + 1e-9] {
+                let there = &list(vec![step.parameter * factor])[0];
+                prop_assert_eq!(&there.support, &step.support);
+            }
+            let there = &list(vec![step.parameter])[0];
+            prop_assert!((there.certificate.kept - step.certificate.kept).abs() <= 1e-9 * step.certificate.kept || there.certificate.kept == step.certificate.kept);
+            prop_assert!((there.certificate.dropped - step.certificate.dropped).abs() <= 1e-9);
+        }
         // What is taken over from the threshold before is what the threshold alone gives.
         let several = list((0..12).map(|k| threshold * 0.8_f64.powi(k)).collect());
         for step in &several {

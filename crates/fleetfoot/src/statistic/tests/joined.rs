@@ -131,3 +131,56 @@ fn compaction_keeps_the_totals_and_the_episodes() {
     let again = StatisticFile::from_bytes(&bytes(&compact), Path::new("run.stats")).unwrap().0;
     assert_eq!(again, compact);
 }
+
+#[test]
+fn parts_appended_in_order_are_the_scan_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = fleet(folder.path(), &[1, 2], 2);
+    // A log without a complete row, and the same bytes under another name.
+    let (hollow, copy) = (folder.path().join("hollow.csv"), folder.path().join("copy.csv"));
+    let rows: String = (0..50).map(|row| format!("{},{row},nan,1,1\n", 0.01 * f64::from(row))).collect();
+    fs::write(&hollow, format!("t,x,v,a,b\n{rows}")).unwrap();
+    fs::copy(&files[0], &copy).unwrap();
+    files.extend([hollow.clone(), copy]);
+    let options = ScanOptions { keys: Vec::new(), ..options() };
+    let all = scan(&recipe(), &options, None, &files, &Silent).unwrap();
+    let (plan, _) = freeze(&recipe(), &options, &files, &Silent).unwrap();
+    assert_eq!(bytes(&plan), bytes(&all.0.without_rows()));
+    let part = |file: &PathBuf| scan_part(&plan, &options, &[file], &Silent).unwrap().0;
+    let parts: Vec<StatisticFile> = files.iter().map(part).collect();
+    // From left to right, and as a tree.
+    let mut whole = plan.clone();
+    let skipped: Vec<String> = parts.iter().flat_map(|part| whole.append(part.clone()).unwrap()).collect();
+    assert_eq!(bytes(&whole), bytes(&all.0));
+    assert_eq!(skipped, all.1.skipped);
+    let joined = |parts: &[StatisticFile]| {
+        let mut whole = parts[0].clone();
+        parts[1..].iter().for_each(|part| _ = whole.append(part.clone()).unwrap());
+        whole
+    };
+    let tree: Vec<StatisticFile> = parts.chunks(2).map(joined).collect();
+    assert_eq!(bytes(&joined(&tree)), bytes(&all.0));
+    assert!(scan(&recipe(), &options, Some(plan.clone()), &[hollow], &Silent).is_err(), "alone it is an error");
+    // The same rows in another file are refused, here as in one scan.
+    let rewritten = folder.path().join("rewritten.csv");
+    fs::write(&rewritten, fs::read_to_string(&files[1]).unwrap().replace('\n', "\r\n")).unwrap();
+    assert!(whole.append(part(&rewritten)).unwrap_err().to_string().contains("hold the same log"));
+    assert_eq!(whole, all.0, "unchanged");
+    files.push(rewritten);
+    assert!(scan(&recipe(), &options, None, &files, &Silent).is_err());
+}
+
+#[test]
+fn what_is_kept_is_a_scan_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2], 2);
+    let all = scanned(&files, None);
+    let mut some = all.clone();
+    let dropped = some.keep_episodes(|episode| episode.labels["aircraft"] == "2").unwrap();
+    assert_eq!(dropped.len(), 2);
+    assert_eq!(bytes(&some), bytes(&scanned(&files[2..], Some(all.without_rows()))));
+    let mut none = all.clone();
+    assert!(none.keep_episodes(|_| false).unwrap_err().to_string().contains("all 4 episodes"));
+    assert!(none.keep_episodes(|_| true).unwrap().is_empty());
+    assert_eq!(none, all);
+}

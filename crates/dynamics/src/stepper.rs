@@ -1,0 +1,356 @@
+//! A model on values at hand: right sides, regions, steps and simulations, without a recording.
+
+use fleetfoot_library::Leaf;
+use fleetfoot_model::{Equation, Model, Prediction, Role};
+
+use crate::{
+    Error, Method, Points,
+    compiled::{Compiled, Workspace},
+    integrate::{Advance, runge_kutta_mean},
+};
+
+/// A model compiled for values at hand ([`Points`]). Its numbers are, bit for bit, those of [`crate::Simulator`] and [`crate::Predictor`] on a recording.
+pub struct Stepper {
+    names: Vec<String>,
+    pub(crate) states: Vec<SteppedState>,
+    pub(crate) inputs: Vec<usize>,
+    /// Index of the right side of every fitted equation.
+    fitted: Vec<usize>,
+    pub(crate) compiled: Compiled,
+    reported: usize,
+    history: usize,
+    uses_time: bool,
+    step: f64,
+}
+
+/// A state that an equation advances.
+pub(crate) struct SteppedState {
+    pub(crate) column: usize,
+    pub(crate) advance: Advance,
+}
+
+/// Memory of a [`Stepper`], reused from call to call.
+#[derive(Default)]
+pub struct StepperWorkspace {
+    pub(crate) model: Workspace,
+    next: Vec<f64>,
+    present: Vec<f64>,
+    stages: [Vec<f64>; 4],
+}
+
+/// Inputs of a simulation.
+#[derive(Debug, Clone, Copy)]
+pub struct InputSequence<'a> {
+    /// Steps x inputs, or steps x inputs x points: each held for one step.
+    pub values: &'a [f64],
+    /// Whether every point has its own.
+    pub by_point: bool,
+}
+
+impl Stepper {
+    /// Compiles all equations of a model.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::LaggedLatent`], [`Error::UnknownColumn`].
+    pub fn new(model: &Model) -> Result<Self, Error> {
+        model.validate().map_err(Error::Inconsistent)?;
+        let (states, mut equations) = advanced(model)?;
+        equations.extend(model.equations.iter().filter(|equation| equation.prediction == Prediction::Value));
+        let names: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
+        let compiled = Compiled::new(model, &names, &equations, None)?;
+        let mut read = vec![false; names.len()];
+        let (mut history, mut uses_time) = (0, false);
+        for leaf in compiled.functions.leaves().iter().chain(compiled.rights.leaves()) {
+            match *leaf {
+                Leaf::Column { column, .. } if column >= names.len() => continue,
+                Leaf::Column { column, .. } => read[column] = true,
+                Leaf::Time { .. } => uses_time = true,
+            }
+            let lag = leaf.lag();
+            history = history.max(usize::try_from(lag).map_err(|_| Error::FutureState {
+                state: match *leaf {
+                    Leaf::Column { column, .. } => names[column].to_owned(),
+                    Leaf::Time { .. } => "time()".to_owned(),
+                },
+                ahead: lag.saturating_neg(),
+            })?);
+        }
+        let inputs = (0..names.len())
+            .filter(|&column| states.iter().all(|state| state.column != column))
+            .filter(|&column| read[column] || model.columns[column].role != Role::Auxiliary)
+            .collect();
+        let same = |equation: &Equation| equations.iter().position(|own| std::ptr::eq(*own, equation));
+        let fitted = model.fitted().filter_map(same).collect();
+        let first = model.latents.first();
+        let reported =
+            first.and_then(|latent| compiled.partitions.iter().position(|p| p.partition == latent.partition));
+        Ok(Self {
+            states,
+            inputs,
+            fitted,
+            reported: reported.unwrap_or(0),
+            history,
+            uses_time,
+            step: model.step,
+            compiled,
+            names: names.into_iter().map(str::to_owned).collect(),
+        })
+    }
+
+    /// The states that equations advance, in the order of the model's columns.
+    pub fn states(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.states.iter().map(|state| self.names[state.column].as_str())
+    }
+
+    /// What is given from outside: the model's inputs, its states that no equation advances, and whatever else it reads; in the order of its columns.
+    pub fn inputs(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.inputs.iter().map(|&column| self.names[column].as_str())
+    }
+
+    /// Index of each state among the model's columns.
+    pub fn state_column(&self, state: usize) -> usize {
+        self.states[state].column
+    }
+
+    /// Index of each input among the model's columns.
+    pub fn input_column(&self, input: usize) -> usize {
+        self.inputs[input]
+    }
+
+    /// Number of fitted equations: of what [`Self::fitted`] gives.
+    pub fn targets(&self) -> usize {
+        self.fitted.len()
+    }
+
+    /// Rows that the equations look back.
+    pub fn history(&self) -> usize {
+        self.history
+    }
+
+    /// Whether the equations speak of time.
+    pub fn uses_time(&self) -> bool {
+        self.uses_time
+    }
+
+    /// The model's sampling period, seconds; 0 where it is not known.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Whether a derivative is integrated.
+    pub fn is_continuous(&self) -> bool {
+        self.states.iter().any(|state| state.advance.continuous)
+    }
+
+    /// Zeros for this many points.
+    pub fn points(&self, count: usize) -> Points {
+        Points::new(count, self.names.len(), self.history)
+    }
+
+    /// Evaluates all equations at the points.
+    pub fn evaluate(&self, points: &Points, workspace: &mut StepperWorkspace) {
+        let leaf = |leaf: Leaf| -> &[f64] {
+            // Leads were refused.
+            let lag = leaf.lag().unsigned_abs() as usize;
+            match leaf {
+                Leaf::Column { column, .. } => points.column(column, lag),
+                Leaf::Time { .. } => points.seconds(lag),
+            }
+        };
+        self.compiled.evaluate(points.count(), &leaf, &mut workspace.model);
+    }
+
+    /// The right side of a state's equation after [`Self::evaluate`]: its derivative, difference or next value at each of `count` points; NaN where no region holds.
+    pub fn right_side<'a>(&self, state: usize, count: usize, workspace: &'a StepperWorkspace) -> &'a [f64] {
+        &workspace.model.outputs[state * workspace.model.stride..][..count]
+    }
+
+    /// The right side of a fitted equation after [`Self::evaluate`].
+    pub fn fitted<'a>(&self, target: usize, count: usize, workspace: &'a StepperWorkspace) -> &'a [f64] {
+        self.right_side(self.fitted[target], count, workspace)
+    }
+
+    /// The regions of the points in the first latent's partition, after [`Self::evaluate`]; `u32::MAX` for none. Empty for a model without latents.
+    pub fn regions<'a>(&self, workspace: &'a StepperWorkspace) -> &'a [u32] {
+        workspace.model.regions.get(self.reported).map_or(&[], Vec::as_slice)
+    }
+
+    /// The states one step of `seconds` later (states x points). Recorded columns are held; derivatives are integrated by `method`,
+    /// differences and next values are those of one sample.
+    pub fn next<'a>(
+        &self,
+        points: &mut Points,
+        seconds: f64,
+        method: Method,
+        workspace: &'a mut StepperWorkspace,
+    ) -> &'a [f64] {
+        let count = points.count();
+        self.evaluate(points, workspace);
+        let mut slopes = self.slopes(workspace, count, 0);
+        if method == Method::Rk4 && self.is_continuous() {
+            slopes = self.refined(points, seconds, slopes, workspace);
+        }
+        let mut next = std::mem::take(&mut workspace.next);
+        next.clear();
+        for (s, state) in self.states.iter().enumerate() {
+            let x = points.column(state.column, 0);
+            next.extend(x.iter().zip(&slopes[s * count..]).map(|(&x, &slope)| state.advance.next(x, slope, seconds)));
+        }
+        workspace.stages[0] = slopes;
+        workspace.next = next;
+        &workspace.next
+    }
+
+    /// The states' right sides, copied into the memory of a stage.
+    fn slopes(&self, workspace: &mut StepperWorkspace, count: usize, stage: usize) -> Vec<f64> {
+        let mut slopes = std::mem::take(&mut workspace.stages[stage]);
+        slopes.clear();
+        for state in 0..self.states.len() {
+            slopes.extend_from_slice(self.right_side(state, count, workspace));
+        }
+        slopes
+    }
+
+    /// Slopes of the continuous states by the classical Runge-Kutta method, given those at the points.
+    fn refined(
+        &self,
+        points: &mut Points,
+        seconds: f64,
+        mut first: Vec<f64>,
+        workspace: &mut StepperWorkspace,
+    ) -> Vec<f64> {
+        let count = points.count();
+        let mut present = std::mem::take(&mut workspace.present);
+        present.clear();
+        for state in &self.states {
+            present.extend_from_slice(points.column(state.column, 0));
+        }
+        let mut stages = [Vec::new(), Vec::new(), Vec::new()];
+        for stage in 0..3 {
+            let offset = seconds * if stage == 2 { 1.0 } else { 0.5 };
+            let before: &[f64] = if stage == 0 { &first } else { &stages[stage - 1] };
+            self.move_states(points, &present, before, offset);
+            points.wait(offset);
+            self.evaluate(points, workspace);
+            points.wait(-offset);
+            stages[stage] = self.slopes(workspace, count, stage + 1);
+        }
+        for (s, state) in self.states.iter().enumerate() {
+            let place = s * count..(s + 1) * count;
+            points.column_mut(state.column, 0).copy_from_slice(&present[place.clone()]);
+            if state.advance.continuous {
+                for i in place {
+                    first[i] = runge_kutta_mean([first[i], stages[0][i], stages[1][i], stages[2][i]]);
+                }
+            }
+        }
+        workspace.present = present;
+        for (kept, stage) in workspace.stages[1..].iter_mut().zip(stages) {
+            *kept = stage;
+        }
+        first
+    }
+
+    /// `x + offset * slope` for the continuous states.
+    pub(crate) fn move_states(&self, points: &mut Points, present: &[f64], slopes: &[f64], offset: f64) {
+        let count = points.count();
+        for (s, state) in self.states.iter().enumerate() {
+            let column = points.column_mut(state.column, 0);
+            for (b, value) in column.iter_mut().enumerate() {
+                let slope = if state.advance.continuous { slopes[s * count + b] } else { 0.0 };
+                *value = offset.mul_add(slope, present[s * count + b]);
+            }
+        }
+    }
+
+    /// Simulates from the points through the times `t` (seconds; a step a difference), each step in `substeps` equal parts.
+    ///
+    /// `take` gets the number of the time and the states there (states x points), the first ones included. The past moves by a row a step, so lagged
+    /// values are held over its parts.
+    pub fn simulate(
+        &self,
+        points: &mut Points,
+        t: &[f64],
+        inputs: InputSequence<'_>,
+        method: Method,
+        substeps: usize,
+        mut take: impl FnMut(usize, &[f64]) -> bool,
+    ) {
+        let width = self.inputs.len();
+        let mut workspace = StepperWorkspace::default();
+        let mut states: Vec<f64> =
+            self.states.iter().flat_map(|state| points.column(state.column, 0).to_vec()).collect();
+        if !take(0, &states) {
+            return;
+        }
+        let parts = if self.is_continuous() { substeps.max(1) } else { 1 };
+        for (step, pair) in t.windows(2).enumerate() {
+            for (i, &column) in self.inputs.iter().enumerate() {
+                let (present, at) = (points.column_mut(column, 0), step * width + i);
+                match inputs.by_point {
+                    true => present.copy_from_slice(&inputs.values[at * present.len()..][..present.len()]),
+                    false => present.fill(inputs.values[at]),
+                }
+            }
+            let seconds = pair[1] - pair[0];
+            self.advance(points, seconds, parts, method, &mut workspace, &mut states);
+            points.pass();
+            points.seconds_mut(0).iter_mut().for_each(|time| *time += seconds);
+            self.write_states(points, &states);
+            if !take(step + 1, &states) {
+                return;
+            }
+        }
+    }
+
+    /// The states after `seconds` in `parts` equal parts. The points stay as they are.
+    fn advance(
+        &self,
+        points: &mut Points,
+        seconds: f64,
+        parts: usize,
+        method: Method,
+        workspace: &mut StepperWorkspace,
+        states: &mut Vec<f64>,
+    ) {
+        if parts == 1 {
+            states.clear();
+            states.extend_from_slice(self.next(points, seconds, method, workspace));
+            return;
+        }
+        let row = points.clone();
+        let seconds = seconds / parts as f64;
+        for _ in 0..parts {
+            states.clear();
+            states.extend_from_slice(self.next(points, seconds, method, workspace));
+            self.write_states(points, states);
+            points.wait(seconds);
+        }
+        *points = row;
+    }
+
+    fn write_states(&self, points: &mut Points, states: &[f64]) {
+        let count = points.count();
+        for (s, state) in self.states.iter().enumerate() {
+            points.column_mut(state.column, 0).copy_from_slice(&states[s * count..(s + 1) * count]);
+        }
+    }
+}
+
+/// The states that equations advance, in the order of the columns, and their equations.
+fn advanced(model: &Model) -> Result<(Vec<SteppedState>, Vec<&Equation>), Error> {
+    let (mut states, mut equations) = (Vec::new(), Vec::new());
+    for (index, column) in model.columns.iter().enumerate() {
+        let mut own = model.equations.iter().filter_map(|equation| {
+            let advance = Advance::new(equation.prediction, column.angle)?;
+            (equation.subject == column.name).then_some((equation, advance))
+        });
+        let Some((equation, advance)) = own.next() else { continue };
+        if own.next().is_some() {
+            return Err(Error::Contradiction { state: column.name.clone() });
+        }
+        states.push(SteppedState { column: index, advance });
+        equations.push(equation);
+    }
+    Ok((states, equations))
+}

@@ -1,0 +1,264 @@
+//! Exact derivatives of a model at points: what a filter or a controller linearises.
+
+use fleetfoot_library::{Expr, Leaf, Program, Scratch};
+use fleetfoot_model::{Equation, Model, Prediction};
+
+use crate::{
+    Error, Method, Points, Stepper, StepperWorkspace,
+    kernel::{LANES, padded},
+};
+
+/// The derivatives of a model's right sides with respect to its states and inputs, compiled.
+///
+/// Within the region of a point; values of earlier rows, and time, are held.
+pub struct Tangent {
+    features: Program,
+    /// Of every output of `features`: the group of latents, the function in it, and the variable.
+    feature_entries: Vec<(usize, usize, usize)>,
+    rights: Program,
+    /// Of every output of `rights`: the right side, and with respect to what.
+    right_entries: Vec<(usize, Variable)>,
+    /// Columns of the states, then of the inputs.
+    variables: Vec<usize>,
+}
+
+/// What a right side is differentiated by.
+#[derive(Debug, Clone, Copy)]
+enum Variable {
+    /// A state or an input.
+    Own(usize),
+    /// A latent, by its number in the model.
+    Latent(usize),
+}
+
+/// `f = A x + B u + c` to first order at a point; matrices by rows.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Linearized {
+    /// States x states.
+    pub a: Vec<f64>,
+    /// States x inputs.
+    pub b: Vec<f64>,
+    /// One a state.
+    pub c: Vec<f64>,
+}
+
+impl Tangent {
+    /// Differentiates the equations of the stepper's model.
+    ///
+    /// # Errors
+    /// [`Error::UnknownColumn`].
+    pub fn new(model: &Model, stepper: &Stepper) -> Result<Self, Error> {
+        let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
+        let with_latents: Vec<&str> =
+            columns.iter().copied().chain(model.latents.iter().map(|latent| latent.name.as_str())).collect();
+        let variables: Vec<usize> =
+            stepper.states.iter().map(|state| state.column).chain(stepper.inputs.iter().copied()).collect();
+        let is_zero = |slope: &Expr| slope.as_number() == Some(0.0);
+        let (mut slopes, mut feature_entries) = (Vec::new(), Vec::new());
+        for (at, group) in stepper.compiled.groups.iter().enumerate() {
+            for (j, &function) in group.kept.iter().enumerate() {
+                for (variable, &column) in variables.iter().enumerate() {
+                    let slope = model.libraries[group.library][function].derivative(columns[column]);
+                    if !is_zero(&slope) {
+                        slopes.push(slope);
+                        feature_entries.push((at, j, variable));
+                    }
+                }
+            }
+        }
+        let (mut right_slopes, mut right_entries) = (Vec::new(), Vec::new());
+        for (row, state) in stepper.states.iter().enumerate() {
+            let advances = |equation: &&Equation| {
+                equation.subject == columns[state.column] && equation.prediction != Prediction::Value
+            };
+            let Some(equation) = model.equations.iter().find(advances) else { continue };
+            let own = variables.iter().enumerate().map(|(i, &column)| (columns[column], Variable::Own(i)));
+            let latents = model.latents.iter().enumerate().map(|(i, l)| (l.name.as_str(), Variable::Latent(i)));
+            for (name, variable) in own.chain(latents) {
+                let slope = equation.right.derivative(name);
+                if !is_zero(&slope) {
+                    right_slopes.push(slope);
+                    right_entries.push((row, variable));
+                }
+            }
+        }
+        Ok(Self {
+            features: Program::compile(&slopes, &columns)?,
+            feature_entries,
+            rights: Program::compile(&right_slopes, &with_latents)?,
+            right_entries,
+            variables,
+        })
+    }
+
+    /// Derivatives of the states' right sides at the points (points x states x variables, the states before the inputs), after
+    /// [`Stepper::evaluate`] there.
+    fn slopes(&self, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
+        let (count, width, states) = (points.count(), self.variables.len(), stepper.states.len());
+        let features = run(&self.features, stepper, points, workspace);
+        let rights = run(&self.rights, stepper, points, workspace);
+        let stride = padded(count) + LANES;
+        let latents = stepper.compiled.groups.iter().flat_map(|group| &group.slots).max().map_or(0, |slot| slot + 1);
+        let mut slopes = vec![0.0; count * states * width];
+        let mut of_latents = vec![0.0; latents * width];
+        for b in 0..count {
+            of_latents.fill(0.0);
+            for (entry, &(at, j, variable)) in self.feature_entries.iter().enumerate() {
+                let group = &stepper.compiled.groups[at];
+                let region = workspace.model.regions.get(group.regions).map_or(0, |regions| regions[b] as usize);
+                let first = (region * group.kept.len() + j) * group.width;
+                for (o, &slot) in group.slots.iter().enumerate() {
+                    // A point without a region has no derivatives.
+                    let coefficient = group.matrices.get(first + o).copied().unwrap_or(f64::NAN);
+                    of_latents[slot * width + variable] += coefficient * features[entry * stride + b];
+                }
+            }
+            let own = &mut slopes[b * states * width..][..states * width];
+            for (entry, &(row, variable)) in self.right_entries.iter().enumerate() {
+                let slope = rights[entry * stride + b];
+                match variable {
+                    Variable::Own(variable) => own[row * width + variable] += slope,
+                    Variable::Latent(slot) => {
+                        for variable in 0..width {
+                            own[row * width + variable] += slope * of_latents[slot * width + variable];
+                        }
+                    }
+                }
+            }
+        }
+        slopes
+    }
+
+    /// The equations at each point to first order: the derivatives of the states, where any is integrated, else their next values (angles not wrapped).
+    pub fn linearize(&self, stepper: &Stepper, points: &Points, workspace: &mut StepperWorkspace) -> Vec<Linearized> {
+        stepper.evaluate(points, workspace);
+        let mut slopes = self.slopes(stepper, points, workspace);
+        let (count, states, width) = (points.count(), stepper.states.len(), self.variables.len());
+        let mut values: Vec<f64> = Vec::with_capacity(count * states);
+        for b in 0..count {
+            for (s, state) in stepper.states.iter().enumerate() {
+                let mut value = stepper.right_side(s, count, workspace)[b];
+                if !stepper.is_continuous() {
+                    value += state.advance.keep * points.column(state.column, 0)[b];
+                    slopes[(b * states + s) * width + s] += state.advance.keep;
+                }
+                values.push(value);
+            }
+        }
+        self.split(&values, &slopes, points, states)
+    }
+
+    /// A step of `seconds` ([`Stepper::next`]) at each point to first order, inputs held (angles not wrapped).
+    pub fn linearize_step(
+        &self,
+        stepper: &Stepper,
+        points: &mut Points,
+        seconds: f64,
+        method: Method,
+        workspace: &mut StepperWorkspace,
+    ) -> Vec<Linearized> {
+        let (count, states, width) = (points.count(), stepper.states.len(), self.variables.len());
+        let present: Vec<f64> =
+            stepper.states.iter().flat_map(|state| points.column(state.column, 0).to_vec()).collect();
+        let stages: &[f64] =
+            if method == Method::Rk4 && stepper.is_continuous() { &[0.0, 0.5, 0.5, 1.0] } else { &[0.0] };
+        let weights: &[f64] = if stages.len() == 4 { &[1.0, 2.0, 2.0, 1.0] } else { &[6.0] };
+        let mut mean = (vec![0.0; states * count], vec![0.0; count * states * width]);
+        let mut last: (Vec<f64>, Vec<f64>) = (vec![0.0; states * count], vec![0.0; count * states * width]);
+        let mut first = None;
+        for (&fraction, &weight) in stages.iter().zip(weights) {
+            let offset = fraction * seconds;
+            stepper.move_states(points, &present, &last.0, offset);
+            points.wait(offset);
+            stepper.evaluate(points, workspace);
+            let slopes = self.slopes(stepper, points, workspace);
+            points.wait(-offset);
+            let values: Vec<f64> = (0..states).flat_map(|s| stepper.right_side(s, count, workspace).to_vec()).collect();
+            let derivatives = chained(stepper, &slopes, &last.1, offset, [count, states, width]);
+            mean.0.iter_mut().zip(&values).for_each(|(sum, value)| *sum += weight / 6.0 * value);
+            mean.1.iter_mut().zip(&derivatives).for_each(|(sum, value)| *sum += weight / 6.0 * value);
+            first.get_or_insert_with(|| (values.clone(), derivatives.clone()));
+            last = (values, derivatives);
+        }
+        let (first_values, first_slopes) = first.unwrap_or_else(|| last.clone());
+        let mut values = vec![0.0; count * states];
+        let mut slopes = vec![0.0; count * states * width];
+        for (s, state) in stepper.states.iter().enumerate() {
+            points.column_mut(state.column, 0).copy_from_slice(&present[s * count..(s + 1) * count]);
+            let gain = state.advance.gain(seconds);
+            // Differences and next values are those of the row itself.
+            let (f, d) = if state.advance.continuous { (&mean.0, &mean.1) } else { (&first_values, &first_slopes) };
+            for b in 0..count {
+                let row = b * states + s;
+                values[row] = state.advance.keep * present[s * count + b] + gain * f[s * count + b];
+                for variable in 0..width {
+                    slopes[row * width + variable] = gain * d[row * width + variable];
+                }
+                slopes[row * width + s] += state.advance.keep;
+            }
+        }
+        self.split(&values, &slopes, points, states)
+    }
+
+    /// A, B and c from values (points x states) and slopes (points x states x variables).
+    fn split(&self, values: &[f64], slopes: &[f64], points: &Points, states: usize) -> Vec<Linearized> {
+        let width = self.variables.len();
+        (0..points.count())
+            .map(|b| {
+                let (mut a, mut input, mut c) = (Vec::new(), Vec::new(), Vec::new());
+                for s in 0..states {
+                    let row = &slopes[(b * states + s) * width..][..width];
+                    a.extend_from_slice(&row[..states]);
+                    input.extend_from_slice(&row[states..]);
+                    let linear: f64 =
+                        row.iter().zip(&self.variables).map(|(slope, &v)| slope * points.column(v, 0)[b]).sum();
+                    c.push(values[b * states + s] - linear);
+                }
+                Linearized { a, b: input, c }
+            })
+            .collect()
+    }
+}
+
+/// The chain rule through `x + offset * slope(x)`: derivatives of a stage's slopes from the slopes of the right sides there and the stage before.
+fn chained(stepper: &Stepper, slopes: &[f64], before: &[f64], offset: f64, shape: [usize; 3]) -> Vec<f64> {
+    let [count, states, width] = shape;
+    let mut chained = slopes.to_vec();
+    for b in 0..count {
+        for row in 0..states {
+            for (k, state) in stepper.states.iter().enumerate().filter(|(_, state)| state.advance.continuous) {
+                debug_assert!(state.advance.keep == 1.0);
+                let slope = slopes[(b * states + row) * width + k] * offset;
+                for variable in 0..width {
+                    chained[(b * states + row) * width + variable] +=
+                        slope * before[(b * states + k) * width + variable];
+                }
+            }
+        }
+    }
+    chained
+}
+
+/// The outputs of a program over columns and latents, at the points.
+fn run(program: &Program, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
+    let count = points.count();
+    let stride = padded(count) + LANES;
+    let leaves: Vec<&[f64]> = program
+        .leaves()
+        .iter()
+        .map(|leaf| {
+            let lag = leaf.lag().unsigned_abs() as usize;
+            match *leaf {
+                Leaf::Time { .. } => points.seconds(lag),
+                Leaf::Column { column, .. } => match stepper.compiled.latent(column, &workspace.model) {
+                    Some(values) => &values[..count],
+                    None => points.column(column, lag),
+                },
+            }
+        })
+        .collect();
+    let mut out = vec![0.0; program.outputs() * stride];
+    program.evaluate(&leaves, count, &mut out, stride, &mut Scratch::default());
+    out
+}

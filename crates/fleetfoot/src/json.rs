@@ -1,0 +1,41 @@
+//! Reports for programs, as JSON. A number that is none is `null`.
+
+mod narx;
+mod pwa;
+mod rollout;
+mod score;
+mod sindy;
+mod sparse;
+
+use fleetfoot_dynamics::{Basis, Estimate};
+use serde_json::{Value, json};
+
+/// A number for JSON, which has no NaN.
+fn real(value: f64) -> Value {
+    serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
+}
+
+fn reals(values: &[f64]) -> Vec<Value> {
+    values.iter().map(|&value| real(value)).collect()
+}
+
+/// A value and its interval.
+fn estimate(estimate: &Estimate) -> Value {
+    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
+}
+
+/// What an interval compares, for people.
+pub fn interval_in_words(basis: &Basis) -> String {
+    match basis {
+        Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
+        Basis::Folds(count) => {
+            format!("95 % intervals across {count} folds of spans (too narrow: they are correlated)")
+        }
+        Basis::Spans(count) => {
+            format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
+        }
+        Basis::Starts(count) => {
+            format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)")
+        }
+    }
+}

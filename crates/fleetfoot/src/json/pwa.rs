@@ -1,0 +1,31 @@
+//! The report of a piecewise-affine fit.
+
+use serde_json::{Value, json};
+
+use super::{estimate, interval_in_words, real, reals};
+use crate::Fitted;
+
+impl Fitted {
+    /// Scores and candidates for programs.
+    pub fn to_json(&self) -> Value {
+        let found = &self.identification;
+        json!({
+            "hash": found.model.hash(),
+            "rows": found.rows, "episodes": self.episodes, "files": self.files,
+            "effective_rows": real(found.effective_rows),
+            "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
+            "targets": found.targets, "sigma": reals(&found.sigma),
+            "held_out": found.held_out, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
+            "chosen": found.chosen, "intervals": interval_in_words(&found.basis),
+            "candidates": found.candidates.iter().map(|score| json!({
+                "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
+                "mae_over_null": reals(&score.over_null),
+                "mae_over_null_intervals": score.over_null_interval.iter().map(estimate).collect::<Vec<_>>(),
+                "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
+                "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
+                "fold_losses": reals(&score.losses), "bic": real(score.bic),
+            })).collect::<Vec<_>>(),
+            "notes": self.notes,
+        })
+    }
+}

@@ -1,0 +1,41 @@
+//! Scores of rollouts by horizon.
+
+use fleetfoot_dynamics::HorizonScore;
+use serde_json::{Value, json};
+
+use super::{interval_in_words, real};
+use crate::RolledOut;
+
+impl RolledOut {
+    /// The scores for programs; trajectories are not among them.
+    pub fn to_json(&self) -> Value {
+        let rollouts = &self.rollouts;
+        let horizon = &rollouts.horizon;
+        let score = |score: &HorizonScore| {
+            let table = |values: &[f64]| {
+                values
+                    .chunks(horizon.states.len().max(1))
+                    .map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>())
+                    .collect::<Vec<_>>()
+            };
+            json!({
+                "rmse": table(&score.rmse), "mae": table(&score.mae),
+                "mahalanobis": score.mahalanobis.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect::<Vec<_>>(),
+            })
+        };
+        json!({
+            "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
+            "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
+            "episodes": self.episodes, "in_sample_episodes": self.in_sample,
+            "states": horizon.states, "recorded_states": rollouts.recorded_states,
+            "driven_inputs": rollouts.driven_inputs,
+            "time": horizon.time, "model": score(&horizon.model),
+            "baselines": horizon.baselines.iter()
+                .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),
+            "ended": horizon.ended, "intervals": interval_in_words(&horizon.basis),
+            "useful_horizon": { "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
+                                "beaten_by": horizon.useful.beaten_by.map(|b| b.name()) },
+            "notes": self.notes,
+        })
+    }
+}

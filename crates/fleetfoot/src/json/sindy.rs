@@ -1,0 +1,46 @@
+//! The report of a fit of equations.
+
+use serde_json::{Value, json};
+
+use super::real;
+use crate::{EquationReport, SindyReport};
+
+impl SindyReport {
+    /// Equations, scores and terms for programs.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "rows": self.rows, "episodes": self.episodes,
+            "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1], "rows_unassigned": self.left_out[2],
+            "method": self.method, "choice": self.choice, "folds": self.folds, "ensemble": self.ensemble,
+            "candidates": self.candidates,
+            "parameters": self.parameters.iter().map(|parameter| json!({
+                "name": parameter.name, "value": real(parameter.value), "standard_error": real(parameter.standard_error),
+                "unit": parameter.unit, "at_bound": parameter.at_bound,
+            })).collect::<Vec<_>>(),
+            "regions": self.regions.iter().map(|region| json!({
+                "name": region.name, "rows": region.rows,
+                "equations": region.equations.iter().map(equation_json).collect::<Vec<_>>(),
+            })).collect::<Vec<_>>(),
+            "notes": self.notes,
+        })
+    }
+}
+
+fn equation_json(equation: &EquationReport) -> Value {
+    json!({
+        "label": equation.label, "right": equation.right, "candidates": equation.candidates,
+        "rms": real(equation.rms), "r2": real(equation.r2),
+        "held_out_rms": real(equation.held_out), "held_out_r2": real(equation.held_out_r2),
+        "parameter": real(equation.parameter), "correlation": real(equation.correlation),
+        "terms": equation.terms.iter().map(|term| json!({
+            "function": term.function, "coefficient": real(term.coefficient), "standard_error": real(term.standard_error),
+            "unit": term.unit, "inclusion": term.inclusion.map(real), "fixed": term.fixed,
+        })).collect::<Vec<_>>(),
+        "inclusion": equation.inclusion.as_ref().map(|shares| shares.iter().map(|&share| real(share)).collect::<Vec<_>>()),
+        "confounded": equation.confounded,
+        "front": equation.front.iter().map(|point| json!({
+            "terms": point.terms, "rms": real(point.rms), "held_out_rms": real(point.held_out), "parameter": real(point.parameter),
+            "chosen": point.chosen, "functions": point.functions,
+        })).collect::<Vec<_>>(),
+    })
+}

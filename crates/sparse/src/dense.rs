@@ -1,0 +1,263 @@
+//! Problems from dense rows in memory, read where they lie: one pass, and a statistic for every group of rows.
+
+mod gather;
+mod sums;
+
+use std::{fmt, ops::Range, sync::Arc};
+
+use faer::MatRef;
+use fleetfoot_data::{Cancelled, Progress};
+use fleetfoot_stats::{Factor, Gram, SquareRoot};
+
+use crate::{Quadratic, SparseError};
+use sums::Sums;
+
+/// Columns up to which the sums are those of preconditioned rows, and a problem is in square-root form. Beyond, they are plain products (Gram form): the
+/// factorisations would cost more than the pass.
+pub(crate) const ROOT_COLUMNS: usize = 512;
+/// Rows times the square of the columns up to which rows are read anew for every problem, and factored directly.
+const DIRECT: usize = 50_000_000;
+
+/// Rows of regressors and targets, in memory or as good as there: they are read more than once.
+pub trait DenseRows: fmt::Debug + Send + Sync {
+    /// Number of rows.
+    fn rows(&self) -> usize;
+
+    /// Number of regressors, p.
+    fn regressors(&self) -> usize;
+
+    /// Number of targets, q.
+    fn targets(&self) -> usize;
+
+    /// Appends some neighbouring rows to `out`, column after column: p regressors, then q targets.
+    fn read(&self, rows: Range<usize>, out: &mut Vec<f64>);
+}
+
+/// Why a dense design makes no problem.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DenseError {
+    /// The rows, the weights or what they sum to are at fault.
+    #[error(transparent)]
+    Problem(#[from] SparseError),
+    /// A group label that is not below the number of groups.
+    #[error("row {row} has the group {found}: groups are 0 to {most}")]
+    Group {
+        /// The row.
+        row: usize,
+        /// Its label.
+        found: u32,
+        /// The largest label there may be.
+        most: usize,
+    },
+    /// The user stopped it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// A dense design of n rows, p regressors and q targets, whose rows belong to groups: the statistic of any union of groups is at hand.
+///
+/// What is kept depends on the shape. Few rows (no more than twice the columns, or so few that a factorisation is quick) are read where they lie for
+/// every problem, and factored directly. Many rows are read once, in parallel: their products are summed group by group in the coordinates that a
+/// pilot sample gives ([`Preconditioner`](fleetfoot_stats::Preconditioner)), so that little is lost to the square of the condition number, or as they
+/// are where there are more than 512 columns. Beside the statistics only the blocks in flight are held.
+///
+/// Answers do not depend on the number of threads.
+#[derive(Debug)]
+pub struct DenseDesign {
+    rows: Arc<dyn DenseRows>,
+    /// Row weights; `None`: all 1.
+    weights: Option<Vec<f64>>,
+    /// Group of every row; empty where there is one.
+    labels: Vec<u32>,
+    groups: usize,
+    /// `None`: the rows are read anew.
+    sums: Option<Sums>,
+}
+
+impl DenseDesign {
+    /// Reads a design: row weights (n; `None`: all 1), and for every row a label below `groups` (n; empty: one group).
+    ///
+    /// # Errors
+    /// When the lengths disagree, a weight is negative, a label is too large, there are no rows, or the user stops it.
+    pub fn new(
+        rows: Arc<dyn DenseRows>,
+        weights: Option<Vec<f64>>,
+        labels: Vec<u32>,
+        groups: usize,
+        progress: &dyn Progress,
+    ) -> Result<Self, DenseError> {
+        let n = rows.rows();
+        let given = [("the row weights", weights.as_ref().map_or(n, Vec::len)), ("the groups", labels.len())];
+        for (what, found) in given {
+            if found != n && !(found == 0 && what == "the groups") {
+                return Err(SparseError::Length { what, found, expected: n }.into());
+            }
+        }
+        if let Some(weights) = &weights
+            && let Some(row) = weights.iter().position(|weight| !(*weight >= 0.0 && weight.is_finite()))
+        {
+            return Err(SparseError::RowWeight { row, value: weights[row] }.into());
+        }
+        let groups = if labels.is_empty() { 1 } else { groups.max(1) };
+        if let Some(row) = labels.iter().position(|&label| label as usize >= groups) {
+            return Err(DenseError::Group { row, found: labels[row], most: groups - 1 });
+        }
+        if n == 0 {
+            return Err(SparseError::NoRows.into());
+        }
+        let mut design = Self { rows, weights, labels, groups, sums: None };
+        let d = design.columns();
+        if n > 2 * d && n.saturating_mul(d * d) > DIRECT {
+            design.sums = Some(Sums::scan(&design, progress)?);
+        }
+        Ok(design)
+    }
+
+    /// Number of regressors, p.
+    pub fn regressors(&self) -> usize {
+        self.rows.regressors()
+    }
+
+    /// Number of targets, q.
+    pub fn targets(&self) -> usize {
+        self.rows.targets()
+    }
+
+    /// Number of groups.
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// Number of rows of all groups.
+    pub fn rows(&self) -> usize {
+        self.rows.rows()
+    }
+
+    fn columns(&self) -> usize {
+        self.regressors() + self.targets()
+    }
+
+    /// The problems of all targets on the rows of some groups (`None`: of all), with a free intercept or none.
+    ///
+    /// No more rows than regressors stay rows; otherwise the form is that of a square root up to 512 columns, and of Gram matrices beyond.
+    ///
+    /// # Errors
+    /// When the groups hold no row of positive weight, a value is not finite, or the user stops it.
+    pub fn problems(&self, groups: Option<&[usize]>, intercept: bool) -> Result<Vec<Quadratic>, DenseError> {
+        let chosen = self.chosen(groups);
+        let q = self.targets();
+        match &self.sums {
+            Some(sums) if sums.is_plain() => of_gram(&sums.total(&chosen), q, intercept),
+            Some(sums) => of_root(&sums.root(&chosen), intercept),
+            None => {
+                let used = self.used(&chosen);
+                if used.len() <= self.regressors() {
+                    let (values, weights) = self.gathered(&used);
+                    of_rows(&values, used.len(), q, weights.as_deref(), intercept)
+                } else if self.columns() > ROOT_COLUMNS {
+                    of_gram(&self.gram(&used), q, intercept)
+                } else {
+                    of_root(&self.factor(&used).square_root(), intercept)
+                }
+            }
+        }
+    }
+
+    /// The square-root form of the rows of some groups (`None`: of all), all targets at once.
+    pub fn root(&self, groups: Option<&[usize]>) -> SquareRoot {
+        let chosen = self.chosen(groups);
+        match &self.sums {
+            Some(sums) => sums.root(&chosen),
+            None => self.factor(&self.used(&chosen)).square_root(),
+        }
+    }
+
+    /// Weighted mean squared errors, on the rows of some groups, of k models of one target: coefficients (p x k, one model after the other) and
+    /// intercepts (k).
+    ///
+    /// # Errors
+    /// When the shapes disagree, the target does not exist, the groups hold no row of positive weight, or the user stops it.
+    pub fn mean_squares(
+        &self,
+        groups: Option<&[usize]>,
+        target: usize,
+        coefficients: &[f64],
+        intercepts: &[f64],
+        progress: &dyn Progress,
+    ) -> Result<Vec<f64>, DenseError> {
+        let (p, k, targets) = (self.regressors(), intercepts.len(), self.targets());
+        if coefficients.len() != p * k {
+            let (what, found) = ("the coefficients", coefficients.len());
+            return Err(SparseError::Length { what, found, expected: p * k }.into());
+        }
+        if target >= targets {
+            return Err(SparseError::NoSuchTarget { target, targets }.into());
+        }
+        let models = MatRef::from_column_major_slice(coefficients, p, k);
+        let chosen = self.chosen(groups);
+        let errors = match &self.sums {
+            Some(sums) => sums.mean_squares(&chosen, target, models, intercepts),
+            None => self.errors_of_rows(&self.used(&chosen), target, models, intercepts, progress)?,
+        };
+        if k > 0 && errors.is_empty() { Err(SparseError::NoRows.into()) } else { Ok(errors) }
+    }
+
+    /// Whether each group is meant.
+    fn chosen(&self, groups: Option<&[usize]>) -> Vec<bool> {
+        match groups {
+            None => vec![true; self.groups],
+            Some(groups) => (0..self.groups).map(|group| groups.contains(&group)).collect(),
+        }
+    }
+
+    fn factor(&self, used: &[usize]) -> Factor {
+        let mut factor = Factor::new(self.regressors(), self.targets());
+        self.blocks(used, |values, rows, weights| {
+            factor.push(MatRef::from_column_major_slice(values, rows, self.columns()), weights);
+        });
+        factor
+    }
+
+    fn gram(&self, used: &[usize]) -> Gram {
+        let mut gram = Gram::new(self.columns());
+        self.blocks(used, |values, rows, weights| {
+            gram.merge(&Gram::of_rows(MatRef::from_column_major_slice(values, rows, self.columns()), weights));
+        });
+        gram
+    }
+}
+
+fn of_rows(
+    values: &[f64],
+    rows: usize,
+    targets: usize,
+    weights: Option<&[f64]>,
+    intercept: bool,
+) -> Result<Vec<Quadratic>, DenseError> {
+    let x = values.len() - rows * targets;
+    let regressors = MatRef::from_column_major_slice(&values[..x], rows, x.checked_div(rows).unwrap_or(0));
+    let target = |t: usize| &values[x + t * rows..x + (t + 1) * rows];
+    (0..targets).map(|t| Ok(Quadratic::from_rows(regressors, target(t), weights, intercept)?)).collect()
+}
+
+fn of_root(root: &SquareRoot, intercept: bool) -> Result<Vec<Quadratic>, DenseError> {
+    if intercept {
+        return (0..root.targets()).map(|t| Ok(Quadratic::from_square_root(root, t)?)).collect();
+    }
+    let compressed = root.compressed(false);
+    (0..root.targets()).map(|t| Ok(Quadratic::from_compressed(&compressed, t)?)).collect()
+}
+
+fn of_gram(gram: &Gram, targets: usize, intercept: bool) -> Result<Vec<Quadratic>, DenseError> {
+    let p = gram.dimension() - targets;
+    let columns: Vec<usize> = (0..p).collect();
+    let problem = |t: usize| match intercept {
+        true => Quadratic::from_gram(gram, &columns, p + t),
+        false => Quadratic::from_gram_at_origin(gram, &columns, p + t),
+    };
+    (0..targets).map(|t| Ok(problem(t)?)).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,103 @@
+//! Many rows: their products, summed group by group in one parallel pass.
+
+use faer::{MatMut, MatRef};
+use fleetfoot_data::{Progress, parallel_fold};
+use fleetfoot_stats::{Gram, Preconditioner, SquareRoot};
+
+use super::{DenseDesign, DenseError, ROOT_COLUMNS};
+use crate::select::mean_squares;
+
+/// Values of a block that is in flight.
+const BLOCK_VALUES: usize = 1 << 21;
+/// Rows of the pilot sample at least, and a column: enough to tell columns apart, and few enough to factor.
+const PILOT_ROWS: usize = 1000;
+const PILOT_ROWS_A_COLUMN: usize = 4;
+/// Neighbouring rows of a run of the sample: short, because neighbours in time are alike.
+const PILOT_RUN: usize = 4;
+
+/// Gram matrices of the groups, in the coordinates of a preconditioner.
+#[derive(Debug)]
+pub(super) struct Sums {
+    preconditioner: Preconditioner,
+    grams: Vec<Gram>,
+    plain: bool,
+}
+
+impl Sums {
+    /// Reads all rows once.
+    pub(super) fn scan(design: &DenseDesign, progress: &dyn Progress) -> Result<Self, DenseError> {
+        let (n, d) = (design.rows.rows(), design.columns());
+        let plain = d > ROOT_COLUMNS;
+        let preconditioner =
+            if plain { Preconditioner::identity(design.regressors(), design.targets()) } else { pilot(design) };
+        let block = (BLOCK_VALUES / d).clamp(512, 4096);
+        let mut grams = vec![Gram::new(d); design.groups];
+        progress.stage("products of the rows");
+        parallel_fold(
+            n.div_ceil(block),
+            progress,
+            |part| {
+                let rows = part * block..((part + 1) * block).min(n);
+                let mut values = Vec::with_capacity(d * rows.len());
+                design.rows.read(rows.clone(), &mut values);
+                preconditioner.apply(MatMut::from_column_major_slice_mut(&mut values, rows.len(), d));
+                let z = MatRef::from_column_major_slice(&values, rows.len(), d);
+                let weights = design.weights.as_ref().map(|weights| &weights[rows.clone()]);
+                let labels = design.labels.get(rows).unwrap_or(&[]);
+                Ok::<_, DenseError>(match labels.first() {
+                    None => vec![(0, Gram::of_rows(z, weights))],
+                    Some(&one) if labels.iter().all(|&label| label == one) => vec![(one, Gram::of_rows(z, weights))],
+                    Some(_) => Gram::by_region(z, weights, labels, design.groups),
+                })
+            },
+            |found: Vec<(u32, Gram)>| {
+                found.iter().for_each(|(group, gram)| grams[*group as usize].merge(gram));
+                Ok(())
+            },
+        )?;
+        Ok(Self { preconditioner, grams, plain })
+    }
+
+    /// Whether the sums are plain products, in no other coordinates than those of the rows.
+    pub(super) fn is_plain(&self) -> bool {
+        self.plain
+    }
+
+    /// The sum of some groups.
+    pub(super) fn total(&self, chosen: &[bool]) -> Gram {
+        let mut total = Gram::new(self.preconditioner.dimension());
+        self.grams.iter().zip(chosen).filter(|(_, chosen)| **chosen).for_each(|(gram, _)| total.merge(gram));
+        total
+    }
+
+    /// The square-root form of some groups.
+    pub(super) fn root(&self, chosen: &[bool]) -> SquareRoot {
+        self.preconditioner.square_root(&self.total(chosen))
+    }
+
+    /// Weighted mean squared errors of models on some groups; none where they hold no rows.
+    pub(super) fn mean_squares(
+        &self,
+        chosen: &[bool],
+        target: usize,
+        models: MatRef<'_, f64>,
+        intercepts: &[f64],
+    ) -> Vec<f64> {
+        let root = self.root(chosen);
+        if root.weight > 0.0 { mean_squares(root, target, models, intercepts) } else { Vec::new() }
+    }
+}
+
+/// The coordinates that some runs of rows, spread evenly over all, ask for.
+fn pilot(design: &DenseDesign) -> Preconditioner {
+    let (n, d) = (design.rows.rows(), design.columns());
+    let wanted = PILOT_ROWS.max(PILOT_ROWS_A_COLUMN * d).min(n);
+    let runs = wanted.div_ceil(PILOT_RUN).max(2);
+    let start = |run: usize| (run as u128 * (n - PILOT_RUN.min(n)) as u128 / (runs as u128 - 1)) as usize;
+    let used: Vec<usize> = match wanted {
+        all if all == n => (0..n).collect(),
+        _ => (0..runs).flat_map(|run| start(run)..start(run) + PILOT_RUN).collect(),
+    };
+    let (values, _) = design.gathered(&used);
+    Preconditioner::from_pilot(MatRef::from_column_major_slice(&values, used.len(), d), design.regressors())
+}
