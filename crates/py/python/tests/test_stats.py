@@ -324,11 +324,15 @@ def test_a_solution_is_a_model() -> None:
     assert dict(zip(names, model.coefficients().ravel(), strict=True)) == pytest.approx(values, rel=1e-15)
 
 
+@pytest.mark.filterwarnings("ignore::fleetfoot.FleetfootWarning")
 def test_estimators_fit_a_statistic_as_they_fit_its_logs() -> None:
     t = np.arange(600) * 0.01
     run = {"t": t, "x": np.cos(2 * t), "v": -2 * np.sin(2 * t)}
     recipe = {"states": {"x": {}, "v": {}}, "time": {"column": "t"}, "model": {"degree": 2}}
-    stats = ff.scan(recipe, run)
+    stats = ff.scan(recipe, run, chunk_rows=20)
     from_stats, from_rows = ff.SINDy(threshold=0.1).fit(stats), ff.SINDy(threshold=0.1, recipe=recipe).fit(run)
     assert from_stats.equations() == from_rows.equations()
-    assert ff.BlockSparse(recipe=fleet.SHARED).fit(ff.scan(fleet.SHARED, fleet.run(400, 1.0))).model_.method
+    shared = ff.scan(fleet.SHARED, fleet.run(400, 1.0), chunk_rows=20)
+    fitted = ff.BlockSparse(recipe=fleet.SHARED).fit(shared)
+    thrust = dict(zip(fitted.get_feature_names("T"), fitted.coefficients(latent="T"), strict=True))
+    assert thrust == pytest.approx({"1": 3.0, "x": 1.0, "x^2": -0.5}, abs=1e-6)
