@@ -81,6 +81,7 @@ impl Problems {
 
     /// The solutions of a target at all alphas, each from the one before, the first from `start` (p).
     #[pyo3(signature = (target, alphas, l1_ratio, positive, start, max_epochs))]
+    #[expect(clippy::too_many_arguments, reason = "named by Python's callers")]
     fn descend<'py>(
         &self,
         py: Python<'py>,
