@@ -1,14 +1,14 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, dynamics, fit_pwa,
+    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa,
     log::{Cache, Stamp, write_atomic},
     model::UnseenLabel,
     pwa::{Options, Selection, Shrinkage},
 };
 use serde_json::json;
 
-use super::{Context, files, real};
+use super::{Context, files, with};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, Select, StampArg, TimeArgs, Unseen},
     table::{bytes, count, number, ratio, table},
@@ -167,33 +167,8 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     )
 }
 
-/// A value and its interval, for JSON.
-pub(crate) fn estimate(estimate: &dynamics::Estimate) -> serde_json::Value {
-    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
-}
-
 pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::Value {
-    let found = &fitted.identification;
-    let reals = |values: &[f64]| values.iter().map(|&value| real(value)).collect::<Vec<_>>();
-    json!({
-        "model": output.display().to_string(),
-        "hash": found.model.hash(),
-        "rows": found.rows, "episodes": fitted.episodes, "files": fitted.files,
-        "effective_rows": real(found.effective_rows),
-        "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
-        "targets": found.targets, "sigma": reals(&found.sigma),
-        "held_out": found.held_out, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
-        "chosen": found.chosen, "intervals": basis(&found.basis),
-        "candidates": found.candidates.iter().map(|score| json!({
-            "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
-            "mae_over_null": reals(&score.over_null),
-            "mae_over_null_intervals": score.over_null_interval.iter().map(estimate).collect::<Vec<_>>(),
-            "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
-            "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
-            "fold_losses": reals(&score.losses), "bic": real(score.bic),
-        })).collect::<Vec<_>>(),
-        "notes": fitted.notes,
-    })
+    with(fitted.to_json(), json!({ "model": output.display().to_string() }))
 }
 
 /// The recipe with all flags applied.
@@ -285,21 +260,5 @@ pub(crate) fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
             Ok((name.trim().to_owned(), value.trim().to_owned()))
         }
         _ => Err(Error::Request(format!("{flag} {text}: write NAME=VALUE"))),
-    }
-}
-
-/// For people: what an interval compares.
-pub(crate) fn basis(basis: &dynamics::Basis) -> String {
-    match basis {
-        dynamics::Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
-        dynamics::Basis::Folds(count) => {
-            format!("95 % intervals across {count} folds of spans (too narrow: they are correlated)")
-        }
-        dynamics::Basis::Spans(count) => {
-            format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
-        }
-        dynamics::Basis::Starts(count) => {
-            format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)")
-        }
     }
 }

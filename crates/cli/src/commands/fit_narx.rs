@@ -6,7 +6,7 @@ use fleetfoot::{
 };
 use serde_json::{Value, json};
 
-use super::{Context, files, fit, real};
+use super::{Context, files, fit, with};
 use crate::{
     args::{FitNarx, NarxArgs},
     table::{count, number, ratio, table},
@@ -205,65 +205,5 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
 }
 
 fn to_json(fitted: &NarxFitted, arguments: &FitNarx) -> Value {
-    let report = &fitted.report;
-    let order = |order: &fleetfoot::sparse::NarxOrder| json!({ "lags_out": order.outputs, "lags_in": order.inputs, "degree": order.degree });
-    let tried = report.tried.iter().map(|candidate| {
-        json!({
-            "order": order(&candidate.order), "partition": candidate.specification, "seed": candidate.seed, "terms": candidate.terms, "rrse": real(candidate.rrse),
-            "folds": candidate.folds.iter().map(|&value| real(value)).collect::<Vec<_>>(),
-        })
-    });
-    let orders = report.orders.iter().flat_map(|search| &search.scores).map(|score| {
-        json!({
-            "order": order(&score.order), "candidates": score.candidates, "terms": score.terms, "value": real(score.value),
-            "standard_error": score.standard_error.map(real), "rss": score.rss,
-        })
-    });
-    let regions = report.regions.iter().map(|region| {
-        let equations = region.equations.iter().map(|equation| {
-            let terms = equation.terms.iter().map(|term| {
-                json!({ "function": term.function, "coefficient": real(term.coefficient), "err": real(term.err) })
-            });
-            json!({ "label": equation.label, "terms": terms.collect::<Vec<_>>() })
-        });
-        json!({ "name": region.name, "rows": region.rows, "shared": region.shared, "equations": equations.collect::<Vec<_>>() })
-    });
-    json!({
-        "model": arguments.output, "rows": report.rows, "episodes": report.episodes, "at_border": report.left_out[0], "incomplete": report.left_out[1],
-        "order": order(&report.order), "direct": report.direct, "candidates": report.candidates, "partition": report.partition, "seed": fitted.model.training.seed, "choice": report.choice,
-        "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
-        "train": scores_json(&report.train), "test": report.test.as_ref().map(scores_json), "files": report.files.as_ref().map(scores_json),
-        "notes": report.notes,
-    })
-}
-
-fn scores_json(scores: &NarxScores) -> Value {
-    let one_step = scores.one_step.targets.iter().map(|target| {
-        let baselines = target.baselines.iter().map(|baseline| (format!("{:?}", baseline.baseline).to_lowercase(), real(baseline.rmse)));
-        json!({
-            "name": target.name, "rmse": real(target.rmse), "rrse": real(target.rmse / target.deviation), "r2": real(target.r2),
-            "baseline_rmse": baselines.collect::<serde_json::Map<_, _>>(),
-        })
-    });
-    let errors = |errors: &fleetfoot::dynamics::OutputErrors| {
-        json!({
-            "rows": errors.rows, "lost": errors.lost, "rrse": real(errors.rrse), "fit": real(errors.fit), "rmse": real(errors.rmse), "nrmse": real(errors.nrmse),
-            "largest": real(errors.largest), "persistence_rrse": real(errors.persistence), "null_rrse": errors.null.map(real),
-        })
-    };
-    let outputs = scores.free_run.outputs.iter().map(|output| {
-        let mut value = errors(&output.errors);
-        value["name"] = json!(output.name);
-        value
-    });
-    let runs = scores.free_run.runs.iter().map(|run| {
-        json!({
-            "episode": run.start.episode, "row": run.start.row, "steps": run.steps, "end": format!("{:?}", run.end).to_lowercase(), "lost_at": run.lost_at,
-            "left_domain": run.left_domain, "outputs": run.outputs.iter().map(errors).collect::<Vec<_>>(),
-        })
-    });
-    json!({
-        "one_step": one_step.collect::<Vec<_>>(), "free_run": outputs.collect::<Vec<_>>(), "runs": runs.collect::<Vec<_>>(),
-        "episodes_skipped": scores.free_run.skipped,
-    })
+    with(fitted.report.to_json(), json!({ "model": arguments.output, "seed": fitted.model.training.seed }))
 }

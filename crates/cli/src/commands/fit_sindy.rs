@@ -8,7 +8,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit, real};
+use super::{Context, files, fit, with};
 use crate::{
     args::{FitSindy, SindyArgs},
     table::{bytes, count, number, ratio, table},
@@ -276,40 +276,5 @@ fn front_text(equation: &EquationReport) -> String {
 }
 
 fn to_json(fitted: &SindyFitted, output: &std::path::Path) -> serde_json::Value {
-    let report = &fitted.report;
-    json!({
-        "model": output.display().to_string(), "hash": fitted.model.hash(),
-        "rows": report.rows, "episodes": report.episodes,
-        "rows_at_border": report.left_out[0], "rows_incomplete": report.left_out[1], "rows_unassigned": report.left_out[2],
-        "method": report.method, "choice": report.choice, "folds": report.folds, "ensemble": report.ensemble,
-        "candidates": report.candidates,
-        "parameters": report.parameters.iter().map(|parameter| json!({
-            "name": parameter.name, "value": real(parameter.value), "standard_error": real(parameter.standard_error),
-            "unit": parameter.unit, "at_bound": parameter.at_bound,
-        })).collect::<Vec<_>>(),
-        "regions": report.regions.iter().map(|region| json!({
-            "name": region.name, "rows": region.rows,
-            "equations": region.equations.iter().map(equation_json).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "notes": report.notes,
-    })
-}
-
-fn equation_json(equation: &EquationReport) -> serde_json::Value {
-    json!({
-        "label": equation.label, "right": equation.right, "candidates": equation.candidates,
-        "rms": real(equation.rms), "r2": real(equation.r2),
-        "held_out_rms": real(equation.held_out), "held_out_r2": real(equation.held_out_r2),
-        "parameter": real(equation.parameter), "correlation": real(equation.correlation),
-        "terms": equation.terms.iter().map(|term| json!({
-            "function": term.function, "coefficient": real(term.coefficient), "standard_error": real(term.standard_error),
-            "unit": term.unit, "inclusion": term.inclusion.map(real), "fixed": term.fixed,
-        })).collect::<Vec<_>>(),
-        "inclusion": equation.inclusion.as_ref().map(|shares| shares.iter().map(|&share| real(share)).collect::<Vec<_>>()),
-        "confounded": equation.confounded,
-        "front": equation.front.iter().map(|point| json!({
-            "terms": point.terms, "rms": real(point.rms), "held_out_rms": real(point.held_out), "parameter": real(point.parameter),
-            "chosen": point.chosen, "functions": point.functions,
-        })).collect::<Vec<_>>(),
-    })
+    with(fitted.report.to_json(), json!({ "model": output.display().to_string(), "hash": fitted.model.hash() }))
 }

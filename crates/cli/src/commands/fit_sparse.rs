@@ -11,7 +11,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit, real};
+use super::{Context, files, fit, with};
 use crate::{
     args::{FitSparse, SparseArgs},
     table::{bytes, count, number, ratio, table},
@@ -319,52 +319,6 @@ fn to_json(fitted: &[SparseFitted], arguments: &FitSparse) -> serde_json::Value 
 }
 
 fn one_json(found: &SparseFitted, arguments: &FitSparse) -> serde_json::Value {
-    let report = &found.report;
-    let validation = report.lambda.validation.as_ref().map(|validation| {
-        let reals = |values: &[f64]| values.iter().map(|&value| real(value)).collect::<Vec<_>>();
-        json!({
-            "folds": report.lambda.folds, "lambdas": reals(&validation.lambdas), "error": reals(&validation.mean),
-            "standard_error": reals(&validation.standard_error), "features": reals(&validation.features),
-        })
-    });
-    json!({
-        "value": found.value, "model": path_of(found, arguments).display().to_string(), "hash": found.model.hash(),
-        "rows": real(report.rows), "episodes": report.episodes,
-        "rows_at_border": report.left_out[0], "rows_incomplete": report.left_out[1],
-        "lambda": { "value": real(report.lambda.value), "how": report.lambda.how, "largest": real(report.lambda.largest), "validation": validation },
-        "selection": report.selection,
-        "certificate": { "kkt": real(report.certificate.kkt), "gap": real(report.certificate.gap), "objective": real(report.certificate.objective) },
-        "worst_replicate_kkt": report.worst_replicate.map(real),
-        "condition": real(report.condition), "confounded": report.confounded,
-        "tasks": report.tasks.iter().map(|task| json!({
-            "name": task.name, "prior": task.prior, "scale": real(task.scale), "weight": real(task.weight),
-            "rms": real(task.rms), "r2": real(task.r2), "held_out_rms": real(task.held_out),
-        })).collect::<Vec<_>>(),
-        "latents": report.latents.iter().map(|latent| json!({
-            "name": latent.name,
-            "functions": latent.candidates.iter().map(|candidate| json!({
-                "function": candidate.function, "selected": candidate.selected, "coefficient": real(candidate.coefficient),
-                "lasso": real(candidate.lasso), "standard_error": real(candidate.standard_error),
-                "frequency": candidate.frequency.map(real),
-                "lasso_interval": candidate.interval.map(|interval| interval.map(real)),
-            })).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "influence": report.influence.as_ref().map(influence_json),
-        "notes": report.notes,
-    })
-}
-
-fn influence_json(influence: &LeaveOneOutReport) -> serde_json::Value {
-    let episodes = influence.episodes.iter().map(|episode| {
-        let change = episode.largest_change.as_ref();
-        json!({
-            "name": episode.name, "share": real(episode.share), "cooks_distance": real(episode.distance),
-            "held_out_rms": real(episode.held_out), "in_sample_rms": real(episode.in_sample),
-            "largest_change": change.map(|(name, change)| json!({ "coefficient": name, "standard_errors": real(*change) })),
-        })
-    });
-    json!({
-        "held_out_rms": real(influence.held_out), "in_sample_rms": real(influence.in_sample),
-        "episodes": episodes.collect::<Vec<_>>(),
-    })
+    let model = path_of(found, arguments).display().to_string();
+    with(found.report.to_json(), json!({ "value": found.value, "model": model, "hash": found.model.hash() }))
 }

@@ -100,3 +100,11 @@ pub(crate) fn in_sample(context: &Context, names: &[String], episodes: usize) {
 pub(crate) fn real(value: f64) -> serde_json::Value {
     serde_json::Number::from_f64(value).map_or(serde_json::Value::Null, serde_json::Value::Number)
 }
+
+/// An object with the fields of another beside its own.
+pub(crate) fn with(mut value: serde_json::Value, more: serde_json::Value) -> serde_json::Value {
+    if let (Some(fields), serde_json::Value::Object(more)) = (value.as_object_mut(), more) {
+        fields.extend(more);
+    }
+    value
+}

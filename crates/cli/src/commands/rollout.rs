@@ -1,15 +1,14 @@
 //! `fleetfoot rollout`.
 
-use fleetfoot::{
-    Error, Model, RolledOut,
-    dynamics::{Method as Integration, RolloutOptions, Starts, UsefulHorizon},
-};
-use serde_json::json;
-
-use super::{Context, files, fit::basis, in_sample, read_model, real, time_changes};
+use super::{Context, files, in_sample, read_model, time_changes};
 use crate::{
     args::{Method, Rollout},
     table::{count, number, ratio, seconds, table},
+};
+use fleetfoot::{
+    Error, Model, RolledOut,
+    dynamics::{Method as Integration, RolloutOptions, Starts, UsefulHorizon},
+    interval_in_words,
 };
 
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
@@ -54,7 +53,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
             rolled.rollouts.driven_inputs.join(", ")
         ));
     }
-    context.print(&to_json(&rolled), || to_text(&rolled, &model));
+    context.print(&rolled.to_json(), || to_text(&rolled, &model));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
     }
@@ -117,38 +116,7 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         rollouts.without_region(),
         rollouts.left_domain(),
         table(&header, rows),
-        basis(&horizon.basis),
+        interval_in_words(&horizon.basis),
         useful(&horizon.useful)
     )
-}
-
-fn to_json(rolled: &RolledOut) -> serde_json::Value {
-    let rollouts = &rolled.rollouts;
-    let horizon = &rollouts.horizon;
-    let score = |score: &fleetfoot::dynamics::HorizonScore| {
-        let table = |values: &[f64]| {
-            values
-                .chunks(horizon.states.len().max(1))
-                .map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>())
-                .collect::<Vec<_>>()
-        };
-        json!({
-            "rmse": table(&score.rmse), "mae": table(&score.mae),
-            "mahalanobis": score.mahalanobis.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect::<Vec<_>>(),
-        })
-    };
-    json!({
-        "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
-        "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
-        "episodes": rolled.episodes, "in_sample_episodes": rolled.in_sample,
-        "states": horizon.states, "recorded_states": rollouts.recorded_states,
-        "driven_inputs": rollouts.driven_inputs,
-        "time": horizon.time, "model": score(&horizon.model),
-        "baselines": horizon.baselines.iter()
-            .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),
-        "ended": horizon.ended, "intervals": basis(&horizon.basis),
-        "useful_horizon": { "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
-                            "beaten_by": horizon.useful.beaten_by.map(|b| b.name()) },
-        "notes": rolled.notes,
-    })
 }

@@ -3,10 +3,10 @@
 use fleetfoot::{
     Error, Scored,
     dynamics::{Baseline, Estimate, TargetScore},
+    interval_in_words,
 };
-use serde_json::json;
 
-use super::{Context, files, fit::basis, in_sample, plane, read_model, real, time_changes};
+use super::{Context, files, in_sample, plane, read_model, time_changes};
 use crate::{
     args::{List, Score},
     table::{count, number, ratio, table},
@@ -28,7 +28,7 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let (scored, projected) = scored?;
     context.notes(&scored.notes);
     in_sample(context, &scored.in_sample, scored.episodes);
-    let mut json = to_json(&scored);
+    let mut json = scored.to_json();
     if let Some(projected) = &projected {
         json["plane"] = plane::to_json(projected);
     }
@@ -103,7 +103,7 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
         skipped.missing,
         skipped.non_finite,
         table(&header, rows),
-        basis(&scores.basis),
+        interval_in_words(&scores.basis),
         interval(&scores.mahalanobis, ratio),
         ratio(scores.mahalanobis_measured),
         100.0 * scores.outside_region as f64 / scores.rows as f64,
@@ -128,32 +128,4 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
         text.push_str(&format!("\n\nMAE / null by episode\n{}", table(&header, rows)));
     }
     text
-}
-
-fn to_json(scored: &Scored) -> serde_json::Value {
-    let scores = &scored.scores;
-    let estimate = |e: &Estimate| json!({ "value": real(e.value), "low": real(e.low), "high": real(e.high) });
-    json!({
-        "rows": scores.rows, "episodes": scored.episodes, "in_sample_episodes": scored.in_sample, "intervals": basis(&scores.basis),
-        "skipped": { "border": scores.skipped.border, "missing": scores.skipped.missing,
-                     "no_region": scores.skipped.no_region, "non_finite": scores.skipped.non_finite },
-        "rows_outside_region": scores.outside_region, "rows_outside_training": scores.outside_training,
-        "mahalanobis": estimate(&scores.mahalanobis), "mahalanobis_measured": real(scores.mahalanobis_measured),
-        "targets": scores.targets.iter().map(|target| json!({
-            "name": target.name, "unit": target.unit, "mae": estimate(&target.mae), "mae_over_null": estimate(&target.mae_over_null),
-            "mae_over_sigma": real(target.mae_over_sigma), "rmse": real(target.rmse), "r2": real(target.r2), "bias": real(target.bias),
-            "max": real(target.max), "sigma": real(target.deviation),
-            "baselines": target.baselines.iter().map(|b| json!({
-                "name": b.baseline.name(), "rows": b.rows, "mae": real(b.mae), "rmse": real(b.rmse),
-                "model_mae": real(b.model_mae), "model_rmse": real(b.model_rmse) })).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "calibration": scores.calibration.iter().map(|bin| json!({
-            "rows": bin.rows, "input": real(bin.input), "output": real(bin.output) })).collect::<Vec<_>>(),
-        "by_episode": scores.episodes.iter().map(|episode| json!({
-            "name": episode.name, "id": episode.id.to_string(), "rows": episode.rows, "in_training": episode.in_training,
-            "mae_over_null": episode.mae_over_null.iter().map(|&v| real(v)).collect::<Vec<_>>(),
-            "rmse": episode.rmse.iter().map(|&v| real(v)).collect::<Vec<_>>(), "mahalanobis": real(episode.mahalanobis),
-        })).collect::<Vec<_>>(),
-        "notes": scored.notes,
-    })
 }

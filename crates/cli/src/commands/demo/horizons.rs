@@ -4,11 +4,12 @@ use fleetfoot::{
     RolledOut,
     demo::{Reign, reigns},
     dynamics::{Baseline, Estimate, Horizon},
+    interval_in_words,
 };
 use serde_json::json;
 
 use crate::{
-    commands::{fit::basis, real, rollout::told},
+    commands::{real, rollout::told},
     table::{count, ratio, seconds, table},
 };
 
@@ -57,7 +58,7 @@ pub(super) fn to_text(curves: &[Curve], loop_: &str) -> String {
         "Fig. 8, {loop_}. Mahalanobis score of the simulated state by horizon: {} from {} that did not train; half-widths of {}\n{}{diverged}\n{}",
         count(first.rolled.rollouts.outcomes.len(), "simulation"),
         count(first.rolled.episodes, "run"),
-        basis(&horizon.basis),
+        interval_in_words(&horizon.basis),
         table(&header, rows),
         [
             frontier("best model", &lists[..curves.len()], horizon),

@@ -1,12 +1,9 @@
 //! Table I: absolute errors of the accelerations over those of the null model.
 
-use fleetfoot::{Fitted, pwa::Identification};
+use fleetfoot::{Fitted, interval_in_words, pwa::Identification};
 use serde_json::json;
 
-use crate::{
-    commands::fit::basis,
-    table::{count, number, ratio, table},
-};
+use crate::table::{count, number, ratio, table};
 
 /// Table I of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot" (2013): what its authors
 /// measured on the real VelociRoACH.
@@ -46,7 +43,7 @@ pub(super) fn to_text(fitted: &Fitted) -> String {
          {} rows of {}; half-widths of {}\n{}\n{}",
         found.rows,
         count(fitted.episodes, "run"),
-        basis(&found.basis),
+        interval_in_words(&found.basis),
         table(&header, rows),
         ordering(found)
     )
@@ -110,11 +107,10 @@ fn ordering(found: &Identification) -> String {
 
 pub(super) fn to_json(fitted: &Fitted) -> serde_json::Value {
     let found = &fitted.identification;
-    let estimates =
-        |list: &[fleetfoot::dynamics::Estimate]| list.iter().map(super::super::fit::estimate).collect::<Vec<_>>();
+    let estimates = |list: &[fleetfoot::dynamics::Estimate]| list.iter().map(estimate).collect::<Vec<_>>();
     json!({
         "targets": found.targets, "units": units(found), "sigma": found.sigma, "rows": found.rows, "runs": fitted.episodes,
-        "intervals": basis(&found.basis),
+        "intervals": interval_in_words(&found.basis),
         "models": found.candidates.iter().map(|score| json!({
             "model": score.specification.to_string(), "mae_over_null": estimates(&score.over_null_interval),
             "mahalanobis": super::super::real(score.mahalanobis), "loss": super::super::real(score.loss),
@@ -125,4 +121,9 @@ pub(super) fn to_json(fitted: &Fitted) -> serde_json::Value {
         })).collect::<Vec<_>>(),
         "paper": PAPER.iter().map(|(name, values)| json!({ "model": name, "values": values })).collect::<Vec<_>>(),
     })
+}
+
+/// A value and its interval.
+fn estimate(estimate: &fleetfoot::dynamics::Estimate) -> serde_json::Value {
+    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
 }
