@@ -3,6 +3,7 @@
 use fleetfoot::{Fitted, interval_in_words, pwa::Identification};
 use serde_json::json;
 
+use crate::commands::real;
 use crate::table::{count, number, ratio, table};
 
 /// Table I of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot" (2013): what its authors
