@@ -12,7 +12,7 @@ from ._bolasso import BolassoRequest
 from ._lars import LarsRequest
 from ._requests import FrolsRequest, PwaRequest, PwaRule, Sr3Request, StlsqRequest
 
-Progress: TypeAlias = Callable[[str, int, int], object] | None
+_Progress: TypeAlias = Callable[[str, int, int], object] | None
 
 VERSION: str
 
@@ -41,7 +41,7 @@ class Design:
         weights: NDArray[np.float64] | None = None,
         labels: NDArray[np.uint32] | None = None,
         groups: int = 1,
-        progress: Progress = None,
+        progress: _Progress = None,
     ) -> Design: ...
     @property
     def shape(self) -> tuple[int, int, int, int]: ...
@@ -51,7 +51,7 @@ class Design:
         target: int,
         coefficients: NDArray[np.float64],
         intercepts: NDArray[np.float64],
-        progress: Progress = None,
+        progress: _Progress = None,
     ) -> NDArray[np.float64]: ...
 
 @final
@@ -76,7 +76,7 @@ class LarsPath:
     def interpolating(self) -> bool: ...
 
 def lars_paths(
-    design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: Progress = None
+    design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: _Progress = None
 ) -> list[LarsPath]: ...
 def lars_path_of_products(gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest) -> LarsPath: ...
 
@@ -113,7 +113,7 @@ class Problems:
     def refit(self, target: int, support: Sequence[int], positive: bool) -> tuple[NDArray[np.float64], float]: ...
 
 def bolasso(
-    x: Any, y: Any, weights: NDArray[np.float64] | None, request: BolassoRequest, progress: Progress = None
+    x: Any, y: Any, weights: NDArray[np.float64] | None, request: BolassoRequest, progress: _Progress = None
 ) -> tuple[
     NDArray[np.float64],
     NDArray[np.float64],
@@ -132,26 +132,26 @@ def fold_errors(
     l1_ratio: float,
     positive: bool,
     max_epochs: int,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> tuple[NDArray[np.float64], list[int]]: ...
 
 # -- clusters and thresholds
 
 @final
 class KMeansPoints:
-    def __new__(cls, x: Any, weights: NDArray[np.float64] | None = None, progress: Progress = None) -> KMeansPoints: ...
+    def __new__(cls, x: Any, weights: NDArray[np.float64] | None = None, progress: _Progress = None) -> KMeansPoints: ...
     def plus_plus(
-        self, clusters: int, draws: NDArray[np.float64], progress: Progress = None
+        self, clusters: int, draws: NDArray[np.float64], progress: _Progress = None
     ) -> NDArray[np.float64]: ...
     def run(
-        self, start: NDArray[np.float64], max_iter: int, tol: float, history: bool = False, progress: Progress = None
+        self, start: NDArray[np.float64], max_iter: int, tol: float, history: bool = False, progress: _Progress = None
     ) -> tuple[NDArray[np.float64], float, int, bool, float, list[tuple[float, int, float]]]: ...
 
 def kmeans_draws(clusters: int) -> int: ...
 def kmeans_assign(
-    x: Any, centroids: NDArray[np.float64], weights: NDArray[np.float64] | None = None, progress: Progress = None
+    x: Any, centroids: NDArray[np.float64], weights: NDArray[np.float64] | None = None, progress: _Progress = None
 ) -> tuple[NDArray[np.int32], list[int], float]: ...
-def kmeans_distances(x: Any, centroids: NDArray[np.float64], progress: Progress = None) -> NDArray[np.float64]: ...
+def kmeans_distances(x: Any, centroids: NDArray[np.float64], progress: _Progress = None) -> NDArray[np.float64]: ...
 
 @final
 class SparseModels:
@@ -173,20 +173,20 @@ class SparseModels:
     def empty(self) -> list[int]: ...
 
 def stlsq(
-    design: Design, request: StlsqRequest, initial: NDArray[np.float64] | None = None, progress: Progress = None
+    design: Design, request: StlsqRequest, initial: NDArray[np.float64] | None = None, progress: _Progress = None
 ) -> SparseModels: ...
 def sr3(
     design: Design,
     request: Sr3Request,
     weights: NDArray[np.float64],
     initial: NDArray[np.float64] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> SparseModels: ...
-def frols(design: Design, request: FrolsRequest, progress: Progress = None) -> SparseModels: ...
+def frols(design: Design, request: FrolsRequest, progress: _Progress = None) -> SparseModels: ...
 
 @final
 class PwaFit:
-    def __new__(cls, x: Any, y: Any, weights: Any | None, request: PwaRequest, progress: Progress = None) -> PwaFit: ...
+    def __new__(cls, x: Any, y: Any, weights: Any | None, request: PwaRequest, progress: _Progress = None) -> PwaFit: ...
     @property
     def coefficients(self) -> list[list[list[float]]]: ...
     @property
@@ -278,21 +278,21 @@ def fit_pwa(
     recipe_text: str,
     options: dict[str, Any],
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> tuple[Model, str, list[Model]]: ...
 def fit_sindy(
     data: Data,
     recipe_text: str,
     front: bool = False,
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> tuple[Model, str, list[tuple[int, Model]]]: ...
 def fit_narx(
     data: Data,
     recipe_text: str,
     other: Data | None = None,
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> tuple[Model, str]: ...
 def fit_sparse(
     data: Data,
@@ -300,21 +300,21 @@ def fit_sparse(
     by: str | None = None,
     influence: bool = False,
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> list[tuple[str | None, Model, str]]: ...
 def score(
     model: Model,
     data: Data,
     recipe_text: str,
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> str: ...
 def predict_rows(
     model: Model,
     data: Data,
     recipe_text: str,
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def rollout(
     model: Model,
@@ -322,7 +322,7 @@ def rollout(
     recipe_text: str,
     request: dict[str, Any],
     cache: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> tuple[str, list[dict[str, Any]]]: ...
 
 # -- statistics
@@ -330,14 +330,14 @@ def rollout(
 class Statistic:
     @staticmethod
     def freeze(
-        recipe: str, data: Data, keys: Sequence[str], chunk_rows: int | None = None, progress: Progress = None
+        recipe: str, data: Data, keys: Sequence[str], chunk_rows: int | None = None, progress: _Progress = None
     ) -> tuple[Statistic, list[str]]: ...
     @staticmethod
     def scan(
-        recipe: str, data: Data, keys: Sequence[str], chunk_rows: int | None = None, progress: Progress = None
+        recipe: str, data: Data, keys: Sequence[str], chunk_rows: int | None = None, progress: _Progress = None
     ) -> tuple[Statistic, list[str], list[str]]: ...
     def scan_with(
-        self, data: Data, keys: Sequence[str], part: bool = False, progress: Progress = None
+        self, data: Data, keys: Sequence[str], part: bool = False, progress: _Progress = None
     ) -> tuple[Statistic, list[str], list[str]]: ...
     def plan(self) -> Statistic: ...
     @staticmethod
@@ -370,7 +370,7 @@ class Statistic:
     def files(self) -> list[tuple[str, str, int]]: ...
     def episodes(self) -> list[dict[str, Any]]: ...
     def root(self, task: int) -> dict[str, Any]: ...
-    def solve(self, recipe: str | None, strength: float | None, l1_ratio: float, progress: Progress = None) -> dict[str, Any]: ...
+    def solve(self, recipe: str | None, strength: float | None, l1_ratio: float, progress: _Progress = None) -> dict[str, Any]: ...
     def data(self) -> Data: ...
     def by_label(self) -> dict[str, dict[str, tuple[int, int]]]: ...
 
@@ -408,7 +408,7 @@ class Table:
     def to_pandas(self) -> Any: ...
 
 def read_messages(
-    path: str | PathLike[str], topic: str, fields: Sequence[str] | None = None, progress: Progress = None
+    path: str | PathLike[str], topic: str, fields: Sequence[str] | None = None, progress: _Progress = None
 ) -> Table: ...
 def topics(path: str | PathLike[str]) -> list[tuple[str, int | None]]: ...
 def read_table(
@@ -418,11 +418,11 @@ def read_table(
     base: str | None = None,
     rate: float | None = None,
     stamp: str | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> Table: ...
-def read_model_rows(model: str, data: Data, recipe: str = "", progress: Progress = None) -> dict[str, Any]: ...
+def read_model_rows(model: str, data: Data, recipe: str = "", progress: _Progress = None) -> dict[str, Any]: ...
 def student_t_95(freedom: int) -> float: ...
-def info(path: str | PathLike[str], values: bool = False, progress: Progress = None) -> str: ...
+def info(path: str | PathLike[str], values: bool = False, progress: _Progress = None) -> str: ...
 def robots() -> list[str]: ...
 def world(robot: str, text: str | None = None, settings: Sequence[tuple[str, str]] = ...) -> str: ...
 def generate(
@@ -431,8 +431,8 @@ def generate(
     text: str | None,
     settings: Sequence[tuple[str, str]],
     wanted: dict[str, Any],
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> str: ...
 def project(
-    model: str, data: Data, recipe: str, x: str, y: str, bins: int, progress: Progress = None
+    model: str, data: Data, recipe: str, x: str, y: str, bins: int, progress: _Progress = None
 ) -> dict[str, Any]: ...

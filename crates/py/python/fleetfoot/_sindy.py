@@ -205,6 +205,11 @@ class SINDy(Identifier):
         states = recipe.get("states", {})
         for what, given in (("nominal", self.nominal), ("fixed", self.fixed)):
             for name, value in (given or {}).items():
+                if not states:
+                    raise RequestError(
+                        f"{what}: no states are named; give states=... or a recipe with [states] (those of a statistic "
+                        "are settled: other targets need the rows)"
+                    )
                 if name not in states:
                     raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
                 states[name] = {**states[name], what: value if isinstance(value, str) else list(value)}

@@ -262,7 +262,7 @@ def test_files_pickles_and_copies(pwa, tmp_path):
     [
         (lambda m: m.step([1.0, 2.0]), "u is missing"),
         (lambda m: m.step([1.0, 2.0, 3.0], [0.0]), r"x has the shape \[3\].*q, v"),
-        (lambda m: m.step([1.0, 2.0], [0.0, 1.0]), "u has the shape"),
+        (lambda m: m.step([1.0, 2.0], [[0.0, 1.0]]), "u has the shape"),
         (lambda m: m.step(np.zeros((3, 2)), np.zeros((2, 1))), "x has 3 points and u has 2"),
         (lambda m: m.step([1.0, 2.0], [0.0], -1.0), "dt=-1"),
         (lambda m: m.step([1.0, 2.0], [0.0], method="rk5"), "rk5"),
@@ -277,6 +277,12 @@ def test_files_pickles_and_copies(pwa, tmp_path):
 def test_bad_points_are_refused_by_name(sindy, call, words):
     with pytest.raises(ModelError, match=words):
         call(sindy)
+
+
+def test_one_state_under_many_inputs(sindy):
+    both = sindy.step([1.0, 2.0], [0.0, 1.0])
+    assert both.shape == (2, 2)
+    np.testing.assert_array_equal(both, [sindy.step([1.0, 2.0], [0.0]), sindy.step([1.0, 2.0], [1.0])])
 
 
 def test_bad_calls_are_refused(sindy, lagged):
