@@ -5,7 +5,7 @@ VENV := target/python
 WHEELS := target/wheels
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-rust test-python wheel lint lint-python docs bench
+.PHONY: test test-rust test-python wheel bench-python lint lint-python docs bench
 
 test: test-rust test-python
 
@@ -48,3 +48,10 @@ docs:
 # Timings beside the peers: pip install numpy scikit-learn pysindy faiss-cpu pyarrow mujoco adelie, and FLEETFOOT_PYTHON=that python.
 bench:
 	cargo bench -p fleetfoot-benches
+
+# The package's estimators beside their peers, the wheel optimised: time, memory, difference of the answers.
+bench-python: wheel
+	rm -rf $(VENV)
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install --quiet dist/fleetfoot-*.whl scikit-learn pysindy
+	$(VENV)/bin/python crates/py/benches/side_by_side.py
