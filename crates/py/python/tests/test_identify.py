@@ -16,7 +16,7 @@ import pytest
 import fleetfoot as ff
 from fleetfoot.exceptions import DataError, FitError, ModelError, RequestError
 
-DATA = Path(os.environ.get("FLEETFOOT_DATA", "/work/shared/data"))
+DATA = Path(os.environ.get("FLEETFOOT_DATA") or "recordings")
 
 
 def lorenz(count=4000, dt=0.002, x0=(-8.0, 8.0, 27.0)):
