@@ -15,9 +15,11 @@ from ._coordinate_cv import ElasticNetCV, LassoCV
 from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
 
 # -- clusters and thresholds
+from ._frols import FROLS
 from ._kmeans import KMeans
-from ._optimizers import FROLS, SR3, STLSQ
 from ._pwa_regressor import PWARegressor
+from ._sr3 import SR3
+from ._stlsq import STLSQ
 
 # -- identification
 from ._block_sparse import BlockSparse

@@ -1,0 +1,138 @@
+"""Forward regression with orthogonal least squares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._base import check_is_fitted
+from ._core import Design, SparseModels, frols
+from ._optimizer import NUMBER, Optimizer, check_ridge
+from ._params import BOOLEAN, NONE, VERBOSE, Rule, integer
+
+
+class FROLS(Optimizer):
+    """Forward regression by orthogonal least squares.
+
+    Takes one column after the other, always the one with the largest error reduction ratio, and chooses one of the
+    models on the way by pysindy's rule: the one before the term with the least ``ratio + kappa cond(X) terms``, where
+    the ratios of a target and of all targets before it are added up. Parameters and defaults are those of pysindy's
+    `FROLS`; inside `pysindy.SINDy` it takes that one's place.
+
+    Parameters
+    ----------
+    normalize_columns : bool, default=False
+        Whether the ridge is on the coefficients of columns of length 1; the order of entry does not depend on it.
+    copy_X : bool, default=True
+        Accepted, and without effect: X is never written to.
+    kappa : float or None, default=None
+        Weight of the number of terms, relative to the condition number of X.
+    max_iter : int, default=10
+        Terms at most.
+    alpha : float, default=0.05
+        Ridge in the system that leads from the orthogonal terms back to the columns.
+    ridge_kw : dict or None, default=None
+        Options of a solver: accepted, and without effect, because the ridge is solved directly. Others raise.
+    verbose : bool, default=False
+        Whether the steps are printed.
+    unbias : bool, default=True
+        Whether the chosen terms are fitted again by least squares.
+
+    Attributes
+    ----------
+    coef_ : ndarray of shape (n_targets, n_features)
+        Coefficients, the target's units over the column's.
+    ind_ : ndarray of shape (n_targets, n_features), bool
+        The terms of the models.
+    history_ : list of ndarray of shape (n_targets, n_features)
+        Coefficients of the models with 0, 1, ... terms, with the ridge.
+    ERR_global : ndarray of shape (n_features, n_targets)
+        Error reduction ratio of each term in the order of entry; 0 beyond the last that was looked at.
+    n_iter_ : int
+        Terms that were tried.
+    intercept_ : float
+        0: a column of ones is a feature like the others.
+    n_features_in_ : int
+        Number of features.
+
+    Notes
+    -----
+    Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or
+    raises. Coefficients below 1e-10 are kept; pysindy sets them to zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> t = np.linspace(0.0, 3.0, 200)
+    >>> X = np.column_stack([np.ones(200), t, np.sin(5 * t)])
+    >>> model = ff.FROLS(max_iter=2).fit(X, 2.0 * t - 0.5 * np.sin(5 * t))
+    >>> model.coef_.round(6)
+    array([[ 0. ,  2. , -0.5]])
+    """
+
+    _rules = {
+        "normalize_columns": (BOOLEAN,),
+        "copy_X": (BOOLEAN,),
+        "kappa": (NUMBER, NONE),
+        "max_iter": (integer(1),),
+        "alpha": (Rule("a number: alpha cannot be negative", NUMBER.holds),),
+        "verbose": (VERBOSE,),
+        "unbias": (BOOLEAN,),
+    }
+
+    _ratios: NDArray[np.float64]
+    #: pysindy's ensembles ask for it.
+    initial_guess: Any = None
+
+    def __init__(
+        self,
+        normalize_columns: bool = False,
+        copy_X: bool = True,
+        kappa: float | None = None,
+        max_iter: int = 10,
+        alpha: float = 0.05,
+        ridge_kw: dict[str, Any] | None = None,
+        verbose: bool = False,
+        unbias: bool = True,
+    ) -> None:
+        self.normalize_columns = normalize_columns
+        self.copy_X = copy_X
+        self.kappa = kappa
+        self.max_iter = max_iter
+        self.alpha = alpha
+        self.ridge_kw = ridge_kw
+        self.verbose = verbose
+        self.unbias = unbias
+        self._check()
+
+    @property
+    def ERR_global(self) -> NDArray[np.float64]:
+        """Error reduction ratios (n_features, n_targets): pysindy's name."""
+        check_is_fitted(self)
+        return self._ratios
+
+    def _check(self) -> None:
+        super()._check()
+        check_ridge(self.ridge_kw, "FROLS")
+
+    def _solve(
+        self, design: Design, X: NDArray[Any], weight: NDArray[np.float64] | None, targets: int
+    ) -> SparseModels:
+        return frols(
+            design,
+            {
+                "max_terms": int(self.max_iter),
+                "alpha": float(self.alpha),
+                "kappa": float(self.kappa or 0.0),
+                "normalize": bool(self.normalize_columns),
+                "unbias": bool(self.unbias),
+            },
+        )
+
+    def _told(self, models: SparseModels) -> None:
+        self._ratios = np.zeros((self.n_features_in_, len(self.coef_)))
+        for target, ratios in enumerate(models.ratios):
+            self._ratios[: len(ratios), target] = ratios
