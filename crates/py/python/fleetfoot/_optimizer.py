@@ -11,6 +11,7 @@ from ._base import BaseEstimator, MultiOutputMixin, RegressorMixin, check_is_fit
 from ._core import Design, SparseModels
 from ._params import Rule, check_params, real
 
+#: Options of pysindy's iterative ridge solvers: the ridge here is solved directly, and more exactly than any of them.
 SOLVER_OPTIONS = {"solver", "tol", "max_iter", "random_state", "check_input", "copy_X"}
 NUMBER = real(0.0)
 
