@@ -24,7 +24,7 @@ test-python: target/maturin/bin/maturin
 	$(VENV)/bin/pip install --quiet $(WHEELS)/test/*.whl
 	$(VENV)/bin/python crates/py/python/tests/smoke.py
 	$(VENV)/bin/pip install --quiet --requirement crates/py/requirements-test.txt
-	cd crates/py && FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q
+	cd crates/py && FLEETFOOT_PEERS=installed FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q
 	cd crates/py && ../../$(VENV)/bin/python -m pytest -q --pyargs --doctest-modules fleetfoot
 	$(MAKE) lint-python
 

@@ -1,10 +1,10 @@
 //! `fit narx` from the command line: known autoregressions, and two recordings of real and simulated machines.
 //!
-//! The recordings are not part of the project: where they are absent each test that needs one says so and ends.
+//! The recordings are not part of the project: `outside.rs` tells where they are looked for.
 
 use std::{fmt::Write, fs};
 
-use crate::{real_data::data, runner::*};
+use crate::{outside::data, runner::*};
 
 fn fit(folder: &Path, arguments: &[&str]) -> Said {
     let all: Vec<&str> = ["fit", "narx", "--json"].into_iter().chain(arguments.iter().copied()).collect();

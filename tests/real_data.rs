@@ -1,24 +1,10 @@
 //! The main job on recordings of real machines (and one simulated hybrid), fitted on one part and scored on rows held out.
 //!
-//! The data are not part of the project. `FLEETFOOT_DATA` names their folder, else `../shared/data` beside the checkout is
-//! tried; where they are absent each test says so and ends.
+//! The data are not part of the project: `outside.rs` tells where they are looked for.
 
-use std::{fs, path::PathBuf};
+use std::fs;
 
-use crate::runner::*;
-
-/// The folder of the data, or a word about why a test does nothing.
-pub(crate) fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("FLEETFOOT_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = folder.join(file);
-    if path.exists() {
-        Some(path)
-    } else {
-        eprintln!("skipped: {file} is not in {} (set FLEETFOOT_DATA)", folder.display());
-        None
-    }
-}
+use crate::{outside::data, runner::*};
 
 /// Splits a CSV at a share of its rows into `train.csv` and `test.csv`.
 fn split(path: &Path, share: f64) -> tempfile::TempDir {

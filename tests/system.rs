@@ -6,6 +6,7 @@ mod commands;
 mod demo;
 mod generate;
 mod narx;
+mod outside;
 mod real_data;
 mod robot_logs;
 mod runner;

@@ -5,7 +5,7 @@
 #[allow(dead_code, reason = "the study's command has parts that its test does not call")]
 mod study;
 
-use std::{f64::consts::TAU, path::PathBuf, sync::OnceLock};
+use std::{f64::consts::TAU, sync::OnceLock};
 
 use study::{
     comparison::{Case, DATA, Study, run, thresholds},
@@ -171,7 +171,10 @@ fn pysindy_finds_the_same() {
     let study = run(1, &SYSTEMS[3..5], true).expect("the study runs");
     let version = match &study.peer {
         Ok(version) => version,
-        Err(reason) => return eprintln!("skipped: pysindy was not run: {reason} (set FLEETFOOT_PYTHON)"),
+        Err(reason) => {
+            assert!(crate::outside::python("pysindy").is_none(), "pysindy was not run: {reason}");
+            return;
+        }
     };
     for case in &study.cases {
         let place = format!("{} {}, pysindy {version}", case.system, case.data);
@@ -188,13 +191,7 @@ const NEURAL_FLY: [[f64; 2]; 4] = [[0.1469, 0.1704], [0.1918, 0.1729], [0.1285, 
 
 #[test]
 fn neural_fly_is_reproduced() {
-    let folder = std::env::var_os("FLEETFOOT_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = folder.join("neural-fly");
-    if !folder.is_dir() {
-        eprintln!("skipped: there is no {} (set FLEETFOOT_DATA)", folder.display());
-        return;
-    }
+    let Some(folder) = crate::outside::data("neural-fly") else { return };
     let (rows, _) = neural_fly::table(&folder).expect("a table");
     for (row, figures) in rows.iter().zip(NEURAL_FLY) {
         for (found, figure) in row.least_squares.iter().zip(figures) {

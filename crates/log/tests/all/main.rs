@@ -1,5 +1,8 @@
 //! Recordings in and out of files.
 
+#[path = "../../../../tests/outside.rs"]
+mod outside;
+
 mod channels;
 mod corpus;
 mod csv;

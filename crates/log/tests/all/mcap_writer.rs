@@ -12,22 +12,7 @@ use fleetfoot_message::write::{
 
 /// The interpreter, when there is one with the package.
 fn peer() -> Option<OsString> {
-    let Some(python) = std::env::var_os("FLEETFOOT_PYTHON") else {
-        eprintln!("skipped: FLEETFOOT_PYTHON does not name a Python with mcap-ros2-support");
-        return None;
-    };
-    match Command::new(&python).args(["-c", "import mcap_ros2.decoder"]).output() {
-        Ok(output) if output.status.success() => Some(python),
-        Ok(output) => {
-            let reason = String::from_utf8_lossy(&output.stderr);
-            eprintln!("skipped: {} cannot import mcap_ros2: {}", python.display(), reason.trim());
-            None
-        }
-        Err(problem) => {
-            eprintln!("skipped: {} does not run: {problem}", python.display());
-            None
-        }
-    }
+    crate::outside::python("mcap_ros2.decoder")
 }
 
 /// A message as the peer tells it.

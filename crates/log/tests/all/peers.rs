@@ -1,7 +1,6 @@
 //! Logs of other people's writers, and of real robots, held against other people's decoders: every number of every message.
 //!
-//! `FLEETFOOT_PYTHON` names a Python with the packages of `tests/peers/README.md`; `FLEETFOOT_DATA` a folder whose `mcap/` holds real logs
-//! (else `../shared/data` beside the checkout is tried). Where they are absent, a test says so and ends.
+//! `outside.rs` tells where the peers' Python and the real logs are looked for.
 
 mod hold;
 mod oracle;
@@ -16,6 +15,8 @@ use fleetfoot_data::{Silent, Source};
 use fleetfoot_log::{Messages, Selection, open};
 use hold::{Held, hold};
 use oracle::{Told, python, read_logs, truth, write_logs};
+
+use crate::outside::data;
 
 /// The MCAP files directly in a folder, sorted.
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -170,16 +171,9 @@ fn a_recording_in_several_files_is_read_in_the_order_of_its_metadata() {
     }
 }
 
-/// The real logs, or a word about why a test does nothing.
+/// The real logs, where there are any.
 fn real_logs() -> Option<Vec<PathBuf>> {
-    let folder = std::env::var_os("FLEETFOOT_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from)
-        .join("mcap");
-    if folder.is_dir() {
-        return Some(files(&folder));
-    }
-    eprintln!("skipped: {} is not there (set FLEETFOOT_DATA)", folder.display());
-    None
+    data("mcap").map(|folder| files(&folder))
 }
 
 #[test]

@@ -399,10 +399,7 @@ fn compare_slopes(
 
 #[test]
 fn numpy_reads_the_arrays() {
-    let Ok(python) = std::env::var("FLEETFOOT_PYTHON") else {
-        eprintln!("FLEETFOOT_PYTHON names no Python with NumPy: the archive is not read");
-        return;
-    };
+    let Some(python) = crate::outside::python("numpy") else { return };
     let folder = Folder::new("npz");
     let model = models::pwa(5, 2);
     let mut options = ExportOptions::new(Target::Npz);

@@ -8,15 +8,14 @@ import os
 import pickle
 import subprocess
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fleetfoot as ff
 from fleetfoot.exceptions import DataError, FitError, ModelError, RequestError
+from recordings import recording
 
-DATA = Path(os.environ.get("FLEETFOOT_DATA") or "recordings")
 
 
 def lorenz(count=4000, dt=0.002, x0=(-8.0, 8.0, 27.0)):
@@ -106,9 +105,7 @@ def test_pysindy_with_inputs_and_runs():
 
 
 def hybrid():
-    path = DATA / "hybrid-diff-drive.csv"
-    if not path.exists():
-        pytest.skip(f"{path} is not there; set FLEETFOOT_DATA to the folder of the recordings")
+    path = recording("hybrid-diff-drive.csv")
     return path, np.genfromtxt(path, delimiter=",", names=True)
 
 

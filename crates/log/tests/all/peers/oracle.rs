@@ -30,25 +30,9 @@ pub(crate) struct Told {
     pub(crate) damage: Option<String>,
 }
 
-/// The interpreter with the packages that decode logs, or a word about why a test does nothing.
+/// The interpreter with the packages that decode logs, where there is one.
 pub(crate) fn python() -> Option<OsString> {
-    let Some(python) = std::env::var_os("FLEETFOOT_PYTHON") else {
-        eprintln!("skipped: FLEETFOOT_PYTHON does not name a Python with the packages of tests/peers/README.md");
-        return None;
-    };
-    let packages = "import mcap_ros1.writer, mcap_ros2.writer, mcap_protobuf.writer, zstandard, lz4";
-    match Command::new(&python).args(["-c", packages]).output() {
-        Ok(output) if output.status.success() => Some(python),
-        Ok(output) => {
-            let reason = String::from_utf8_lossy(&output.stderr);
-            eprintln!("skipped: {} lacks a package: {}", python.display(), reason.trim());
-            None
-        }
-        Err(problem) => {
-            eprintln!("skipped: {} does not run: {problem}", python.display());
-            None
-        }
-    }
+    crate::outside::python("mcap_ros1.writer, mcap_ros2.writer, mcap_protobuf.writer, zstandard, lz4")
 }
 
 /// The logs of every kind that other writers write.

@@ -1,0 +1,31 @@
+"""Where the peers were installed, a test that does without one has failed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+#: Said by those who installed all of requirements-test.txt (`make test-python`).
+INSTALLED = os.environ.get("FLEETFOOT_PEERS") == "installed"
+
+
+def _fail_for_a_missing_peer(report: pytest.TestReport | pytest.CollectReport) -> None:
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else ""
+    if INSTALLED and report.skipped and ("not installed" in reason or "could not import" in reason):
+        report.outcome = "failed"
+        report.longrepr = f"{reason}; but the peers were installed (FLEETFOOT_PEERS)"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    _fail_for_a_missing_peer(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    report = yield
+    _fail_for_a_missing_peer(report)
+    return report

@@ -1,0 +1,53 @@
+//! What tests need from outside the checkout: recordings of real machines, and a Python with other readers and writers.
+//!
+//! Where they are said to be (`FLEETFOOT_DATA`, `FLEETFOOT_PYTHON`), or lie beside the checkout, a test that does not find what it needs fails. A fresh clone
+//! alone passes: its tests say what they did not do.
+
+#![allow(dead_code, reason = "each test binary includes this file and uses what it needs")]
+
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+/// A file or folder of the recordings: in `FLEETFOOT_DATA`, else in `shared/data` beside the checkout. `None`, said in a word, where there is neither.
+///
+/// # Panics
+/// The folder is there, or was named, and has no such file.
+pub(crate) fn data(name: &str) -> Option<PathBuf> {
+    let (folder, named) = match std::env::var_os("FLEETFOOT_DATA").filter(|folder| !folder.is_empty()) {
+        Some(folder) => (PathBuf::from(folder), true),
+        None => (beside_the_checkout("shared/data"), false),
+    };
+    let path = folder.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    assert!(!named && !folder.is_dir(), "{name} is not in {}", folder.display());
+    eprintln!("skipped: there is no {} (set FLEETFOOT_DATA)", folder.display());
+    None
+}
+
+/// The interpreter that `FLEETFOOT_PYTHON` names, which can import these packages. `None`, said in a word, where it names none.
+///
+/// # Panics
+/// It does not run, or lacks a package.
+pub(crate) fn python(packages: &str) -> Option<OsString> {
+    let Some(python) = std::env::var_os("FLEETFOOT_PYTHON").filter(|python| !python.is_empty()) else {
+        eprintln!("skipped: FLEETFOOT_PYTHON names no Python with {packages} (tests/peers/requirements.txt)");
+        return None;
+    };
+    let tried = Command::new(&python).args(["-c", &format!("import {packages}")]).output();
+    let tried = tried.unwrap_or_else(|problem| panic!("FLEETFOOT_PYTHON={} does not run: {problem}", python.display()));
+    let said = String::from_utf8_lossy(&tried.stderr);
+    assert!(tried.status.success(), "FLEETFOOT_PYTHON={} lacks a package: {}", python.display(), said.trim());
+    Some(python)
+}
+
+/// A path beside the checkout, whose root holds the lock file.
+fn beside_the_checkout(name: &str) -> PathBuf {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = own.ancestors().find(|folder| folder.join("Cargo.lock").exists()).unwrap_or(own);
+    root.join("..").join(name)
+}
