@@ -3,8 +3,10 @@
 /// What a cell says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
-    /// Nothing: empty, or a word for it. Infinities count as missing too.
+    /// Nothing: empty, or a word for it.
     Missing,
+    /// An infinity, or a number beyond what f64 holds. It counts as missing.
+    Infinite,
     /// A number.
     Number(f64),
     /// Something else.
@@ -21,7 +23,11 @@ pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
         return Cell::Missing;
     }
     if let Some(value) = std::str::from_utf8(cell).ok().and_then(|text| text.parse::<f64>().ok()) {
-        return if value.is_finite() { Cell::Number(value) } else { Cell::Missing };
+        return match value {
+            value if value.is_finite() => Cell::Number(value),
+            value if value.is_nan() => Cell::Missing,
+            _ => Cell::Infinite,
+        };
     }
     if is_missing_word(cell) {
         return Cell::Missing;
@@ -71,8 +77,11 @@ mod tests {
         {
             assert_eq!(number(text.as_bytes(), false), Cell::Number(value));
         }
-        for text in ["", "  ", "nan", "NaN", "NAN", "inf", "-Inf", "infinity", "null", "None", "N/A", "1e999", "-"] {
+        for text in ["", "  ", "nan", "NaN", "NAN", "null", "None", "N/A", "-"] {
             assert_eq!(number(text.as_bytes(), false), Cell::Missing, "{text}");
+        }
+        for text in ["inf", "-Inf", "infinity", "1e999"] {
+            assert_eq!(number(text.as_bytes(), false), Cell::Infinite, "{text}");
         }
         for text in ["x", "1.2.3", "0x1f", "1,5", "12 V", "\u{ff11}"] {
             assert_eq!(number(text.as_bytes(), false), Cell::Other, "{text}");

@@ -56,24 +56,31 @@ struct Misfit {
     expected: &'static str,
 }
 
+/// What is said of a last row that cannot be whole.
+const CUT: &str = "the last line was cut off and is left out";
+
 /// Decodes all rows.
 pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Budget>) -> Result<Decoded, Error> {
     let bytes = std::mem::take(&mut plan.head.bytes);
     let (input, watch) = Watched::new(Cursor::new(bytes).chain(stream));
-    let mut rows = reader(input, plan.head.delimiter);
+    let mut rows = reader(plan.head.delimiter.separated(input), plan.head.delimiter.byte());
     let mut columns: Vec<Decoder> =
         plan.fields.iter().map(|&field| Decoder::new(field, plan.head.sorts[field])).collect();
     let mut store = StoreBuilder::new(plan.path, columns.len(), budget.clone());
     let mut values = vec![f64::NAN; columns.len()];
     let (mut record, mut number, mut notes) = (csv::ByteRecord::new(), 0u64, Vec::new());
+    // The row before, and whether its values are kept.
+    let (mut previous, mut kept) = (csv::ByteRecord::new(), false);
     let expected = plan.head.columns.len();
     let mut header = plan.head.has_header;
     loop {
         watch.row();
         let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
         if !more {
+            notes.extend(plan.cut_value(&previous).filter(|_| kept && !watch.ends_with_line()));
             break;
         }
+        kept = false;
         if std::mem::take(&mut header) {
             continue;
         }
@@ -86,7 +93,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             let found = record.len();
             let last = !rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
             if last && found < expected && !watch.ends_with_line() {
-                notes.push("the last line was cut off and is left out".into());
+                notes.push(CUT.into());
                 break;
             }
             return Err(plan.ragged(at, found));
@@ -97,13 +104,36 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             }
             Ok(stamp)
         });
-        let stamp = stamp.map_err(|misfit| plan.bad_cell(at, &record, &misfit))?;
+        let stamp = match stamp {
+            Ok(stamp) => stamp,
+            Err(misfit) => {
+                let last = !rows.read_byte_record(&mut previous).map_err(|problem| plan.csv_error(problem, number))?;
+                if last && misfit.field + 1 == expected && !watch.ends_with_line() {
+                    notes.push(CUT.into());
+                    break;
+                }
+                return Err(plan.bad_cell(at, &record, &misfit));
+            }
+        };
+        columns.iter_mut().for_each(|decoder| decoder.place(at, &record));
         store.push(stamp, &values)?;
+        std::mem::swap(&mut record, &mut previous);
+        kept = true;
         if number % 1024 == 0 {
             check_categories(&plan, &columns)?;
         }
     }
-    check_categories(&plan, &columns)?;
+    finish(&plan, columns, store, notes)
+}
+
+fn finish(
+    plan: &Plan<'_>,
+    columns: Vec<Decoder>,
+    store: StoreBuilder,
+    mut notes: Vec<String>,
+) -> Result<Decoded, Error> {
+    check_categories(plan, &columns)?;
+    notes.extend(columns.iter().filter_map(|decoder| plan.infinite(decoder)));
     let columns = columns.into_iter().map(|decoder| decoder.finish(&plan.head)).collect();
     Ok(Decoded { store: store.finish()?, columns, notes })
 }
@@ -134,7 +164,7 @@ impl Plan<'_> {
             return Ok(stamp);
         }
         match number(cell, self.head.decimal_comma) {
-            Cell::Missing => Ok(MISSING),
+            Cell::Missing | Cell::Infinite => Ok(MISSING),
             // Out of the range of nanoseconds, or with a decimal comma.
             Cell::Number(value) if !date => Ok(stamp::from_f64(value, unit)),
             _ => Err(Misfit {
@@ -142,6 +172,32 @@ impl Plan<'_> {
                 expected: if date { "a date such as 2011-07-23 13:23:09" } else { "a time in numbers" },
             }),
         }
+    }
+
+    /// What to say of a last row without an end of its line: a copy that was cut ends like this, and its last number may have lost digits.
+    fn cut_value(&self, last: &csv::ByteRecord) -> Option<String> {
+        let field = last.len().checked_sub(1)?;
+        let used = self.fields.contains(&field) || self.time.is_some_and(|time| time.field == field);
+        let name = &self.head.columns.get(field)?.name;
+        used.then(|| {
+            format!(
+                "its last line has no line end and is used as it stands: if the file was cut, `{name}` = `{}` may lack digits; end the line, or remove it",
+                shorten(&last[field])
+            )
+        })
+    }
+
+    /// What to say of a column with infinite values.
+    fn infinite(&self, decoder: &Decoder) -> Option<String> {
+        let (count, offset, cell) = &decoder.infinite;
+        let name = &self.head.columns[decoder.field].name;
+        let values = if *count == 1 { "value" } else { "values" };
+        (*count > 0).then(|| {
+            format!(
+                "column `{name}` has {count} infinite {values}, the first in line {} (`{cell}`): what is beyond 1.8e308 counts as missing",
+                self.line(*offset)
+            )
+        })
     }
 
     fn line(&self, offset: u64) -> u64 {
@@ -154,7 +210,7 @@ impl Plan<'_> {
             line: self.line(offset),
             found,
             expected: self.head.columns.len(),
-            delimiter: char::from(self.head.delimiter),
+            delimiter: self.head.delimiter.shown(),
         }
     }
 
@@ -186,13 +242,15 @@ struct Decoder {
     whole: bool,
     /// Some value was there.
     any: bool,
+    /// Infinite values, which count as missing; where the row of the first begins, and its cell.
+    infinite: (u64, u64, String),
     /// Texts in the order in which they came.
     codes: HashMap<Vec<u8>, usize>,
 }
 
 impl Decoder {
     fn new(field: usize, sort: Sort) -> Self {
-        Self { field, sort, whole: true, any: false, codes: HashMap::new() }
+        Self { field, sort, whole: true, any: false, infinite: (0, 0, String::new()), codes: HashMap::new() }
     }
 
     fn cell(&mut self, cell: &[u8], decimal_comma: bool) -> Result<f64, Misfit> {
@@ -204,6 +262,10 @@ impl Decoder {
                     Ok(value)
                 }
                 Cell::Missing => Ok(f64::NAN),
+                Cell::Infinite => {
+                    self.infinite.0 += 1;
+                    Ok(f64::NAN)
+                }
                 Cell::Other => Err(self.misfit("a number")),
             },
             _ if is_missing(cell) => Ok(f64::NAN),
@@ -235,6 +297,13 @@ impl Decoder {
                 self.codes.insert(text.to_vec(), code);
                 Ok(code as f64)
             }
+        }
+    }
+
+    /// Remembers where the first infinite value is.
+    fn place(&mut self, at: u64, record: &csv::ByteRecord) {
+        if self.infinite.0 == 1 && self.infinite.2.is_empty() {
+            self.infinite = (1, at, shorten(&record[self.field]));
         }
     }
 

@@ -5,6 +5,7 @@ use std::{io::Read, path::Path};
 use fleetfoot_data::{Column, ColumnKind};
 
 use super::{
+    blanks::{Delimiter, Separator},
     cell::{Cell, boolean, is_missing, is_whole, number},
     input::{self, read_error},
 };
@@ -39,7 +40,7 @@ pub(super) struct Head {
     pub bytes: Vec<u8>,
     /// Bytes of the file, decompressed, in front of these.
     pub skipped: u64,
-    pub delimiter: u8,
+    pub delimiter: Delimiter,
     pub has_header: bool,
     pub columns: Vec<Column>,
     pub sorts: Vec<Sort>,
@@ -63,17 +64,23 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
         return Err(Error::NoRows { path: path.into() });
     }
     let delimiter = sniff_delimiter(&bytes, complete);
-    let mut records = parse(&bytes, delimiter, SAMPLE + 1, complete);
+    let mut records = match delimiter {
+        Delimiter::Byte(byte) => parse(&bytes, byte, SAMPLE + 1, complete),
+        Delimiter::Blanks => parse(&with_tabs(&bytes), delimiter.byte(), SAMPLE + 1, complete),
+    };
     if records.is_empty() {
         let problem = "its first line is longer than 256 KiB".into();
         return Err(Error::WrongFormat { path: path.into(), problem, mend: "check that it is delimited text" });
     }
     let first = records.remove(0);
-    let decimal_comma = delimiter != b',' && writes_comma(&records);
+    let decimal_comma = delimiter != Delimiter::Byte(b',') && writes_comma(&records);
     let has_header = first.iter().any(|cell| {
         !is_missing(cell) && number(cell, decimal_comma) == Cell::Other && stamp::parse_date(cell).is_none()
     });
     let mut notes = Vec::new();
+    if delimiter == Delimiter::Blanks {
+        notes.push("its columns are separated by blanks".into());
+    }
     let columns = if has_header {
         first.iter().enumerate().map(|(i, cell)| header_column(i, cell)).collect()
     } else {
@@ -192,12 +199,22 @@ fn skip_preamble(bytes: &[u8]) -> usize {
 /// Whether a comment names the columns of the numbers below it.
 fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
     let fields = |line: &[u8], delimiter: u8| line.split(|&byte| byte == delimiter).count();
-    [b',', b';', b'\t'].into_iter().any(|delimiter| {
+    let agree = |comment: &[u8], row: &[u8], delimiter: u8| {
         let count = fields(row, delimiter);
         count > 1
             && fields(comment, delimiter) == count
             && row.split(|&byte| byte == delimiter).all(|cell| number(cell, delimiter != b',') != Cell::Other)
-    })
+    };
+    let names = comment.trim_ascii_start().strip_prefix(b"#").unwrap_or(comment).trim_ascii();
+    [b',', b';', b'\t'].into_iter().any(|delimiter| agree(comment, row, delimiter))
+        || agree(&with_tabs(names), &with_tabs(row), b'\t')
+}
+
+/// Text in which tabs stand for the runs of blanks between cells.
+fn with_tabs(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    Separator::new().convert(&mut bytes, true);
+    bytes
 }
 
 fn header_column(index: usize, cell: &[u8]) -> Column {
@@ -210,11 +227,15 @@ fn header_column(index: usize, cell: &[u8]) -> Column {
     Column { unit, ..Column::float(if text.is_empty() { format!("c{index}") } else { text }) }
 }
 
-/// The delimiter with which the first rows have the same number of fields, and the most of them.
-fn sniff_delimiter(bytes: &[u8], complete: bool) -> u8 {
+/// Rows that tell the delimiter.
+const SNIFFED: usize = 20;
+
+/// The delimiter with which the first rows have the same number of fields, and the most of them; blanks, where no other separates anything and they separate
+/// as many cells in every row, most of them numbers.
+fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
     let mut best = (0, b',');
     for delimiter in [b',', b';', b'\t', b'|'] {
-        let records = parse(bytes, delimiter, 20, complete);
+        let records = parse(bytes, delimiter, SNIFFED, complete);
         let Some(fields) = records.first().map(csv::ByteRecord::len).filter(|&fields| fields > 1) else {
             continue;
         };
@@ -224,7 +245,17 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> u8 {
             best = (score, delimiter);
         }
     }
-    best.1
+    let plain = parse(bytes, best.1, SNIFFED, complete);
+    // A comma in the decimals of numbers, a tab among blanks: rows that do not agree are separated by something else.
+    let agree = |records: &[csv::ByteRecord]| records.iter().all(|record| record.len() == records[0].len());
+    if best.0 > 0 && agree(&plain) {
+        return Delimiter::Byte(best.1);
+    }
+    let records = parse(&with_tabs(bytes), b'\t', SNIFFED, complete);
+    let cells = || records.iter().flat_map(|record| record.iter());
+    let numbers = cells().filter(|cell| number(cell, true) != Cell::Other).count();
+    let separated = records.first().is_some_and(|record| record.len() > 1) && agree(&records);
+    if separated && 2 * numbers > cells().count() { Delimiter::Blanks } else { Delimiter::Byte(best.1) }
 }
 
 /// Complete rows at the beginning of some bytes.

@@ -1,5 +1,6 @@
 //! Delimited text: sniffed, decoded once into columns.
 
+mod blanks;
 mod cell;
 mod decode;
 mod head;
