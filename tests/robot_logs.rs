@@ -250,3 +250,50 @@ fn wildcards_renames_rates_and_the_cache() {
     let rows = even.json()["rows"].as_u64().unwrap();
     assert!((1490..=1500).contains(&rows), "{rows}");
 }
+
+/// Messages without a header that say in a field of theirs, in microseconds, when they were measured: up to 40 ms before they were recorded.
+#[test]
+fn a_field_of_the_messages_is_the_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut writer = McapWriter::create(path.join("px.mcap"), &McapOptions::default()).unwrap();
+    let state = writer.channel::<Twist>("/fmu/out/state").unwrap();
+    let command = writer.channel::<Twist>("/fmu/in/command").unwrap();
+    let other = writer.channel::<Odometry<'_>>("/odom").unwrap();
+    let (mut v, mut late) = (0.0_f64, 0);
+    for step in 0..2000_i64 {
+        let measured = 7_000_000 + step * 10_000;
+        let u = (0.05 * step as f64).sin() + 0.3 * (0.011 * step as f64).cos();
+        // The log's clock jitters, the measurement's does not; never out of order.
+        late = (late + 7_919 * (step % 13)) % 9_000;
+        let log = LOG_START + (measured + late) * 1000;
+        let message = |x: f64| Twist { linear: [x, 0.0, measured as f64], angular: [0.0; 3] };
+        writer.write(command, log, log, &message(u)).unwrap();
+        writer.write(state, log, log, &message(v)).unwrap();
+        writer.write(other, log, log, &Odometry::default()).unwrap();
+        v += 0.01 * (3.0 * u - 2.0 * v);
+    }
+    writer.finish().unwrap();
+    let recipe = "[columns]\nv = \"/fmu/out/state.linear.x\"\n[states]\nv = { derivative = \"forward\" }\n[inputs]\nu = \"/fmu/in/command.linear.x\"\n";
+    fs::write(path.join("r.toml"), recipe).unwrap();
+    let fit = ["fit", "pwa", "-c", "r.toml", "px.mcap", "-p", "average"];
+    let run = |more: &[&str]| fleetfoot(path, &[&fit[..], more].concat());
+    let said = run(&["--time", "/fmu/out/state.linear.z"]).ok();
+    assert!(said.err.contains("`linear.z` of every channel, in us"), "{}", said.err);
+    let of_model = || fleetfoot(path, &["show", "model.json", "--json"]).ok().json();
+    let model = of_model();
+    let number = |model: &serde_json::Value, at: &str| model.pointer(at).unwrap().as_f64().unwrap();
+    assert!((number(&model, "/model/step") - 0.01).abs() < 1e-12);
+    for (place, expected) in [(0, -2.0), (1, 3.0)] {
+        let found = number(&model, &format!("/model/latents/0/coefficients/0/{place}"));
+        assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+    }
+    // The model knows its clock; the log's own would have jittered.
+    fleetfoot(path, &["score", "model.json", "px.mcap"]).ok();
+    run(&[]).ok();
+    assert!((number(&of_model(), "/model/latents/0/coefficients/0/1") - 3.0).abs() > 1e-3);
+    run(&["--time", "/fmu/out/state.linear.z", "--time-unit", "us"]).ok();
+    run(&["--time", "/fmu/out/state.nothing"]).fails(&["/fmu/out/state", "nothing", "clock"]);
+    run(&["--time", "linear.z"]).fails(&["its own clock"]);
+    run(&["--time", "/fmu/out/state.linear.z", "--inputs", "/odom.twist.twist.linear.x"]).fails(&["/odom", "linear.z"]);
+}

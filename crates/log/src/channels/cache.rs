@@ -59,8 +59,15 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
         hasher.update(own.finalize().as_bytes());
     }
     let join = &selection.join;
-    let asked =
-        (&selection.columns, &join.stamp, &join.base, &join.columns, join.reorder_seconds.to_bits(), &join.renames);
+    let asked = (
+        &selection.time,
+        &selection.columns,
+        &join.stamp,
+        &join.base,
+        &join.columns,
+        join.reorder_seconds.to_bits(),
+        &join.renames,
+    );
     hasher.update(format!("{asked:?}").as_bytes());
     let name = format!("{}.parquet", &hasher.finalize().to_hex()[..32]);
     Ok(Some(Slot { path: folder.join(name) }))

@@ -6,6 +6,7 @@ use fleetfoot_data::{Progress, parallel_fold};
 use fleetfoot_message::{Row, Texts};
 
 use super::{
+    clock::stamp_of,
     plan::{Plan, TopicPlan},
     sample::having,
 };
@@ -88,7 +89,7 @@ fn decode_piece(container: &Container, piece: usize, plan: &Plan, wanted: &[usiz
         let Some(used) = wanted.iter().position(|&own| own == topic) else { return Ok(()) };
         let (own, row) = (&plan.topics[used], &mut rows[used]);
         match own.extract.extract(data, row) {
-            Ok(()) => topics[used].add(own, row, log_time, publish_time, plan.stamp),
+            Ok(()) => topics[used].add(own, row, [log_time, publish_time], plan),
             Err(error) => {
                 let (count, first) = &mut topics[used].failed;
                 *count += 1;
@@ -116,13 +117,15 @@ impl TopicPart {
         }
     }
 
-    fn add(&mut self, plan: &TopicPlan, row: &Row, log_time: i64, publish_time: i64, stamp: Stamp) {
+    fn add(&mut self, plan: &TopicPlan, row: &Row, [log_time, publish_time]: [i64; 2], all: &Plan) {
+        let clock = plan.clock.zip(all.clock).map(|(slot, unit)| stamp_of(row.values[slot], unit));
         for (g, group) in plan.extract.groups().iter().enumerate().filter(|(g, _)| row.present[*g]) {
             let samples = &mut self.groups[g];
-            samples.stamps.push(match stamp {
+            let header = clock.unwrap_or(row.stamps[g]);
+            samples.stamps.push(match all.stamp {
                 // Zero would count as not filled in; this is as good as the beginning of time.
-                Stamp::Header if plan.latched && row.stamps[g] == 0 => 1,
-                Stamp::Header => row.stamps[g],
+                Stamp::Header if plan.latched && (header == 0 || all.clock.is_some() && clock.is_none()) => 1,
+                Stamp::Header => header,
                 Stamp::Log => log_time,
                 Stamp::Publish => publish_time,
             });

@@ -5,6 +5,7 @@
 //! ([`crate::join`]) into rows, which are kept like those of a text file, or as Parquet in a cache.
 
 mod cache;
+mod clock;
 mod decode;
 mod describe;
 mod message_columns;
@@ -158,6 +159,8 @@ fn refuse_other_clocks(path: &Path, selection: &Selection) -> Result<(), Error> 
     }
     match &selection.time {
         TimeSpec::Auto => Ok(()),
+        // A field of the messages.
+        TimeSpec::Column { name, .. } if name.starts_with('/') && selection.join.stamp.is_none() => Ok(()),
         TimeSpec::Column { name, .. } => {
             Err(Error::NoSuchClock { path: path.into(), asked: format!("the column `{name}`") })
         }

@@ -6,11 +6,12 @@ use fleetfoot_data::{Column, ColumnKind, Progress};
 use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, SchemaError, Step};
 
 use super::{
+    clock,
     names::{Names, inside},
     sample::{Headers, Sample, sample},
 };
 use crate::{
-    Base, Error, JoinKind, MaxGap, Selection, Stamp,
+    Base, Error, JoinKind, MaxGap, Selection, Stamp, TimeSpec, TimeUnit,
     join::{Base as JoinBase, JoinColumn},
     mcap::Container,
 };
@@ -18,7 +19,10 @@ use crate::{
 /// What is decoded and how it is joined.
 pub(super) struct Plan {
     pub topics: Vec<TopicPlan>,
+    /// The header's where a field of the messages stands for it.
     pub stamp: Stamp,
+    /// The unit of the field that is the clock, where one is.
+    pub clock: Option<TimeUnit>,
     pub columns: Vec<PlannedColumn>,
     pub base: JoinBase,
     /// What had to be assumed.
@@ -33,6 +37,8 @@ pub(super) struct TopicPlan {
     pub name: String,
     pub fields: Vec<FieldPath>,
     pub extract: Box<dyn Extract>,
+    /// The field that is its clock, among its fields.
+    pub clock: Option<usize>,
     /// The first of its groups among all series: a group of fields is a series.
     pub first_series: usize,
     /// All its columns hold for good: a stamp of zero says that they always did.
@@ -137,7 +143,11 @@ impl Builder<'_> {
         let base_topic = base.as_ref().map(|base| base.0);
         let latched: Vec<bool> =
             (0..self.used.len()).map(|used| Some(self.used[used]) != base_topic && is_latched(used, &slots)).collect();
-        let stamp = self.stamp(selection, &latched, &mut notes)?;
+        let clock = self.clock(selection, &seen, &latched, &mut notes)?;
+        let (stamp, unit) = match &clock {
+            Some((_, unit)) => (Stamp::Header, Some(*unit)),
+            None => (self.stamp(selection, &latched, &mut notes)?, None),
+        };
         let (mut topics, mut series) = (Vec::new(), 0);
         for (u, seen) in seen.into_iter().enumerate() {
             let extract = self.compile(u)?;
@@ -149,6 +159,7 @@ impl Builder<'_> {
                 fields: self.fields[u].clone(),
                 extract,
                 first_series,
+                clock: clock.as_ref().and_then(|(slots, _)| slots[u]),
                 latched: latched[u],
                 seen,
             });
@@ -169,7 +180,7 @@ impl Builder<'_> {
         {
             notes.push(format!("the rows are the messages of {}; other channels are joined to them", topic.name));
         }
-        Ok(Plan { topics, stamp, columns, base, notes })
+        Ok(Plan { topics, stamp, clock: unit, columns, base, notes })
     }
 
     fn name(&self, used: usize) -> String {
@@ -250,6 +261,44 @@ impl Builder<'_> {
             type_name: topic.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
             problem,
         }
+    }
+
+    /// The field that is the clock, where the caller names one: its place among the fields of every topic, and its unit.
+    fn clock(
+        &mut self,
+        selection: &Selection,
+        seen: &[Vec<FieldInfo>],
+        latched: &[bool],
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(Vec<Option<usize>>, TimeUnit)>, Error> {
+        let TimeSpec::Column { name, unit } = &selection.time else { return Ok(None) };
+        let field = ask(self.path, &self.names, name)?.path;
+        let refuse = |own: &Self, used: usize, problem: String| {
+            let type_name = own.container.topics()[own.used[used]].type_name.clone();
+            Error::Topic { path: own.path.into(), topic: own.name(used), type_name, problem }
+        };
+        let mut slots = Vec::new();
+        for used in 0..self.used.len() {
+            let found = like(&seen[used], &field).filter(|info| info.kind != FieldKind::Text).is_some();
+            if !found && !latched[used] {
+                let problem = format!(
+                    "its messages have no number `{field}`, which is the clock: choose a field that all channels in use have, or leave this channel out"
+                );
+                return Err(refuse(self, used, problem));
+            }
+            slots.push(found.then(|| self.field(used, &field)));
+        }
+        let told =
+            || (0..self.used.len()).find_map(|used| clock::unit_of(slots[used].map(|_| &self.samples[used])?, &field));
+        let Some(taken) = unit.or_else(told) else {
+            let problem = format!(
+                "`{field}` does not go on as the log's clock does: give its unit (--time-unit), or another clock"
+            );
+            return Err(refuse(self, 0, problem));
+        };
+        let how = if unit.is_some() { "" } else { ", as it goes on with the log's clock" };
+        notes.push(format!("stamps are the field `{field}` of every channel, in {}{how}", taken.symbol()));
+        Ok(Some((slots, taken)))
     }
 
     /// The clock: the one asked for, else the headers' where all have one, else the log's.
