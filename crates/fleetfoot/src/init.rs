@@ -1,11 +1,14 @@
 //! A commented recipe for a file, to be edited.
 
 mod channels;
+mod names;
 
 use std::fmt::Write;
 
 use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_library::Expr;
 use fleetfoot_log::FileInfo;
+use names::Names;
 
 /// Names that usually stand for angles in radians.
 const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "angle", "azimuth"];
@@ -29,7 +32,10 @@ pub fn starter_recipe(info: &FileInfo) -> String {
 }
 
 fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
-    let fields: Vec<&Column> = columns.iter().filter(|column| Some(column.name.as_str()) != time).collect();
+    // A name that two columns share says nothing.
+    let is_unique = |name: &str| columns.iter().filter(|column| column.name == name).count() == 1;
+    let fields: Vec<&Column> =
+        columns.iter().filter(|column| Some(column.name.as_str()) != time && is_unique(&column.name)).collect();
     let numeric: Vec<&Column> = fields
         .iter()
         .copied()
@@ -37,12 +43,7 @@ fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
         .collect();
     let mut out = String::new();
     heading(&mut out, file);
-    for prefix in quaternions(columns) {
-        for angle in ["yaw", "pitch", "roll"] {
-            let _ = writeln!(out, "# {angle} = \"{angle}({prefix})\"");
-        }
-    }
-    let _ = writeln!(out, "# speed = \"sqrt(vx^2 + vy^2)\"\n");
+    aliases(&mut out, columns);
     states_heading(&mut out);
     for column in &numeric {
         let details = if is_angle(&column.name) { "{ kind = \"angle\" }" } else { "{}" };
@@ -74,6 +75,33 @@ fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     }
     episodes_section(&mut out);
     out
+}
+
+/// What may be useful: angles of quaternions, short names for odd ones, an example.
+fn aliases(out: &mut String, columns: &[Column]) {
+    let has = |name: &str| columns.iter().filter(|column| column.name == name).count() == 1;
+    let mut names = Names::besides(columns.iter().map(|column| column.name.as_str()));
+    for column in columns.iter().filter(|column| has(&column.name)) {
+        let bare = column.name.split(['[', '(']).next().unwrap_or_default().trim();
+        if Expr::column(column.name.as_str()).to_string() != column.name {
+            let _ = writeln!(out, "# {} = {}", key(&names.take(bare)), text(&column.name));
+        }
+    }
+    for prefix in quaternions(columns) {
+        for angle in ["yaw", "pitch", "roll"] {
+            let _ = writeln!(out, "# {} = \"{angle}({prefix})\"", names.take(angle));
+        }
+    }
+    if has("vx") && has("vy") {
+        let _ = writeln!(out, "# {} = \"sqrt(vx^2 + vy^2)\"", names.take("speed"));
+    }
+    let mut twice: Vec<&str> = columns.iter().map(|column| column.name.as_str()).filter(|name| !has(name)).collect();
+    twice.sort_unstable();
+    twice.dedup();
+    for name in twice {
+        let _ = writeln!(out, "#   several columns are called {}: rename them in the file to use them", text(name));
+    }
+    out.push('\n');
 }
 
 fn heading(out: &mut String, file: &str) {
@@ -177,5 +205,28 @@ mod tests {
         assert_eq!(recipe.states.len(), 7);
         assert_eq!(recipe.states["yaw"].kind, Some(crate::Kind::Angle));
         assert!(recipe.states.contains_key("odd \"name\""));
+    }
+
+    #[test]
+    fn aliases_are_names_that_can_stand_in_expressions_and_none_comes_twice() {
+        let names =
+            ["a_x", "a_y", "a_z", "a_w", "b_x", "b_y", "b_z", "b_w", "yaw", "v [m/s]", "v (km/h)", "2nd", "u", "u"];
+        let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
+        let text = table_recipe("a.csv", &columns, None);
+        let start = text.find("[columns]").unwrap();
+        let end = text.find("# What the model advances").unwrap();
+        let lines =
+            text[start..end].lines().filter_map(|line| line.strip_prefix("# ").filter(|line| line.contains(" = ")));
+        let section = lines.fold("[columns]\n".to_owned(), |all, line| format!("{all}{line}\n"));
+        let section = Recipe::parse(&section, "the section").unwrap();
+        let expected = ["v", "v_2", "_2nd", "yaw_2", "pitch", "roll", "yaw_3", "pitch_2", "roll_2"];
+        assert_eq!(section.columns.keys().collect::<Vec<_>>(), expected);
+        assert_eq!(section.columns["v_2"], "v (km/h)");
+        let mut scope = fleetfoot_library::Scope::new(names);
+        scope.define_all(&section.columns).unwrap();
+        for name in expected {
+            Expr::parse(&format!("1 + {name}"), &scope).unwrap();
+        }
+        assert!(!text.contains("# u = "), "nobody knows which of the two it is");
     }
 }

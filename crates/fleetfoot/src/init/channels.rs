@@ -5,12 +5,13 @@ use std::{collections::BTreeMap, fmt::Write};
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_log::TopicInfo;
 
-use super::{episodes_section, heading, key, model_section, quaternions, states_heading, text};
+use super::{episodes_section, heading, key, model_section, names::Names, quaternions, states_heading, text};
 
 /// Ends of an odometry's fields and the names that they get, with what the model makes of them.
-const ODOMETRY: [(&str, &str); 4] = [
+const ODOMETRY: [(&str, &str); 5] = [
     ("x", "pose.pose.position.x"),
     ("y", "pose.pose.position.y"),
+    ("yaw", "pose.pose.orientation"),
     ("v", "twist.twist.linear.x"),
     ("w", "twist.twist.angular.z"),
 ];
@@ -18,19 +19,20 @@ const ODOMETRY: [(&str, &str); 4] = [
 pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> String {
     let mut out = String::new();
     heading(&mut out, file);
-    columns_section(&mut out, columns, topics);
+    let mut names = Names::default();
+    let odometries: Vec<Odometry> =
+        topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
+    columns_section(&mut out, columns, topics, &odometries, &mut names);
     let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
     states_heading(&mut out);
-    for topic in topics.iter().filter(|topic| is_odometry(topic)) {
-        odometry_states(&mut out, &topic.name);
-    }
+    odometries.iter().for_each(|odometry| odometry.states(&mut out));
     let _ = writeln!(out, "\n# What is given from outside; held between messages.");
     let _ = writeln!(out, "[inputs]");
+    let mut inputs = 0;
     for topic in topics.iter().filter(|topic| topic.name.contains("cmd") || topic.name.contains("command")) {
-        for (number, field) in
-            columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name)).enumerate()
-        {
-            let _ = writeln!(out, "# u{number} = {}", text(&field.name));
+        for field in columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name)) {
+            let _ = writeln!(out, "# {} = {}", names.take(&format!("u{inputs}")), text(&field.name));
+            inputs += 1;
         }
     }
     let _ = writeln!(out, "\n# One clock for all channels, and the channel whose messages make the rows.");
@@ -61,9 +63,15 @@ pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     out
 }
 
-fn columns_section(out: &mut String, columns: &[Column], topics: &[TopicInfo]) {
+fn columns_section(
+    out: &mut String,
+    columns: &[Column],
+    topics: &[TopicInfo],
+    odometries: &[Odometry],
+    names: &mut Names,
+) {
     let fields: Vec<&Column> = columns.iter().filter(|column| is_signal(column)).collect();
-    let names = short_names(&fields);
+    let short = short_names(&fields);
     for topic in topics {
         let rate = topic.rate.map(|rate| format!(", {rate:.4} Hz")).unwrap_or_default();
         let count = topic.messages.map(|count| format!(", {count} messages{rate}")).unwrap_or_default();
@@ -73,7 +81,7 @@ fn columns_section(out: &mut String, columns: &[Column], topics: &[TopicInfo]) {
         }
         let own: Vec<(&Column, &String)> = fields
             .iter()
-            .zip(&names)
+            .zip(&short)
             .filter(|(field, _)| of_topic(&topic.name, &field.name))
             .map(|(field, name)| (*field, name))
             .collect();
@@ -82,15 +90,16 @@ fn columns_section(out: &mut String, columns: &[Column], topics: &[TopicInfo]) {
             let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
             continue;
         }
+        let odometry = odometries.iter().find(|odometry| odometry.topic == topic.name);
         for (field, name) in own {
-            let odometry =
-                ODOMETRY.iter().find(|(_, end)| is_odometry(topic) && field.name == format!("{}.{end}", topic.name));
-            let name = odometry.map_or(name.as_str(), |(name, _)| name);
-            let _ = writeln!(out, "# {} = {}", key(name), text(&field.name));
+            let known = odometry.and_then(|odometry| odometry.name_of(&field.name));
+            let name = known.map_or_else(|| names.take(name), str::to_owned);
+            let _ = writeln!(out, "# {} = {}", key(&name), text(&field.name));
         }
-        for (number, prefix) in quaternions(columns).iter().filter(|prefix| of_topic(&topic.name, prefix)).enumerate() {
-            let end = if number > 0 { number.to_string() } else { String::new() };
-            let _ = writeln!(out, "# yaw{end} = \"yaw({prefix})\"   # and pitch(...), roll(...)");
+        for prefix in quaternions(columns).iter().filter(|prefix| of_topic(&topic.name, prefix)) {
+            let known = odometry.and_then(|odometry| odometry.name_of(prefix));
+            let name = known.map_or_else(|| names.take("yaw"), str::to_owned);
+            let _ = writeln!(out, "# {} = \"yaw({prefix})\"   # and pitch(...), roll(...)", key(&name));
         }
     }
 }
@@ -103,13 +112,34 @@ fn is_odometry(topic: &TopicInfo) -> bool {
     topic.type_name.ends_with("/Odometry")
 }
 
-/// The usual states of an odometry: the pose follows from speeds and heading, the speeds are fitted.
-fn odometry_states(out: &mut String, topic: &str) {
-    let _ = writeln!(out, "# of {topic}: where it is follows from speed and heading; how the speeds change is fitted");
-    let _ = writeln!(out, "# x = {{ known = \"v*cos(yaw)\", regressor = false }}");
-    let _ = writeln!(out, "# y = {{ known = \"v*sin(yaw)\", regressor = false }}");
-    let _ = writeln!(out, "# yaw = {{ known = \"w\", kind = \"angle\", regressor = false }}");
-    let _ = writeln!(out, "# v = {{}}\n# w = {{}}");
+/// An odometry's topic and the names of its fields, in the order of [`ODOMETRY`].
+struct Odometry {
+    topic: String,
+    names: [String; 5],
+}
+
+impl Odometry {
+    fn new(topic: &str, names: &mut Names) -> Self {
+        Self { topic: topic.to_owned(), names: ODOMETRY.map(|(name, _)| names.take(name)) }
+    }
+
+    /// The name of one of its fields.
+    fn name_of(&self, field: &str) -> Option<&str> {
+        let rest = field.strip_prefix(self.topic.as_str())?.strip_prefix('.')?;
+        let place = ODOMETRY.iter().position(|(_, end)| *end == rest)?;
+        Some(&self.names[place])
+    }
+
+    /// The usual states: the pose follows from speeds and heading, the speeds are fitted.
+    fn states(&self, out: &mut String) {
+        let Self { topic, names: [x, y, yaw, v, w] } = self;
+        let _ =
+            writeln!(out, "# of {topic}: where it is follows from speed and heading; how the speeds change is fitted");
+        let _ = writeln!(out, "# {x} = {{ known = \"{v}*cos({yaw})\", regressor = false }}");
+        let _ = writeln!(out, "# {y} = {{ known = \"{v}*sin({yaw})\", regressor = false }}");
+        let _ = writeln!(out, "# {yaw} = {{ known = \"{w}\", kind = \"angle\", regressor = false }}");
+        let _ = writeln!(out, "# {v} = {{}}\n# {w} = {{}}");
+    }
 }
 
 /// What may be a state or an input: no text, no stamp of a header, no covariance.
@@ -175,6 +205,45 @@ mod tests {
         assert_eq!(recipe.columns["v"], "/odom.twist.twist.linear.x");
         assert_eq!(recipe.columns["yaw"], "yaw(/odom.pose.pose.orientation)");
         assert!(!out.contains("covariance"));
+    }
+
+    #[test]
+    fn two_odometries_and_two_commands_share_no_name() {
+        let ends = ["pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "twist.twist.angular.z"];
+        let quaternion = ["x", "y", "z", "w"].map(|end| format!("pose.pose.orientation.{end}"));
+        let of_odometry = |topic: &str| {
+            let names = ends.iter().map(ToString::to_string).chain(quaternion.clone());
+            names.map(|end| Column::float(format!("{topic}.{end}"))).collect::<Vec<_>>()
+        };
+        let mut columns = [of_odometry("/odom"), of_odometry("/wheel/odom")].concat();
+        columns.extend(["/a/cmd_vel.linear.x", "/b/cmd_vel.linear.x", "/scan.2d"].map(Column::float));
+        let topic = |name: &str, kind: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), kind.into(), Some(9));
+            topic
+        };
+        let odometry = "nav_msgs/msg/Odometry";
+        let topics = [
+            topic("/odom", odometry),
+            topic("/wheel/odom", odometry),
+            topic("/a/cmd_vel", "Twist"),
+            topic("/b/cmd_vel", "Twist"),
+            topic("/scan", "Scan"),
+        ];
+        let out = recipe("run.mcap", &columns, &topics);
+        let is_line =
+            |line: &&str| line.strip_prefix("# ").is_some_and(|rest| rest.contains(" = ") && !rest.starts_with(' '));
+        let section = |from: &str, to: &str| {
+            let text = &out[out.find(from).unwrap()..out.find(to).unwrap()];
+            text.lines().filter(is_line).fold(format!("{from}\n"), |all, line| format!("{all}{}\n", &line[2..]))
+        };
+        let names = Recipe::parse(&section("[columns]", "# all fields of a kind"), "columns").unwrap();
+        assert_eq!(names.columns["x_2"], "/wheel/odom.pose.pose.position.x");
+        assert_eq!(names.columns["_2d"], "/scan.2d");
+        let states = Recipe::parse(&section("[states]", "# What is given"), "states").unwrap();
+        assert_eq!(states.states["x_2"].known.as_deref(), Some("v_2*cos(yaw_2)"));
+        let inputs = Recipe::parse(&section("[inputs]", "# One clock"), "inputs").unwrap();
+        assert_eq!(inputs.inputs.keys().collect::<Vec<_>>(), ["u0", "u1"]);
     }
 
     #[test]

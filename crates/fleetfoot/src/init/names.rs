@@ -1,0 +1,46 @@
+//! Short names for the columns of a recipe: none twice, and each can stand in an expression as it is.
+
+use std::collections::BTreeSet;
+
+/// The reserved words of expressions.
+const RESERVED: [&str; 3] = ["pi", "inf", "nan"];
+
+/// Names that are given away.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    taken: BTreeSet<String>,
+}
+
+impl Names {
+    /// Names that stand for something else already.
+    pub(super) fn besides<'a>(taken: impl IntoIterator<Item = &'a str>) -> Self {
+        Self { taken: taken.into_iter().map(str::to_owned).collect() }
+    }
+
+    /// A free name as like `wanted` as can be: letters, digits and `_`, not a digit first, with a number behind it where it is taken.
+    pub(super) fn take(&mut self, wanted: &str) -> String {
+        let word: String = wanted.trim().chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+        let word = match word.trim_end_matches('_') {
+            "" => "c".to_owned(),
+            word if word.starts_with(|c: char| c.is_numeric()) => format!("_{word}"),
+            word => word.to_owned(),
+        };
+        let numbered = (2..).map(|number| format!("{word}_{number}"));
+        let is_free = |name: &String| !self.taken.contains(name) && !RESERVED.contains(&name.as_str());
+        let name = std::iter::once(word.clone()).chain(numbered).find(is_free).unwrap_or(word);
+        self.taken.insert(name.clone());
+        name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_words_and_none_comes_twice() {
+        let mut names = Names::besides(["yaw"]);
+        let found = ["yaw", "yaw", "v [m/s]", "2nd", "pi", "", "a.b", "a_b"].map(|wanted| names.take(wanted));
+        assert_eq!(found, ["yaw_2", "yaw_3", "v__m_s", "_2nd", "pi_2", "c", "a_b", "a_b_2"]);
+    }
+}
