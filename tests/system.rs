@@ -5,6 +5,7 @@ mod closed_loop;
 mod commands;
 mod demo;
 mod generate;
+mod guards;
 mod narx;
 mod outside;
 mod real_data;

@@ -1,6 +1,6 @@
 //! Logs opened for a recipe or for a model.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::Path};
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
@@ -13,6 +13,7 @@ use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 use crate::{
     Error, Gap, Logs, Recipe,
     labels::Labelled,
+    period,
     sindy::EquationTask,
     structure::StructuredTask,
     task::{Aliases, Task, aliases_of_model},
@@ -24,6 +25,7 @@ pub struct Dataset {
     source: Labelled<Recording>,
     aliases: Vec<(Column, Expr)>,
     recodings: Vec<(String, Vec<f64>)>,
+    notes: Vec<String>,
 }
 
 /// Files opened for a structured regression.
@@ -401,10 +403,24 @@ impl Dataset {
     }
 
     /// Opens files for a model: its columns, clock and labels are those of its training.
+    ///
+    /// # Errors
+    /// Those of opening; [`Error::OtherPeriod`].
     pub fn for_model(
         model: &Model,
         changes: &Recipe,
         logs: impl Into<Logs>,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        Self::for_every_row(model, changes, logs, 1, progress)
+    }
+
+    /// [`Dataset::for_model`] where every `every`-th row will be used.
+    pub(crate) fn for_every_row(
+        model: &Model,
+        changes: &Recipe,
+        logs: impl Into<Logs>,
+        every: usize,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let logs = &logs.into();
@@ -432,6 +448,8 @@ impl Dataset {
         let aliases = aliases_of_model(&model.columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
         let mut dataset = Self::open(&recipe, &model.columns, &aliases, logs, progress)?;
         dataset.recode(model);
+        let note = period::check(model, &dataset, every)?;
+        dataset.notes.extend(note);
         Ok(dataset)
     }
 
@@ -448,7 +466,8 @@ impl Dataset {
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
-        Ok(Self { source, aliases, recodings: Vec::new() })
+        let notes = source.inner().notes().to_vec();
+        Ok(Self { source, aliases, recodings: Vec::new(), notes })
     }
 
     /// Gives category columns the codes that the model's labels had in training.
@@ -495,13 +514,23 @@ impl Dataset {
     }
 
     /// The path of the file that an episode comes from; of a table its name.
-    pub(crate) fn origin(&self, episode: usize) -> &std::path::Path {
+    pub(crate) fn origin(&self, episode: usize) -> &Path {
         self.source.inner().origin(episode)
     }
 
     /// What had to be assumed or left out while opening.
     pub fn notes(&self) -> &[String] {
-        self.source.inner().notes()
+        &self.notes
+    }
+
+    /// The aliases, and the expressions over fields that give them.
+    pub(crate) fn aliases(&self) -> &[(Column, Expr)] {
+        &self.aliases
+    }
+
+    /// The fields as a source.
+    pub(crate) fn source(&self) -> &dyn Source {
+        &self.source
     }
 
     /// The fields that are read, and the labels.
@@ -521,18 +550,7 @@ impl Dataset {
 
     /// The sampling period of most rows, seconds.
     pub fn step(&self) -> f64 {
-        let mut periods: Vec<(f64, usize)> =
-            self.episodes().iter().filter(|e| e.rows > 1).map(|episode| (episode.period, episode.rows)).collect();
-        periods.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let half = periods.iter().map(|(_, rows)| rows).sum::<usize>() / 2;
-        let mut seen = 0;
-        for (period, rows) in periods {
-            seen += rows;
-            if seen > half {
-                return period;
-            }
-        }
-        0.0
+        period::of_most(self.episodes())
     }
 
     /// Names of the episodes that the model was trained on.

@@ -45,6 +45,32 @@ pub enum Error {
     /// The recipe asks for nothing to predict, or for something impossible.
     #[error("{0}")]
     Request(String),
+    /// A partition by what is predicted.
+    #[error(
+        "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
+         answer; name other columns with --partition-on, or its past: lag({target}, 1)"
+    )]
+    TargetInPartition {
+        /// The column of the partition.
+        column: String,
+        /// The target.
+        target: String,
+    },
+    /// A model that advances row by row on rows of another period.
+    #[error(
+        "{}: its rows are {} s apart, those that the model was fitted on {} s, and it advances row by row, so that its numbers would mean nothing; {mend}; \
+         if the stamps of this log are wrong, give its period with --dt", path.display(), short(*found), short(*expected)
+    )]
+    OtherPeriod {
+        /// The log.
+        path: PathBuf,
+        /// Its period, s.
+        found: f64,
+        /// The model's, s.
+        expected: f64,
+        /// What to do.
+        mend: String,
+    },
     /// A label that the model has not seen.
     #[error(
         "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with --unseen-labels pool"
@@ -123,6 +149,23 @@ pub enum Error {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
+    /// An error, and what may be behind it.
+    #[error("{error}; {reasons}")]
+    WithReasons {
+        /// The error.
+        error: Box<Error>,
+        /// What was found in the rows.
+        reasons: String,
+    },
+    /// A model that predicts nothing.
+    #[error(
+        "the fit gave no usable model: {what}; look for values that are too large for squares (beyond 1e150) or too small, and scale their columns, \
+         or leave functions out that cannot be told apart"
+    )]
+    NotFinite {
+        /// The coefficient that is not finite.
+        what: String,
+    },
     /// The user stopped a scan, and what is complete is kept.
     #[error("stopped; what is done is kept in {}: the same command goes on from there", path.display())]
     Paused {
@@ -169,6 +212,11 @@ impl From<fleetfoot_estimate::EstimateError> for Error {
             other => Self::Estimate(other),
         }
     }
+}
+
+/// A positive number with five digits at most.
+pub(crate) fn short(value: f64) -> f64 {
+    if value > 0.0 && value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value }
 }
 
 fn nearest(candidates: &[String]) -> String {

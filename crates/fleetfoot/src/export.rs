@@ -4,6 +4,7 @@ mod engine;
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_log::{check_outputs, write_atomic};
 use fleetfoot_model::{Cost, ExportOptions, Model, Target, TestVector, test_vectors};
 
 use crate::Error;
@@ -30,23 +31,21 @@ pub struct Exported {
 ///
 /// Code (C, Rust, Python) is compared with the engine first, at points drawn within the training domain ([`engine_vectors`]). The test of C compares with the engine's values.
 ///
+/// `inputs` are files that must not be written over, the model's own among them.
+///
 /// # Errors
-/// [`Error::Export`]; [`Error::Request`] where the code and the engine disagree; [`Error::Write`].
-pub fn export(model: &Model, options: &ExportOptions, folder: &Path) -> Result<Exported, Error> {
+/// [`Error::Export`]; [`Error::Request`] where the code and the engine disagree; [`Error::Write`] and [`Error::Log`] of writing.
+pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[PathBuf]) -> Result<Exported, Error> {
     let vectors = match options.target {
         Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
         Target::Latex | Target::Npz => Vec::new(),
     };
     let exported = fleetfoot_model::export(model, options, &vectors)?;
-    let write = |path: &Path, bytes: &[u8]| {
-        std::fs::write(path, bytes).map_err(|source| Error::Write { path: path.to_owned(), source })
-    };
     std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
-    let mut files = Vec::new();
-    for file in exported.files {
-        let path = folder.join(&file.name);
-        write(&path, &file.bytes)?;
-        files.push(path);
+    let files: Vec<PathBuf> = exported.files.iter().map(|file| folder.join(&file.name)).collect();
+    check_outputs(&files, inputs)?;
+    for (path, file) in files.iter().zip(&exported.files) {
+        write_atomic(path, &file.bytes)?;
     }
     Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
 }

@@ -3,9 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::Progress;
+use fleetfoot_library::Expr;
 use fleetfoot_pwa::{Identification, Options, Specification};
 
-use crate::{Dataset, Error, Logs, Recipe, dataset};
+use crate::{
+    Dataset, Error, Logs, Recipe, Task, dataset, not_finite,
+    output::{refuse_not_finite, write_model},
+};
 
 /// What a fit found, and on what.
 #[derive(Debug, Clone)]
@@ -32,7 +36,7 @@ impl Fitted {
         let mut written = Vec::with_capacity(found.models.len());
         for (model, candidate) in found.models.iter().zip(&found.candidates) {
             let path = rival(chosen, &candidate.specification);
-            fleetfoot_log::write_atomic(&path, model.to_json().as_bytes())?;
+            write_model(model, &path)?;
             written.push(path);
         }
         Ok(written)
@@ -125,6 +129,13 @@ fn labels(options: &Options) -> Vec<String> {
     options.partitions.iter().filter_map(|p| p.label().map(str::to_owned)).collect()
 }
 
+/// All expressions over the aliases that a row needs.
+fn functions(task: &Task) -> Vec<Expr> {
+    let problem = &task.problem;
+    let targets = problem.equations.iter().filter_map(|equation| equation.target.as_ref());
+    problem.library.iter().chain(targets).chain(&problem.partition_columns).chain(&problem.weight).cloned().collect()
+}
+
 /// Fits a piecewise-affine model.
 ///
 /// The partitions are `options.partitions` when given there explicitly, else the recipe's, else one region. `purge` is the gap between held-out
@@ -143,12 +154,18 @@ pub fn fit_pwa(
         options.purge = options.purge.max((purge / dataset.step()).ceil() as usize);
     }
     let view = dataset.view()?;
-    let mut identification = fleetfoot_pwa::identify(&task.problem, &options, &view, progress)?;
+    let found = fleetfoot_pwa::identify(&task.problem, &options, &view, progress);
+    let mut identification =
+        found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task)))?;
+    refuse_not_finite(&identification.model)?;
     let text = recipe.to_toml();
     for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
         model.training.recipe.clone_from(&text);
     }
     let mut notes = dataset.notes().to_vec();
     notes.append(&mut identification.notes);
+    if identification.incomplete > 0 {
+        notes.extend(not_finite::explain(&dataset, functions(&task))?);
+    }
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), notes })
 }

@@ -17,9 +17,12 @@ pub mod generate;
 mod init;
 mod json;
 mod labels;
+mod leak;
 mod logs;
 mod narx;
+mod not_finite;
 mod output;
+mod period;
 mod project;
 mod recipe;
 mod rows;
@@ -43,6 +46,7 @@ pub use narx::{
     NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,
     NarxSelection, NarxTerm, TermRule, fit_narx,
 };
+pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
     EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,

@@ -1,5 +1,6 @@
 //! Predictions and trajectories as files: tables (Parquet), or messages that viewers draw over the recording (MCAP).
 
+mod model;
 mod plane;
 mod predictions;
 mod trajectories;
@@ -9,6 +10,8 @@ use std::{collections::BTreeMap, path::Path};
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions};
 use fleetfoot_model::Model;
 
+pub(crate) use model::refuse_not_finite;
+pub use model::write_model;
 pub(crate) use plane::write_plane;
 pub(crate) use predictions::{Place, PredictionsWriter};
 pub(crate) use trajectories::write_trajectories;

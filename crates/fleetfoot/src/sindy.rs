@@ -23,7 +23,10 @@ use fleetfoot_data::Progress;
 use fleetfoot_model::Model;
 use fleetfoot_sparse::{Clusters, system_errors};
 
-use crate::{Error, Logs, Recipe};
+use crate::{
+    Error, Logs, Recipe,
+    output::{refuse_not_finite, write_model},
+};
 pub use evidence::Evidence;
 pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};
@@ -61,14 +64,17 @@ impl SindyFitted {
     /// # Errors
     /// Those of writing.
     pub fn write_front(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
+        let files = self.front_files(chosen);
+        files.iter().zip(&self.front).try_for_each(|(path, (_, model))| write_model(model, path))?;
+        Ok(files)
+    }
+
+    /// The files that [`SindyFitted::write_front`] writes.
+    pub fn front_files(&self, chosen: &Path) -> Vec<PathBuf> {
         let stem = chosen.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
         let extension = chosen.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
-        let write = |(terms, model): &(usize, Model)| {
-            let path = chosen.with_file_name(format!("{stem}_terms{terms}.{extension}"));
-            fleetfoot_log::write_atomic(&path, model.to_json().as_bytes())?;
-            Ok(path)
-        };
-        self.front.iter().map(write).collect()
+        let name = |terms: &usize| chosen.with_file_name(format!("{stem}_terms{terms}.{extension}"));
+        self.front.iter().map(|(terms, _)| name(terms)).collect()
     }
 }
 
@@ -102,6 +108,7 @@ pub fn fit_sindy(
     let provenance = evidence.provenance(&method, &recipe, options.seed);
     let chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
     let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
+    refuse_not_finite(&model)?;
     let front = if request.front && regions.len() == 1 {
         front_models(&evidence, &regions[0], &provenance)
     } else {

@@ -26,6 +26,7 @@ use fleetfoot_stats::Key;
 use crate::{
     Dataset, Error, Logs, Recipe, StructuredTask,
     dataset::OpenedStructure,
+    output::refuse_not_finite,
     statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan},
 };
 pub use frequencies::write_frequencies;
@@ -235,6 +236,7 @@ impl Evidence {
         let method = format!("sparse {}", support.method);
         let recipe = self.recipe.to_toml();
         let model = model::model(&problem, &self.file, &theta, &method, &recipe, options.seed, wanted);
+        refuse_not_finite(&model)?;
         let counts = episodes.iter().filter_map(|id| self.file.scanned.rows.get(id));
         let (at_border, incomplete) =
             counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));

@@ -6,7 +6,10 @@ use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_pwa::Problem;
 use indexmap::IndexMap;
 
-use crate::{Error, Kind, Recipe, State};
+use crate::{
+    Error, Kind, Recipe, State,
+    leak::{predicted, refuse_target_in_partition},
+};
 
 /// What a recipe means for a recording.
 #[derive(Debug, Clone)]
@@ -189,10 +192,12 @@ impl Task {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let equations = equations(recipe, &mut aliases)?;
         let library = library(recipe, &aliases, &equations)?;
-        let partition_columns = partition_columns(recipe, &mut aliases)?;
+        let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
         for label in labels {
             aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
         }
+        let labels: Vec<Expr> = labels.iter().map(|label| Expr::column(label.as_str())).collect();
+        refuse_target_in_partition(&equations, &aliases, &labels)?;
         let weight = recipe.model.weight.as_deref().map(|text| aliases.over_aliases(text, "weight")).transpose()?;
         let problem = Problem { columns: aliases.columns, library, equations, partition_columns, weight, step };
         Ok(Self { problem, aliases: aliases.expressions })
@@ -293,12 +298,13 @@ pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equat
 
 /// What libraries range over: states and inputs (angles as cosine and sine), and their past where the recipe asks for it.
 pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
-    let predicted = |name: &str| equations.iter().any(|e| e.prediction == Prediction::Value && e.subject == name);
     let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
     let present: Vec<Expr> = aliases
         .columns
         .iter()
-        .filter(|column| column.role != Role::Auxiliary && regressor(&column.name) && !predicted(&column.name))
+        .filter(|column| {
+            column.role != Role::Auxiliary && regressor(&column.name) && !predicted(equations, &column.name)
+        })
         .flat_map(seen)
         .collect();
     let lags: Vec<i32> = (0..=recipe.model.lags.unwrap_or(0) as i32).collect();
@@ -315,9 +321,16 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
     Ok(variables)
 }
 
-pub(crate) fn partition_columns(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Expr>, Error> {
+/// What partitions look at: what the recipe says, else the states, else the inputs; never what is predicted.
+pub(crate) fn partition_columns(
+    recipe: &Recipe,
+    equations: &[Equation],
+    aliases: &mut Aliases<'_>,
+) -> Result<Vec<Expr>, Error> {
     let Some(on) = &recipe.model.partition_on else {
-        let regressor = |name: &str| recipe.states.get(name).is_some_and(|state| state.regressor != Some(false));
+        let regressor = |name: &str| {
+            recipe.states.get(name).is_some_and(|state| state.regressor != Some(false)) && !predicted(equations, name)
+        };
         let states: Vec<Expr> = aliases
             .columns
             .iter()
@@ -333,6 +346,7 @@ pub(crate) fn partition_columns(recipe: &Recipe, aliases: &mut Aliases<'_>) -> R
         let column = expression.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
         columns.extend(column.map_or_else(|| vec![expression.clone()], seen));
     }
+    refuse_target_in_partition(equations, aliases, &columns)?;
     Ok(columns)
 }
 

@@ -9,7 +9,7 @@ use crate::{Expr, Program, Scratch, UnknownColumn};
 /// Groups of expressions (regressors, targets, whatever the caller needs beside them) evaluated together.
 pub struct Design {
     program: Program,
-    outputs: usize,
+    expressions: Vec<Expr>,
 }
 
 /// The complete rows of one tile: a column-major matrix of `rows` x outputs.
@@ -24,6 +24,26 @@ pub struct DesignRows {
     /// Rows left out because a value was missing or not finite.
     pub incomplete: u64,
     scratch: Scratch,
+}
+
+/// The largest size of a value whose squares may be summed over any number of rows.
+const LARGEST: f64 = 1e150;
+
+/// A value whose squares overflow.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "`{expression}` is {value:e} in row {row} of {episode}: squares of values beyond 1e150 overflow; scale its columns (an alias such as `small = 1e{}*({expression})`), \
+     or leave out what is no measurement", -value.abs().log10().floor()
+)]
+pub struct TooLarge {
+    /// What has the value.
+    pub expression: String,
+    /// The episode.
+    pub episode: String,
+    /// The row of the episode.
+    pub row: usize,
+    /// The value.
+    pub value: f64,
 }
 
 impl DesignRows {
@@ -41,7 +61,7 @@ impl DesignRows {
 impl Design {
     /// Compiles the expressions for a source with these columns.
     pub fn compile(expressions: &[Expr], columns: &[&str]) -> Result<Self, UnknownColumn> {
-        Ok(Self { program: Program::compile(expressions, columns)?, outputs: expressions.len() })
+        Ok(Self { program: Program::compile(expressions, columns)?, expressions: expressions.to_vec() })
     }
 
     /// Neighbouring rows that the expressions reach for.
@@ -51,7 +71,37 @@ impl Design {
 
     /// Number of expressions.
     pub fn outputs(&self) -> usize {
-        self.outputs
+        self.expressions.len()
+    }
+
+    /// [`Design::evaluate`] for sums of squares.
+    ///
+    /// # Errors
+    /// A value whose squares overflow.
+    pub fn evaluate_for_squares(
+        &self,
+        block: &Block,
+        episode: &str,
+        rows: Range<usize>,
+        out: &mut DesignRows,
+    ) -> Result<(), TooLarge> {
+        self.evaluate(block, rows, out);
+        let count = out.index.len().max(1);
+        for (column, expression) in out.values.chunks_exact(count).zip(&self.expressions) {
+            // Without a branch a value: nearly all columns are sound.
+            let largest = column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+            if largest > LARGEST
+                && let Some(at) = column.iter().position(|value| value.abs() == largest)
+            {
+                return Err(TooLarge {
+                    expression: expression.to_string(),
+                    episode: episode.to_owned(),
+                    row: block.first + out.index[at],
+                    value: column[at],
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Evaluates the tile `rows` (core rows) of a block into `out`, which is overwritten.
@@ -63,7 +113,7 @@ impl Design {
         out.incomplete = 0;
         out.index.clear();
         // What is left of the last tile is overwritten.
-        out.values.resize(count * self.outputs, 0.0);
+        out.values.resize(count * self.outputs(), 0.0);
         if count == 0 {
             return;
         }
@@ -80,13 +130,13 @@ impl Design {
         if complete < count {
             out.incomplete = (count - complete) as u64;
             let mut to = 0;
-            for output in 0..self.outputs {
+            for output in 0..self.outputs() {
                 for row in 0..complete {
                     out.values[to] = out.values[output * count + out.index[row] - first];
                     to += 1;
                 }
             }
-            out.values.truncate(complete * self.outputs);
+            out.values.truncate(complete * self.outputs());
         }
     }
 }

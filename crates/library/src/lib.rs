@@ -29,7 +29,7 @@ mod terms;
 mod unit;
 mod view;
 
-pub use design::{Design, DesignRows};
+pub use design::{Design, DesignRows, TooLarge};
 pub use difference::{backward_difference, central_difference, central_difference_error, forward_difference};
 pub use expr::{Expr, Node};
 pub use filter::{Filter, FilterKind};

@@ -8,13 +8,29 @@ use std::{
 
 use tempfile::NamedTempFile;
 
-use crate::Error;
+use crate::{
+    Error,
+    destination::{Destination, RANDOM, folder},
+};
+
+/// Names that are longer leave no room for what is put around them.
+const LONGEST_NAME: usize = 200;
 
 /// A file under construction: written beside its target, renamed onto it by [`AtomicFile::commit`], removed when dropped before.
+///
+/// A symbolic link is followed and stays. A device, a pipe or a socket gets all bytes at the end, and stays what it is.
 #[derive(Debug)]
 pub struct AtomicFile {
-    temporary: NamedTempFile,
+    work: Work,
     target: PathBuf,
+}
+
+#[derive(Debug)]
+enum Work {
+    /// Beside a regular file.
+    Beside(NamedTempFile, PathBuf),
+    /// For something that is no file: in an unnamed temporary file, as formats are written with seeks.
+    Through(File),
 }
 
 impl AtomicFile {
@@ -22,23 +38,11 @@ impl AtomicFile {
     pub fn create(target: impl Into<PathBuf>) -> Result<Self, Error> {
         let target = target.into();
         let error = |source| Error::Io { path: target.clone(), action: "write", source };
-        if target.is_dir() {
-            return Err(error(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder; name a file in it")));
-        }
-        let folder = match target.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
+        let work = match Destination::of(&target).map_err(error)? {
+            Destination::File(real) => Work::Beside(beside(&real).map_err(error)?, real),
+            Destination::Stream(_) => Work::Through(tempfile::tempfile().map_err(error)?),
         };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".").suffix(".partial");
-        #[cfg(unix)]
-        {
-            // The permissions that a plain `create` would give; the process's mask takes the rest away.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let temporary = builder.tempfile_in(folder).map_err(error)?;
-        Ok(Self { temporary, target })
+        Ok(Self { work, target })
     }
 
     /// Where the file will be.
@@ -48,38 +52,72 @@ impl AtomicFile {
 
     /// Writes everything to the disk and gives the file its name, replacing an older one.
     pub fn commit(self) -> Result<(), Error> {
-        let Self { temporary, target } = self;
-        let error = |source| Error::Io { path: target.clone(), action: "write", source };
-        temporary.as_file().sync_all().map_err(error)?;
-        temporary.persist(&target).map_err(|failure| error(failure.error))?;
-        // The rename itself lives in the folder. Not every system can sync a folder, and the data is safe without.
-        #[cfg(unix)]
-        if let Some(folder) = target.parent() {
-            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-            let _ = File::open(folder).and_then(|folder| folder.sync_all());
-        }
-        Ok(())
+        let Self { work, target } = self;
+        let done = match work {
+            Work::Beside(temporary, real) => rename(temporary, &real),
+            Work::Through(temporary) => hand_over(temporary, &target),
+        };
+        done.map_err(|source| Error::Io { path: target, action: "write", source })
     }
 
     /// The open file.
     pub fn file(&mut self) -> &mut File {
-        self.temporary.as_file_mut()
+        match &mut self.work {
+            Work::Beside(temporary, _) => temporary.as_file_mut(),
+            Work::Through(temporary) => temporary,
+        }
     }
+}
+
+/// An unfinished file beside a target, locked while somebody writes it: what a killed process leaves is known by its name and free.
+fn beside(target: &Path) -> io::Result<NamedTempFile> {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let prefix = if name.len() > LONGEST_NAME { ".".to_owned() } else { format!(".{name}.") };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".partial").rand_bytes(RANDOM);
+    #[cfg(unix)]
+    {
+        // The permissions that a plain `create` would give; the process's mask takes the rest away.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let temporary = builder.tempfile_in(folder(target))?;
+    // Not every file system has locks; without one a leftover cannot be told from work.
+    let _ = temporary.as_file().try_lock();
+    Ok(temporary)
+}
+
+fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
+    temporary.as_file().sync_all()?;
+    temporary.persist(target).map_err(|failure| failure.error)?;
+    // The rename itself lives in the folder. Not every system can sync a folder, and the data is safe without.
+    #[cfg(unix)]
+    let _ = File::open(folder(target)).and_then(|folder| folder.sync_all());
+    Ok(())
+}
+
+/// Writes what is in a temporary file through to a device, a pipe or a socket.
+fn hand_over(mut temporary: File, target: &Path) -> io::Result<()> {
+    temporary.seek(SeekFrom::Start(0))?;
+    // Neither created nor cut: a redirected standard output may be a file, with something in it.
+    let mut stream = File::options().append(true).open(target)?;
+    io::copy(&mut temporary, &mut stream)?;
+    stream.flush()
 }
 
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.temporary.as_file_mut().write(bytes)
+        self.file().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.temporary.as_file_mut().flush()
+        self.file().flush()
     }
 }
 
 impl Seek for AtomicFile {
     fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
-        self.temporary.as_file_mut().seek(position)
+        self.file().seek(position)
     }
 }
 
@@ -117,5 +155,21 @@ mod tests {
         assert!(message.contains("folder"), "{message}");
         let message = write_atomic(folder.path().join("no/such.json"), b"x").unwrap_err().to_string();
         assert!(message.contains("such.json"), "{message}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_a_device_stays_a_device() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real.json"), folder.path().join("link.json"));
+        std::os::unix::fs::symlink("real.json", &link).unwrap();
+        for text in [b"one", b"two"] {
+            write_atomic(&link, text).unwrap();
+            assert!(link.symlink_metadata().unwrap().is_symlink());
+            assert_eq!(std::fs::read(&real).unwrap(), text);
+        }
+        write_atomic("/dev/null", b"nothing").unwrap();
+        assert!(std::fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     }
 }

@@ -220,6 +220,20 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// Two outputs that are one file.
+    #[error("{} and {} are one file: two outputs cannot both be written to it; name another for one of them", first.display(), second.display())]
+    SameOutput {
+        /// An output.
+        first: PathBuf,
+        /// The other one.
+        second: PathBuf,
+    },
+    /// Another process writes the same.
+    #[error("{}: another command is writing it at this moment: wait for its end, or name another output", path.display())]
+    Busy {
+        /// The file or folder.
+        path: PathBuf,
+    },
     /// Columns handed to a writer that do not fit what it was made for.
     #[error("{}: {problem}", path.display())]
     BadBatch {

@@ -13,7 +13,7 @@ use mcap::{
     records::{MessageHeader, Metadata},
 };
 
-use crate::{AtomicFile, Error, refuse_input};
+use crate::{AtomicFile, Error, check_outputs};
 
 /// Channels of one file. MCAP numbers them by 16 bits.
 const MAX_CHANNELS: usize = 65_000;
@@ -82,7 +82,7 @@ impl McapWriter {
     /// A target that is one of the inputs, a folder, or in a folder that is not there.
     pub fn create(path: impl Into<PathBuf>, options: &McapOptions) -> Result<Self, Error> {
         let path = path.into();
-        refuse_input(&path, &options.inputs)?;
+        check_outputs(&[&path], &options.inputs)?;
         let file = BufWriter::new(AtomicFile::create(&path)?);
         let mut writer = WriteOptions::new()
             .profile("ros2")

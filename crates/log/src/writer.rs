@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    fs, io,
+    io,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -19,7 +19,7 @@ use parquet::{
     schema::types::ColumnPath,
 };
 
-use crate::{AtomicFile, Error};
+use crate::{AtomicFile, Error, check_outputs};
 
 /// A column to be written.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,7 +109,7 @@ impl ParquetWriter {
     /// A target that is one of the inputs, a folder or in a folder that is not there; two columns of one name.
     pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
         let path = path.into();
-        refuse_input(&path, &options.inputs)?;
+        check_outputs(&[&path], &options.inputs)?;
         if let Some(twice) =
             columns.iter().enumerate().find(|(i, column)| columns[..*i].iter().any(|other| other.name == column.name))
         {
@@ -146,17 +146,6 @@ impl ParquetWriter {
         let file = writer.into_inner().map_err(|problem| write_error(&path, problem))?;
         file.commit()
     }
-}
-
-/// An error when `output` is one of the files `inputs`, whatever way leads to it.
-pub fn refuse_input(output: &Path, inputs: &[PathBuf]) -> Result<(), Error> {
-    let Ok(real) = fs::canonicalize(output) else {
-        return Ok(());
-    };
-    if inputs.iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == real)) {
-        return Err(Error::OverwritesInput { path: output.into() });
-    }
-    Ok(())
 }
 
 fn field(column: &WriteColumn) -> Field {

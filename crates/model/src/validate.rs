@@ -56,6 +56,28 @@ impl Model {
         }
         Ok(())
     }
+
+    /// The first coefficient or constant that is NaN or infinite, in words; `None` for a model that can be used.
+    pub fn not_finite(&self) -> Option<String> {
+        for latent in &self.latents {
+            let library = self.libraries.get(latent.library)?;
+            let regions = self.partitions.get(latent.partition).map_or(&[][..], |partition| &partition.regions);
+            for (region, (constant, row)) in latent.constants.iter().zip(&latent.coefficients).enumerate() {
+                let function = row.iter().position(|value| !value.is_finite());
+                let (value, of) = match function {
+                    Some(at) => (row[at], format!("the coefficient of `{}`", library.get(at)?)),
+                    None if !constant.is_finite() => (*constant, "the constant".to_owned()),
+                    None => continue,
+                };
+                let place = match regions {
+                    [] | [_] => String::new(),
+                    many => format!(", region {}", many.get(region).map_or("?", |region| region.name.as_str())),
+                };
+                return Some(format!("{of} in {}{place} is {value}", latent.name));
+            }
+        }
+        None
+    }
 }
 
 fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Result<(), String> {

@@ -69,7 +69,7 @@ impl Rows {
         self.design.halo()
     }
 
-    /// Evaluates a tile; refuses negative weights.
+    /// Evaluates a tile; refuses negative weights and values whose squares overflow.
     pub(crate) fn evaluate<'t>(
         &'t self,
         block: &Block,
@@ -77,7 +77,7 @@ impl Rows {
         tile: Range<usize>,
         out: &'t mut DesignRows,
     ) -> Result<Tile<'t>, Error> {
-        self.design.evaluate(block, tile, out);
+        self.design.evaluate_for_squares(block, episode, tile, out)?;
         let tile = Tile { rows: self, values: out };
         if let Some(weights) = tile.weights()
             && let Some(at) = weights.iter().position(|&weight| weight < 0.0)

@@ -150,8 +150,7 @@ impl Model {
 
     /// Writes the model's file, whole or not at all.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let text = self.model.to_json();
-        py.detach(|| fleetfoot::log::write_atomic(&path, text.as_bytes())).or_raise(Kind::Write)
+        py.detach(|| fleetfoot::write_model(&self.model, &path)).or_raise(Kind::Write)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
@@ -401,7 +400,7 @@ impl Model {
         options.prefix = prefix.to_owned();
         options.discretize = dt;
         options.domain = domain;
-        let exported = run(py, None, |_| fleetfoot::export(&self.model, &options, &folder))?;
+        let exported = run(py, None, |_| fleetfoot::export(&self.model, &options, &folder, &[]))?;
         let cost = exported.cost.as_ref().map_or_else(Vec::new, |cost| cost.lines());
         Ok((exported.files, exported.compared, cost))
     }

@@ -128,6 +128,9 @@ pub enum SystemError {
         /// The weight.
         value: f64,
     },
+    /// A value whose squares overflow.
+    #[error(transparent)]
+    TooLarge(#[from] fleetfoot_library::TooLarge),
     /// Squares of values beyond what f64 holds.
     #[error(
         "the squares of `{function}` overflow, its values reach {least:e} to {most:e}: remove outliers or sentinel values from its columns, or leave the function \

@@ -13,9 +13,9 @@ use fleetfoot::{
     dynamics::{PlaneCell, RolloutOptions, Starts},
     fit_pwa,
     generate::RunReport,
-    log::{Cache, write_atomic},
+    log::Cache,
     pwa::{Options, Specification},
-    rival,
+    rival, write_model,
 };
 use serde_json::{Map, Value, json};
 
@@ -162,7 +162,7 @@ impl Demo<'_> {
         let fitted = fit_pwa(&recipe, &options, PURGE, &logs.training_files(), &bar);
         bar.finish();
         let fitted = fitted?;
-        write_atomic(&path, fitted.identification.model.to_json().as_bytes())?;
+        write_model(&fitted.identification.model, &path)?;
         fitted.write_rivals(&path)?;
         self.context.notes(&fitted.notes);
         self.tell("table_1", table_one::to_json(&fitted), || {
@@ -223,7 +223,7 @@ impl Demo<'_> {
         let drive = differential_drive(&recipe, &logs.drive, &files, &bar);
         bar.finish();
         let drive_path = self.path("differential_drive.json");
-        write_atomic(&drive_path, drive?.to_json().as_bytes())?;
+        write_model(&drive?, &drive_path)?;
         let projected = self.plane(&drive_path, "plane_drive.parquet", logs)?;
         self.tell("figure_9a", plane::to_json(&projected), || {
             let title = "Fig. 9a. Mean Mahalanobis score of the differential drive (equation (2)): forward speed and yaw rate from the cranks";

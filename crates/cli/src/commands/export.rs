@@ -29,7 +29,7 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     options.prefix.clone_from(&arguments.prefix);
     options.discretize = arguments.discretize;
     options.domain = !arguments.no_domain;
-    let exported = fleetfoot::export(&model, &options, &arguments.output)?;
+    let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
     let cost = exported.cost.as_ref().map(|cost| {
         let calls: serde_json::Map<String, serde_json::Value> = cost

@@ -2,13 +2,14 @@
 
 use fleetfoot::{
     Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa,
-    log::{Cache, Stamp, write_atomic},
+    log::{Cache, Stamp},
     model::UnseenLabel,
-    pwa::{Options, Selection, Shrinkage},
+    pwa::{Options, Selection, Shrinkage, Specification},
+    rival, write_model,
 };
 use serde_json::json;
 
-use super::{Context, files, with};
+use super::{Context, files, is_replaced, read_by, with};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, Select, StampArg, TimeArgs, Unseen},
     table::{bytes, count, number, ratio, table},
@@ -24,7 +25,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     }
     recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
-    refuse_overwriting(&arguments.output, &files)?;
+    context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
     let options = options(arguments)?;
     if arguments.dry_run {
         return dry_run(&recipe, &options, &files, context);
@@ -33,7 +34,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     let fitted = fit_pwa(&recipe, &options, arguments.purge, &files, &bar);
     bar.finish();
     let fitted = fitted?;
-    write_atomic(&arguments.output, fitted.identification.model.to_json().as_bytes())?;
+    write_model(&fitted.identification.model, &arguments.output)?;
     let rivals = fitted.write_rivals(&arguments.output)?;
     context.notes(&fitted.notes);
     context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted));
@@ -43,15 +44,13 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     Ok(())
 }
 
-pub(crate) fn refuse_overwriting(output: &std::path::Path, files: &[std::path::PathBuf]) -> Result<(), Error> {
-    let same = |file: &std::path::PathBuf| match (file.canonicalize(), output.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    };
-    if files.iter().any(same) {
-        return Err(Error::Request(format!("{} is one of the inputs; choose another file to write", output.display())));
+/// The model's file, and those of its rivals.
+fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf>, Error> {
+    let mut outputs = vec![arguments.output.clone()];
+    if let Some(partitions) = recipe.model.partition.as_ref().filter(|_| arguments.keep_all) {
+        outputs.extend(Specification::parse_list(partitions)?.iter().map(|own| rival(&arguments.output, own)));
     }
-    Ok(())
+    Ok(outputs)
 }
 
 fn options(arguments: &FitPwa) -> Result<Options, Error> {
@@ -249,6 +248,8 @@ fn apply_channels(recipe: &mut Recipe, channels: &ChannelArgs) -> Result<(), Err
 pub(crate) fn cache(channels: &ChannelArgs, model: &std::path::Path) -> Option<Cache> {
     match &channels.cache {
         _ if channels.no_cache => None,
+        // Beside a device or a pipe is no place for files.
+        None if model.exists() && !is_replaced(model) => None,
         Some(folder) => Some(Cache { folder: folder.clone(), least_bytes: 0 }),
         None => Some(Cache { folder: model.with_file_name(".fleetfoot-cache"), least_bytes: 64 << 20 }),
     }

@@ -2,11 +2,11 @@
 
 use fleetfoot::{
     Error, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxTerms, Recipe, dynamics::Baseline,
-    fit_narx, log::write_atomic,
+    fit_narx, write_model,
 };
 use serde_json::{Value, json};
 
-use super::{Context, files, fit, with};
+use super::{Context, files, fit, read_by, with};
 use crate::{
     args::{FitNarx, NarxArgs},
     table::{count, number, ratio, table},
@@ -27,13 +27,13 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
     let data = files(&arguments.data)?;
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
-    fit::refuse_overwriting(&arguments.output, &data)?;
-    fit::refuse_overwriting(&arguments.output, &free_run)?;
+    let read = read_by(&data, free_run.iter().chain(&arguments.recipe.recipe));
+    context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
     let bar = context.bar();
     let fitted = fit_narx(&recipe, &NarxRequest { free_run: (&free_run).into() }, &data, &bar);
     bar.finish();
     let fitted = fitted?;
-    write_atomic(&arguments.output, fitted.model.to_json().as_bytes())?;
+    write_model(&fitted.model, &arguments.output)?;
     context.notes(&fitted.report.notes);
     context.print(&to_json(&fitted, arguments), || to_text(&fitted.report, arguments.tried));
     context.say(format!("wrote {}", arguments.output.display()));

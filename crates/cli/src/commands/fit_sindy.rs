@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
-    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_statistic, log::write_atomic, plan_sindy,
+    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_statistic, plan_sindy, write_model,
 };
 use serde_json::json;
 
-use super::{Context, files, fit, with};
+use super::{Context, files, fit, read_by, with};
 use crate::{
     args::{FitSindy, SindyArgs},
     table::{bytes, count, number, ratio, table},
@@ -23,7 +23,8 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     }
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
     let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
-    fit::refuse_overwriting(&arguments.output, &files)?;
+    let read = read_by(&files, &arguments.recipe.recipe);
+    context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
@@ -32,8 +33,11 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     let fitted = fit_sindy(&recipe, request, &files, &bar);
     bar.finish();
     let fitted = fitted?;
-    write_atomic(&arguments.output, fitted.model.to_json().as_bytes())?;
     let mut written = vec![arguments.output.clone()];
+    if arguments.keep_front {
+        context.claim(&fitted.front_files(&arguments.output), &read, false)?;
+    }
+    write_model(&fitted.model, &arguments.output)?;
     if arguments.keep_front {
         written.extend(fitted.write_front(&arguments.output)?);
     }

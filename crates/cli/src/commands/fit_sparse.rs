@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use fleetfoot::{
     CandidateReport, Error, LatentReport, LeaveOneOutReport, Recipe, SparseFitted, SparseReport, SparseRequest,
     file_by_value, fit_sparse, is_statistic,
-    log::write_atomic,
     statistic::{LabelKey, ScanOptions, StatisticFile, plan_scan},
-    write_frequencies,
+    write_frequencies, write_model,
 };
 use serde_json::json;
 
-use super::{Context, files, fit, with};
+use super::{Context, files, fit, read_by, with};
 use crate::{
     args::{FitSparse, SparseArgs},
     table::{bytes, count, number, ratio, table},
@@ -27,9 +26,9 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
     apply(&mut recipe, &arguments.sparse);
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
     let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
-    for path in [Some(&arguments.output), arguments.keep.as_ref()].into_iter().flatten() {
-        fit::refuse_overwriting(path, &files)?;
-    }
+    let read = read_by(&files, &arguments.recipe.recipe);
+    let beside = || arguments.keep.iter().chain(&arguments.frequencies).cloned();
+    context.claim(&std::iter::once(arguments.output.clone()).chain(beside()).collect::<Vec<_>>(), &read, false)?;
     let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<Vec<_>, _>>()?;
     if arguments.dry_run {
         return dry_run(&recipe, &ScanOptions { keys, chunk_rows: None }, &files, context);
@@ -40,15 +39,15 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
     let fitted = fit_sparse(&recipe, &request, &files, &bar);
     bar.finish();
     let fitted = fitted?;
-    let mut written: Vec<PathBuf> = Vec::new();
-    for found in &fitted {
-        let path = path_of(found, arguments);
-        if written.contains(&path) {
-            let problem = format!("two values of the label would both be written to {}; rename one", path.display());
-            return Err(Error::Request(problem));
-        }
-        write_atomic(&path, found.model.to_json().as_bytes())?;
-        written.push(path);
+    let mut written: Vec<PathBuf> = fitted.iter().map(|found| path_of(found, arguments)).collect();
+    if let Some(twice) = written.iter().enumerate().find_map(|(at, path)| written[..at].contains(path).then_some(path))
+    {
+        let problem = format!("two values of the label would both be written to {}; rename one", twice.display());
+        return Err(Error::Request(problem));
+    }
+    context.claim(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read, false)?;
+    for (found, path) in fitted.iter().zip(&written) {
+        write_model(&found.model, path)?;
     }
     if let Some(path) = &arguments.frequencies {
         write_frequencies(path, arguments.by.as_deref(), &fitted, &files)?;

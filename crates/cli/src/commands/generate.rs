@@ -89,6 +89,7 @@ fn job(arguments: &Generate, world: World) -> Job {
     job.seed = arguments.seed;
     job.truth = !arguments.no_truth;
     job.force = arguments.force;
+    job.inputs.extend(arguments.world.clone());
     job.speed = arguments.speed.map(|Speed(first, last)| (first, last));
     if let Some(minutes) = arguments.minutes {
         job.seconds = minutes * 60.0 / arguments.runs as f64;
@@ -100,11 +101,14 @@ fn job(arguments: &Generate, world: World) -> Job {
 
 /// What a person should know of what was made.
 fn notes(made: &Generated) -> Vec<String> {
-    if made.excitation.dependent.is_empty() {
-        return Vec::new();
+    let mut notes = made.notes.clone();
+    if !made.excitation.dependent.is_empty() {
+        let which = some(&made.excitation.dependent);
+        notes.push(format!(
+            "{which} never moved, or only with the others, in all runs together: no model can tell what they do"
+        ));
     }
-    let which = some(&made.excitation.dependent);
-    vec![format!("{which} never moved, or only with the others, in all runs together: no model can tell what they do")]
+    notes
 }
 
 /// The first few of several names.

@@ -47,6 +47,20 @@ impl Context {
         }
     }
 
+    /// Looks at what a command will write, before it works: no output is an input, and no two are one file. What killed commands have left beside them is
+    /// told, and removed where the user forces the outputs to be replaced.
+    pub(crate) fn claim(&self, outputs: &[PathBuf], inputs: &[PathBuf], force: bool) -> Result<(), Error> {
+        fleetfoot::log::check_outputs(outputs, inputs)?;
+        for left in outputs.iter().flat_map(|output| fleetfoot::log::leftovers(output)) {
+            if force && std::fs::remove_file(&left).is_ok() {
+                self.say(format!("note: removed {}, which a killed command had left", left.display()));
+            } else {
+                self.say(format!("note: {} is what a killed command has left: remove it", left.display()));
+            }
+        }
+        Ok(())
+    }
+
     /// Results go to standard output.
     pub(crate) fn print(&self, json: &serde_json::Value, text: impl FnOnce() -> String) {
         if self.json {
@@ -64,6 +78,16 @@ pub(crate) fn write_out(text: &str) {
     if out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_err() {
         std::process::exit(0);
     }
+}
+
+/// Whether something would be lost by writing: a device or a pipe is only written to.
+pub(crate) fn is_replaced(output: &Path) -> bool {
+    std::fs::metadata(output).is_ok_and(|found| found.is_file() || found.is_dir())
+}
+
+/// All files that a command reads.
+pub(crate) fn read_by<'a>(files: &'a [PathBuf], more: impl IntoIterator<Item = &'a PathBuf>) -> Vec<PathBuf> {
+    files.iter().chain(more).cloned().collect()
 }
 
 /// The files behind the arguments.

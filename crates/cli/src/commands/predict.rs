@@ -3,12 +3,13 @@
 use fleetfoot::Error;
 use serde_json::json;
 
-use super::{Context, files, read_model, time_changes};
+use super::{Context, files, read_by, read_model, time_changes};
 use crate::args::Predict;
 
 pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
+    context.claim(std::slice::from_ref(&arguments.output), &read_by(&files, [&arguments.model.model]), false)?;
     let bar = context.bar();
     let written = fleetfoot::predict(&model, &time_changes(&arguments.model)?, &files, &arguments.output, &bar);
     bar.finish();

@@ -1,6 +1,6 @@
 //! `fleetfoot rollout`.
 
-use super::{Context, files, in_sample, read_model, time_changes};
+use super::{Context, files, in_sample, read_by, read_model, time_changes};
 use crate::{
     args::{Method, Rollout},
     table::{count, number, ratio, seconds, table},
@@ -14,6 +14,9 @@ use fleetfoot::{
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
+    let controller = arguments.controller.as_ref().map(std::path::PathBuf::from);
+    let outputs: Vec<_> = arguments.output.iter().cloned().collect();
+    context.claim(&outputs, &read_by(&files, controller.iter().chain([&arguments.model.model])), false)?;
     let mut options = RolloutOptions::new(arguments.horizon);
     options.method = match arguments.method {
         Method::Euler => Integration::Euler,

@@ -6,7 +6,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit};
+use super::{Context, files, fit, read_by};
 use crate::{
     args::Scan,
     table::{bytes, count},
@@ -18,6 +18,8 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?;
     let options = ScanOptions { keys, chunk_rows: arguments.chunk_rows };
     let files = files(&arguments.data)?;
+    let read = read_by(&files, arguments.plan.iter().chain(&arguments.recipe.recipe));
+    context.claim(std::slice::from_ref(&arguments.output), &read, arguments.force)?;
     let bar = context.bar();
     if arguments.dry_run {
         let append = Some(&arguments.output).filter(|output| arguments.append && output.exists());

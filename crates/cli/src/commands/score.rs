@@ -6,7 +6,7 @@ use fleetfoot::{
     interval_in_words,
 };
 
-use super::{Context, files, in_sample, plane, read_model, time_changes};
+use super::{Context, files, in_sample, plane, read_by, read_model, time_changes};
 use crate::{
     args::{List, Score},
     table::{count, number, ratio, table},
@@ -15,6 +15,8 @@ use crate::{
 pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
+    let outputs: Vec<_> = arguments.output.iter().cloned().collect();
+    context.claim(&outputs, &read_by(&files, [&arguments.model.model]), false)?;
     let changes = time_changes(&arguments.model)?;
     let bar = context.bar();
     let scored = fleetfoot::score(&model, &changes, &files, &bar).and_then(|scored| {

@@ -1,6 +1,6 @@
 //! `fleetfoot stats`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fleetfoot::{
     Error,
@@ -8,7 +8,7 @@ use fleetfoot::{
 };
 use serde_json::{Value, json};
 
-use super::{Context, real};
+use super::{Context, is_replaced, real};
 use crate::{
     args::{Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge},
     table::{bytes, count, number, ratio, table},
@@ -149,7 +149,7 @@ fn info_json(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Valu
 }
 
 fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
-    refuse_existing(&arguments.output, arguments.force)?;
+    claim(context, &arguments.output, &arguments.files, arguments.force)?;
     let mut inputs = arguments.files.iter();
     let Some(first) = inputs.next() else { return Err(Error::Request("no file is given".into())) };
     let (mut whole, sizes) = StatisticFile::read_with_sizes(first)?;
@@ -168,7 +168,7 @@ fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
 }
 
 fn drop(arguments: &StatsDrop, context: &Context) -> Result<(), Error> {
-    refuse_existing(&arguments.output, arguments.force)?;
+    claim(context, &arguments.output, std::slice::from_ref(&arguments.input), arguments.force)?;
     let (mut file, before) = StatisticFile::read_with_sizes(&arguments.input)?;
     let mut unwanted: Vec<Unwanted> = arguments.episode.iter().cloned().map(Unwanted::Episode).collect();
     unwanted.extend(arguments.file.iter().cloned().map(Unwanted::File));
@@ -188,7 +188,7 @@ fn drop(arguments: &StatsDrop, context: &Context) -> Result<(), Error> {
 }
 
 fn compact(arguments: &StatsCompact, context: &Context) -> Result<(), Error> {
-    refuse_existing(&arguments.output, arguments.force)?;
+    claim(context, &arguments.output, std::slice::from_ref(&arguments.file), arguments.force)?;
     let (mut file, before) = StatisticFile::read_with_sizes(&arguments.file)?;
     let chunks = file.chunks();
     file.compact();
@@ -203,8 +203,9 @@ fn compact(arguments: &StatsCompact, context: &Context) -> Result<(), Error> {
     Ok(())
 }
 
-fn refuse_existing(output: &Path, force: bool) -> Result<(), Error> {
-    if output.exists() && !force {
+fn claim(context: &Context, output: &PathBuf, inputs: &[PathBuf], force: bool) -> Result<(), Error> {
+    context.claim(std::slice::from_ref(output), inputs, force)?;
+    if is_replaced(output) && !force {
         let problem = format!("{} exists already; --force replaces it", output.display());
         return Err(Error::Request(problem));
     }

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_log::Format as LogFormat;
+use fleetfoot_log::{Format as LogFormat, WriteLock, check_outputs};
 use tempfile::TempDir;
 
 use super::world::robots;
@@ -14,12 +14,21 @@ use crate::Error;
 /// The recipe's name.
 pub(super) const RECIPE: &str = "robot.toml";
 
-/// A folder under construction: files are made in a hidden folder inside of it, and moved out by [`Folder::commit`].
+/// The beginning of the name of a hidden folder that files are made in.
+const STAGING: &str = ".generating-";
+
+/// The hidden file that one command at a time holds.
+const LOCK: &str = ".generating.lock";
+
+/// A folder under construction: files are made in a hidden folder inside of it, and moved out by [`Folder::commit`]. One command at a time works on it.
 pub(super) struct Folder {
     target: PathBuf,
     staging: TempDir,
     /// Files of an earlier command, that this one replaces.
     old: Vec<PathBuf>,
+    /// Hidden folders of killed commands.
+    leftovers: Vec<PathBuf>,
+    _lock: WriteLock,
 }
 
 impl Folder {
@@ -27,13 +36,32 @@ impl Folder {
     ///
     /// # Errors
     /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have the names of generated
-    /// runs are replaced by the new ones, all of them; any other recording is refused still.
-    pub(super) fn create(target: &Path, force: bool) -> Result<Self, Error> {
+    /// runs are replaced by the new ones, all of them, and what killed commands have left is removed; any other recording is refused still. A folder
+    /// that another command is working on; one of the `inputs` among what would be replaced.
+    pub(super) fn create(target: &Path, force: bool, inputs: &[PathBuf]) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         fs::create_dir_all(target).map_err(|source| error(target, source))?;
+        let lock = WriteLock::take(target.join(LOCK), target)?;
         let old = Self::check(target, force)?;
-        let staging = tempfile::Builder::new().prefix(".generating-").tempdir_in(target);
-        Ok(Self { target: target.to_owned(), staging: staging.map_err(|source| error(target, source))?, old })
+        check_outputs(&old, inputs)?;
+        // Whoever made them is gone: the lock is here.
+        let mut leftovers = left_in(target).map_err(|source| error(target, source))?;
+        if force {
+            for left in leftovers.drain(..) {
+                fs::remove_dir_all(&left).map_err(|source| error(&left, source))?;
+            }
+        }
+        let staging = tempfile::Builder::new().prefix(STAGING).tempdir_in(target);
+        let staging = staging.map_err(|source| error(target, source))?;
+        Ok(Self { target: target.to_owned(), staging, old, leftovers, _lock: lock })
+    }
+
+    /// What a person should know of the folder.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let told = |left: &PathBuf| {
+            format!("{} is what a killed command has left: remove it, or give --force", left.display())
+        };
+        self.leftovers.iter().map(told).collect()
     }
 
     /// The files that new ones would replace.
@@ -98,6 +126,19 @@ impl Folder {
     }
 }
 
+/// The hidden folders in which files are made, of this or other commands.
+fn left_in(target: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(target)? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(STAGING) && entry.file_type()?.is_dir() {
+            found.push(entry.path());
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
 /// The name of a run's file.
 pub(super) fn run_name(robot: &str, run: u64, runs: u64, extension: &str) -> String {
     let digits = runs.saturating_sub(1).max(1).ilog10() as usize + 1;
@@ -127,10 +168,10 @@ mod tests {
     fn recordings_of_others_are_never_touched() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("notes.txt.md"), "mine").unwrap();
-        Folder::create(folder.path(), false).unwrap().commit(&[]).unwrap();
+        Folder::create(folder.path(), false, &[]).unwrap().commit(&[]).unwrap();
         fs::write(folder.path().join("field_day.mcap"), "mine").unwrap();
         for force in [false, true] {
-            let message = Folder::create(folder.path(), force).err().unwrap().to_string();
+            let message = Folder::create(folder.path(), force, &[]).err().unwrap().to_string();
             assert!(message.contains("field_day.mcap"), "{message}");
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
@@ -140,14 +181,30 @@ mod tests {
     fn an_abandoned_folder_is_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(RECIPE), "old").unwrap();
-        let making = Folder::create(folder.path(), true).unwrap();
+        let making = Folder::create(folder.path(), true, &[]).unwrap();
         fs::write(making.staged(RECIPE), "new").unwrap();
         drop(making);
         assert_eq!(fs::read_to_string(folder.path().join(RECIPE)).unwrap(), "old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        let making = Folder::create(folder.path(), true).unwrap();
+        let making = Folder::create(folder.path(), true, &[]).unwrap();
         fs::write(making.staged("a.md"), "new").unwrap();
         making.commit(&["a.md".to_owned()]).unwrap();
         assert!(!folder.path().join(RECIPE).exists() && folder.path().join("a.md").exists());
+    }
+
+    #[test]
+    fn one_command_at_a_time_and_what_a_killed_one_left_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let left = folder.path().join(".generating-killed");
+        fs::create_dir(&left).unwrap();
+        fs::write(left.join("hexapod_00.mcap"), "half").unwrap();
+        let making = Folder::create(folder.path(), false, &[]).unwrap();
+        assert!(making.notes()[0].contains(".generating-killed"), "{:?}", making.notes());
+        let message = Folder::create(folder.path(), true, &[]).err().unwrap().to_string();
+        assert!(message.contains("another command"), "{message}");
+        making.commit(&[]).unwrap();
+        assert!(left.exists());
+        Folder::create(folder.path(), true, &[]).unwrap().commit(&[]).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -78,6 +78,8 @@ pub struct Job {
     pub folder: PathBuf,
     /// Replace the runs of an earlier command in the folder.
     pub force: bool,
+    /// Files that the job was made from, which are not replaced.
+    pub inputs: Vec<PathBuf>,
 }
 
 impl Job {
@@ -96,6 +98,7 @@ impl Job {
             truth: true,
             folder: folder.into(),
             force: false,
+            inputs: Vec::new(),
         }
     }
 
@@ -211,6 +214,8 @@ pub struct Generated {
     pub excitation: Excitation,
     /// The recipe for the logs.
     pub recipe: PathBuf,
+    /// What a person should know of the folder.
+    pub notes: Vec<String>,
 }
 
 /// Runs the robot and writes its logs, and a recipe for `fit` beside them.
@@ -222,7 +227,7 @@ pub struct Generated {
 pub fn generate(job: &Job, progress: &dyn Progress) -> Result<Generated, Error> {
     job.check()?;
     job.check_worlds()?;
-    let folder = Folder::create(&job.folder, job.force)?;
+    let folder = Folder::create(&job.folder, job.force, &job.inputs)?;
     let scenario = job.world_of(0)?.scenario()?;
     let recipe = job.world.robot.recipe().recipe(job.format)?;
     let terms = Terms::new(&recipe, scenario.as_ref(), job.world.robot.spread());
@@ -237,9 +242,9 @@ pub fn generate(job: &Job, progress: &dyn Progress) -> Result<Generated, Error> 
     let mut names: Vec<String> = (0..job.runs).map(|index| job.name_of(index)).collect();
     write_recipe(job, &scenario.columns(), &folder.staged(&names[0]), &folder.staged(RECIPE))?;
     names.push(RECIPE.to_owned());
-    let recipe = folder.target(RECIPE);
+    let (recipe, notes) = (folder.target(RECIPE), folder.notes());
     folder.commit(&names)?;
-    Ok(Generated { runs: done.into_iter().map(|(report, _)| report).collect(), excitation, recipe })
+    Ok(Generated { runs: done.into_iter().map(|(report, _)| report).collect(), excitation, recipe, notes })
 }
 
 /// Simulates a run into its file.

@@ -17,7 +17,7 @@ use super::{
     task::{NarxTask, one_row_ahead},
     terms::{EquationTerms, Problems, Trails, choice},
 };
-use crate::{Criterion, Dataset, Error, Logs, Provenance, Recipe};
+use crate::{Criterion, Dataset, Error, Logs, Provenance, Recipe, not_finite, output::refuse_not_finite};
 
 /// What is asked of a fit beside the recipe.
 #[derive(Debug, Clone, Default)]
@@ -55,14 +55,20 @@ pub fn fit_narx(
     let (train, test) = Spans::split(&view, tested, options.decimate)?;
     let step = dataset.step() * options.decimate as f64;
     let fit = Fit { recipe, options: &options, narx: &narx, source: &train, step };
-    let (model, mut report) = fit.run(progress)?;
+    let found = fit.run(progress);
+    let functions = || narx.task.row_functions();
+    let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
+    refuse_not_finite(&model)?;
     report.notes.splice(0..0, dataset.notes().iter().cloned());
+    if report.left_out[1] > 0 {
+        report.notes.extend(not_finite::explain(&dataset, functions())?);
+    }
     progress.stage("scores");
     if options.test_share > 0.0 {
         report.test = scores(&model, &test, progress)?;
     }
     if !request.free_run.is_empty() {
-        let dataset = Dataset::for_model(&model, recipe, &request.free_run, progress)?;
+        let dataset = Dataset::for_every_row(&model, recipe, &request.free_run, options.decimate, progress)?;
         let view = dataset.view()?;
         let (rows, _) = Spans::split(&view, |_| 0, options.decimate)?;
         report.files = Some(scores(&model, &rows, progress)?.ok_or_else(|| too_short(&rows))?);

@@ -9,6 +9,7 @@ use fleetfoot_model::{Column, Equation, Prediction, Role};
 use super::{evidence::specification, filters, parameters::Parameter};
 use crate::{
     Error, Kind, Recipe,
+    leak::refuse_target_in_partition,
     task::{Aliases, equations, partition_columns, variables},
 };
 
@@ -86,8 +87,10 @@ impl EquationTask {
         let parameters = Parameter::all(recipe, &aliases)?;
         let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
         aliases.hide(&names);
-        for label in specification(recipe)?.iter().filter_map(|partition| partition.label().map(str::to_owned)) {
-            aliases.add(&label, None, None, Role::Auxiliary, false, "--partition labels")?;
+        let labels: Vec<String> =
+            specification(recipe)?.iter().filter_map(|partition| partition.label().map(str::to_owned)).collect();
+        for label in &labels {
+            aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
         }
         let mut equations = equations(recipe, &mut aliases)?;
         let mut reader = Reader { recipe, names: &names, general: None };
@@ -126,7 +129,9 @@ impl EquationTask {
         }
         let weight = recipe.model.weight.as_deref();
         let weight = weight.map(|text| aliases.over_latents(text, &names, "weight")).transpose()?;
-        let partition_columns = partition_columns(recipe, &mut aliases)?;
+        let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
+        let labels: Vec<Expr> = labels.iter().map(|label| Expr::column(label.as_str())).collect();
+        refuse_target_in_partition(&equations, &aliases, &labels)?;
         let constant = owns.iter().any(|own| own.constant);
         let functions = union(&owns);
         for (equation, own) in fitted.iter_mut().zip(&owns) {
@@ -173,6 +178,12 @@ impl EquationTask {
         let measured = self.fitted.iter().map(|equation| equation.measured.clone());
         let states = self.columns.iter().filter(|column| column.role == Role::State);
         measured.chain(states.map(|column| Expr::column(column.name.as_str()))).collect()
+    }
+
+    /// All expressions over the columns that a row of the regression needs.
+    pub(crate) fn row_functions(&self) -> Vec<Expr> {
+        let targets = self.fitted.iter().map(|equation| &equation.target);
+        self.functions.iter().chain(targets).chain(&self.weight).chain(&self.partition_columns).cloned().collect()
     }
 
     /// All expressions that rows are evaluated for or that the model has.

@@ -16,7 +16,7 @@ use super::{
     content::{Hashed, hash_logs},
     subset::Subset,
 };
-use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure};
+use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, not_finite};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -146,6 +146,10 @@ impl<'a> Scan<'a> {
         let opened = Dataset::for_structure(self.recipe, &logs, progress)?;
         let mut file = self.begin(&opened, progress)?;
         let added = self.add(&mut file, &files, &opened.dataset, progress, keep);
+        if added.is_ok() && file.scanned.counts().incomplete > 0 {
+            let expressions: Vec<Expr> = row_expressions(&opened.task).cloned().collect();
+            self.report.notes.extend(not_finite::explain(&opened.dataset, expressions)?);
+        }
         self.file = Some(file);
         added
     }
@@ -254,9 +258,10 @@ impl<'a> Scan<'a> {
         file.command = None;
         let counts = file.scanned.counts();
         if counts.complete == 0 {
+            let reasons: String = report.notes.iter().map(|note| format!("; {note}")).collect();
             return Err(Error::Request(format!(
                 "no row can be used: {} lack neighbours at the border of their episode, {} have a missing value; look at the columns with \
-                 `fleetfoot info --values`, or give other files",
+                 `fleetfoot info --values`, or give other files{reasons}",
                 counts.at_border, counts.incomplete
             )));
         }
@@ -306,14 +311,18 @@ pub(super) fn chunk_bytes(task: &StructuredTask) -> usize {
     8 * tasks.map(|columns: usize| numbers(columns + 1)).chain([numbers(task.also.len())]).sum::<usize>()
 }
 
-/// Codes of texts are numbered by the files that are open, which is no number to sum.
-fn refuse_text(task: &StructuredTask, fields: &[Column]) -> Result<(), StatisticError> {
+/// All expressions over the columns that a row needs.
+fn row_expressions(task: &StructuredTask) -> impl Iterator<Item = &Expr> {
     let regression = &task.regression;
     let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
     let tasks =
         regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient).chain([&task.target]));
-    let all = functions.chain(tasks).chain(&regression.weight).chain(&task.also);
-    let used: BTreeSet<_> = all.flat_map(Expr::columns).collect();
+    functions.chain(tasks).chain(&regression.weight).chain(&task.also)
+}
+
+/// Codes of texts are numbered by the files that are open, which is no number to sum.
+fn refuse_text(task: &StructuredTask, fields: &[Column]) -> Result<(), StatisticError> {
+    let used: BTreeSet<_> = row_expressions(task).flat_map(Expr::columns).collect();
     let text =
         |name: &str| fields.iter().any(|field| field.name == name && matches!(field.kind, ColumnKind::Category(_)));
     for (column, source) in task.aliases.iter().filter(|(column, _)| used.contains(column.name.as_str())) {

@@ -6,7 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::Progress;
-use fleetfoot_log::refuse_input;
+use fleetfoot_log::{WriteLock, check_outputs};
 
 use super::{
     ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile,
@@ -47,7 +47,8 @@ pub struct ScanOutcome {
 /// Scans files into a `.stats` file.
 ///
 /// While it works, what is complete is kept beside the output as `OUTPUT.partial`. The same command goes on from there, to the same bytes as if it had
-/// never been interrupted; another command is refused.
+/// never been interrupted; another command is refused, and so is a second one at the same time. An output that is no file (a device, a pipe) is written
+/// at the end, and nothing is kept beside it.
 ///
 /// # Errors
 /// Those of [`scan`](super::scan()) and of reading and writing statistics; an output that exists, without `append` and `force`; [`Error::Paused`] when the
@@ -70,8 +71,13 @@ pub(super) fn scan_in_groups(
     progress: &dyn Progress,
     group_rows: Option<usize>,
 ) -> Result<ScanOutcome, Error> {
-    refuse_input(&target.output, &logs.files())?;
-    let exists = target.output.exists();
+    let partial = partial(&target.output);
+    let mut read = logs.files();
+    read.extend(target.plan.clone());
+    check_outputs(&[&target.output, &partial], &read)?;
+    let is_file = fs::metadata(&target.output).map_or(true, |found| found.is_file());
+    let _lock = if is_file { Some(WriteLock::take(WriteLock::beside(&target.output), &target.output)?) } else { None };
+    let exists = is_file && target.output.exists();
     if exists && !target.append && !target.force {
         return Err(StatisticError::Exists { path: target.output.clone() }.into());
     }
@@ -86,7 +92,6 @@ pub(super) fn scan_in_groups(
     let hashed = hash_logs(logs, progress)?;
     let command = command(target, recipe, options, &hashed, base.as_ref());
     let unfinished = base.as_ref().is_some_and(StatisticFile::is_partial);
-    let partial = partial(&target.output);
     let found = interrupted(&partial, command, target.force)?;
     let resumed = found.is_some();
     let mut scan = Scan::new(recipe, options, found.or(base), &whose);
@@ -95,7 +100,7 @@ pub(super) fn scan_in_groups(
     let mut kept = rows(scan.file.as_ref());
     let done = scan.run(hashed, progress, &mut |file| {
         let now = rows(Some(file));
-        if now - kept >= (kept / 4).max(1) {
+        if is_file && now - kept >= (kept / 4).max(1) {
             file.command = Some(command);
             file.write(&partial)?;
             kept = now;
@@ -103,7 +108,8 @@ pub(super) fn scan_in_groups(
         Ok(())
     });
     if let Err(error) = done {
-        if rows(scan.file.as_ref()) > kept
+        if is_file
+            && rows(scan.file.as_ref()) > kept
             && let Some(file) = &mut scan.file
         {
             file.command = Some(command);

@@ -47,7 +47,7 @@ fn the_test_of_exported_c_compares_with_the_engine() {
     let mut options = ExportOptions::new(Target::C);
     options.prefix = "robot".into();
     options.precision = Precision::Float;
-    let exported = export(&models::pwa(50, 3), &options, folder.path()).expect("code");
+    let exported = export(&models::pwa(50, 3), &options, folder.path(), &[]).expect("code");
     assert_eq!(exported.files.len(), 3);
     assert!(exported.compared >= 24);
     let cc = Command::new("cc")

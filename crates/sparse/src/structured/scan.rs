@@ -29,6 +29,9 @@ pub enum ScanError {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] MergeError),
+    /// A value whose squares overflow.
+    #[error(transparent)]
+    TooLarge(#[from] fleetfoot_library::TooLarge),
     /// A row weight below zero.
     #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
     NegativeWeight {
@@ -161,7 +164,8 @@ impl Plan {
         for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
             let block = source.read(episode, range, columns.halo())?;
             for from in (0..block.rows).step_by(TILE_ROWS) {
-                columns.design.evaluate(&block, from..(from + TILE_ROWS).min(block.rows), &mut rows);
+                let (name, tile) = (&source.episodes()[episode].name, from..(from + TILE_ROWS).min(block.rows));
+                columns.design.evaluate_for_squares(&block, name, tile, &mut rows)?;
                 for (column, all) in values.iter_mut().enumerate() {
                     all.extend_from_slice(rows.output(column));
                 }
@@ -229,7 +233,7 @@ impl Plan {
             || Part::new(&columns),
             |part, chunk, block, tile| {
                 let mut rows = std::mem::take(&mut part.rows);
-                columns.design.evaluate(block, tile, &mut rows);
+                columns.design.evaluate_for_squares(block, &source.episodes()[chunk.episode].name, tile, &mut rows)?;
                 part.counts.at_border += rows.at_border;
                 part.counts.incomplete += rows.incomplete;
                 let weights = columns.weights(&rows, &source.episodes()[chunk.episode].name, block.first)?;

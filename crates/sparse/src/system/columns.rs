@@ -49,7 +49,7 @@ impl Columns {
         (VALUES / self.design.outputs().max(1)).clamp(256, 4096) / 256 * 256
     }
 
-    /// Evaluates a tile of core rows; refuses negative weights.
+    /// Evaluates a tile of core rows; refuses negative weights and values whose squares overflow.
     pub(super) fn evaluate(
         &self,
         block: &Block,
@@ -57,7 +57,7 @@ impl Columns {
         tile: Range<usize>,
         rows: &mut DesignRows,
     ) -> Result<(), SystemError> {
-        self.design.evaluate(block, tile, rows);
+        self.design.evaluate_for_squares(block, episode, tile, rows)?;
         let Some(weights) = self.split(rows).weights else {
             return Ok(());
         };

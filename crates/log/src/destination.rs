@@ -1,0 +1,188 @@
+//! Where an output goes: a file that is replaced whole, or a device, a pipe or a socket that is written through.
+
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io,
+    path::{Path, PathBuf},
+};
+
+use crate::Error;
+
+/// Links that lead from one to the next; more are a loop.
+const MAX_LINKS: usize = 40;
+
+/// Random letters and digits in the name of an unfinished file.
+pub(crate) const RANDOM: usize = 6;
+
+/// What an output's name stands for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Destination {
+    /// A regular file, there or not yet, at the end of all symbolic links.
+    File(PathBuf),
+    /// Something that takes bytes and is no file: a device, a pipe, a socket, another process's open file.
+    Stream(PathBuf),
+}
+
+impl Destination {
+    /// Follows the symbolic links of a path.
+    pub(crate) fn of(path: &Path) -> io::Result<Self> {
+        let mut at = path.to_path_buf();
+        for _ in 0..MAX_LINKS {
+            let found = match fs::symlink_metadata(&at) {
+                Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Self::File(at)),
+                other => other?,
+            };
+            if found.is_dir() {
+                return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder; name a file in it"));
+            }
+            if !found.is_symlink() {
+                return Ok(if found.is_file() { Self::File(at) } else { Self::Stream(path.into()) });
+            }
+            // The links of open files (`/dev/stdout` leads there) name no path that could be opened.
+            if folder(&at).canonicalize()?.starts_with("/proc") {
+                return Ok(Self::Stream(path.into()));
+            }
+            let to = fs::read_link(&at)?;
+            at = folder(&at).join(to);
+        }
+        Err(io::Error::other("too many symbolic links lead from one to the next"))
+    }
+}
+
+/// The folder that a file is in.
+pub(crate) fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// What two names of one file have in common.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum Identity {
+    /// Device and number of a file that is there: hard links share them.
+    #[cfg(unix)]
+    Inode(u64, u64),
+    /// The real folder and the name of another one.
+    Path(PathBuf),
+}
+
+/// The identity of a regular file, there or not yet; `None` for what is no file or cannot be looked at.
+fn identity(path: &Path) -> Option<Identity> {
+    let Ok(Destination::File(real)) = Destination::of(path) else { return None };
+    #[cfg(unix)]
+    if let Ok(found) = fs::metadata(&real) {
+        use std::os::unix::fs::MetadataExt;
+        return Some(Identity::Inode(found.dev(), found.ino()));
+    }
+    Some(Identity::Path(folder(&real).canonicalize().ok()?.join(real.file_name()?)))
+}
+
+/// Refuses outputs that cannot be written, before any work is done for them: one that is an input, whatever way leads to it (other spelling, symbolic or
+/// hard link), two that are one file, a folder, a file in a folder that is not there.
+///
+/// Devices, pipes and sockets may be named more than once. An input that is a folder stands for the files in it.
+///
+/// # Errors
+/// The first output at fault, with the reason.
+pub fn check_outputs<O: AsRef<Path>, I: AsRef<Path>>(outputs: &[O], inputs: &[I]) -> Result<(), Error> {
+    let read: Vec<Identity> = inputs.iter().flat_map(|input| identities(input.as_ref())).collect();
+    let mut written: BTreeMap<Identity, &Path> = BTreeMap::new();
+    for output in outputs.iter().map(AsRef::as_ref) {
+        let error = |source| Error::Io { path: output.into(), action: "write", source };
+        let Destination::File(real) = Destination::of(output).map_err(error)? else { continue };
+        fs::metadata(folder(&real)).map_err(error)?;
+        let Some(identity) = identity(output) else { continue };
+        if read.contains(&identity) {
+            return Err(Error::OverwritesInput { path: output.into() });
+        }
+        if let Some(first) = written.insert(identity, output) {
+            return Err(Error::SameOutput { first: first.into(), second: output.into() });
+        }
+    }
+    Ok(())
+}
+
+fn identities(input: &Path) -> Vec<Identity> {
+    match fs::read_dir(input) {
+        Ok(entries) => entries.flatten().filter_map(|entry| identity(&entry.path())).collect(),
+        Err(_) => identity(input).into_iter().collect(),
+    }
+}
+
+/// What killed commands have left of an output: unfinished files that nobody writes to any more.
+pub fn leftovers(output: &Path) -> Vec<PathBuf> {
+    let Ok(Destination::File(real)) = Destination::of(output) else { return Vec::new() };
+    let Some(name) = real.file_name().map(|name| format!(".{}.", name.to_string_lossy())) else { return Vec::new() };
+    let Ok(entries) = fs::read_dir(folder(&real)) else { return Vec::new() };
+    let is_left = |path: &PathBuf| {
+        let own = path.file_name().unwrap_or_default().to_string_lossy();
+        let random = own.strip_prefix(&name).and_then(|rest| rest.strip_suffix(".partial"));
+        random.is_some_and(|random| random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric()))
+            && File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+    };
+    let mut found: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_left).collect();
+    found.sort();
+    found
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    #[test]
+    fn links_are_followed_to_the_file_and_streams_are_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("real.json"), "x").unwrap();
+        symlink("real.json", at("link.json")).unwrap();
+        symlink("gone.json", at("dangling.json")).unwrap();
+        symlink("loop.json", at("loop.json")).unwrap();
+        assert_eq!(Destination::of(&at("link.json")).unwrap(), Destination::File(at("real.json")));
+        assert_eq!(Destination::of(&at("dangling.json")).unwrap(), Destination::File(at("gone.json")));
+        assert!(Destination::of(&at("loop.json")).is_err());
+        assert!(Destination::of(folder.path()).is_err());
+        let null = Path::new("/dev/null");
+        assert_eq!(Destination::of(null).unwrap(), Destination::Stream(null.into()));
+        #[cfg(target_os = "linux")]
+        assert!(matches!(Destination::of(Path::new("/dev/stdout")).unwrap(), Destination::Stream(_)));
+    }
+
+    #[test]
+    fn one_file_by_many_names_is_recognised() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("log.csv"), "x").unwrap();
+        symlink("log.csv", at("symbolic.csv")).unwrap();
+        fs::hard_link(at("log.csv"), at("hard.csv")).unwrap();
+        fs::create_dir(at("sub")).unwrap();
+        for name in ["log.csv", "symbolic.csv", "hard.csv", "sub/../log.csv"] {
+            let message = check_outputs(&[at(name)], &[at("log.csv")]).unwrap_err().to_string();
+            assert!(message.contains("is an input"), "{message}");
+        }
+        let message = check_outputs(&[at("a.json"), at("sub/../a.json")], &[at("log.csv")]).unwrap_err().to_string();
+        assert!(message.contains("one file") && message.contains("sub/../a.json"), "{message}");
+        symlink("a.json", at("to-a.json")).unwrap();
+        assert!(check_outputs::<_, &Path>(&[at("a.json"), at("to-a.json")], &[]).is_err());
+        assert!(check_outputs::<_, &Path>(&[at("no/a.json")], &[]).is_err());
+        // A folder is the recording in it.
+        assert!(check_outputs(&[at("log.csv")], &[folder.path()]).is_err());
+        check_outputs::<_, &Path>(&[at("a.json"), at("b.json")], &[&at("log.csv")]).unwrap();
+        check_outputs(&["/dev/null", "/dev/null"], &["/dev/null"]).unwrap();
+    }
+
+    #[test]
+    fn unfinished_files_are_left_only_when_nobody_writes_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("model.json");
+        fs::write(folder.path().join(".model.json.a1B2c3.partial"), "half").unwrap();
+        fs::write(folder.path().join(".other.json.a1B2c3.partial"), "half").unwrap();
+        let busy = crate::AtomicFile::create(&target).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+        assert_eq!(leftovers(&target), [folder.path().join(".model.json.a1B2c3.partial")]);
+        drop(busy);
+    }
+}

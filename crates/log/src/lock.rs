@@ -1,0 +1,85 @@
+//! One writer at a time, where two would mix what they write.
+
+use std::{
+    fs::{self, File, TryLockError},
+    path::{Path, PathBuf},
+};
+
+use crate::Error;
+
+/// The sole right to write something, until it is dropped. The system takes it back from a process that is killed.
+#[derive(Debug)]
+pub struct WriteLock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl WriteLock {
+    /// Takes the right to write `what`, a file or a folder; `path` is the hidden file that stands for it.
+    ///
+    /// On a file system without locks it is granted to everybody.
+    ///
+    /// # Errors
+    /// Another process has it; the hidden file cannot be made.
+    pub fn take(path: impl Into<PathBuf>, what: &Path) -> Result<Self, Error> {
+        let path = path.into();
+        let error = |source| Error::Io { path: what.into(), action: "write", source };
+        loop {
+            let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(error)?;
+            if let Err(TryLockError::WouldBlock) = file.try_lock() {
+                return Err(Error::Busy { path: what.into() });
+            }
+            // Whoever had it before may have removed the very file that was opened.
+            if is_at(&file, &path) {
+                return Ok(Self { path, _file: file });
+            }
+        }
+    }
+
+    /// The hidden file that stands for the output `file` in its folder.
+    pub fn beside(file: &Path) -> PathBuf {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        file.with_file_name(format!(".{name}.lock"))
+    }
+}
+
+impl Drop for WriteLock {
+    fn drop(&mut self) {
+        // Still locked: nobody else takes it between here and its end. A file that stays harms nobody.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let same = |a: fs::Metadata, b: fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
+}
+
+#[cfg(not(unix))]
+fn is_at(_file: &File, _path: &Path) -> bool {
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_one_writer_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("run.stats");
+        let path = WriteLock::beside(&output);
+        for _ in 0..2 {
+            let held = WriteLock::take(&path, &output).unwrap();
+            let message = WriteLock::take(&path, &output).unwrap_err().to_string();
+            assert!(message.contains("run.stats") && message.contains("another command"), "{message}");
+            drop(held);
+            assert!(!path.exists());
+        }
+        // What a killed process leaves is no lock.
+        fs::write(&path, "").unwrap();
+        WriteLock::take(&path, &output).unwrap();
+    }
+}

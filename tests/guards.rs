@@ -1,0 +1,297 @@
+//! What a command refuses, or says, before and instead of a wrong answer: outputs that would destroy something, models for other rows, values that are none.
+
+use std::{fmt::Write, fs};
+
+use crate::runner::*;
+
+fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+const RECIPE: &str = "[columns]\nv = \"v [m/s]\"\n[states]\nv = {}\n[inputs]\nu = \"u\"\n";
+
+const FIT: [&str; 5] = ["fit", "pwa", "-c", "r.toml", "log.csv"];
+
+fn fit(folder: &Path, more: &[&str]) -> Said {
+    fleetfoot(folder, &[&FIT[..], more].concat())
+}
+
+/// `t, y, u` with `y[k+1] = 0.9 y[k] + u[k]`, rows of `dt`.
+fn first_order(rows: usize, dt: f64, phase: f64) -> String {
+    let (mut text, mut y) = (String::from("t,y,u\n"), 0.0);
+    for row in 0..rows {
+        let u = (0.37 * row as f64 + phase).sin() + 0.5 * (0.11 * row as f64).cos();
+        writeln!(text, "{},{y},{u}", row as f64 * dt).unwrap();
+        y = 0.9 * y + u;
+    }
+    text
+}
+
+/// Changes a row of a CSV, counted from 1, in the column of this place.
+fn with_cell(text: &str, row: usize, column: usize, cell: &str) -> String {
+    let change = |(at, line): (usize, &str)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if at == row {
+            cells[column] = cell;
+        }
+        cells.join(",") + "\n"
+    };
+    text.lines().enumerate().map(change).collect()
+}
+
+#[test]
+fn no_input_is_an_output_whatever_its_name() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
+    let path = folder.path();
+    fit(path, &["-o", "r.toml"]).fails(&["r.toml", "input"]);
+    fit(path, &["-o", "sub/../r.toml"]).fails(&["sub"]);
+    fit(path, &[]).ok();
+    fleetfoot(path, &["predict", "model.json", "log.csv", "-o", "model.json"]).fails(&["model.json"]);
+    fleetfoot(path, &["init", "log.csv", "-o", "log.csv", "--force"]).fails(&["log.csv", "input"]);
+    fleetfoot(path, &["fit", "sindy", "-c", "r.toml", "log.csv", "-o", "r.toml"]).fails(&["r.toml", "input"]);
+    fleetfoot(path, &["fit", "narx", "-c", "r.toml", "log.csv", "-o", "r.toml"]).fails(&["r.toml", "input"]);
+    fit(path, &["-p", "average,kmeans:2", "--keep-all", "-o", "m_.json"]).ok();
+    fs::copy(path.join("r.toml"), path.join("m_kmeans2.json")).unwrap();
+    fleetfoot(
+        path,
+        &["fit", "pwa", "-c", "m_kmeans2.json", "log.csv", "-p", "average,kmeans:2", "--keep-all", "-o", "m.json"],
+    )
+    .fails(&["m_kmeans2.json", "input"]);
+    #[cfg(unix)]
+    {
+        fs::hard_link(path.join("log.csv"), path.join("hard.json")).unwrap();
+        std::os::unix::fs::symlink("log.csv", path.join("symbolic.json")).unwrap();
+        fit(path, &["-o", "hard.json"]).fails(&["hard.json", "input"]);
+        fit(path, &["-o", "symbolic.json"]).fails(&["symbolic.json", "input"]);
+    }
+    assert_eq!(fs::read_to_string(path.join("r.toml")).unwrap(), RECIPE);
+    assert_eq!(fs::read_to_string(path.join("log.csv")).unwrap(), robot_csv(400, 0.0));
+}
+
+#[test]
+fn two_outputs_are_two_files() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
+    let arguments = ["fit", "sparse", "-c", "r.toml", "log.csv", "-o", "a.stats", "--keep", "./a.stats"];
+    fleetfoot(folder.path(), &arguments).fails(&["a.stats", "one file"]);
+    let arguments = ["fit", "sparse", "-c", "r.toml", "log.csv", "--keep", "b.stats", "--frequencies", "b.stats"];
+    fleetfoot(folder.path(), &arguments).fails(&["b.stats", "one file"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_pipes_and_links_are_written_through() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
+    let path = folder.path();
+    fit(path, &["-o", "/dev/null"]).ok();
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    assert!(!Path::new("/dev/.fleetfoot-cache").exists());
+    fs::create_dir(path.join("models")).unwrap();
+    symlink("models/today.json", path.join("model.json")).unwrap();
+    for _ in 0..2 {
+        fit(path, &[]).ok();
+        assert!(path.join("model.json").symlink_metadata().unwrap().is_symlink());
+        assert!(path.join("models/today.json").is_file());
+    }
+    // A pipe: its reader gets the whole model.
+    assert!(Command::new("mkfifo").arg(path.join("pipe")).status().unwrap().success());
+    let pipe = path.join("pipe");
+    let reader = std::thread::spawn(move || fs::read(pipe).unwrap());
+    fit(path, &["-o", "pipe"]).ok();
+    assert_eq!(reader.join().unwrap(), fs::read(path.join("model.json")).unwrap());
+    assert!(path.join("pipe").symlink_metadata().unwrap().file_type().is_fifo());
+    #[cfg(target_os = "linux")]
+    assert!(fit(path, &["-q", "-o", "/dev/stdout"]).ok().out.contains("\"fleetfoot_model\""));
+}
+
+#[test]
+fn what_killed_commands_left_is_told_and_one_command_writes_a_folder() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
+    let path = folder.path();
+    fs::write(path.join(".model.json.a1B2c3.partial"), "half").unwrap();
+    let said = fit(path, &[]).ok();
+    assert!(said.err.contains(".model.json.a1B2c3.partial is what a killed command has left"), "{}", said.err);
+    fs::create_dir_all(path.join("runs/.generating-killed")).unwrap();
+    let generate = |more: &[&str]| {
+        let arguments = ["generate", "diffdrive", "--seconds", "1", "-o", "runs"];
+        fleetfoot(path, &[&arguments[..], more].concat())
+    };
+    let said = generate(&[]).ok();
+    assert!(said.err.contains(".generating-killed is what a killed command has left"), "{}", said.err);
+    generate(&["--force"]).ok();
+    // A run that is read is not replaced.
+    generate(&["--world", "runs/diffdrive_00.mcap", "--force"]).fails(&["diffdrive_00.mcap", "input"]);
+    let left: Vec<_> = fs::read_dir(path.join("runs")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
+    // Somebody works in the folder, or on the file.
+    let held = fleetfoot::log::WriteLock::take(path.join("runs/.generating.lock"), path).unwrap();
+    generate(&["--force"]).fails(&["runs", "another command"]);
+    drop(held);
+    let output = path.join("run.stats");
+    let held = fleetfoot::log::WriteLock::take(fleetfoot::log::WriteLock::beside(&output), &output).unwrap();
+    let scan = ["scan", "-c", "r.toml", "log.csv", "-o", "run.stats"];
+    fleetfoot(path, &scan).fails(&["run.stats", "another command"]);
+    drop(held);
+    fleetfoot(path, &scan).ok();
+}
+
+#[test]
+fn a_partition_does_not_look_at_what_is_predicted() {
+    let mut text = String::from("t,y,u,w\n");
+    for row in 0..600 {
+        let (u, w) = ((0.3 * f64::from(row)).sin(), (0.17 * f64::from(row)).cos());
+        writeln!(text, "{},{},{u},{w}", f64::from(row) * 0.1, u * if u + w > 0.0 { 2.0 } else { -1.0 }).unwrap();
+    }
+    let folder = folder(&[("log.csv", &text)]);
+    let fit = |more: &[&str]| {
+        let arguments = ["fit", "pwa", "log.csv", "--inputs", "u,w", "--predict", "y", "-p", "kmeans:3"];
+        fleetfoot(folder.path(), &[&arguments[..], more].concat())
+    };
+    for more in [
+        &["--partition-on", "y"][..],
+        &["--partition-on", "u,abs(y)"],
+        &["--partition-on", "lead(y,1)"],
+        &["--alias", "twice=2*y", "--partition-on", "twice"],
+        &["--alias", "other=y", "--partition-on", "u*other"],
+    ] {
+        fit(more).fails(&["the partition looks at", "`y`", "--partition-on"]);
+    }
+    // The target an alias: the field that it is a function of.
+    let arguments =
+        ["fit", "pwa", "log.csv", "--inputs", "u,w", "--alias", "z=3*y", "--predict", "z", "-p", "kmeans:3"];
+    fleetfoot(folder.path(), &[&arguments[..], &["--partition-on", "y"]].concat()).fails(&["`y`", "`z`"]);
+    fit(&["--partition-on", "lag(y,1)"]).ok();
+    fit(&["--partition-on", "u,w"]).ok();
+    // Without a word it looks at the inputs, not at the state that is predicted.
+    fit(&["--states", "y"]).ok();
+    let model = fleetfoot(folder.path(), &["show", "model.json", "--json"]).ok().json();
+    assert_eq!(model["model"]["partitions"][0]["columns"], serde_json::json!(["u", "w"]));
+}
+
+#[test]
+fn a_model_of_steps_is_refused_on_rows_of_another_period() {
+    let slow = first_order(300, 4.0, 0.0);
+    let (fast, near) = (first_order(300, 0.0016, 1.0), first_order(300, 4.1, 2.0));
+    let folder = folder(&[("slow.csv", &slow), ("fast.csv", &fast), ("near.csv", &near)]);
+    let path = folder.path();
+    let of = ["--states", "y", "--inputs", "u", "-p", "average"];
+    for predict in ["next", "delta"] {
+        fleetfoot(path, &[&["fit", "pwa", "slow.csv", "--predict", predict][..], &of].concat()).ok();
+        for command in ["score", "rollout"] {
+            let mut arguments = vec![command, "model.json", "fast.csv"];
+            arguments.extend((command == "rollout").then_some(["--horizon", "5"]).into_iter().flatten());
+            fleetfoot(path, &arguments).fails(&["fast.csv", "0.0016 s", "4 s", "--rate 0.25", "keep every 2500th row"]);
+        }
+        fleetfoot(path, &["predict", "model.json", "fast.csv", "-o", "p.parquet"]).fails(&["0.0016"]);
+        fleetfoot(path, &["score", "model.json", "near.csv"]).ok();
+        fleetfoot(path, &["score", "model.json", "fast.csv", "--dt", "4"]).ok();
+    }
+    // Lags count rows too, whatever is predicted from them.
+    let lagged = ["fit", "pwa", "slow.csv", "--predict", "y", "--inputs", "u", "--lags", "2", "-p", "average"];
+    fleetfoot(path, &lagged).ok();
+    fleetfoot(path, &["score", "model.json", "fast.csv"]).fails(&["0.0016", "4 s"]);
+    // Derivatives hold for both.
+    fleetfoot(path, &[&["fit", "pwa", "slow.csv"][..], &of].concat()).ok();
+    let said = fleetfoot(path, &["score", "model.json", "fast.csv"]).ok();
+    assert!(said.err.contains("0.0016 s") && said.err.contains("4 s"), "{}", said.err);
+}
+
+#[test]
+fn huge_values_are_named_and_nothing_is_written() {
+    let text = first_order(300, 0.1, 0.0);
+    let scaled = |factor: &str| -> String {
+        let line = |(at, line): (usize, &str)| if at == 0 { format!("{line}\n") } else { format!("{line}{factor}\n") };
+        text.lines().enumerate().map(line).collect()
+    };
+    let folder = folder(&[("big.csv", &scaled("e160")), ("fine.csv", &scaled("e120"))]);
+    let path = folder.path();
+    for method in ["pwa", "sindy"] {
+        let arguments = |file| ["fit", method, file, "--states", "y", "--inputs", "u"];
+        fleetfoot(path, &[&arguments("big.csv")[..], &["--degree", "1"]].concat()).fails(&["`u`", "1e150", "scale"]);
+        assert!(!path.join("model.json").exists());
+        fleetfoot(path, &[&arguments("fine.csv")[..], &["--degree", "1"]].concat()).ok();
+        fs::remove_file(path.join("model.json")).unwrap();
+    }
+}
+
+#[test]
+fn what_makes_a_row_useless_is_told_with_its_alias_and_its_place() {
+    let text = first_order(300, 0.1, 0.0);
+    let zero = with_cell(&text, 120, 2, "0");
+    let huge = with_cell(&text, 77, 2, "1e308");
+    let infinite = with_cell(&text, 60, 2, "inf");
+    let folder = folder(&[("zero.csv", &zero), ("huge.csv", &huge), ("infinite.csv", &infinite)]);
+    for method in ["pwa", "sindy"] {
+        let run = |file: &str, more: &[&str]| {
+            let arguments = ["fit", method, file, "--states", "y", "--degree", "1"];
+            fleetfoot(folder.path(), &[&arguments[..], more].concat()).ok().err
+        };
+        let said = run("zero.csv", &["--alias", "w=1/u", "--inputs", "w"]);
+        assert!(said.contains("`w` = `1/u` is infinite (`1/u` divides by zero) in row 120 of zero.csv"), "{said}");
+        let said = run("huge.csv", &["--alias", "w=10*u", "--inputs", "w"]);
+        assert!(
+            said.contains("`w`") && said.contains("beyond 1.8e308") && said.contains("row 77 of huge.csv"),
+            "{said}"
+        );
+        let said = run("zero.csv", &["--alias", "w=sqrt(u+2)", "--alias", "v=sqrt(u-5)+w", "--inputs", "w"]);
+        assert!(!said.contains("no number"), "{said}");
+        let said = run("infinite.csv", &["--inputs", "u"]);
+        assert!(said.contains("`u` has 1 infinite value") && said.contains("line 61 (`inf`)"), "{said}");
+    }
+    let all = fleetfoot(
+        folder.path(),
+        &["fit", "pwa", "zero.csv", "--states", "y", "--alias", "w=sqrt(u-5)", "--inputs", "w"],
+    );
+    all.fails(&["too few", "`w`", "no number", "row 1 of zero.csv"]);
+}
+
+#[test]
+fn a_file_that_was_cut_says_so() {
+    let text = first_order(300, 0.1, 0.0);
+    let whole = text.trim_end().to_owned();
+    let within = &whole[..whole.len() - 5];
+    let exponent = format!("{whole}e-");
+    let folder = folder(&[("whole.csv", &text), ("within.csv", within), ("exponent.csv", &exponent)]);
+    let fit =
+        |file: &str| fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "--json"]).ok();
+    let said = fit("whole.csv");
+    assert!(!said.err.contains("line"), "{}", said.err);
+    let rows = said.json()["rows"].as_u64().unwrap();
+    let said = fit("within.csv");
+    let last = within.rsplit(',').next().unwrap();
+    assert!(said.err.contains("no line end") && said.err.contains(&format!("`u` = `{last}`")), "{}", said.err);
+    assert_eq!(said.json()["rows"].as_u64(), Some(rows));
+    let said = fit("exponent.csv");
+    assert!(said.err.contains("cut off and is left out"), "{}", said.err);
+    assert_eq!(said.json()["rows"].as_u64(), Some(rows - 1));
+}
+
+#[test]
+fn blanks_separate_columns_too() {
+    let text = first_order(300, 0.1, 0.0);
+    let blanks: String = text.lines().map(|line| format!("  {}  \n", line.replace(',', "   "))).collect();
+    let bare: String = blanks.lines().skip(1).map(|line| format!("{line}\n")).collect();
+    let commented = format!("# t y u\n{bare}");
+    let broken = with_cell(&text, 40, 2, "fast").replace(',', " \t ");
+    let folder = folder(&[
+        ("commas.csv", &text),
+        ("blanks.txt", &blanks),
+        ("commented.txt", &commented),
+        ("broken.txt", &broken),
+    ]);
+    let fit = |file: &str| {
+        fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "-o", &format!("{file}.json")])
+    };
+    let expected = fit("commas.csv").ok().out;
+    for file in ["blanks.txt", "commented.txt"] {
+        let said = fit(file).ok();
+        assert_eq!(said.out, expected, "{file}");
+        assert!(said.err.contains("separated by blanks"), "{}", said.err);
+    }
+    fit("broken.txt").fails(&["broken.txt:41", "`u`", "fast"]);
+}
