@@ -40,6 +40,10 @@ fn recording(model: &Model, names: &Signals, vector: &TestVector, needed: usize)
             .into_iter()
             .find_map(|(names, values)| Some(values[names.iter().position(|name| *name == column.name)?]));
         let mut series = vec![now.unwrap_or(0.0); rows];
+        let input = names.inputs.iter().position(|name| *name == column.name);
+        if let Some(next) = input.and_then(|input| vector.u_next.get(input)) {
+            series[present + 1] = *next;
+        }
         let mut offset = 0;
         for (name, depth) in &names.past {
             if name.as_ref() == Some(&column.name) {

@@ -6,6 +6,7 @@ use super::{
     c_syntax::C,
     code::Kind,
     cost::{Cost, Used},
+    lower::NEXT_INPUTS,
     names::{comment, constants},
     options::Precision,
     public::{Public, fold},
@@ -119,7 +120,10 @@ impl Printer<'_> {
             if !self.assembled.plan.states.is_empty() {
                 all.push((
                     self.step_head(),
-                    "Advances the states by one step; the code is that of the step's start.".into(),
+                    format!(
+                        "Advances the states by one step; the code is that of the step's start.{}",
+                        self.assembled.next_inputs_doc()
+                    ),
                 ));
             }
             if self.assembled.plan.remembers() {
@@ -153,8 +157,16 @@ impl Printer<'_> {
 
     /// `, u, dt` as far as there are any.
     fn given(&self, dt: bool) -> String {
+        self.given_with(false, dt)
+    }
+
+    /// `, u, u_next, dt` as far as there are any.
+    fn given_with(&self, next: bool, dt: bool) -> String {
         let inputs = self.assembled.plan.inputs.len();
         let mut text = if inputs > 0 { format!(", {}", self.array("u", inputs, true)) } else { String::new() };
+        if next {
+            text += &format!(", {}", self.array(NEXT_INPUTS, inputs, true));
+        }
         if dt {
             text += &format!(", {} dt", self.c.real());
         }
@@ -163,7 +175,8 @@ impl Printer<'_> {
 
     fn step_head(&self) -> String {
         let p = self.c.prefix;
-        format!("int {p}_step({p}_model *m{})", self.given(self.assembled.free_step()))
+        let given = self.given_with(self.assembled.plan.next_inputs, self.assembled.free_step());
+        format!("int {p}_step({p}_model *m{given})")
     }
 
     /// Whether observing needs the length of the step.

@@ -2,7 +2,7 @@
 
 use super::{
     ExportOptions, ExportedFile, TestVector, assemble::Assembled, c::outer_names, c_syntax::C, code::Kind, layout,
-    print::Syntax, public::Public, vectors::parts,
+    lower::NEXT_INPUTS, print::Syntax, public::Public, vectors::parts,
 };
 
 /// The file `prefix_test.c`.
@@ -34,6 +34,8 @@ impl Program<'_> {
         let plan = &self.assembled.plan;
         self.matrix("x", plan.states.len(), |vector| vector.x.clone(), &mut out);
         self.matrix("u", plan.inputs.len(), |vector| vector.u.clone(), &mut out);
+        let next = if plan.next_inputs { plan.inputs.len() } else { 0 };
+        self.matrix(NEXT_INPUTS, next, |vector| vector.u_next.clone(), &mut out);
         self.matrix("past", plan.memory(), |vector| vector.past.clone(), &mut out);
         if plan.time {
             self.matrix("time", 1, |vector| vec![vector.t], &mut out);
@@ -141,6 +143,9 @@ impl Program<'_> {
         let mut arguments = vec!["&m".to_owned()];
         if !plan.inputs.is_empty() {
             arguments.push("test_u[v]".into());
+        }
+        if plan.next_inputs {
+            arguments.push(format!("test_{NEXT_INPUTS}[v]"));
         }
         if self.assembled.free_step() {
             arguments.push("test_step[v][0]".into());

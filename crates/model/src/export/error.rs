@@ -35,7 +35,7 @@ pub enum ExportError {
     },
     /// The model looks into the future.
     #[error(
-        "the model reads `{column}` {ahead} rows ahead, which code on a robot cannot know; fit with lags instead of leads"
+        "the model reads `{column}` {ahead} rows ahead, which code on a robot cannot know (only a discrete model is given the inputs of its next row); fit with lags instead of leads"
     )]
     Ahead {
         /// The column.

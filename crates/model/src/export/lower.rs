@@ -332,14 +332,18 @@ impl SparseTable {
     }
 }
 
+/// The inputs of the next row.
+pub(super) const NEXT_INPUTS: &str = "u_next";
+
 pub(super) fn region_name(index: usize) -> String {
     format!("region{index}")
 }
 
 impl Plan<'_> {
-    /// What right sides read: `x`, `u`, `past`, `t`, as far as there is something.
+    /// What right sides read: `x`, `u`, `u_next`, `past`, `t`, as far as there is something.
     pub(super) fn parameters(&self) -> Vec<Parameter> {
-        let arrays = [("x", self.states.len()), ("u", self.inputs.len()), ("past", self.memory())];
+        let next = if self.next_inputs { self.inputs.len() } else { 0 };
+        let arrays = [("x", self.states.len()), ("u", self.inputs.len()), (NEXT_INPUTS, next), ("past", self.memory())];
         let arrays = arrays.into_iter().filter(|(_, length)| *length > 0);
         let mut all: Vec<Parameter> = arrays.map(|(name, length)| Parameter { name, kind: Kind::In(length) }).collect();
         if self.time {
@@ -358,6 +362,7 @@ impl Plan<'_> {
         match (source, lag) {
             (Some(Source::State(i)), 0) => Real::at("x", i),
             (Some(Source::Input(i)), 0) => Real::at("u", i),
+            (Some(Source::Input(i)), -1) => Real::at(NEXT_INPUTS, i),
             (Some(Source::Time), 0) => Real::local("t"),
             (Some(Source::Time), _) => Real::local("t").minus(Real::at("past", past)),
             _ => Real::at("past", past),

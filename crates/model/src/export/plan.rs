@@ -20,6 +20,8 @@ pub(super) struct Plan<'a> {
     pub(super) delays: Vec<Delay>,
     /// Whether the time since the start is read.
     pub(super) time: bool,
+    /// Whether the states' equations read the inputs of the row that they lead to: the caller knows them when a step is made.
+    pub(super) next_inputs: bool,
     /// The right sides of the states.
     pub(super) advance: Option<Evaluation>,
     /// The right sides of the outputs.
@@ -69,15 +71,10 @@ impl<'a> Plan<'a> {
         let (advance, predict) = (evaluation(&advancing)?, evaluation(&predicting)?);
         let mut depths: BTreeMap<usize, i32> = BTreeMap::new();
         let mut time: Option<i32> = None;
+        let next_inputs = reads_next_inputs(model, &columns, &advancing, advance.as_ref())?;
+        refuse_leads(model, predict.as_ref(), |_| false)?;
         for leaf in advance.iter().chain(&predict).flat_map(|evaluation| evaluation.column_leaves(model.columns.len()))
         {
-            if leaf.lag() < 0 {
-                let what = match leaf {
-                    Leaf::Column { column, .. } => model.columns[column].name.clone(),
-                    Leaf::Time { .. } => "time()".to_owned(),
-                };
-                return Err(ExportError::Ahead { column: what, ahead: leaf.lag().unsigned_abs() });
-            }
             match leaf {
                 Leaf::Column { column, lag } => {
                     let depth = depths.entry(column).or_insert(0);
@@ -124,6 +121,7 @@ impl<'a> Plan<'a> {
                 .collect(),
             delays,
             time: time.is_some(),
+            next_inputs,
             advance,
             predict,
             places,
@@ -157,6 +155,38 @@ impl<'a> Plan<'a> {
         let back = usize::try_from(lag).ok().filter(|back| *back > 0)?;
         Some(delay.offset + delay.depth.checked_sub(back)?)
     }
+}
+
+/// Whether equations read inputs of the row that they lead to. Only those that give that row directly may: within an integrated step its inputs are not
+/// there yet.
+fn reads_next_inputs(
+    model: &Model,
+    states: &[usize],
+    equations: &[&Equation],
+    evaluation: Option<&Evaluation>,
+) -> Result<bool, ExportError> {
+    let discrete = equations.iter().all(|equation| equation.prediction != Prediction::Derivative);
+    let next_input = |leaf: &Leaf| match *leaf {
+        Leaf::Column { column, lag } => discrete && lag == -1 && !states.contains(&column),
+        Leaf::Time { .. } => false,
+    };
+    refuse_leads(model, evaluation, next_input)?;
+    Ok(evaluation.is_some_and(|evaluation| evaluation.column_leaves(model.columns.len()).any(|leaf| next_input(&leaf))))
+}
+
+/// Refuses what is read ahead, but for the leaves that are known.
+fn refuse_leads(
+    model: &Model,
+    evaluation: Option<&Evaluation>,
+    known: impl Fn(&Leaf) -> bool,
+) -> Result<(), ExportError> {
+    let mut leaves = evaluation.into_iter().flat_map(|evaluation| evaluation.column_leaves(model.columns.len()));
+    let Some(leaf) = leaves.find(|leaf| leaf.lag() < 0 && !known(leaf)) else { return Ok(()) };
+    let column = match leaf {
+        Leaf::Column { column, .. } => model.columns[column].name.clone(),
+        Leaf::Time { .. } => "time()".to_owned(),
+    };
+    Err(ExportError::Ahead { column, ahead: leaf.lag().unsigned_abs() })
 }
 
 /// The columns that equations advance, in the order of the columns, and their equations.

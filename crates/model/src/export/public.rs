@@ -28,9 +28,14 @@ impl Assembled<'_> {
             named("right_sides", "derivative", right).filter(|_| !discrete),
             named("jacobian", "jacobian", format!(
                 "Exact derivatives in {method}: {slopes} are A x + B u + c to first order. A is states x states, B states x inputs, by rows.{}",
-                if self.plan.memory() > 0 { " What earlier rows contribute is in c." } else { "" }
+                match (self.plan.memory() > 0, self.plan.next_inputs) {
+                    (true, true) => " What earlier rows and the inputs of the next row contribute is in c.",
+                    (true, false) => " What earlier rows contribute is in c.",
+                    (false, true) => " What the inputs of the next row contribute is in c.",
+                    (false, false) => "",
+                }
             )),
-            named("next", "next", format!("The states one step later.{}", self.step_doc())),
+            named("next", "next", format!("The states one step later.{}{}", self.step_doc(), self.next_inputs_doc())),
             named("next_jacobian", "next_jacobian", "Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped).".into()),
             named("outputs", "predict", "The outputs.".into()),
             named("outputs_jacobian", "predict_jacobian", "Exact derivatives of the outputs: they are A x + B u + c to first order.".into()),
@@ -53,6 +58,15 @@ impl Assembled<'_> {
         match self.step {
             None => " dt is the length of the step in seconds; inputs are held over it.".into(),
             Some(step) => format!(" A step is {step:?} s."),
+        }
+    }
+
+    /// What `u_next` is, where there is one.
+    pub(super) fn next_inputs_doc(&self) -> &'static str {
+        if self.plan.next_inputs {
+            " u are the inputs of the present row, u_next those of the row that is stepped to."
+        } else {
+            ""
         }
     }
 

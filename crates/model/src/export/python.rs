@@ -8,6 +8,7 @@ use super::{
     code::{Condition, Function, Kind, Outcome, Statement, Values},
     cost::Used,
     layout,
+    lower::NEXT_INPUTS,
     names::{ascii_literal, camel, comment},
     plan::Source,
     print::{Syntax, arguments, block, index, place, real},
@@ -124,11 +125,13 @@ fn methods(assembled: &Assembled<'_>, out: &mut String) {
     }
     out.push('\n');
     if !plan.states.is_empty() {
-        let given = given(assembled, assembled.free_step());
+        let next = given(assembled, plan.next_inputs, assembled.free_step());
+        let given = given(assembled, false, assembled.free_step());
         *out += &format!(
-            "    def step(self{given}):\n        \"\"\"Advances the states by one step; gives the code.\"\"\"\n"
+            "    def step(self{next}):\n        \"\"\"Advances the states by one step; gives the code.{}\"\"\"\n",
+            assembled.next_inputs_doc()
         );
-        *out += &format!("        code, x_next = self.next({})\n", given.trim_start_matches(", "));
+        *out += &format!("        code, x_next = self.next({})\n", next.trim_start_matches(", "));
         *out += "        if code > NOT_FINITE:\n";
         let arguments = given.trim_start_matches(", ");
         *out += &format!(
@@ -142,11 +145,14 @@ fn methods(assembled: &Assembled<'_>, out: &mut String) {
     }
 }
 
-/// `, u, dt` as far as there are any.
-fn given(assembled: &Assembled<'_>, dt: bool) -> String {
+/// `, u, u_next, dt` as far as there are any.
+fn given(assembled: &Assembled<'_>, next: bool, dt: bool) -> String {
     let mut text = String::new();
     if !assembled.plan.inputs.is_empty() {
         text += ", u";
+    }
+    if next {
+        text += &format!(", {NEXT_INPUTS}");
     }
     if dt {
         text += ", dt";
@@ -159,7 +165,7 @@ fn observe(assembled: &Assembled<'_>, out: &mut String) {
     let next = if plan.states.is_empty() { "" } else { ", x_next" };
     *out += &format!(
         "    def observe(self{}{next}):\n",
-        given(assembled, assembled.free_step() && !plan.states.is_empty())
+        given(assembled, false, assembled.free_step() && !plan.states.is_empty())
     );
     *out += "        \"\"\"A step that was measured: the present row, with the inputs u, becomes the past.\"\"\"\n";
     if let Some(remember) = assembled.code.functions.iter().find(|function| function.name == "remember") {

@@ -9,6 +9,7 @@ use super::{
     code::{Function, Kind, Table, Values},
     cost::{Cost, Used},
     layout,
+    lower::NEXT_INPUTS,
     names::{ascii_literal, comment},
     options::Precision,
     plan::Source,
@@ -257,10 +258,13 @@ impl Rust {
         *out += &format!("        Self {{ {} }}\n    }}\n\n", fields.join(", "));
     }
 
-    /// `, u, dt` as far as there are any.
-    fn given(&self, assembled: &Assembled<'_>, dt: bool) -> String {
+    /// `, u, u_next, dt` as far as there are any.
+    fn given(&self, assembled: &Assembled<'_>, next: bool, dt: bool) -> String {
         let inputs = assembled.plan.inputs.len();
         let mut text = if inputs > 0 { format!(", u: &[{}; {inputs}]", self.real()) } else { String::new() };
+        if next {
+            text += &format!(", {NEXT_INPUTS}: &[{}; {inputs}]", self.real());
+        }
         if dt {
             text += &format!(", dt: {}", self.real());
         }
@@ -297,8 +301,15 @@ impl Rust {
 
     fn step_method(&self, assembled: &Assembled<'_>, out: &mut String) {
         let Some(next) = assembled.code.functions.iter().find(|function| function.name == "next") else { return };
-        *out += "    /// Advances the states by one step; the code is that of the step's start.\n";
-        *out += &format!("    pub fn step(&mut self{}) -> i32 {{\n", self.given(assembled, assembled.free_step()));
+        let doc = format!(
+            "Advances the states by one step; the code is that of the step's start.{}",
+            assembled.next_inputs_doc()
+        );
+        for line in fold(&doc, 110) {
+            *out += &format!("    /// {line}\n");
+        }
+        let given = self.given(assembled, assembled.plan.next_inputs, assembled.free_step());
+        *out += &format!("    pub fn step(&mut self{given}) -> i32 {{\n");
         *out += &format!("        let mut n = [0.0; {}];\n", assembled.plan.states.len());
         *out += &format!("        let code = next_inner({});\n", Self::own_arguments(next, "&mut n"));
         *out += "        if failed(code) {\n            return code;\n        }\n";
@@ -311,7 +322,7 @@ impl Rust {
         let next = if states > 0 { format!(", x_next: &[{t}; {states}]") } else { String::new() };
         let dt = assembled.free_step() && assembled.plan.time;
         *out += "    /// A step that was measured: the present row, with the inputs `u`, becomes the past.\n";
-        *out += &format!("    pub fn observe(&mut self{}{next}) {{\n", self.given(assembled, dt));
+        *out += &format!("    pub fn observe(&mut self{}{next}) {{\n", self.given(assembled, false, dt));
         *out += &self.remember(assembled);
         if states > 0 {
             *out += "        self.x = *x_next;\n";

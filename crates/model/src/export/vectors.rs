@@ -7,6 +7,7 @@ use super::{
     assemble::{Assembled, assemble},
     code::Kind,
     interpret::{Interpreter, NOT_FINITE, Run},
+    lower::NEXT_INPUTS,
     options::Precision,
 };
 use crate::Model;
@@ -18,6 +19,8 @@ pub struct TestVector {
     pub x: Vec<f64>,
     /// The inputs.
     pub u: Vec<f64>,
+    /// The inputs of the next row, where the model reads them; else empty.
+    pub u_next: Vec<f64>,
     /// Earlier values, as the code keeps them.
     pub past: Vec<f64>,
     /// Seconds since the start.
@@ -48,6 +51,8 @@ pub struct Signals {
     pub states: Vec<String>,
     /// Names of the inputs, in the order of the code.
     pub inputs: Vec<String>,
+    /// Whether the code takes the inputs of the next row too.
+    pub next_inputs: bool,
     /// Names of the outputs.
     pub outputs: Vec<String>,
     /// Numbers of earlier rows: signal name (`None` for time), how many, oldest first.
@@ -72,6 +77,7 @@ pub fn signals(model: &Model, options: &ExportOptions) -> Result<Signals, Export
     Ok(Signals {
         states: plan.states.iter().map(|state| state.signal.name.clone()).collect(),
         inputs: plan.inputs.iter().map(|input| input.name.clone()).collect(),
+        next_inputs: plan.next_inputs,
         outputs: plan.outputs.iter().map(|output| output.name.clone()).collect(),
         past: plan.delays.iter().map(|delay| (name(delay.source), delay.depth)).collect(),
     })
@@ -118,8 +124,7 @@ pub fn evaluate_at(
     for point in &mut points {
         point.results.clear();
         for public in assembled.public() {
-            let arrays = [("x", point.x.as_slice()), ("u", point.u.as_slice()), ("past", point.past.as_slice())];
-            if let Some(run) = interpreter.call(public.inner.name, &arrays, &[("t", point.t), ("dt", point.dt)]) {
+            if let Some(run) = call(&mut interpreter, public.inner.name, point) {
                 point.results.push(result(public.name, &run, options.precision.roundoff()));
             }
         }
@@ -130,10 +135,7 @@ pub fn evaluate_at(
 /// Runs the public functions at a point; whether it is good as a test.
 fn evaluate(assembled: &Assembled<'_>, interpreter: &mut Interpreter<'_>, point: &mut TestVector, unit: f64) -> bool {
     for public in assembled.public() {
-        let arrays = [("x", point.x.as_slice()), ("u", point.u.as_slice()), ("past", point.past.as_slice())];
-        let Some(run) = interpreter.call(public.inner.name, &arrays, &[("t", point.t), ("dt", point.dt)]) else {
-            return false;
-        };
+        let Some(run) = call(interpreter, public.inner.name, point) else { return false };
         if run.ambiguous || run.code == NOT_FINITE {
             return false;
         }
@@ -144,6 +146,17 @@ fn evaluate(assembled: &Assembled<'_>, interpreter: &mut Interpreter<'_>, point:
         point.results.push(result);
     }
     true
+}
+
+/// Runs a function at a point.
+fn call(interpreter: &mut Interpreter<'_>, function: &str, point: &TestVector) -> Option<Run> {
+    let arrays = [
+        ("x", point.x.as_slice()),
+        ("u", point.u.as_slice()),
+        (NEXT_INPUTS, point.u_next.as_slice()),
+        ("past", point.past.as_slice()),
+    ];
+    interpreter.call(function, &arrays, &[("t", point.t), ("dt", point.dt)])
 }
 
 fn result(function: &'static str, run: &Run, unit: f64) -> TestResult {
@@ -181,6 +194,8 @@ fn draw(assembled: &Assembled<'_>, seed: u64, attempt: u64, precision: Precision
     };
     let x = plan.states.iter().map(|state| value(&state.signal.name)).collect();
     let u = plan.inputs.iter().map(|input| value(&input.name)).collect();
+    let next = plan.inputs.iter().filter(|_| plan.next_inputs);
+    let u_next = next.map(|input| value(&input.name)).collect();
     let deepest = plan.delays.iter().map(|delay| delay.depth).max().unwrap_or(0);
     let dt = assembled.step.unwrap_or(if model.step > 0.0 { model.step } else { 0.01 });
     let mut past = Vec::with_capacity(plan.memory());
@@ -195,7 +210,7 @@ fn draw(assembled: &Assembled<'_>, seed: u64, attempt: u64, precision: Precision
     }
     // As far from the start as the earlier rows need.
     let t = precision.rounded((attempt as usize + deepest) as f64 * dt);
-    TestVector { x, u, past, t, dt: precision.rounded(dt), results: Vec::new() }
+    TestVector { x, u, u_next, past, t, dt: precision.rounded(dt), results: Vec::new() }
 }
 
 /// The values of a column that is a partition's label.

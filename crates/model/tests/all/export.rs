@@ -190,6 +190,9 @@ fn rust_checks(name: &str, model: &Model, options: &ExportOptions, real: &str) -
         if !vector.u.is_empty() {
             arguments.push(format!("&{}", list(&vector.u, real)));
         }
+        if names.next_inputs {
+            arguments.push(format!("&{}", list(&vector.u_next, real)));
+        }
         if function == "next" && continuous {
             arguments.push(list(&[vector.dt], real).trim_matches(['[', ']']).to_owned());
         }
@@ -233,6 +236,9 @@ fn python_agrees() {
                 let mut arguments = Vec::new();
                 if !vector.u.is_empty() {
                     arguments.push(list(&vector.u, "f64"));
+                }
+                if !vector.u_next.is_empty() {
+                    arguments.push(list(&vector.u_next, "f64"));
                 }
                 if result.function.starts_with("next") && continuous {
                     arguments.push(format!("{:?}", vector.dt));

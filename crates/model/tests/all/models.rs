@@ -188,6 +188,7 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("labels_refuse", labels(UnseenLabel::Refuse)),
         ("labels_pool", labels(UnseenLabel::Pool)),
         ("narx", narx()),
+        ("direct", direct()),
         ("aircraft", aircraft()),
         ("regression", regression()),
         ("piecewise", piecewise()),
@@ -300,6 +301,28 @@ fn narx() -> Model {
     let whole = maker.partition("average", &[], Rule::Whole);
     maker.latent("f_y", library, whole, 0.8);
     maker.equation("y", Prediction::Next, "f_y");
+    maker.finish()
+}
+
+/// Inputs that act at once: those of the row that is stepped to, alone and with those before.
+fn direct() -> Model {
+    let mut maker = Maker::new(21, "narx", &[("y", STATE), ("z", STATE), ("u", INPUT), ("w", INPUT)]);
+    let library = maker.library(&[
+        "y",
+        "lag(y, 1)",
+        "z",
+        "lead(u, 1)",
+        "u",
+        "lag(u, 1)",
+        "lead(u, 1)^2*y",
+        "lead(w, 1)*lag(w, 2)",
+    ]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["y", "lead(u, 1)"], rule);
+    maker.latent("f_y", library, partition, 1.0);
+    maker.latent("f_z", library, partition, 1.0);
+    maker.equation("y", Prediction::Next, "f_y");
+    maker.equation("z", Prediction::Difference, "f_z");
     maker.finish()
 }
 
