@@ -81,5 +81,5 @@ pub use threshold::{
     Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
     FrolsChoice, Joint, LassoPath, Matching, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Step,
     StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, choose_by_cross_validation,
-    ensemble, optimize, sweep, sweep_thresholds,
+    ensemble, optimize, refit_supports, sweep, sweep_thresholds,
 };

@@ -6,9 +6,10 @@ use super::{
     Scaling, Status, Step, Terms, ThresholdError, Trail,
     criteria::{Criterion, CriterionOptions, scores},
     prepared::{Prepared, Solved},
+    refits::Refits,
 };
 use crate::{
-    LarsOptions, Penalty, Quadratic, SparseError,
+    LarsOptions, Penalty, Quadratic, Solution, SparseError,
     kernel::{Slab, norm},
     lars,
 };
@@ -55,26 +56,32 @@ impl LassoPath {
         let max_features = self.max_terms.map(|most| most.saturating_add(fixed));
         let options = LarsOptions { lambda_min: self.lambda_min, max_features, ..LarsOptions::default() };
         let path = lars(&quadratic, &penalty, &options)?;
-        let mut steps: Vec<Step> = Vec::new();
-        for knot in &path.knots {
-            if self.refit && steps.last().is_some_and(|step| step.support == knot.support) {
-                continue;
+        let mut knots = path.knots;
+        let models = match self.refit {
+            true => {
+                knots.dedup_by(|next, knot| next.support == knot.support);
+                let supports: Vec<Vec<usize>> = knots.iter().map(|knot| knot.support.clone()).collect();
+                Refits::new(&prepared, &quadratic, target)?.steps(&supports)
             }
-            let solved = match self.refit {
-                true => prepared.refit(&knot.support, target),
-                false => Solved { values: knot.coefficients.clone(), confounded: Vec::new() },
-            };
-            let mut step = prepared.step(target, knot.support.clone(), solved, false);
-            if !self.refit {
-                step.certificate.correlation = knot.certificate.kkt;
-            }
+            false => knots.iter().map(|knot| shrunk(&prepared, target, knot)).collect(),
+        };
+        let step = |(at, (step, knot)): (usize, (Step, &Solution))| {
             let empty = knot.support.iter().all(|&j| prepared.fixed[j]);
             let status = if empty { Status::Empty } else { Status::Converged };
-            steps.push(Step { parameter: knot.l1, status, iterations: steps.len() + 1, ..step });
-        }
+            Step { parameter: knot.l1, status, iterations: at + 1, ..step }
+        };
+        let steps: Vec<Step> = models.into_iter().zip(&knots).enumerate().map(step).collect();
         let chosen = scores(&steps, problem, target, prepared.open.len(), &self.options)?.best(self.criterion);
         Ok(Trail { steps, chosen, order: Vec::new(), rounding: 0.0 })
     }
+}
+
+/// A knot's own coefficients as a model.
+fn shrunk(prepared: &Prepared<'_>, target: usize, knot: &Solution) -> Step {
+    let solved = Solved { values: knot.coefficients.clone(), confounded: Vec::new() };
+    let mut step = prepared.step(target, knot.support.clone(), solved, false);
+    step.certificate.correlation = knot.certificate.kkt;
+    step
 }
 
 impl Quadratic {
