@@ -20,6 +20,8 @@ pub struct Horizon {
     pub ended: Vec<f64>,
     /// How long the model is worth using.
     pub useful: UsefulHorizon,
+    /// The steps at which the model's mean Mahalanobis score is below that of each baseline.
+    pub better: Vec<(Baseline, Vec<StepSpan>)>,
     /// What the intervals compare.
     pub basis: Basis,
 }
@@ -36,15 +38,33 @@ pub struct HorizonScore {
     pub mahalanobis: Vec<Estimate>,
 }
 
-/// The longest time during which the model's mean Mahalanobis score is below that of every baseline.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// When the model's mean Mahalanobis score is below that of every baseline.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct UsefulHorizon {
-    /// Steps.
+    /// Steps from the start up to the first at which a baseline is better.
     pub steps: usize,
-    /// Seconds; 0 when a baseline is better from the first step on.
+    /// Seconds of these; 0 when a baseline is better at the first step.
     pub seconds: f64,
-    /// The baseline that is better at the next step; `None` when the model is better over the whole horizon.
+    /// The baseline that is better at the next step; `None` when none is up to the end.
     pub beaten_by: Option<Baseline>,
+    /// All steps at which the model is better than every baseline, in spans: a model that loses the first steps may be the better one for all that follow.
+    pub spans: Vec<StepSpan>,
+    /// Steps at which there is something to compare: a measured state, and a baseline.
+    pub compared: usize,
+}
+
+/// Consecutive steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSpan {
+    /// The first step, from 1.
+    pub first: usize,
+    /// The last step.
+    pub last: usize,
+    /// Seconds from the start after the first step.
+    pub from: f64,
+    /// Seconds from the start after the last step.
+    pub to: f64,
 }
 
 /// The baselines of rollouts.
@@ -198,6 +218,12 @@ impl HorizonScorer {
             .collect();
         Horizon {
             useful: useful_horizon(&time, &model, &baselines),
+            better: baselines
+                .iter()
+                .map(|(baseline, score)| {
+                    (*baseline, spans(&time, |k| beats(&model, k, Some((*baseline, score.mahalanobis[k].value)))))
+                })
+                .collect(),
             ended: sums.ended.iter().map(|&count| count as f64 / starts).collect(),
             time,
             states,
@@ -208,23 +234,53 @@ impl HorizonScorer {
     }
 }
 
-fn useful_horizon(time: &[f64], model: &HorizonScore, baselines: &[(Baseline, HorizonScore)]) -> UsefulHorizon {
-    for k in 0..time.len() {
-        let own = model.mahalanobis[k].value;
-        let best = baselines
-            .iter()
-            .map(|(baseline, score)| (*baseline, score.mahalanobis[k].value))
-            .filter(|(_, value)| value.is_finite())
-            .min_by(|a, b| a.1.total_cmp(&b.1));
-        // A score that is not a number beats nothing.
-        if let Some((baseline, value)) = best
-            && own.partial_cmp(&value) != Some(std::cmp::Ordering::Less)
-        {
-            let seconds = if k == 0 { 0.0 } else { time[k - 1] };
-            return UsefulHorizon { steps: k, seconds, beaten_by: Some(baseline) };
+/// Whether the model is better at a step; `None` where nothing was measured or there is no baseline. A score that is not a number beats nothing.
+fn beats(model: &HorizonScore, k: usize, other: Option<(Baseline, f64)>) -> Option<bool> {
+    let (_, other) = other.filter(|(_, value)| value.is_finite())?;
+    Some(model.mahalanobis[k].value.partial_cmp(&other) == Some(std::cmp::Ordering::Less))
+}
+
+/// The best baseline of a step.
+fn best(baselines: &[(Baseline, HorizonScore)], k: usize) -> Option<(Baseline, f64)> {
+    let scores = baselines.iter().map(|(baseline, score)| (*baseline, score.mahalanobis[k].value));
+    scores.filter(|(_, value)| value.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The steps at which something holds; steps about which nothing can be said belong to the span around them.
+fn spans(time: &[f64], holds: impl Fn(usize) -> Option<bool>) -> Vec<StepSpan> {
+    let mut spans: Vec<StepSpan> = Vec::new();
+    let mut open = false;
+    for (k, &seconds) in time.iter().enumerate() {
+        match (holds(k), spans.last_mut()) {
+            (Some(true), Some(last)) if open => (last.last, last.to) = (k + 1, seconds),
+            (Some(true), _) => {
+                spans.push(StepSpan { first: k + 1, last: k + 1, from: seconds, to: seconds });
+                open = true;
+            }
+            (Some(false), _) => open = false,
+            (None, _) => {}
         }
     }
-    UsefulHorizon { steps: time.len(), seconds: time.last().copied().unwrap_or(0.0), beaten_by: None }
+    spans
+}
+
+fn useful_horizon(time: &[f64], model: &HorizonScore, baselines: &[(Baseline, HorizonScore)]) -> UsefulHorizon {
+    let better = |k: usize| beats(model, k, best(baselines, k));
+    let compared: Vec<usize> = (0..time.len()).filter(|&k| better(k).is_some()).collect();
+    let lost = compared.iter().position(|&k| better(k) == Some(false));
+    // Up to the last step that was compared and won.
+    let steps = match lost {
+        Some(0) => 0,
+        Some(at) => compared[at - 1] + 1,
+        None => compared.last().map_or(0, |k| k + 1),
+    };
+    UsefulHorizon {
+        steps,
+        seconds: steps.checked_sub(1).map_or(0.0, |k| time[k]),
+        beaten_by: lost.and_then(|at| best(baselines, compared[at])).map(|(baseline, _)| baseline),
+        spans: spans(time, better),
+        compared: compared.len(),
+    }
 }
 
 impl ErrorTable {

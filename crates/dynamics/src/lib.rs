@@ -42,7 +42,7 @@ pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
 pub use free_run::{FreeRun, FreeRunOptions, FreeRunOutcome, FreeRunScore, OutputErrors, free_run};
-pub use horizon::{Horizon, HorizonScore, UsefulHorizon};
+pub use horizon::{Horizon, HorizonScore, StepSpan, UsefulHorizon};
 pub use integrate::{Method, Step};
 pub use mahalanobis::Mahalanobis;
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};

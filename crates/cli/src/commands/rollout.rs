@@ -7,7 +7,7 @@ use crate::{
 };
 use fleetfoot::{
     Error, Model, RolledOut,
-    dynamics::{Method as Integration, RolloutOptions, Starts, UsefulHorizon},
+    dynamics::{Horizon, Method as Integration, RolloutOptions, Starts, StepSpan},
     interval_in_words,
 };
 
@@ -75,16 +75,43 @@ pub(crate) fn told(steps: usize) -> Vec<usize> {
     told
 }
 
-fn useful(horizon: &UsefulHorizon) -> String {
-    match horizon.beaten_by {
-        Some(baseline) if horizon.steps == 0 => {
-            format!("useful horizon: none, {} is better from the first step on", baseline.name())
-        }
-        Some(baseline) => format!("useful horizon: {}; then {} is better", seconds(horizon.seconds), baseline.name()),
-        None => {
-            format!("useful horizon: at least {} (better than every baseline to the end)", seconds(horizon.seconds))
-        }
+/// Spans of steps that are written out.
+const SPANS: usize = 3;
+
+/// When the model is better than the baselines: than all of them, and than each.
+fn useful(horizon: &Horizon) -> String {
+    let steps = horizon.time.len();
+    if horizon.useful.compared == 0 {
+        return "useful horizon: not known, no state was measured after the starts that the rollouts could be compared with".to_owned();
     }
+    let mut text = match horizon.useful.spans.as_slice() {
+        [] => "useful horizon: none, some baseline is better at every step".to_owned(),
+        spans => format!("useful horizon: better than every baseline {}", when(spans, steps)),
+    };
+    for (baseline, spans) in &horizon.better {
+        let when = if spans.is_empty() { "at no step".to_owned() } else { when(spans, steps) };
+        text.push_str(&format!("\n  better than {} {when}", baseline.name()));
+    }
+    text
+}
+
+/// Spans of steps in seconds, for people.
+fn when(spans: &[StepSpan], steps: usize) -> String {
+    let one = |span: &StepSpan| match (span.first, span.last) {
+        (1, last) if last == steps => format!("at every step, to {}", seconds(span.to)),
+        (first, last) if last == steps => {
+            format!("from {} (step {first}) to the end ({})", seconds(span.from), seconds(span.to))
+        }
+        (first, last) if first == last => format!("at {} (step {first})", seconds(span.from)),
+        (first, last) => {
+            format!("from {} to {} (steps {first} to {last})", seconds(span.from), seconds(span.to))
+        }
+    };
+    let mut told: Vec<String> = spans.iter().take(SPANS).map(one).collect();
+    if spans.len() > SPANS {
+        told.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
+    }
+    told.join(", ")
 }
 
 pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
@@ -120,6 +147,6 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         rollouts.left_domain(),
         table(&header, rows),
         interval_in_words(&horizon.basis),
-        useful(&horizon.useful)
+        useful(horizon)
     )
 }

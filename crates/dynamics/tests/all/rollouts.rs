@@ -272,6 +272,37 @@ fn divergence_is_noticed_counted_and_scored() {
     assert_eq!(rollouts.horizon.useful.beaten_by, Some(Baseline::Null));
 }
 
+/// A model that loses the first steps and wins the others is told to win these.
+#[test]
+fn the_spans_in_which_a_model_is_better_are_told_for_each_baseline() {
+    // The recording stands still for a step and then rises by 1 a second; the model rises from the start, so the baselines win the first step alone.
+    let columns = vec![column("x", Role::State, false)];
+    let fitted = vec![("x", Prediction::Derivative, "forward(x)", vec![(1.0, vec![])])];
+    let mut model = model(columns, &[], Partition::whole(), fitted, &[]);
+    model.training.target_mean = vec![0.0];
+    let x: Vec<f64> = (0..40).map(|k| if k < 12 { 0.0 } else { 0.1 * f64::from(k - 11) + 0.02 }).collect();
+    let roll = |x: Vec<f64>| {
+        let source = source(&["x"], 0.1, vec![vec![x]]);
+        let starts = Starts::At(vec![Start { episode: 0, row: 10 }]);
+        rollout(&model, &source, &starts, &options(20, Method::Euler), &Silent).unwrap().horizon
+    };
+    let horizon = roll(x.clone());
+    let (useful, spans) = (&horizon.useful, |baseline| &horizon.better.iter().find(|b| b.0 == baseline).unwrap().1);
+    assert_eq!((useful.steps, useful.seconds, useful.compared), (0, 0.0, 20));
+    for found in [&useful.spans, spans(Baseline::Persistence), spans(Baseline::ConstantVelocity)] {
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].first, found[0].last), (2, 20));
+        assert!((found[0].from - 0.2).abs() < 1e-12 && (found[0].to - 2.0).abs() < 1e-12);
+    }
+    // Where nothing is measured nothing is claimed: every third row, then none.
+    let sparse = |k: usize| k <= 10 || k % 3 == 2;
+    let some = x.iter().enumerate().map(|(k, &x)| if sparse(k) { x } else { f64::NAN }).collect();
+    let some = roll(some).useful;
+    assert_eq!((some.compared, some.spans.len(), some.spans[0].first, some.spans[0].last), (7, 1, 4, 19));
+    let none = roll(x.iter().enumerate().map(|(k, &x)| if k <= 10 { x } else { f64::NAN }).collect()).useful;
+    assert_eq!((none.compared, none.steps, none.beaten_by, none.spans.len()), (0, 0, None, 0));
+}
+
 #[test]
 fn overflow_and_leaving_the_domain_are_noticed() {
     let columns = vec![column("x", Role::State, false)];

@@ -1,6 +1,6 @@
 //! Scores of rollouts by horizon.
 
-use fleetfoot_dynamics::HorizonScore;
+use fleetfoot_dynamics::{HorizonScore, StepSpan};
 use serde_json::{Value, json};
 
 use super::{interval_in_words, real};
@@ -33,9 +33,20 @@ impl RolledOut {
             "baselines": horizon.baselines.iter()
                 .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),
             "ended": horizon.ended, "intervals": interval_in_words(&horizon.basis),
-            "useful_horizon": { "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
-                                "beaten_by": horizon.useful.beaten_by.map(|b| b.name()) },
+            "useful_horizon": {
+                "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
+                "beaten_by": horizon.useful.beaten_by.map(|b| b.name()), "compared_steps": horizon.useful.compared,
+                "better_than_all": spans(&horizon.useful.spans),
+                "better_than": horizon.better.iter()
+                    .map(|(baseline, own)| (baseline.name().to_owned(), spans(own))).collect::<serde_json::Map<_, _>>(),
+            },
             "notes": self.notes,
         })
     }
+}
+
+/// Steps at which something holds.
+fn spans(spans: &[StepSpan]) -> Value {
+    let span = |span: &StepSpan| json!({ "first_step": span.first, "last_step": span.last, "from": real(span.from), "to": real(span.to) });
+    spans.iter().map(span).collect()
 }

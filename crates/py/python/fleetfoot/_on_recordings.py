@@ -191,7 +191,8 @@ class OnRecordings:
         dict
             ``time`` (horizon), ``states``, ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
             ``mahalanobis`` with intervals),
-            ``useful_horizon``, ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each
+            ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
+            model is the better one), ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each
             start a dict of ``episode``, ``row``,
             ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
 
