@@ -14,3 +14,4 @@ mod runner;
 mod sindy;
 mod sparse;
 mod stats_files;
+mod to_the_end;

@@ -33,7 +33,7 @@ pub(crate) struct Cli {
     /// Print the result as JSON.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// No progress bar, no notes: only results and errors.
+    /// No progress, no notes: only results and errors. (Without it a terminal has a bar; a pipe gets a line once in a while, of long jobs.)
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
 }
@@ -124,22 +124,7 @@ impl std::str::FromStr for List {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (mut items, mut item, mut depth, mut quoted) = (Vec::new(), String::new(), 0i32, false);
-        for c in text.chars() {
-            match c {
-                '`' => quoted = !quoted,
-                '(' | '[' if !quoted => depth += 1,
-                ')' | ']' if !quoted => depth -= 1,
-                _ => {}
-            }
-            if c == ',' && depth == 0 && !quoted {
-                items.push(std::mem::take(&mut item));
-            } else {
-                item.push(c);
-            }
-        }
-        items.push(item);
-        let items: Vec<String> = items.into_iter().map(|item| item.trim().to_owned()).collect();
+        let items = fleetfoot::items(text);
         if items.iter().any(String::is_empty) {
             return Err("an empty name between commas".into());
         }
@@ -168,7 +153,7 @@ pub(crate) struct RecipeArgs {
     /// How the derivative of a state is measured: auto, central, forward, backward, a column or an expression; may be repeated.
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
-    /// What is predicted: derivative, next, delta, or a column (plain regression).
+    /// What is predicted: derivative, next, delta, or columns separated by commas (plain regression, which needs no time stamps).
     #[arg(long, value_name = "WHAT")]
     pub(crate) predict: Option<String>,
     /// Total degree of the polynomial library (1: affine).
@@ -336,7 +321,7 @@ pub(crate) struct Score {
     /// Cells of the plane along each axis.
     #[arg(long, value_name = "N", default_value_t = 36, requires = "plane")]
     pub(crate) bins: usize,
-    /// The Parquet file to write the plane's cells to.
+    /// The file to write the plane's cells to, Parquet or text (`*.csv`).
     #[arg(short, long, value_name = "FILE", requires = "plane")]
     pub(crate) output: Option<PathBuf>,
 }
@@ -345,7 +330,8 @@ pub(crate) struct Score {
 pub(crate) struct Predict {
     #[command(flatten)]
     pub(crate) model: ModelData,
-    /// The Parquet file to write.
+    /// The file to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`). A log without the targets' columns is
+    /// predicted all the same; what was not measured is empty.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
@@ -382,7 +368,8 @@ pub(crate) struct Rollout {
     /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s).
     #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
     pub(crate) controller_set: Vec<List>,
-    /// The Parquet file to write the trajectories to.
+    /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
+    /// viewers (`*.mcap`).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

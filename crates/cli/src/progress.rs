@@ -1,11 +1,18 @@
 //! Progress on a terminal, and cancellation by Ctrl-C.
 
+mod heartbeat;
+
 use std::{
-    io::IsTerminal,
-    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    io::{IsTerminal, Write},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    time::Duration,
 };
 
 use fleetfoot::Progress;
+use heartbeat::Heartbeat;
 use indicatif::{ProgressBar, ProgressStyle};
 
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -25,9 +32,13 @@ pub(crate) fn stopped() -> bool {
     STOP.load(Ordering::Relaxed)
 }
 
-/// A bar on standard error when that is a terminal; silent in a pipe.
+/// How long a job may take in a pipe before it tells what it is at.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A bar on standard error when that is a terminal; in a pipe, of long jobs alone, a line once in a while.
 pub(crate) struct Bar {
     bar: Option<ProgressBar>,
+    heartbeat: Mutex<Option<Heartbeat>>,
     done: AtomicUsize,
 }
 
@@ -40,27 +51,38 @@ impl Bar {
             }
             bar
         });
-        Self { bar, done: AtomicUsize::new(0) }
+        // A reader that has closed the pipe wants no more, which is no error.
+        let tell = |line: &str| drop(writeln!(std::io::stderr(), "fleetfoot: {line}"));
+        let heartbeat = (!quiet && bar.is_none()).then(|| Heartbeat::start(PATIENCE, tell));
+        Self { bar, heartbeat: Mutex::new(heartbeat), done: AtomicUsize::new(0) }
     }
 
     pub(crate) fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+        self.heartbeat.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    fn with_heartbeat(&self, tell: impl FnOnce(&Heartbeat)) {
+        if let Some(heartbeat) = &*self.heartbeat.lock().unwrap_or_else(PoisonError::into_inner) {
+            tell(heartbeat);
+        }
     }
 }
 
 impl Progress for Bar {
     fn advance(&self, units: usize, total: usize) {
+        let done = self.done.fetch_add(units, Ordering::Relaxed) + units;
+        // A stage without a name of its own begins anew.
+        if done > total {
+            self.done.store(units, Ordering::Relaxed);
+        }
         if let Some(bar) = &self.bar {
-            let done = self.done.fetch_add(units, Ordering::Relaxed) + units;
-            // A stage without a name of its own begins anew.
-            if done > total {
-                self.done.store(units, Ordering::Relaxed);
-            }
             bar.set_length(total as u64);
             bar.set_position(done.min(total) as u64);
         }
+        self.with_heartbeat(|heartbeat| heartbeat.advance(done.min(total), total));
     }
 
     fn cancelled(&self) -> bool {
@@ -72,5 +94,6 @@ impl Progress for Bar {
         if let Some(bar) = &self.bar {
             bar.set_message(name.to_owned());
         }
+        self.with_heartbeat(|heartbeat| heartbeat.stage(name));
     }
 }

@@ -17,7 +17,9 @@ pub enum Error {
     #[error("the model contradicts itself: {0}; fit it again")]
     Inconsistent(String),
     /// A model of given equations only.
-    #[error("the model has no fitted equation: there is nothing to score")]
+    #[error(
+        "the model has no fitted equation, so there is nothing to score or predict one step ahead; all its equations are given: look at its rollouts"
+    )]
     NothingFitted,
     /// No equation advances a state.
     #[error(

@@ -71,6 +71,12 @@ impl Predicted {
         &values[equation * rows..(equation + 1) * rows]
     }
 
+    /// Whether a row has a prediction, finite for every equation, whether or not its target was measured.
+    pub fn is_predicted(&self, row: usize) -> bool {
+        let equations = self.predicted.len() / self.rows.max(1);
+        (0..equations).all(|equation| self.predicted[equation * self.rows + row].is_finite())
+    }
+
     fn reset(&mut self, rows: usize, equations: usize) {
         self.rows = rows;
         self.status.clear();
@@ -102,7 +108,8 @@ pub struct PredictorWorkspace {
 }
 
 impl Predictor {
-    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any order.
+    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any order. Columns that only targets
+    /// speak of may be absent: then these targets are not measured.
     ///
     /// # Errors
     /// [`Error::NothingFitted`], [`Error::UnknownColumn`], [`Error::Inconsistent`], [`Error::LaggedLatent`].
@@ -114,7 +121,10 @@ impl Predictor {
         }
         let first = model.latents.first().map(|latent| latent.library);
         let compiled = Compiled::new(model, source_columns, &equations, first)?;
-        let targets: Vec<Expr> = equations.iter().filter_map(|equation| equation.target.clone()).collect();
+        // What the source does not have was not measured; the predictions are there all the same.
+        let known = |target: &Expr| target.columns().iter().all(|name| source_columns.contains(&&**name));
+        let target = |target: &Expr| if known(target) { target.clone() } else { Expr::number(f64::NAN) };
+        let targets: Vec<Expr> = equations.iter().filter_map(|equation| equation.target.as_ref()).map(target).collect();
         let targets = Program::compile(&targets, source_columns)?;
         let halo = [compiled.functions.halo(), compiled.rights.halo(), targets.halo()]
             .iter()

@@ -1,5 +1,7 @@
 //! Logs opened for a recipe or for a model.
 
+mod clock;
+
 use std::{collections::BTreeSet, path::Path};
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
@@ -12,11 +14,12 @@ use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
 
 use crate::{
     Error, Gap, Logs, Recipe,
+    dataset::clock::{Clock, clock, clock_of_model},
     labels::Labelled,
     period,
     sindy::EquationTask,
     structure::StructuredTask,
-    task::{Aliases, Task, aliases_of_model},
+    task::{Aliases, KnownTask, Task, aliases_of_model},
     wildcard::is_match,
 };
 
@@ -303,9 +306,21 @@ impl Dataset {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
         let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
-        let dataset = Self::open(recipe, &task.problem.columns, &task.aliases, logs, progress)?;
+        let problem = &task.problem;
+        let weights = problem.weight.iter();
+        let clock = clock(&problem.equations, problem.library.iter().chain(&problem.partition_columns).chain(weights));
+        let dataset = Self::open(recipe, &problem.columns, &task.aliases, clock, logs, progress)?;
         let mut task = task;
         task.problem.step = dataset.step();
+        Ok((dataset, task))
+    }
+
+    /// Opens files for a recipe in which every state is given.
+    pub(crate) fn for_known(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Self, KnownTask), Error> {
+        let (fields, info) = fields(recipe, logs)?;
+        let recipe = &recipe.expand(&fields)?;
+        let task = KnownTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let dataset = Self::open(recipe, &task.columns, &task.aliases, Clock::Needed, logs, progress)?;
         Ok((dataset, task))
     }
 
@@ -325,7 +340,7 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<OpenedStructure, Error> {
         let (recipe, fields, task) = Self::structure(recipe, logs)?;
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, logs, progress)?;
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, Clock::Needed, logs, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields })
     }
 
@@ -348,7 +363,8 @@ impl Dataset {
     ) -> Result<(Self, EquationTask), Error> {
         let logs = &logs.into();
         let (recipe, task) = Self::equations(recipe, logs)?;
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, logs, progress)?;
+        let clock = clock(&task.equations, task.expressions());
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
         Ok((dataset, task))
     }
 
@@ -394,7 +410,7 @@ impl Dataset {
         if columns.is_empty() {
             return Err(Error::Request("there is no column to read: name some".into()));
         }
-        Self::open(recipe, &columns, &expressions, logs, progress)
+        Self::open(recipe, &columns, &expressions, Clock::Needed, logs, progress)
     }
 
     /// Sees the same fields through other aliases from now on.
@@ -405,7 +421,7 @@ impl Dataset {
     /// Opens files for a model: its columns, clock and labels are those of its training.
     ///
     /// # Errors
-    /// Those of opening; [`Error::OtherPeriod`].
+    /// A column that the files do not have; those of opening; [`Error::OtherPeriod`].
     pub fn for_model(
         model: &Model,
         changes: &Recipe,
@@ -423,7 +439,28 @@ impl Dataset {
         every: usize,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let logs = &logs.into();
+        Self::with_model(model, changes, &logs.into(), (&|_| true, every), progress)
+    }
+
+    /// [`Dataset::for_model`] on files that may lack columns which are not needed, as those that only say what there is to compare with.
+    pub(crate) fn for_run(
+        model: &Model,
+        changes: &Recipe,
+        logs: impl Into<Logs>,
+        needed: &dyn Fn(&str) -> bool,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        Self::with_model(model, changes, &logs.into(), (needed, 1), progress)
+    }
+
+    /// Which columns must be there, and which row is used.
+    fn with_model(
+        model: &Model,
+        changes: &Recipe,
+        logs: &Logs,
+        (needed, every): (&dyn Fn(&str) -> bool, usize),
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
         // What the caller says about the clock of these files replaces what training said.
         if changes.time.column.is_some() || changes.time.dt.is_some() {
@@ -445,11 +482,23 @@ impl Dataset {
             recipe.episodes = changes.episodes.clone();
         }
         let (fields, info) = fields(&recipe, logs)?;
-        let aliases = aliases_of_model(&model.columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
-        let mut dataset = Self::open(&recipe, &model.columns, &aliases, logs, progress)?;
+        let (columns, absent): (Vec<ModelColumn>, Vec<ModelColumn>) =
+            model.columns.iter().cloned().partition(|column| {
+                needed(&column.name) || aliases_of_model(std::slice::from_ref(column), &fields).is_ok()
+            });
+        let aliases = aliases_of_model(&columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let mut dataset = Self::open(&recipe, &columns, &aliases, clock_of_model(model), logs, progress)?;
+        if !absent.is_empty() {
+            let names: Vec<&str> = absent.iter().map(|column| column.name.as_str()).collect();
+            let note =
+                format!("the recording has no {}: nothing is compared with what it would measure", names.join(", "));
+            dataset.notes.push(note);
+        }
         dataset.recode(model);
-        let note = period::check(model, &dataset, every)?;
-        dataset.notes.extend(note);
+        if !dataset.source.inner().without_clock() {
+            let note = period::check(model, &dataset, every)?;
+            dataset.notes.extend(note);
+        }
         Ok(dataset)
     }
 
@@ -457,16 +506,25 @@ impl Dataset {
         recipe: &Recipe,
         model: &[ModelColumn],
         aliases: &[(Column, Expr)],
+        clock: Clock,
         logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let labels = label_names(recipe);
         progress.stage("open");
-        let selection = full_selection(recipe, model, aliases)?;
+        let mut selection = full_selection(recipe, model, aliases)?;
+        let timed = aliases.iter().any(|(_, expression)| expression.reads_clock());
+        if clock == Clock::Dispensable && !timed && selection.time == TimeSpec::Auto {
+            selection.time = TimeSpec::Dispensable;
+        }
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
+        let mut notes = recording.notes().to_vec();
+        if recording.without_clock() {
+            notes
+                .push("the rows have no time stamps: they are taken in their order, which only lags would need".into());
+        }
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
-        let notes = source.inner().notes().to_vec();
         Ok(Self { source, aliases, recodings: Vec::new(), notes })
     }
 
@@ -548,8 +606,11 @@ impl Dataset {
         self.source.rows()
     }
 
-    /// The sampling period of most rows, seconds.
+    /// The sampling period of most rows, seconds; 0 where no stamps are known.
     pub fn step(&self) -> f64 {
+        if self.source.inner().without_clock() {
+            return 0.0;
+        }
         period::of_most(self.episodes())
     }
 

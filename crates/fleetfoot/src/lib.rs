@@ -16,8 +16,10 @@ mod fit;
 pub mod generate;
 mod init;
 mod json;
+mod known;
 mod labels;
 mod leak;
+mod list;
 mod logs;
 mod narx;
 mod not_finite;
@@ -41,6 +43,8 @@ pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
 pub use init::starter_recipe;
 pub use json::interval_in_words;
+pub use known::{KnownModel, is_known, known_model};
+pub use list::items;
 pub use logs::Logs;
 pub use narx::{
     NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,

@@ -1,4 +1,4 @@
-//! Predictions and trajectories as files: tables (Parquet), or messages that viewers draw over the recording (MCAP).
+//! Predictions and trajectories as files: tables (Parquet, CSV), or messages that viewers draw over the recording (MCAP).
 
 mod model;
 mod plane;
@@ -21,17 +21,17 @@ use crate::{Error, Logs};
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    Parquet,
+    Table,
     Mcap,
 }
 
 /// The kind that a file's name promises: another one would mislead whoever opens the file.
 pub(crate) fn kind(output: &Path) -> Result<Kind, Error> {
     match Format::of(output) {
-        Some(Format::Parquet) => Ok(Kind::Parquet),
+        Some(Format::Parquet | Format::Csv(Compression::None)) => Ok(Kind::Table),
         Some(Format::Mcap(Compression::None)) => Ok(Kind::Mcap),
         _ => Err(Error::Request(format!(
-            "{}: results are written as Parquet or MCAP; name the file *.parquet or *.mcap",
+            "{}: results are written as Parquet, CSV or MCAP; name the file *.parquet, *.csv, *.tsv or *.mcap",
             output.display()
         ))),
     }
@@ -45,7 +45,7 @@ fn metadata(model: &Model) -> BTreeMap<String, String> {
     pairs.into()
 }
 
-fn parquet_options(model: &Model, logs: &Logs) -> WriteOptions {
+fn table_options(model: &Model, logs: &Logs) -> WriteOptions {
     WriteOptions { metadata: metadata(model), inputs: logs.files(), ..WriteOptions::default() }
 }
 

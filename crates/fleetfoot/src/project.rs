@@ -41,9 +41,9 @@ pub fn project(
         return Err(Error::Request(format!("--plane {}: a plane has two columns", axes.join(","))));
     };
     if let Some(path) = output
-        && output::kind(path)? != output::Kind::Parquet
+        && output::kind(path)? != output::Kind::Table
     {
-        return Err(Error::Request(format!("{}: a plane is written as Parquet", path.display())));
+        return Err(Error::Request(format!("{}: a plane is written as Parquet or CSV", path.display())));
     }
     let (across, up) = (axis(model, across)?, axis(model, up)?);
     let logs = logs.into();

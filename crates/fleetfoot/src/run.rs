@@ -7,7 +7,8 @@ use fleetfoot_dynamics::{
     Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
     Starts, controller::Controller,
 };
-use fleetfoot_model::{Model, Rule};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Equation, Model, Prediction, Rule};
 
 use crate::{
     Dataset, Error, Logs, Recipe, controller,
@@ -77,15 +78,19 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
 }
 
 /// What was written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Written {
     /// Rows in the file.
     pub rows: u64,
     /// Rows with a prediction.
     pub predicted: u64,
-    /// Of these, rows outside what their region saw in training.
+    /// Of these, rows with a target to compare it with.
+    pub compared: u64,
+    /// Of the predicted rows, those outside what their region saw in training.
     pub outside_domain: u64,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
 }
 
 /// Consecutive rows with their predictions.
@@ -102,6 +107,20 @@ pub struct PredictedRows<'a> {
     pub predicted: &'a Predicted,
 }
 
+/// Whether a run of a model needs a column: all but those that only the targets speak of, which say what a prediction is compared with. A rollout starts from
+/// the states that it advances, so it needs these too.
+fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
+    let speaks =
+        |expression: &Expr| expression.columns().iter().chain(&expression.sources()).any(|column| **column == *name);
+    let targets = model.equations.iter().filter_map(|equation| equation.target.as_ref());
+    let partitions = model.partitions.iter().flat_map(|partition| &partition.columns);
+    let rights = model.equations.iter().map(|equation| &equation.right);
+    let advanced = |equation: &Equation| equation.prediction != Prediction::Value && equation.subject == *name;
+    !targets.into_iter().any(speaks)
+        || model.libraries.iter().flatten().chain(partitions).chain(rights).any(speaks)
+        || (rollout && model.equations.iter().any(advanced))
+}
+
 /// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Tells how many there were.
 ///
 /// # Errors
@@ -113,7 +132,7 @@ pub fn predict_rows(
     progress: &dyn Progress,
     mut take: impl FnMut(&Predictor, &PredictedRows<'_>) -> Result<(), Error> + Send,
 ) -> Result<Written, Error> {
-    let dataset = Dataset::for_model(model, changes, logs, progress)?;
+    let dataset = Dataset::for_run(model, changes, logs, &|name| is_needed(model, name, false), progress)?;
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;
@@ -126,7 +145,8 @@ pub fn predict_rows(
         })
         .collect();
     progress.stage("predict");
-    let mut written = Written { rows: 0, predicted: 0, outside_domain: 0 };
+    let mut written =
+        Written { rows: 0, predicted: 0, compared: 0, outside_domain: 0, notes: dataset.notes().to_vec() };
     parallel_fold(
         pieces.len(),
         progress,
@@ -146,8 +166,8 @@ pub fn predict_rows(
             };
             take(&predictor, &rows)?;
             written.rows += predicted.rows as u64;
-            written.predicted +=
-                predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
+            written.predicted += (0..predicted.rows).filter(|&row| predicted.is_predicted(row)).count() as u64;
+            written.compared += predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
             written.outside_domain +=
                 predicted.domain.iter().filter(|&&domain| domain != Domain::Inside).count() as u64;
             Ok(())
@@ -218,8 +238,9 @@ pub fn rollout(
         Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
         None => own.clone(),
     };
-    let dataset =
-        Dataset::for_model(model, changes, &logs, progress).map_err(|error| controller::explained(error, own))?;
+    let needed = |name: &str| is_needed(model, name, true);
+    let dataset = Dataset::for_run(model, changes, &logs, &needed, progress)
+        .map_err(|error| controller::explained(error, own))?;
     let view = dataset.view()?;
     progress.stage("rollout");
     let mut options = options.clone();

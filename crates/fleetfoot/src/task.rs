@@ -7,7 +7,7 @@ use fleetfoot_pwa::Problem;
 use indexmap::IndexMap;
 
 use crate::{
-    Error, Kind, Recipe, State,
+    Error, Kind, Recipe, State, items,
     leak::{predicted, refuse_target_in_partition},
 };
 
@@ -204,6 +204,28 @@ impl Task {
     }
 }
 
+/// Given equations alone, and the columns that they speak of.
+pub(crate) struct KnownTask {
+    /// The model's columns.
+    pub(crate) columns: Vec<Column>,
+    /// The columns of the view, and the expressions over the recording's fields that give them.
+    pub(crate) aliases: Vec<(DataColumn, Expr)>,
+    /// The equations.
+    pub(crate) equations: Vec<Equation>,
+}
+
+impl KnownTask {
+    /// Resolves a recipe in which every state is given.
+    pub(crate) fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
+        let mut aliases = Aliases::of_recipe(recipe, fields)?;
+        let mut equations = Vec::new();
+        for (name, state) in &recipe.states {
+            equations.push(state_equation(name, state, Prediction::Derivative, None, &mut aliases)?);
+        }
+        Ok(Self { columns: aliases.columns, aliases: aliases.expressions, equations })
+    }
+}
+
 /// The equations that the recipe asks for.
 pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Vec<Equation>, Error> {
     let predict = recipe.model.predict.as_deref().unwrap_or("derivative");
@@ -214,15 +236,16 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         _ => Prediction::Value,
     };
     if prediction == Prediction::Value {
-        aliases.add(predict, None, None, Role::Auxiliary, false, "--predict")?;
-        let unit = aliases.columns.iter().find(|column| column.name == predict).and_then(|column| column.unit.clone());
-        return Ok(vec![Equation {
-            subject: predict.to_owned(),
-            prediction,
-            right: Expr::column(format!("f_{predict}")),
-            target: Some(Expr::column(predict)),
-            unit,
-        }]);
+        // A column may have commas in its name.
+        let names = if aliases.has(predict) { vec![predict.to_owned()] } else { items(predict) };
+        let mut equations: Vec<Equation> = Vec::new();
+        for name in names.iter().map(|name| name.trim_matches('`')) {
+            if equations.iter().any(|equation| equation.subject == name) {
+                return Err(Error::Request(format!("--predict {predict}: `{name}` is named twice")));
+            }
+            equations.push(value_equation(name, aliases)?);
+        }
+        return Ok(equations);
     }
     if recipe.states.is_empty() {
         return Err(Error::Request(format!(
@@ -238,10 +261,25 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
     }
     if equations.iter().all(|equation| equation.target.is_none()) {
         return Err(Error::Request(
-            "all states are known: there is nothing to fit; leave `known` away from at least one".into(),
+            "all states are known: there is nothing to fit; leave `known` away from at least one, or write the model as it is with `fleetfoot fit pwa` or \
+             `fit sindy`"
+                .into(),
         ));
     }
     Ok(equations)
+}
+
+/// Plain regression of a column.
+fn value_equation(name: &str, aliases: &mut Aliases<'_>) -> Result<Equation, Error> {
+    aliases.add(name, None, None, Role::Auxiliary, false, "--predict")?;
+    let unit = aliases.columns.iter().find(|column| column.name == name).and_then(|column| column.unit.clone());
+    Ok(Equation {
+        subject: name.to_owned(),
+        prediction: Prediction::Value,
+        right: Expr::column(format!("f_{name}")),
+        target: Some(Expr::column(name)),
+        unit,
+    })
 }
 
 pub(crate) fn state_equation(

@@ -201,6 +201,14 @@ impl Expr {
         })
     }
 
+    /// Whether seconds matter to it: it reads the time, as differences by stamps do, or a filter.
+    pub fn reads_clock(&self) -> bool {
+        let timed = self.fold(|part, arguments: &[bool]| {
+            matches!(part.node(), Node::Time { .. }) || arguments.iter().any(|&argument| argument)
+        });
+        timed || !self.filters().is_empty()
+    }
+
     /// Bottom-up, left to right, every distinct shared part once: `visit(part, results of its arguments)`.
     pub fn fold<T: Clone>(&self, visit: impl FnMut(&Expr, &[T]) -> T) -> T {
         self.fold_with(&mut HashMap::new(), visit)

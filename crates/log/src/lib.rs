@@ -2,7 +2,7 @@
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
-//! they are asked for. [`ParquetWriter`], [`McapWriter`] and [`write_atomic`] put results on disk, whole or not at all.
+//! they are asked for. [`ParquetWriter`], [`CsvWriter`], [`McapWriter`] and [`write_atomic`] put results on disk, whole or not at all.
 //!
 //! Parquet is read in place. Text is decoded once into columns, in memory up to a budget and in an unnamed temporary file
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
@@ -13,6 +13,7 @@ mod atomic;
 mod channels;
 mod column_set;
 mod csv;
+mod csv_writer;
 mod destination;
 mod error;
 mod estimate;
@@ -40,12 +41,14 @@ mod stamp;
 mod steps;
 mod store;
 mod table;
+mod table_writer;
 mod time_column;
 mod topic_info;
 mod writer;
 
 pub use atomic::{AtomicFile, write_atomic};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
+pub use csv_writer::CsvWriter;
 pub use destination::{check_outputs, leftovers};
 pub use error::Error;
 pub use estimate::{Estimate, estimate};
@@ -62,5 +65,6 @@ pub use overlay::{Overlay, SeriesId};
 pub use paths::paths;
 pub use recording::{Recording, open, open_logs, open_with_progress};
 pub use selection::{LabelRule, MaxGap, Selection, TimeSpec, TimeUnit};
+pub use table_writer::TableWriter;
 pub use topic_info::{HeaderOffset, TopicInfo};
 pub use writer::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};

@@ -40,6 +40,7 @@ pub struct Recording {
     files: Vec<RecordedFile>,
     notes: Vec<String>,
     dt: Option<f64>,
+    without_clock: bool,
 }
 
 impl std::fmt::Debug for Recording {
@@ -129,6 +130,9 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     })?;
     agree_on_units(&paths, &opened)?;
     agree_on_clocks(&paths, &opened)?;
+    let without_clock = selection.time == TimeSpec::Dispensable && opened.iter().any(|file| file.time_column.is_none());
+    let time = if without_clock { TimeSpec::Uniform { dt_seconds: 1.0 } } else { selection.time.clone() };
+    let selection = Selection { time, ..selection };
     let tables: Vec<_> =
         paths.iter().zip(&opened).map(|(path, opened)| (path.as_path(), opened.table.columns())).collect();
     let ColumnSet { columns, recode } = column_set::join(&tables)?;
@@ -146,6 +150,7 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
             TimeSpec::Uniform { dt_seconds } => Some(dt_seconds),
             _ => None,
         },
+        without_clock,
     };
     let mut spans = Vec::new();
     let mut told = Notes::default();
@@ -295,6 +300,11 @@ impl Progress for Quiet<'_> {
 }
 
 impl Recording {
+    /// Whether no stamps are known ([`TimeSpec::Dispensable`]): rows are in their order, and seconds mean nothing.
+    pub fn without_clock(&self) -> bool {
+        self.without_clock
+    }
+
     /// What a person should know: assumptions made, rows left out, how files were cut.
     pub fn notes(&self) -> &[String] {
         &self.notes

@@ -57,6 +57,9 @@ pub enum TimeSpec {
         /// The unit of numbers; guessed from the name and the magnitude when not given. Dates and time types carry their own.
         unit: Option<TimeUnit>,
     },
+    /// By the name of a column; where a file has none of such a name, no stamps are known: every file is one episode of rows in their order, a second apart for
+    /// whoever counts them. For what needs no clock.
+    Dispensable,
     /// Rows are equally spaced; every file is one episode that starts at zero.
     Uniform {
         /// The sampling period, seconds.

@@ -67,6 +67,7 @@ pub(crate) fn choose(candidates: &[Candidate], spec: &TimeSpec) -> Option<Clock>
             let column = candidates.iter().position(|candidate| candidate.name == *name)?;
             Some(with_unit(candidates, column, *unit, None))
         }
+        TimeSpec::Dispensable => by_name(candidates).map(|column| with_unit(candidates, column, None, None)),
         TimeSpec::Auto => {
             if let Some(column) = by_name(candidates) {
                 return Some(with_unit(candidates, column, None, None));

@@ -110,11 +110,7 @@ impl ParquetWriter {
     pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
         let path = path.into();
         check_outputs(&[&path], &options.inputs)?;
-        if let Some(twice) =
-            columns.iter().enumerate().find(|(i, column)| columns[..*i].iter().any(|other| other.name == column.name))
-        {
-            return Err(Error::BadBatch { path, problem: format!("two columns named `{}`", twice.1.name) });
-        }
+        check_names(&path, &columns)?;
         let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
         let file = AtomicFile::create(&path)?;
         let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties(&columns, options)))
@@ -145,6 +141,17 @@ impl ParquetWriter {
         let Self { path, writer, .. } = self;
         let file = writer.into_inner().map_err(|problem| write_error(&path, problem))?;
         file.commit()
+    }
+}
+
+/// An error when two columns have one name.
+pub(crate) fn check_names(path: &Path, columns: &[WriteColumn]) -> Result<(), Error> {
+    let twice = |(i, column): &(usize, &WriteColumn)| columns[..*i].iter().any(|other| other.name == column.name);
+    match columns.iter().enumerate().find(twice) {
+        Some((_, column)) => {
+            Err(Error::BadBatch { path: path.into(), problem: format!("two columns named `{}`", column.name) })
+        }
+        None => Ok(()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa,
+    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa, is_known,
     log::{Cache, Stamp},
     model::UnseenLabel,
     pwa::{Options, Selection, Shrinkage, Specification},
@@ -9,7 +9,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, is_replaced, read_by, with};
+use super::{Context, files, fit_known, is_replaced, read_by, with};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, Select, StampArg, TimeArgs, Unseen},
     table::{bytes, count, number, ratio, table},
@@ -26,6 +26,9 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
+    if is_known(&recipe) && !arguments.dry_run {
+        return fit_known::known(&recipe, &files, &arguments.output, context);
+    }
     let options = options(arguments)?;
     if arguments.dry_run {
         return dry_run(&recipe, &options, &files, context);

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
-    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_statistic, plan_sindy, write_model,
+    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy,
+    write_model,
 };
 use serde_json::json;
 
-use super::{Context, files, fit, read_by, with};
+use super::{Context, files, fit, fit_known, read_by, with};
 use crate::{
     args::{FitSindy, SindyArgs},
     table::{bytes, count, number, ratio, table},
@@ -25,6 +26,9 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
     let read = read_by(&files, &arguments.recipe.recipe);
     context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
+    if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {
+        return fit_known::known(&recipe, &files, &arguments.output, context);
+    }
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }

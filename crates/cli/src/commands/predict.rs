@@ -14,13 +14,17 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
     let written = fleetfoot::predict(&model, &time_changes(&arguments.model)?, &files, &arguments.output, &bar);
     bar.finish();
     let written = written?;
+    context.notes(&written.notes);
     let path = arguments.output.display();
     context.print(
-        &json!({ "file": path.to_string(), "rows": written.rows, "predicted": written.predicted, "outside_domain": written.outside_domain }),
+        &json!({
+            "file": path.to_string(), "rows": written.rows, "predicted": written.predicted, "compared": written.compared,
+            "outside_domain": written.outside_domain, "notes": written.notes,
+        }),
         || {
             format!(
-                "wrote {path}: {} rows, {} with target and prediction, {} outside what their region saw in training",
-                written.rows, written.predicted, written.outside_domain
+                "wrote {path}: {} rows, {} with a prediction, {} of them with a measured target; {} outside what their region saw in training",
+                written.rows, written.predicted, written.compared, written.outside_domain
             )
         },
     );

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use fleetfoot_dynamics::Plane;
-use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind};
+use fleetfoot_log::{TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
-use super::parquet_options;
+use super::table_options;
 use crate::{Error, Logs};
 
 /// Writes a row a cell: the centres of its two bins under the axes' names, counts, transition ratio, mean score.
@@ -37,7 +37,7 @@ pub(crate) fn write_plane(path: &Path, model: &Model, plane: &Plane, logs: &Logs
     let (transitions, scored) = (count(|cell| cell.transitions), count(|cell| cell.scored));
     let ratio: Vec<f64> = plane.cells.iter().map(|cell| cell.transition_ratio()).collect();
     let score: Vec<f64> = plane.cells.iter().map(|cell| cell.mean_score()).collect();
-    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, logs))?;
+    let mut writer = TableWriter::create(path, columns, &table_options(model, logs))?;
     writer.write(&[
         Values::Float(&across),
         Values::Float(&up),

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use fleetfoot_dynamics::{Domain, Predicted, Predictor, RowStatus};
-use fleetfoot_log::{Overlay, ParquetWriter, SeriesId, Values, WriteColumn, WriteKind};
+use fleetfoot_dynamics::{Domain, Predicted, Predictor};
+use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
-use super::{Kind, mcap_options, parquet_options};
+use super::{Kind, mcap_options, table_options};
 use crate::{Error, Logs};
 
 /// What is written of every fitted equation.
@@ -28,7 +28,7 @@ pub(crate) struct PredictionsWriter {
 }
 
 enum Sink {
-    Parquet(Box<ParquetWriter>),
+    Table(TableWriter),
     Mcap { overlay: Box<Overlay>, kinds: [SeriesId; 3], region: SeriesId },
 }
 
@@ -41,11 +41,9 @@ impl PredictionsWriter {
         logs: &Logs,
     ) -> Result<Self, Error> {
         let sink = match kind {
-            Kind::Parquet => Sink::Parquet(Box::new(ParquetWriter::create(
-                path,
-                columns(model, predictor),
-                &parquet_options(model, logs),
-            )?)),
+            Kind::Table => {
+                Sink::Table(TableWriter::create(path, columns(model, predictor), &table_options(model, logs))?)
+            }
             Kind::Mcap => {
                 let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
                 let names: Vec<String> = predictor.names().iter().map(ToString::to_string).collect();
@@ -61,7 +59,7 @@ impl PredictionsWriter {
 
     pub(crate) fn write(&mut self, place: &Place<'_>, stamps: &[i64], predicted: &Predicted) -> Result<(), Error> {
         match &mut self.sink {
-            Sink::Parquet(writer) => write_table(writer, place.episode, stamps, predicted, self.equations),
+            Sink::Table(writer) => write_table(writer, place.episode, stamps, predicted, self.equations),
             Sink::Mcap { overlay, kinds, region } => {
                 write_messages(overlay, *kinds, *region, place.log_offset, stamps, predicted, self.equations)
             }
@@ -70,7 +68,7 @@ impl PredictionsWriter {
 
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.sink {
-            Sink::Parquet(writer) => writer.finish()?,
+            Sink::Table(writer) => writer.finish()?,
             Sink::Mcap { overlay, .. } => overlay.finish()?,
         }
         Ok(())
@@ -97,7 +95,7 @@ fn region(region: u32) -> i64 {
 }
 
 fn write_table(
-    writer: &mut ParquetWriter,
+    writer: &mut TableWriter,
     episode: &str,
     stamps: &[i64],
     predicted: &Predicted,
@@ -118,7 +116,7 @@ fn write_table(
     Ok(())
 }
 
-/// Rows without a prediction leave a gap in the lines that a viewer draws.
+/// Rows without a prediction leave a gap in the lines that a viewer draws; so do rows that were not measured, in theirs.
 fn write_messages(
     overlay: &mut Overlay,
     kinds: [SeriesId; 3],
@@ -131,16 +129,19 @@ fn write_messages(
     let rows = predicted.rows;
     let mut values = vec![0.0; equations];
     for (row, &stamp) in stamps.iter().enumerate() {
-        if predicted.status[row] != RowStatus::Complete {
-            continue;
-        }
         let log_time = stamp.saturating_add(log_offset);
+        let there = |values: &[f64]| values.iter().any(|value| value.is_finite());
         for (series, column) in kinds.into_iter().zip([&predicted.measured, &predicted.predicted, &predicted.residual])
         {
             for (equation, value) in values.iter_mut().enumerate() {
                 *value = Predicted::equation(column, rows, equation)[row];
             }
-            overlay.row(series, stamp, log_time, &values)?;
+            if there(&values) {
+                overlay.row(series, stamp, log_time, &values)?;
+            }
+        }
+        if !predicted.is_predicted(row) {
+            continue;
         }
         let inside = f64::from(u8::from(predicted.domain[row] == Domain::Inside));
         overlay.row(

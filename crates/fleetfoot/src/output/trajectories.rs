@@ -4,10 +4,10 @@ use std::path::Path;
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dynamics::{Rollouts, Trajectory};
-use fleetfoot_log::{Overlay, ParquetWriter, SeriesId, Values, WriteColumn, WriteKind};
+use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
-use super::{Kind, mcap_options, parquet_options};
+use super::{Kind, mcap_options, table_options};
 use crate::{Error, Logs};
 
 /// Writes trajectories. `log_offset` tells what must be added to the stamps of an episode to get the times of its recording, nanoseconds.
@@ -21,7 +21,7 @@ pub(crate) fn write_trajectories(
     logs: &Logs,
 ) -> Result<(), Error> {
     match kind {
-        Kind::Parquet => write_table(path, model, view, rollouts, logs),
+        Kind::Table => write_table(path, model, view, rollouts, logs),
         Kind::Mcap => write_messages(path, model, view, log_offset, rollouts, logs),
     }
 }
@@ -34,19 +34,26 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
         WriteColumn::new("step", WriteKind::Integer),
         WriteColumn::new("seconds", WriteKind::Float).with_unit("s"),
     ];
-    for state in rollouts.states.iter().chain(&rollouts.driven_inputs) {
-        let unit = model.column(state).and_then(|column| model.columns[column].unit.as_ref());
-        let column = WriteColumn::new(state, WriteKind::Float);
-        columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str())));
+    let number = |name: &str, of: &str| {
+        let unit = model.column(of).and_then(|column| model.columns[column].unit.as_ref());
+        let column = WriteColumn::new(name, WriteKind::Float);
+        unit.iter().fold(column, |column, unit| column.with_unit(unit.as_str()))
+    };
+    for state in &rollouts.states {
+        columns.push(number(state, state));
+        columns.push(number(&format!("{state} measured"), state));
     }
+    columns.extend(rollouts.driven_inputs.iter().map(|input| number(input, input)));
     columns.push(WriteColumn::new("region", WriteKind::Integer));
-    let mut writer = ParquetWriter::create(path, columns, &parquet_options(model, logs))?;
+    let mut writer = TableWriter::create(path, columns, &table_options(model, logs))?;
+    let measured = Measured::new(view, rollouts);
     for (index, trajectory) in rollouts.trajectories.iter().enumerate() {
         let rows = trajectory.steps() + 1;
         let numbers = vec![index as i64; rows];
         let names = vec![view.episodes()[trajectory.start.episode].name.as_str(); rows];
         let at: Vec<i64> = (0..rows).map(|step| (trajectory.start.row + step) as i64).collect();
         let steps: Vec<i64> = (0..rows as i64).collect();
+        let (_, recorded) = measured.read(trajectory)?;
         let states: Vec<Vec<f64>> = (0..rollouts.states.len())
             .map(|state| (0..rows).map(|step| trajectory.state(step)[state]).collect())
             .collect();
@@ -64,7 +71,10 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
             Values::Integer(&steps),
             Values::Float(&trajectory.time),
         ];
-        values.extend(states.iter().chain(&inputs).map(|column| Values::Float(column)));
+        for (simulated, recorded) in states.iter().zip(&recorded) {
+            values.extend([Values::Float(simulated), Values::Float(recorded)]);
+        }
+        values.extend(inputs.iter().map(|column| Values::Float(column)));
         values.push(Values::Integer(&regions));
         writer.write(&values)?;
     }
@@ -72,8 +82,35 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
     Ok(())
 }
 
-/// Messages on `/fleetfoot/rollout/N` with the stamps of the rows that the states are compared with. Trajectories that overlap in time are
-/// on different topics, so that a viewer draws each as a line of its own.
+/// What the recording says of the simulated states.
+struct Measured<'a> {
+    view: &'a dyn Source,
+    /// Column of the view of each state.
+    columns: Vec<Option<usize>>,
+}
+
+impl<'a> Measured<'a> {
+    fn new(view: &'a dyn Source, rollouts: &Rollouts) -> Self {
+        let columns = rollouts.states.iter().map(|state| view.column_index(state)).collect();
+        Self { view, columns }
+    }
+
+    /// The stamps of a trajectory's rows as far as the episode goes, and the measured states at each of its steps: NaN where they are not known.
+    fn read(&self, trajectory: &Trajectory) -> Result<(Vec<i64>, Vec<Vec<f64>>), Error> {
+        let (start, rows) = (trajectory.start, trajectory.steps() + 1);
+        let end = (start.row + rows).min(self.view.episodes()[start.episode].rows);
+        let block = self.view.read(start.episode, start.row..end, Halo::default())?;
+        let series = |column: &Option<usize>| {
+            let mut values = column.map_or_else(Vec::new, |column| block.column(column).to_vec());
+            values.resize(rows, f64::NAN);
+            values
+        };
+        Ok((block.stamps().to_vec(), self.columns.iter().map(series).collect()))
+    }
+}
+
+/// Messages on `/fleetfoot/rollout/N` with the stamps of the rows that the states are compared with, and what was measured there on
+/// `/fleetfoot/rollout/N/measured`. Trajectories that overlap in time are on different topics, so that a viewer draws each as a line of its own.
 fn write_messages(
     path: &Path,
     model: &Model,
@@ -87,28 +124,35 @@ fn write_messages(
     let names: Vec<String> = rollouts.states.iter().chain(&rollouts.driven_inputs).cloned().collect();
     let width = rollouts.driven_inputs.len();
     let nothing = vec![f64::NAN; width];
+    let measured = Measured::new(view, rollouts);
     let mut order: Vec<&Trajectory> = rollouts.trajectories.iter().collect();
     order.sort_by_key(|trajectory| (trajectory.start.episode, trajectory.start.row));
     for trajectory in order {
-        let (start, rows) = (trajectory.start, trajectory.steps() + 1);
-        let end = (start.row + rows).min(view.episodes()[start.episode].rows);
-        let block = view.read(start.episode, start.row..end, Halo::default())?;
+        let start = trajectory.start;
+        let (stamps, recorded) = measured.read(trajectory)?;
+        let end = start.row + stamps.len();
         let free = lanes.iter().position(|lane| lane.episode != start.episode || lane.end <= start.row);
         let lane = match free {
             Some(lane) => lane,
             None => {
                 let topic = format!("/fleetfoot/rollout/{}", lanes.len());
-                lanes.push(Lane { series: overlay.joint_state(&topic, &names, "")?, episode: 0, end: 0 });
+                let series = overlay.joint_state(&topic, &names, "")?;
+                let measured = overlay.joint_state(&format!("{topic}/measured"), &rollouts.states, "")?;
+                lanes.push(Lane { series, measured, episode: 0, end: 0 });
                 lanes.len() - 1
             }
         };
         lanes[lane] = Lane { episode: start.episode, end, ..lanes[lane] };
-        for (step, &stamp) in block.stamps().iter().enumerate() {
+        for (step, &stamp) in stamps.iter().enumerate() {
             let log_time = stamp.saturating_add(log_offset(start.episode));
             let inputs = trajectory.inputs.chunks_exact(width.max(1)).nth(step);
             let mut values = trajectory.state(step).to_vec();
             values.extend_from_slice(inputs.unwrap_or(&nothing));
             overlay.row(lanes[lane].series, stamp, log_time, &values)?;
+            let values: Vec<f64> = recorded.iter().map(|series| series[step]).collect();
+            if values.iter().any(|value| value.is_finite()) {
+                overlay.row(lanes[lane].measured, stamp, log_time, &values)?;
+            }
         }
     }
     overlay.finish()?;
@@ -119,6 +163,7 @@ fn write_messages(
 #[derive(Clone, Copy)]
 struct Lane {
     series: SeriesId,
+    measured: SeriesId,
     episode: usize,
     end: usize,
 }

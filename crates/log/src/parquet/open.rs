@@ -125,6 +125,9 @@ fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(Time
         check_chunks(file, leaf)?;
     }
     let Some(clock) = find_clock(file, all, spec) else {
+        if *spec == TimeSpec::Dispensable {
+            return Ok((None, None));
+        }
         let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
         return Err(Error::NoTimeColumn { path: file.path.clone(), columns: list(&names) });
     };

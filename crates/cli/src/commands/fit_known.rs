@@ -1,0 +1,37 @@
+//! `fleetfoot fit pwa` and `fit sindy` where every equation is given: nothing is fitted, the model is written as it is.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot::{Error, KnownModel, Recipe, known_model, write_model};
+use serde_json::json;
+
+use super::Context;
+use crate::table::count;
+
+/// Writes the model of a recipe in which every state is known.
+pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: &Context) -> Result<(), Error> {
+    let bar = context.bar();
+    let found = known_model(recipe, files, &bar);
+    bar.finish();
+    let found = found?;
+    write_model(&found.model, output)?;
+    context.notes(&found.notes);
+    context.say("note: all states are known: nothing is fitted, and no library or partition is used; score the model by rollouts");
+    let equations = equations(&found);
+    context.print(
+        &json!({
+            "rows": found.rows, "episodes": found.episodes, "files": found.files, "equations": equations,
+            "model": output.display().to_string(), "hash": found.model.hash(), "notes": found.notes,
+        }),
+        || {
+            let text = format!("{} rows of {}", found.rows, count(found.episodes, "episode"));
+            format!("{text}; every equation is given\n\n{}", equations.join("\n"))
+        },
+    );
+    context.say(format!("wrote {}", output.display()));
+    Ok(())
+}
+
+fn equations(found: &KnownModel) -> Vec<String> {
+    found.model.equations.iter().map(|equation| format!("{} = {}", equation.label(), equation.right)).collect()
+}

@@ -1,0 +1,184 @@
+//! Columns into text, row by row; the file appears whole or not at all.
+
+use std::{
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use crate::{AtomicFile, Error, Values, WriteColumn, WriteKind, destination::check_outputs, writer::check_names};
+
+/// Writes delimited text: commas, or tabs where the file is called `*.tsv`. Numbers have as many digits as give the same number again, what is missing is an
+/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as other readers and [`crate::open`] understand it). Dropping it before
+/// [`CsvWriter::finish`] leaves nothing behind.
+#[derive(Debug)]
+pub struct CsvWriter {
+    path: PathBuf,
+    columns: Vec<WriteColumn>,
+    writer: csv::Writer<BufWriter<AtomicFile>>,
+}
+
+impl CsvWriter {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// A target that is one of the inputs, a folder or in a folder that is not there; two columns of one name.
+    pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, inputs: &[PathBuf]) -> Result<Self, Error> {
+        let path = path.into();
+        check_outputs(&[&path], inputs)?;
+        check_names(&path, &columns)?;
+        let tabs = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tsv"));
+        let file = BufWriter::new(AtomicFile::create(&path)?);
+        let mut writer = csv::WriterBuilder::new().delimiter(if tabs { b'\t' } else { b',' }).from_writer(file);
+        let name = |column: &WriteColumn| match column.kind {
+            WriteKind::Stamp => format!("{}_ns", column.name),
+            _ => column.name.clone(),
+        };
+        writer.write_record(columns.iter().map(name)).map_err(|problem| write_error(&path, problem))?;
+        Ok(Self { path, columns, writer })
+    }
+
+    /// Appends rows: one slice a column, in the order of the columns, all of one length.
+    ///
+    /// # Errors
+    /// Values that do not fit the columns; what the system refuses.
+    pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
+        let bad = |problem: String| Error::BadBatch { path: self.path.clone(), problem };
+        if values.len() != self.columns.len() {
+            return Err(bad(format!("{} columns of values for {} columns", values.len(), self.columns.len())));
+        }
+        let rows = values.first().map_or(0, length);
+        for (column, values) in self.columns.iter().zip(values) {
+            if length(values) != rows {
+                return Err(bad(format!(
+                    "column `{}` has {} values, the first has {rows}",
+                    column.name,
+                    length(values)
+                )));
+            }
+            if !fits(column.kind, values) {
+                return Err(bad(format!(
+                    "column `{}` is {:?}, the values are of another kind",
+                    column.name, column.kind
+                )));
+            }
+        }
+        let mut cell = String::new();
+        for row in 0..rows {
+            for values in values {
+                cell.clear();
+                text(values, row, &mut cell);
+                self.writer.write_field(&cell).map_err(|problem| write_error(&self.path, problem))?;
+            }
+            self.writer.write_record(None::<&[u8]>).map_err(|problem| write_error(&self.path, problem))?;
+        }
+        Ok(())
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// What the system refuses; then there is no file.
+    pub fn finish(self) -> Result<(), Error> {
+        let Self { path, writer, .. } = self;
+        let error = |source: io::Error| Error::Io { path: path.clone(), action: "write", source };
+        let mut buffer = writer.into_inner().map_err(|problem| error(io::Error::other(problem.to_string())))?;
+        buffer.flush().map_err(error)?;
+        let file = buffer.into_inner().map_err(|problem| error(io::Error::other(problem.to_string())))?;
+        file.commit()
+    }
+}
+
+fn length(values: &Values<'_>) -> usize {
+    match values {
+        Values::Float(values) => values.len(),
+        Values::Integer(values) => values.len(),
+        Values::Boolean(values) => values.len(),
+        Values::Text(values) => values.len(),
+    }
+}
+
+fn fits(kind: WriteKind, values: &Values<'_>) -> bool {
+    matches!(
+        (kind, values),
+        (WriteKind::Float, Values::Float(_))
+            | (WriteKind::Integer | WriteKind::Stamp, Values::Integer(_))
+            | (WriteKind::Boolean, Values::Boolean(_))
+            | (WriteKind::Text, Values::Text(_))
+    )
+}
+
+fn text(values: &Values<'_>, row: usize, cell: &mut String) {
+    match values {
+        Values::Float(values) if values[row].is_nan() => {}
+        // `{:?}` gives the shortest digits that read back, with an exponent where the number is far from 1.
+        Values::Float(values) => *cell += &format!("{:?}", values[row]),
+        Values::Integer(values) => *cell += &values[row].to_string(),
+        Values::Boolean(values) => *cell += if values[row] { "true" } else { "false" },
+        Values::Text(values) => *cell += values[row],
+    }
+}
+
+fn write_error(path: &Path, problem: csv::Error) -> Error {
+    let source = match problem.into_kind() {
+        csv::ErrorKind::Io(source) => source,
+        other => io::Error::other(format!("{other:?}")),
+    };
+    Error::Io { path: path.into(), action: "write", source }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_data::{Halo, Source};
+
+    use super::*;
+    use crate::{Selection, open};
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["out.csv", "out.tsv"] {
+            let path = folder.path().join(name);
+            let columns = vec![
+                WriteColumn::new("episode, name", WriteKind::Text),
+                WriteColumn::new("time", WriteKind::Stamp),
+                WriteColumn::new("x", WriteKind::Float).with_unit("m"),
+                WriteColumn::new("inside", WriteKind::Boolean),
+            ];
+            let mut writer = CsvWriter::create(&path, columns, &[]).unwrap();
+            let x = [0.1 + 0.2, f64::NAN, -1e-300];
+            let stamps = [1_700_000_000_000_000_000, 1_700_000_000_010_000_001, 1_700_000_000_020_000_000];
+            writer
+                .write(&[
+                    Values::Text(&["a \"b\", c"; 3]),
+                    Values::Integer(&stamps),
+                    Values::Float(&x),
+                    Values::Boolean(&[true, false, true]),
+                ])
+                .unwrap();
+            let short = writer.write(&[Values::Float(&x)]).unwrap_err().to_string();
+            assert!(short.contains("1 columns of values for 4"), "{short}");
+            assert!(!path.exists());
+            writer.finish().unwrap();
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(text.lines().nth(2).unwrap().contains("1700000000010000001"), "{text}");
+            let read = open(&[&path], &Selection::new(["x"])).unwrap();
+            let block = read.read(0, 0..3, Halo::default()).unwrap();
+            assert_eq!(block.stamps(), stamps);
+            let found = block.column(0);
+            assert!(found[0] == x[0] && found[1].is_nan() && found[2] == x[2]);
+        }
+    }
+
+    #[test]
+    fn the_inputs_and_equal_names_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("in.csv");
+        std::fs::write(&path, "t,x\n0,1\n").unwrap();
+        let column = || WriteColumn::new("x", WriteKind::Float);
+        let message = CsvWriter::create(&path, vec![column()], &[path.clone()]).unwrap_err().to_string();
+        assert!(message.contains("in.csv"), "{message}");
+        let other = folder.path().join("out.csv");
+        let message = CsvWriter::create(&other, vec![column(), column()], &[]).unwrap_err().to_string();
+        assert!(message.contains("two columns named `x`"), "{message}");
+    }
+}

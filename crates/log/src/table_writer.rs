@@ -1,0 +1,50 @@
+//! Columns into a table file, Parquet or text as its name says.
+
+use std::path::PathBuf;
+
+use crate::{CsvWriter, Error, Format, ParquetWriter, Values, WriteColumn, WriteOptions};
+
+/// Writes rows of columns into a file. Dropping it before [`TableWriter::finish`] leaves nothing behind.
+#[derive(Debug)]
+pub enum TableWriter {
+    /// Parquet.
+    Parquet(Box<ParquetWriter>),
+    /// Delimited text, without the metadata.
+    Csv(Box<CsvWriter>),
+}
+
+impl TableWriter {
+    /// Begins a file of the format that its name promises: text for `.csv`, `.tsv` and `.txt`, else Parquet.
+    ///
+    /// # Errors
+    /// As [`ParquetWriter::create`].
+    pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
+        let path = path.into();
+        Ok(match Format::of(&path) {
+            Some(Format::Csv(_)) => Self::Csv(Box::new(CsvWriter::create(path, columns, &options.inputs)?)),
+            _ => Self::Parquet(Box::new(ParquetWriter::create(path, columns, options)?)),
+        })
+    }
+
+    /// Appends rows: one slice a column, in the order of the columns, all of one length.
+    ///
+    /// # Errors
+    /// Values that do not fit the columns; what the system refuses.
+    pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
+        match self {
+            Self::Parquet(writer) => writer.write(values),
+            Self::Csv(writer) => writer.write(values),
+        }
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// What the system refuses; then there is no file.
+    pub fn finish(self) -> Result<(), Error> {
+        match self {
+            Self::Parquet(writer) => writer.finish(),
+            Self::Csv(writer) => writer.finish(),
+        }
+    }
+}
