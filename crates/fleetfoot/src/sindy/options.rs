@@ -178,6 +178,21 @@ impl SindyOptions {
         format!("{rule}, {folds} folds")
     }
 
+    /// What to do about an equation that has no term, for people: options that this fit has.
+    pub(super) fn mend_of_no_terms(&self) -> &'static str {
+        match (self.threshold, self.terms, self.ensemble) {
+            (Some(_), ..) => "lower the threshold (--threshold), or offer other candidates (--library)",
+            (None, Some(_), _) => "allow more terms (--terms), or offer other candidates (--library)",
+            (None, None, Some(_)) => {
+                "too few members of the ensemble agree on any: lower --inclusion, or offer other candidates (--library)"
+            }
+            (None, None, None) => {
+                "by the rule of the choice no candidate is worth its place (--front shows the models of other sizes): offer others (--library), or say how \
+                 many terms there may be (--terms)"
+            }
+        }
+    }
+
     /// What an ensemble varied, for people.
     pub(super) fn ensemble_in_words(&self) -> Option<String> {
         let (what, members) = self.ensemble?;
@@ -246,6 +261,20 @@ mod tests {
         assert_eq!(drawn.ensemble, Some((Ensemble::Units(BootstrapUnit::Episode), 50)));
         assert_eq!(options("ensemble = \"library\"").unwrap().ensemble, Some((Ensemble::Library, 100)));
         assert_eq!(options("optimizer = \"frols\"\nterms = 3").unwrap().terms, Some(3));
+    }
+
+    #[test]
+    fn an_automatic_threshold_is_not_to_be_lowered() {
+        let mend = |text: &str| options(text).unwrap().mend_of_no_terms();
+        assert!(mend("threshold = 0.5").contains("lower the threshold"));
+        for (text, option) in [
+            ("", "--terms"),
+            ("optimizer = \"lasso\"", "--terms"),
+            ("ensemble = \"chunks:50\"", "--inclusion"),
+            ("terms = 1", "--terms"),
+        ] {
+            assert!(mend(text).contains(option) && !mend(text).contains("threshold"), "{text}: {}", mend(text));
+        }
     }
 
     #[test]

@@ -105,8 +105,9 @@ impl<'a> Solver<'a> {
                     String::new()
                 };
                 notes.push(format!(
-                    "{}{place}: no term is left, the learnt part is 0; lower the threshold or offer other candidates",
-                    equation.label
+                    "{}{place}: no term is left, the learnt part is 0; {}",
+                    equation.label,
+                    self.options.mend_of_no_terms()
                 ));
             }
         }
