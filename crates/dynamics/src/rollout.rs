@@ -183,8 +183,10 @@ fn simulate_and_score(
     (windows.len() - usable.len(), done, sums)
 }
 
-/// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent.
+/// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent, and where nothing was fitted: that model would
+/// be its own baseline.
 fn null_model(model: &Model) -> Option<Model> {
+    model.fitted().next()?;
     let mut null = model.clone();
     let mut means = model.training.target_mean.iter();
     for equation in &mut null.equations {
