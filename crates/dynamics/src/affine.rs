@@ -56,26 +56,18 @@ pub(crate) struct AffineKernel {
 
 impl AffineKernel {
     /// Simulates complete windows, a few at a time.
-    pub(crate) fn simulate(
-        &self,
-        simulator: &Simulator,
-        runs: &[Run<'_>],
-        limits: &[f64],
-        method: Method,
-    ) -> Vec<Trajectory> {
-        let mut limit = Aligned::new(self.width, f64::MAX);
-        limit[..limits.len()].copy_from_slice(limits);
+    pub(crate) fn simulate(&self, simulator: &Simulator, runs: &[Run<'_>], method: Method) -> Vec<Trajectory> {
         let mut done = Vec::with_capacity(runs.len());
         for runs in runs.chunks(TOGETHER) {
             let mut tracks: Vec<Track<'_>> = runs.iter().map(|run| Track::new(self, simulator, run)).collect();
-            pulp::Arch::new().dispatch(Advancing { kernel: self, tracks: &mut tracks, limit: &limit, method });
+            pulp::Arch::new().dispatch(Advancing { kernel: self, tracks: &mut tracks, method });
             done.extend(tracks.into_iter().map(|track| track.finish(self.states)));
         }
         done
     }
 
     #[inline(always)]
-    fn advance<S: Simd>(&self, simd: S, tracks: &mut [Track<'_>], limit: &[f64], method: Method) {
+    fn advance<S: Simd>(&self, simd: S, tracks: &mut [Track<'_>], method: Method) {
         let horizon = tracks.iter().map(|track| track.run.horizon).max().unwrap_or(0);
         let mut scratch = Scratch::new(self);
         let mut lost = Vec::with_capacity(tracks.len());
@@ -100,22 +92,14 @@ impl AffineKernel {
                 self.cells.release(simd, &mut tracks[b].cell);
             }
             for track in tracks.iter_mut().filter(|track| track.end == End::Horizon) {
-                self.step(simd, track, k, limit, method, &mut scratch);
+                self.step(simd, track, k, method, &mut scratch);
             }
         }
     }
 
     /// One step of one trajectory, whose cell is known.
     #[inline(always)]
-    fn step<S: Simd>(
-        &self,
-        simd: S,
-        track: &mut Track<'_>,
-        k: usize,
-        limit: &[f64],
-        method: Method,
-        scratch: &mut Scratch,
-    ) {
+    fn step<S: Simd>(&self, simd: S, track: &mut Track<'_>, k: usize, method: Method, scratch: &mut Scratch) {
         let Some(region) = self.cells.region(&track.cell) else {
             track.end = End::NoRegion;
             return;
@@ -143,7 +127,7 @@ impl AffineKernel {
             }
             track.slots[from..from + LANES].copy_from_slice(&x);
         }
-        if !near(simd, &track.slots[..self.width], &track.first, limit) {
+        if !near(simd, &track.slots[..self.width], &track.first, &track.limit) {
             track.end = End::Diverged;
             return;
         }
@@ -248,7 +232,6 @@ impl AffineKernel {
 struct Advancing<'a, 'b> {
     kernel: &'a AffineKernel,
     tracks: &'a mut [Track<'b>],
-    limit: &'a [f64],
     method: Method,
 }
 
@@ -257,7 +240,7 @@ impl pulp::WithSimd for Advancing<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.kernel.advance(simd, self.tracks, self.limit, self.method);
+        self.kernel.advance(simd, self.tracks, self.method);
     }
 }
 
@@ -283,6 +266,8 @@ struct Track<'a> {
     run: &'a Run<'a>,
     slots: Aligned,
     first: Aligned,
+    /// How far each slot may go from the first.
+    limit: Aligned,
     cell: Cell,
     recorded: Vec<&'a [f64]>,
     drive: Option<Drive<'a>>,
@@ -300,6 +285,10 @@ impl<'a> Track<'a> {
         for (slot, state) in slots.iter_mut().zip(&simulator.states) {
             *slot = run.window.values(state.column, 0, 1)[0];
         }
+        let mut limit = Aligned::new(kernel.width, f64::MAX);
+        for ((limit, state), &start) in limit.iter_mut().zip(&simulator.states).zip(slots.iter()) {
+            *limit = state.limit(run.divergence, start);
+        }
         let drives = simulator.driver.as_ref().map_or(&[][..], |driver| &driver.drives);
         let input = |column: usize| drives.iter().position(|&(driven, _)| driven == column);
         let mut states = Vec::with_capacity((run.horizon + 1) * kernel.states);
@@ -307,6 +296,7 @@ impl<'a> Track<'a> {
         let mut track = Self {
             run,
             first: Aligned::from_slice(&slots[..kernel.width]),
+            limit,
             cell: kernel.cells.nowhere(),
             recorded: kernel
                 .recorded

@@ -120,6 +120,29 @@ pub enum Error {
     /// A step that is not a positive number of seconds.
     #[error("a step of {0} s; the step must be a positive number of seconds")]
     BadStep(f64),
+    /// The times of a simulation cannot be followed.
+    #[error("t[{place}]: {problem}; give the times of the simulation in seconds, rising, the first one that of x0")]
+    Times {
+        /// Index among the times.
+        place: usize,
+        /// What is wrong there.
+        problem: String,
+    },
+    /// The times of a simulation are not a row apart, of a model that goes by rows.
+    #[error(
+        "t[{place}] comes {interval} s after the time before, and the rows of the model are {period} s apart: {reason}, and between rows it knows nothing; \
+         give times that are {period} s apart and keep those that you want, or fit derivatives"
+    )]
+    OtherPeriod {
+        /// Index among the times.
+        place: usize,
+        /// Seconds since the time before.
+        interval: f64,
+        /// Seconds from row to row.
+        period: f64,
+        /// Why the model goes by rows.
+        reason: &'static str,
+    },
     /// A controller does not fit the model.
     #[error("the controller's column `{column}` {problem}")]
     Controller {

@@ -57,12 +57,7 @@ struct Batch<'a> {
 }
 
 /// Simulates a batch of complete windows.
-pub(crate) fn simulate(
-    simulator: &Simulator,
-    runs: &[Run<'_>],
-    limits: &[f64],
-    options: &RolloutOptions,
-) -> Vec<Trajectory> {
+pub(crate) fn simulate(simulator: &Simulator, runs: &[Run<'_>], options: &RolloutOptions) -> Vec<Trajectory> {
     if runs.is_empty() {
         return Vec::new();
     }
@@ -71,7 +66,7 @@ pub(crate) fn simulate(
         if batch.end.iter().all(|end| *end != End::Horizon) {
             break;
         }
-        batch.step(step, limits, options);
+        batch.step(step, options);
     }
     batch.finish(options.horizon)
 }
@@ -171,7 +166,7 @@ impl<'a> Batch<'a> {
         slopes
     }
 
-    fn step(&mut self, step: usize, limits: &[f64], options: &RolloutOptions) {
+    fn step(&mut self, step: usize, options: &RolloutOptions) {
         let count = self.columns.count;
         self.drive(step);
         let zero = vec![0.0; count];
@@ -189,7 +184,7 @@ impl<'a> Batch<'a> {
             for b in 0..count {
                 let value = state.advance.next(x[b], slopes[s * count + b], seconds[b]);
                 next[s * count + b] = value;
-                let near = (value - x0[b]).abs() <= limits[s];
+                let near = (value - x0[b]).abs() <= state.limit(self.runs[b].divergence, x0[b]);
                 if !near && self.end[b] == End::Horizon {
                     self.end[b] = End::Diverged;
                     self.steps[b] = step;

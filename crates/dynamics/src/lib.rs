@@ -9,6 +9,7 @@
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 
+mod adaptive;
 mod affine;
 mod aligned;
 mod angle;
@@ -35,9 +36,11 @@ mod simulator;
 mod starts;
 mod stepper;
 mod tangent;
+mod time_grid;
 mod trajectory;
 mod window;
 
+pub use adaptive::Tolerance;
 pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
@@ -53,8 +56,9 @@ pub use rollout::{Outcome, Rollouts, rollout, rollout_closed_loop};
 pub use score::{ScoreOptions, score};
 pub use simulator::{RolloutOptions, Simulator};
 pub use starts::{Start, Starts};
-pub use stepper::{InputSequence, Stepper, StepperWorkspace};
+pub use stepper::{InputSequence, Integration, Stepper, StepperWorkspace};
 pub use tangent::{Linearized, Tangent};
+pub use time_grid::TimeGrid;
 pub use trajectory::{End, Trajectory};
 
 pub use fleetfoot_stats::{Basis, Estimate, student_t_95};

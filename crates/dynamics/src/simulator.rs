@@ -247,10 +247,9 @@ impl Simulator {
         options: &RolloutOptions,
     ) -> Vec<Trajectory> {
         let runs: Vec<Run<'_>> = windows.iter().map(|window| Run::new(source, window, options)).collect();
-        let limits: Vec<f64> = self.states.iter().map(|state| state.limit(options.divergence)).collect();
         match &self.kernel {
-            Some(kernel) => kernel.simulate(self, &runs, &limits, options.method),
-            None => crate::general::simulate(self, &runs, &limits, options),
+            Some(kernel) => kernel.simulate(self, &runs, options.method),
+            None => crate::general::simulate(self, &runs, options),
         }
     }
 
@@ -294,11 +293,15 @@ impl Simulator {
     }
 }
 
+/// A state whose standard deviation in training is this share of its value did not move: what is left is rounding.
+const STILL: f64 = 1e-9;
+
 impl State {
-    /// How far from its start the state may go.
-    fn limit(&self, divergence: f64) -> f64 {
+    /// How far from its start the state may go. A state that did not move in training does not say what is far.
+    pub(crate) fn limit(&self, divergence: f64, start: f64) -> f64 {
         let limit = divergence * self.deviation;
-        if limit > 0.0 && limit.is_finite() && !self.advance.angle { limit } else { f64::MAX }
+        let moved = self.deviation > STILL * start.abs();
+        if moved && limit > 0.0 && limit.is_finite() && !self.advance.angle { limit } else { f64::MAX }
     }
 }
 
@@ -309,6 +312,8 @@ pub(crate) struct Run<'a> {
     pub(crate) time: Vec<f64>,
     pub(crate) start: Start,
     pub(crate) horizon: usize,
+    /// [`RolloutOptions::divergence`].
+    pub(crate) divergence: f64,
     /// Whether all steps are `time[1]` long.
     uniform: bool,
 }
@@ -325,7 +330,8 @@ impl<'a> Run<'a> {
                 stamps[..=options.horizon].iter().map(|&stamp| (stamp - stamps[0]) as f64 * 1e-9).collect()
             }
         };
-        Self { window, time, start, horizon: options.horizon, uniform: options.step != Step::Stamps }
+        let uniform = options.step != Step::Stamps;
+        Self { window, time, start, horizon: options.horizon, divergence: options.divergence, uniform }
     }
 
     /// Length of a step, seconds.
@@ -340,9 +346,20 @@ impl<'a> Run<'a> {
     }
 }
 
+/// Index of a column among those with role State, if it is one.
+fn state_order(model: &Model, column: usize) -> Option<usize> {
+    let is_state = |column: &usize| model.columns[*column].role == Role::State;
+    is_state(&column).then(|| (0..column).filter(is_state).count())
+}
+
+/// Standard deviation of a state in training; NaN where it is not known.
+pub(crate) fn training_deviation(model: &Model, column: usize) -> f64 {
+    let variance = state_order(model, column).and_then(|i| model.training.state_covariance.get(packed(i, i)));
+    variance.map_or(f64::NAN, |variance| variance.sqrt())
+}
+
 /// The states that equations advance, in the order of the columns, and their equations.
 fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
-    let roles: Vec<usize> = (0..model.columns.len()).filter(|&c| model.columns[c].role == Role::State).collect();
     let (mut states, mut equations) = (Vec::new(), Vec::new());
     for (index, column) in model.columns.iter().enumerate() {
         let mut own = model.equations.iter().filter_map(|equation| {
@@ -355,9 +372,8 @@ fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error>
         if own.next().is_some() {
             return Err(Error::Contradiction { state: column.name.clone() });
         }
-        let order = roles.iter().position(|&role| role == index);
-        let variance = order.and_then(|i| model.training.state_covariance.get(packed(i, i)));
-        states.push(State { column: index, advance, deviation: variance.map_or(f64::NAN, |v| v.sqrt()), order });
+        let (order, deviation) = (state_order(model, index), training_deviation(model, index));
+        states.push(State { column: index, advance, deviation, order });
         equations.push(equation);
     }
     if states.is_empty() {

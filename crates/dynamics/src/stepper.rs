@@ -4,9 +4,11 @@ use fleetfoot_library::Leaf;
 use fleetfoot_model::{Equation, Model, Prediction, Role};
 
 use crate::{
-    Error, Method, Points,
+    Error, Method, Points, TimeGrid, Tolerance,
+    adaptive::Adaptive,
     compiled::{Compiled, Workspace},
     integrate::{Advance, runge_kutta_mean},
+    simulator::training_deviation,
 };
 
 /// A model compiled for values at hand ([`Points`]). Its numbers are, bit for bit, those of [`crate::Simulator`] and [`crate::Predictor`] on a recording.
@@ -27,6 +29,8 @@ pub struct Stepper {
 pub(crate) struct SteppedState {
     pub(crate) column: usize,
     pub(crate) advance: Advance,
+    /// What is large for it: its standard deviation in training; 1 where that is not known, or zero.
+    pub(crate) size: f64,
 }
 
 /// Memory of a [`Stepper`], reused from call to call.
@@ -45,6 +49,26 @@ pub struct InputSequence<'a> {
     pub values: &'a [f64],
     /// Whether every point has its own.
     pub by_point: bool,
+}
+
+/// How a simulation passes from one time to the next.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Integration {
+    /// By steps whose estimated error is within a tolerance: the pair 5(4) of Dormand and Prince.
+    Adaptive(Tolerance),
+    /// By equal steps.
+    Fixed {
+        /// How derivatives are integrated.
+        method: Method,
+        /// Steps from one time to the next; `None`: as many as make no step longer than the model's sampling period.
+        substeps: Option<usize>,
+    },
+}
+
+impl Default for Integration {
+    fn default() -> Self {
+        Self::Adaptive(Tolerance::default())
+    }
 }
 
 impl Stepper {
@@ -263,28 +287,34 @@ impl Stepper {
         }
     }
 
-    /// Simulates from the points through the times `t` (seconds; a step a difference), each step in `substeps` equal parts.
+    /// Simulates from the points through the times of a grid ([`Self::grid`]), the inputs held from each to the next.
     ///
-    /// `take` gets the number of the time and the states there (states x points), the first ones included. The past moves by a row a step, so lagged
-    /// values are held over its parts.
+    /// `take` gets the number of the time and the states there (states x points), the first ones included, and says whether to go on. The past moves by a
+    /// row a time, so lagged values are held in between. The answer is by how much the tolerance was missed: the largest sum of the errors of steps that
+    /// could not be made short enough, over the size of a state; 0 where it was met, and with fixed steps.
     pub fn simulate(
         &self,
         points: &mut Points,
-        t: &[f64],
+        grid: &TimeGrid,
         inputs: InputSequence<'_>,
-        method: Method,
-        substeps: usize,
+        integration: &Integration,
         mut take: impl FnMut(usize, &[f64]) -> bool,
-    ) {
+    ) -> f64 {
         let width = self.inputs.len();
         let mut workspace = StepperWorkspace::default();
+        let mut adaptive = match integration {
+            Integration::Adaptive(tolerance) if self.is_continuous() => {
+                Some(Adaptive::new(self, tolerance, points.count(), grid.shortest()))
+            }
+            _ => None,
+        };
+        let shortfall = |adaptive: &Option<Adaptive>| adaptive.as_ref().map_or(0.0, Adaptive::shortfall);
         let mut states: Vec<f64> =
             self.states.iter().flat_map(|state| points.column(state.column, 0).to_vec()).collect();
         if !take(0, &states) {
-            return;
+            return 0.0;
         }
-        let parts = if self.is_continuous() { substeps.max(1) } else { 1 };
-        for (step, pair) in t.windows(2).enumerate() {
+        for (step, pair) in grid.times().windows(2).enumerate() {
             for (i, &column) in self.inputs.iter().enumerate() {
                 let (present, at) = (points.column_mut(column, 0), step * width + i);
                 match inputs.by_point {
@@ -293,14 +323,25 @@ impl Stepper {
                 }
             }
             let seconds = pair[1] - pair[0];
-            self.advance(points, seconds, parts, method, &mut workspace, &mut states);
+            match (&mut adaptive, integration) {
+                (Some(adaptive), _) => adaptive.advance(self, points, seconds, &mut workspace, &mut states),
+                // Without derivatives there is nothing to integrate.
+                (None, Integration::Adaptive(_)) => {
+                    self.advance(points, seconds, 1, Method::Rk4, &mut workspace, &mut states);
+                }
+                (None, Integration::Fixed { method, substeps }) => {
+                    let parts = if self.is_continuous() { substeps.unwrap_or(grid.periods(step)).max(1) } else { 1 };
+                    self.advance(points, seconds, parts, *method, &mut workspace, &mut states);
+                }
+            }
             points.pass();
             points.seconds_mut(0).iter_mut().for_each(|time| *time += seconds);
             self.write_states(points, &states);
             if !take(step + 1, &states) {
-                return;
+                break;
             }
         }
+        shortfall(&adaptive)
     }
 
     /// The states after `seconds` in `parts` equal parts. The points stay as they are.
@@ -349,7 +390,9 @@ fn advanced(model: &Model) -> Result<(Vec<SteppedState>, Vec<&Equation>), Error>
         if own.next().is_some() {
             return Err(Error::Contradiction { state: column.name.clone() });
         }
-        states.push(SteppedState { column: index, advance });
+        let size = training_deviation(model, index);
+        let size = if size.is_finite() && size > 0.0 { size } else { 1.0 };
+        states.push(SteppedState { column: index, advance, size });
         equations.push(equation);
     }
     Ok((states, equations))

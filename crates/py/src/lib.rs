@@ -27,6 +27,7 @@ mod fit;
 mod model;
 mod on_data;
 mod points;
+mod simulate;
 
 // -- statistics
 mod statistic;
@@ -76,6 +77,8 @@ mod _core {
     use crate::model::Model;
     #[pymodule_export]
     use crate::on_data::{predict_rows, rollout, score};
+    #[pymodule_export]
+    use crate::simulate::{TimeGrid, simulate, time_grid};
 
     // -- statistics
     #[pymodule_export]

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, sync::OnceLock};
 
 use fleetfoot::{
-    dynamics::{InputSequence, Linearized, Method, Stepper, StepperWorkspace, Tangent},
+    dynamics::{Linearized, Method, Stepper, StepperWorkspace, Tangent},
     model::{ExportOptions, Precision, StepMethod, Target},
 };
 use numpy::{PyArray1, PyArrayDyn};
@@ -11,7 +11,7 @@ use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
     error::{Kind, OrRaise},
-    points::{Asked, Floats, Given, Rows, array, by_point, points},
+    points::{Asked, Given, Rows, array, by_point, points},
     run::{Failure, guard, run, run_any},
 };
 
@@ -35,6 +35,11 @@ impl Model {
         Ok(Self { model, stepper, tangent: OnceLock::new() })
     }
 
+    /// The model, compiled.
+    pub(crate) fn stepper(&self) -> &Stepper {
+        &self.stepper
+    }
+
     fn tangent(&self) -> PyResult<&Tangent> {
         if let Some(tangent) = self.tangent.get() {
             return Ok(tangent);
@@ -50,48 +55,6 @@ impl Model {
             Some(dt) => Err(Kind::Model.error(format!("dt={dt}: give a positive number of seconds"))),
             None if self.model.step > 0.0 || !self.stepper.is_continuous() => Ok(self.model.step),
             None => Err(Kind::Model.error("dt is missing: the model does not know its sampling period")),
-        }
-    }
-
-    /// The times of a simulation.
-    fn times(&self, t: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let t = Floats::of(t, "t")?;
-        let rises = t.values.windows(2).all(|pair| pair[1] > pair[0]) && t.values.iter().all(|time| time.is_finite());
-        if t.shape.len() != 1 || t.values.is_empty() || !rises {
-            return Err(Kind::Model.error(format!(
-                "t has the shape {:?}; give the times of the simulation in seconds, rising, the first one that of x0",
-                t.shape
-            )));
-        }
-        Ok(t.values)
-    }
-
-    /// Inputs of a simulation, steps x inputs or steps x inputs x points, and whether every point has its own.
-    fn sequence(&self, u: Option<&Bound<'_, PyAny>>, steps: usize, count: usize) -> PyResult<(Vec<f64>, bool)> {
-        let width = self.stepper.inputs().len();
-        let names: Vec<&str> = self.stepper.inputs().collect();
-        let Some(u) = u.filter(|u| !u.is_none()) else {
-            return match width {
-                0 => Ok((Vec::new(), false)),
-                _ => Err(Kind::Model.error(format!("u is missing: the model has the inputs {}", names.join(", ")))),
-            };
-        };
-        let u = Floats::of(u, "u")?;
-        let enough = |rows: usize| rows >= steps;
-        match u.shape.as_slice() {
-            [rows] if width == 1 && enough(*rows) => Ok((u.values, false)),
-            [rows, last] if *last == width && enough(*rows) => Ok((u.values, false)),
-            [points, rows, last] if *last == width && enough(*rows) && *points == count => {
-                let value = |i: usize| {
-                    let (step, rest) = (i / (width * count), i % (width * count));
-                    u.values[((rest % count) * rows + step) * width + rest / count]
-                };
-                Ok(((0..steps * width * count).map(value).collect(), true))
-            }
-            shape => Err(Kind::Model.error(format!(
-                "u has the shape {shape:?}; give a row of the {width} inputs ({}) for each of the {steps} steps",
-                names.join(", ")
-            ))),
         }
     }
 
@@ -113,7 +76,8 @@ impl Model {
         Ok((array(py, a, &shape(&[n, n]))?, array(py, b, &shape(&[n, m]))?, array(py, c, &shape(&[n]))?))
     }
 
-    fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
+    /// Points that a call gives.
+    pub(crate) fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
         points(&self.stepper, given)
     }
 }
@@ -127,7 +91,8 @@ pub(crate) fn method(name: &str) -> PyResult<Method> {
     }
 }
 
-type History<'py> = Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>;
+/// Rows before a point: states and inputs.
+pub(crate) type History<'py> = Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>;
 
 #[pymethods]
 impl Model {
@@ -316,52 +281,6 @@ impl Model {
             });
             self.linearized(py, found, asked.single)
         })
-    }
-
-    /// States at the times `t` from x0: (times, states), or (points, times, states).
-    #[pyo3(signature = (x0, t, u=None, method_name="rk4", substeps=1, history=None, t0=None))]
-    #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
-    fn simulate<'py>(
-        &self,
-        py: Python<'py>,
-        x0: &Bound<'py, PyAny>,
-        t: &Bound<'py, PyAny>,
-        u: Option<&Bound<'py, PyAny>>,
-        method_name: &str,
-        substeps: usize,
-        history: History<'py>,
-        t0: Option<f64>,
-    ) -> PyResult<Array<'py>> {
-        let method = method(method_name)?;
-        let states = self.stepper.states().len();
-        if states == 0 {
-            return Err(Kind::Model.error("no equation of the model advances a state: there is nothing to simulate"));
-        }
-        let (times, mut asked, inputs) = guard(|| {
-            let times = self.times(t)?;
-            let first = PyArray1::from_vec(py, vec![t0.unwrap_or(times[0])]).into_any();
-            // The inputs of the first row are set with those of the others.
-            let none = array(py, vec![0.0; self.stepper.inputs().len()], &[self.stepper.inputs().len()])?.into_any();
-            let asked = self.asked(&Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
-            let inputs = self.sequence(u, times.len() - 1, asked.points.count())?;
-            Ok((times, asked, inputs))
-        })?;
-        let (count, length) = (asked.points.count(), times.len());
-        let out = run_any(py, None, |progress| {
-            let mut out = vec![f64::NAN; count * length * states];
-            let inputs = InputSequence { values: &inputs.0, by_point: inputs.1 };
-            self.stepper.simulate(&mut asked.points, &times, inputs, method, substeps, |step, found| {
-                for (s, column) in found.chunks_exact(count.max(1)).enumerate() {
-                    column.iter().enumerate().for_each(|(b, &x)| out[(b * length + step) * states + s] = x);
-                }
-                !progress.cancelled()
-            });
-            Ok::<_, Failure>(out)
-        })?;
-        match asked.single {
-            true => array(py, out, &[length, states]),
-            false => array(py, out, &[count, length, states]),
-        }
     }
 
     /// Writes the model in another language into a folder; tells the files, the points compared, and what the code takes (JSON).

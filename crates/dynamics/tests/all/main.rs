@@ -6,4 +6,5 @@ mod latents;
 mod plane;
 mod rollouts;
 mod scores;
+mod simulations;
 mod steppers;

@@ -3,7 +3,8 @@
 use crate::common::{column, identity, parse, region, source};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
-    Error, InputSequence, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper, StepperWorkspace, Tangent,
+    Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
+    StepperWorkspace, Tangent,
 };
 use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
 
@@ -111,7 +112,8 @@ fn simulations_are_the_rollouts_on_a_recording() {
                 let times: Vec<f64> = (0..=20).map(|k| f64::from(k) * dt).collect();
                 let inputs = InputSequence { values: &inputs, by_point: false };
                 let mut found = Vec::new();
-                stepper.simulate(&mut point, &times, inputs, method, 1, |_, states| {
+                let (grid, how) = (stepper.grid(times).unwrap(), Integration::Fixed { method, substeps: Some(1) });
+                stepper.simulate(&mut point, &grid, inputs, &how, |_, states| {
                     found.extend_from_slice(states);
                     true
                 });
@@ -148,7 +150,10 @@ fn substeps_are_steps_and_the_past_is_that_of_rows() {
     let run = |parts: usize| {
         let (mut point, mut found) = (points(&stepper, &[8], 0.05), Vec::new());
         let inputs = InputSequence { values: &inputs, by_point: false };
-        stepper.simulate(&mut point, &[0.0, 0.1, 0.2, 0.3], inputs, Method::Rk4, parts, |_, states| {
+        // A model that looks back by rows is simulated row by row.
+        let grid = stepper.grid(vec![0.0, 0.05, 0.1, 0.15]).unwrap();
+        let how = Integration::Fixed { method: Method::Rk4, substeps: Some(parts) };
+        stepper.simulate(&mut point, &grid, inputs, &how, |_, states| {
             found = states.to_vec();
             true
         });

@@ -248,16 +248,6 @@ class Model:
         history: _History = None,
         t: Any = None,
     ) -> tuple[np.ndarray[Any, np.dtype[np.float64]], np.ndarray[Any, np.dtype[np.float64]], np.ndarray[Any, np.dtype[np.float64]]]: ...
-    def simulate(
-        self,
-        x0: Any,
-        t: Any,
-        u: Any = None,
-        method_name: str = "rk4",
-        substeps: int = 1,
-        history: _History = None,
-        t0: float | None = None,
-    ) -> np.ndarray[Any, np.dtype[np.float64]]: ...
     def export(
         self,
         target: str,
@@ -272,6 +262,23 @@ class Model:
     def _of_bytes(bytes: bytes) -> Model: ...
     def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
 
+@final
+class TimeGrid:
+    @property
+    def times(self) -> np.ndarray[Any, np.dtype[np.float64]]: ...
+    def __len__(self) -> int: ...
+    def interval(self, at: int) -> TimeGrid: ...
+    def refined(self) -> tuple[TimeGrid, np.ndarray[Any, np.dtype[np.int64]]]: ...
+
+def time_grid(model: Model, t: Any) -> TimeGrid: ...
+def simulate(
+    model: Model,
+    x0: Any,
+    grid: TimeGrid,
+    u: Any,
+    passing: dict[str, Any],
+    history: _History = None,
+) -> tuple[np.ndarray[Any, np.dtype[np.float64]], float]: ...
 def recipe_json(text: str, name: str) -> str: ...
 def fit_pwa(
     data: Data,

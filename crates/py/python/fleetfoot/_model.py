@@ -352,26 +352,38 @@ class Model(OnRecordings):
         t: ArrayLike,
         u: ArrayLike | Callable[..., ArrayLike] | None = None,
         *,
-        method: str = "rk4",
-        substeps: int = 1,
+        method: str | None = None,
+        substeps: int | None = None,
+        rtol: float | None = None,
+        atol: ArrayLike | None = None,
         history: History | None = None,
     ) -> Array:
         """The states over time.
+
+        Derivatives are integrated by steps whose length follows from an estimate of their error, and begins with the
+        sampling period of the training data. What gives the next row (a discrete model) or looks back by rows (a model
+        with lags) goes from row to row: its times are one sampling period apart.
 
         Parameters
         ----------
         x0 : array
             Where it starts: (states,), or (points, states) for many at once.
         t : array of shape (times,)
-            Seconds, rising; the first is that of ``x0``. A discrete model makes one step from each to the next.
+            Seconds, rising; the first is that of ``x0``.
         u : array or callable, optional
             Inputs, each row held until the next time: (times, inputs) or (times - 1, inputs), or with points in
-            front. Or ``u(t)``, or ``u(t, x)``,
-            which closes the loop.
-        method : {"rk4", "euler"}
-            How derivatives are integrated.
-        substeps : int
-            Steps of the integration from one time to the next.
+            front. Or ``u(t)``, or ``u(t, x)``, which closes the loop: asked at every time and, where times are further
+            apart, at every sampling period of the model (with ``substeps`` at the times alone), and held.
+        method : {"rk45", "rk4", "euler"}, optional
+            How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, the
+            others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
+        substeps : int, optional
+            Equal steps from one time to the next; when not given, as many as make none longer than the sampling period.
+        rtol : float, optional
+            Allowed error of a step over the size of a state, for ``"rk45"``; 1e-8 when not given.
+        atol : float or array of shape (states,), optional
+            Allowed error beside it in the units of the states; when not given, ``rtol`` times the standard deviation of
+            each in training.
         history : pair of arrays, optional
             Rows before the first, for models with lags.
 
@@ -383,27 +395,34 @@ class Model(OnRecordings):
         Raises
         ------
         ModelError
-            An argument is missing or of the wrong shape; no equation advances a state.
+            An argument is missing or of the wrong shape; no equation advances a state; times that are not a row apart
+            for a model that goes by rows; an option that the method does not have.
 
         Examples
         --------
         >>> import numpy as np, fleetfoot as ff
         >>> t = np.arange(0, 5, 0.01)
         >>> decay = ff.PWA().fit(np.exp(-t), t).model_
-        >>> decay.simulate([1.0], [0.0, 0.5, 1.0], substeps=20).round(3).ravel()
+        >>> decay.simulate([1.0], [0.0, 0.5, 1.0]).round(3).ravel()
         array([1.   , 0.607, 0.368])
         """
-        if substeps < 1:
-            raise ModelError(f"substeps={substeps}: give 1 or more")
+        how = self._passing(method, substeps, rtol, atol)
+        grid = _core.time_grid(self._core, t)
         if callable(u):
-            times = np.asarray(t, dtype=float)
+            fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
-                found = self._closed_loop(np.asarray(x0, dtype=float), times, u, method, substeps, history)
+                found, missed = self._closed_loop(np.asarray(x0, dtype=float), fine, u, how, history)
             else:
-                sequence = np.array([np.atleast_1d(np.asarray(u(time), dtype=float)) for time in times])
-                found = self._core.simulate(x0, times, sequence, method, substeps, history)
+                sequence = np.array([np.atleast_1d(np.asarray(u(time), dtype=float)) for time in fine.times])
+                found, missed = _core.simulate(self._core, x0, fine, sequence, how, history)
+            found = found[..., places, :]
         else:
-            found = self._core.simulate(x0, t, u, method, substeps, history)
+            found, missed = _core.simulate(self._core, x0, grid, u, how, history)
+        if missed > _MISSED:
+            warn(
+                f"the shortest steps of the integration leave an error of {missed:.1g} times the size of a state: "
+                "the right sides jump, or are stiff; compare with method='rk4' and substeps=, or fit a discrete model"
+            )
         bad = ~np.isfinite(found)
         if bad.any():
             found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
@@ -413,26 +432,45 @@ class Model(OnRecordings):
     def _closed_loop(
         self,
         x0: Array,
-        t: Array,
+        grid: _core.TimeGrid,
         u: Callable[..., ArrayLike],
-        method: str,
-        substeps: int,
+        how: dict[str, Any],
         history: History | None,
-    ) -> Array:
+    ) -> tuple[Array, float]:
         """Step by step, the inputs from a function of time and states."""
-        states = [x0]
+        states, missed = [x0], 0.0
         past = None if history is None else [np.asarray(rows, dtype=float) for rows in history]
-        for now, then in zip(t[:-1], t[1:]):
+        for at, now in enumerate(grid.times[:-1]):
             given = np.broadcast_to(np.asarray(u(now, states[-1]), dtype=float), (*x0.shape[:-1], len(self.inputs)))
-            pair = np.array([now, then])
             before = None if past is None else (past[0], past[1])
-            step = self._core.simulate(states[-1], pair, given[..., None, :], method, substeps, before)
+            step, more = _core.simulate(self._core, states[-1], grid.interval(at), given[..., None, :], how, before)
+            missed += more
             if past is not None:
-                for at, row in enumerate((states[-1], given)):
-                    wide = np.broadcast_to(past[at], (*x0.shape[:-1], *past[at].shape[-2:]))
-                    past[at] = np.concatenate([wide, row[..., None, :]], axis=-2)[..., 1:, :]
+                for which, row in enumerate((states[-1], given)):
+                    wide = np.broadcast_to(past[which], (*x0.shape[:-1], *past[which].shape[-2:]))
+                    past[which] = np.concatenate([wide, row[..., None, :]], axis=-2)[..., 1:, :]
             states.append(step[..., 1, :])
-        return np.stack(states, axis=-2)
+        return np.stack(states, axis=-2), missed
+
+    def _passing(
+        self, method: str | None, substeps: int | None, rtol: float | None, atol: ArrayLike | None
+    ) -> dict[str, Any]:
+        """How a simulation passes from one time to the next."""
+        if substeps is not None and (not isinstance(substeps, (int, np.integer)) or substeps < 1):
+            raise ModelError(f"substeps={substeps!r}: give a whole number of 1 or more")
+        allowed = None if atol is None else np.asarray(atol, dtype=float)
+        if allowed is not None and allowed.shape not in ((), (len(self.states),)):
+            raise ModelError(f"atol has the shape {allowed.shape}; give a number, or one for each of {self.states}")
+        return {
+            "method": method or ("rk45" if substeps is None else "rk4"),
+            "substeps": None if substeps is None else int(substeps),
+            "rtol": None if rtol is None else float(rtol),
+            "atol": None if allowed is None else np.broadcast_to(allowed, (len(self.states),)).tolist(),
+        }
+
+
+#: Share of a state's size that the integration may miss without a word.
+_MISSED = 1e-3
 
 
 def _takes_state(u: Callable[..., Any]) -> bool:

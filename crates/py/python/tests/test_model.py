@@ -156,7 +156,7 @@ def test_simulate_is_step_after_step(sindy, pwa, lagged):
     for model in (sindy, pwa, lagged):
         first = model.lags
         history = (x[:first], u[:first, None]) if first else None
-        found = model.simulate(x[first], t[first:], u[first:], history=history)
+        found = model.simulate(x[first], t[first:], u[first:], history=history, method="rk4")
         rows = [x[first]]
         for k in range(first, 59):
             before = list(x[:first]) + rows
@@ -164,14 +164,15 @@ def test_simulate_is_step_after_step(sindy, pwa, lagged):
             rows.append(model.step(rows[-1], u[k : k + 1], t[k + 1] - t[k], history=past))
         assert np.array_equal(found, np.array(rows))
         # Open loop or closed, one point or many, a function or an array.
-        closed = model.simulate(x[first], t[first:], lambda time, state: u[int(round(time / 0.01))], history=history)
+        same = {"history": history, "method": "rk4"}
+        closed = model.simulate(x[first], t[first:], lambda time, state: u[int(round(time / 0.01))], **same)
         np.testing.assert_allclose(closed, found, rtol=1e-12, atol=1e-12)
-        timed = model.simulate(x[first], t[first:], lambda time: u[int(round(time / 0.01))], history=history)
+        timed = model.simulate(x[first], t[first:], lambda time: u[int(round(time / 0.01))], **same)
         assert np.array_equal(timed, found)
-        both = model.simulate(np.stack([x[first], 0.5 * x[first]]), t[first:], u[first:], history=history)
+        both = model.simulate(np.stack([x[first], 0.5 * x[first]]), t[first:], u[first:], history=history, method="rk4")
         assert both.shape == (2, 60 - first, 2) and np.array_equal(both[0], found)
         own = np.stack([u[first:, None], 2 * u[first:, None]])
-        pair = model.simulate(np.stack([x[first], x[first]]), t[first:], own, history=history)
+        pair = model.simulate(np.stack([x[first], x[first]]), t[first:], own, history=history, method="rk4")
         assert np.array_equal(pair[0], found) and not np.array_equal(pair[1], found)
 
 
@@ -183,7 +184,7 @@ def test_simulate_is_the_rollout_on_a_recording(sindy, pwa, lagged):
         rolled = model.rollout(data, 50, starts=[(0, 10)], keep=True)
         (trajectory,) = rolled["trajectories"]
         history = (x[10 - model.lags : 10], u[10 - model.lags : 10, None]) if model.lags else None
-        found = model.simulate(x[10], np.arange(51) * 0.01, u[10:], history=history)
+        found = model.simulate(x[10], np.arange(51) * 0.01, u[10:], history=history, method="rk4")
         np.testing.assert_allclose(trajectory["x"], found, rtol=1e-11, atol=1e-12)
         assert trajectory["end"] == "horizon" and trajectory["region"].shape == (50,)
         assert len(rolled["time"]) == 50 and "persistence" in rolled["baselines"]
