@@ -56,13 +56,13 @@ pub struct TargetScore {
     /// Mean absolute error.
     pub mae: Estimate,
     /// Mean absolute error over that of the null model on the same rows: the numbers printed in Table I of Buchan, Haldane, Fearing (their null model
-    /// scores 1 everywhere).
+    /// scores 1 everywhere). Of a constant target 0 for a model without error, else 1.
     pub mae_over_null: Estimate,
     /// Mean absolute error over the standard deviation of the training target: what their caption says.
     pub mae_over_sigma: f64,
     /// Root of the mean squared error.
     pub rmse: f64,
-    /// Coefficient of determination, against the mean of these rows; NaN when the target is constant.
+    /// Coefficient of determination, against the mean of these rows. Of a constant target 1 for a model without error, else 0, as in scikit-learn.
     pub r2: f64,
     /// Mean error.
     pub bias: f64,

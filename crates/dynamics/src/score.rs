@@ -300,10 +300,10 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
                 name: equation.label(),
                 unit: equation.unit.clone(),
                 mae: Estimate::of_ratio(parts(|sum| sum.weight)),
-                mae_over_null: Estimate::of_ratio(parts(|sum| sum.absolute_deviation)),
+                mae_over_null: over_null(sum, parts(|sum| sum.absolute_deviation), resolution(model, t)),
                 mae_over_sigma: sum.mean_absolute() / sigma,
                 rmse: sum.root_mean_square(),
-                r2: sum.r_squared(),
+                r2: sum.r_squared(resolution(model, t)),
                 bias: sum.bias(),
                 max: if sum.rows > 0 { sum.largest } else { f64::NAN },
                 deviation: sum.deviation_of_target(),
@@ -311,6 +311,20 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
             }
         })
         .collect()
+}
+
+/// What is below it is rounding of a target.
+fn resolution(model: &Model, target: usize) -> f64 {
+    1e-13 * model.training.target_mean[target].abs()
+}
+
+/// The ratio of a model's error to the null model's over groups of rows; where the null model has none, that of [`ErrorSum::relative_absolute`].
+fn over_null(sum: &ErrorSum, groups: impl Iterator<Item = (f64, f64)>, resolution: f64) -> Estimate {
+    if sum.absolute_deviation > sum.weight * resolution || sum.rows == 0 {
+        return Estimate::of_ratio(groups);
+    }
+    let value = sum.relative_absolute(resolution);
+    Estimate { value, low: value, high: value }
 }
 
 fn episode_score(model: &Model, source: &dyn Source, episode: usize, sums: &Sums) -> EpisodeScore {
@@ -323,7 +337,9 @@ fn episode_score(model: &Model, source: &dyn Source, episode: usize, sums: &Sums
         in_training: model.training.episodes.iter().any(|(known, _)| *known == id),
         rows: sums.rows,
         mae: sums.targets.iter().map(ErrorSum::mean_absolute).collect(),
-        mae_over_null: sums.targets.iter().map(ErrorSum::relative_absolute).collect(),
+        mae_over_null: (sums.targets.iter().enumerate())
+            .map(|(t, sum)| sum.relative_absolute(resolution(model, t)))
+            .collect(),
         rmse: sums.targets.iter().map(ErrorSum::root_mean_square).collect(),
         mahalanobis: sums.mahalanobis / sums.rows as f64,
     }

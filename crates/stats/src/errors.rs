@@ -84,24 +84,38 @@ impl ErrorSum {
         (self.centred_square() / self.weight).sqrt()
     }
 
-    /// Mean absolute error over the null model's, which predicts the reference; NaN when y is the reference everywhere.
-    pub fn relative_absolute(&self) -> f64 {
-        if self.absolute_deviation > 0.0 { self.absolute / self.absolute_deviation } else { f64::NAN }
+    /// Mean absolute error over the null model's, which predicts the reference. When y is the reference everywhere: 0 for a model without error, else 1, as
+    /// in [`Self::r_squared`]; what is up to `resolution` is no error. NaN without rows.
+    pub fn relative_absolute(&self, resolution: f64) -> f64 {
+        let null = if self.weight > 0.0 { self.absolute_deviation } else { f64::NAN };
+        1.0 - explained_share(self.absolute, null, self.weight * resolution)
     }
 
-    /// `1 - sum w e^2 / sum w (y - mean)^2`, the mean being that of y over these rows; NaN when y is constant.
-    pub fn r_squared(&self) -> f64 {
-        let total = self.centred_square();
-        if total > 0.0 { 1.0 - self.square / total } else { f64::NAN }
+    /// `1 - sum w e^2 / sum w (y - mean)^2`, the mean being that of y over these rows. A root mean square up to `resolution`, the rounding of y, is none: when y is
+    /// constant, a model without error has 1, any other 0 (the convention of scikit-learn). NaN without rows.
+    pub fn r_squared(&self, resolution: f64) -> f64 {
+        explained_share(self.square, self.centred_square(), self.weight * resolution * resolution)
     }
 
     /// Squares of y about its own mean: small cancellation as long as the reference is near the mean.
     fn centred_square(&self) -> f64 {
-        if self.weight > 0.0 {
-            (self.square_deviation - self.deviation * self.deviation / self.weight).max(0.0)
-        } else {
-            f64::NAN
+        if self.weight <= 0.0 {
+            return f64::NAN;
         }
+        let square = self.square_deviation - self.deviation * self.deviation / self.weight;
+        // Of a constant y far from the reference, rounding is left.
+        let rounding = (16.0 + (self.rows as f64).sqrt()) * f64::EPSILON * self.square_deviation;
+        if square > rounding { square } else { 0.0 }
+    }
+}
+
+/// `1 - error / total`, the share of the total that a model explains; a sum up to `rounding` is none. Where there is nothing to explain, a model without error
+/// has 1 and any other 0, as in scikit-learn. NaN for sums that are not numbers.
+pub fn explained_share(error: f64, total: f64, rounding: f64) -> f64 {
+    match total > rounding {
+        true => 1.0 - error / total,
+        false if error.is_nan() || total.is_nan() => f64::NAN,
+        false => f64::from(u8::from(error <= rounding)),
     }
 }
 

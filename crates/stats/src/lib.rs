@@ -35,7 +35,7 @@ mod tile;
 mod triangle;
 pub use batch_means::BatchMeans;
 pub use compressed::Compressed;
-pub use errors::{ErrorSum, ErrorSums};
+pub use errors::{ErrorSum, ErrorSums, explained_share};
 pub use factor::Factor;
 pub use gram::Gram;
 pub use interval::{Basis, Estimate, student_t_95};

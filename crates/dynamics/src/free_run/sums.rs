@@ -1,5 +1,7 @@
 //! Error sums of an output along free runs, and the scores that follow.
 
+use fleetfoot_stats::explained_share;
+
 /// The score of one output over all runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -19,7 +21,8 @@ pub struct OutputErrors {
     pub rows: u64,
     /// Those of them that were not reached.
     pub lost: u64,
-    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows); NaN for a constant output.
+    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows). Of a constant output 0 for a model without
+    /// error, else 1: `1 - rrse^2` is then R2 as scikit-learn defines it.
     pub rrse: f64,
     /// `100 (1 - rrse)`, percent: the FIT of system identification.
     pub fit: f64,
@@ -27,7 +30,7 @@ pub struct OutputErrors {
     pub rmse: f64,
     /// Standard deviation of the measured output over these rows (divisor: rows), its unit: rrse is `rmse / deviation`.
     pub deviation: f64,
-    /// `rmse / (max y - min y)`; NaN for a constant output.
+    /// `rmse / (max y - min y)`; of a constant output as `rrse`.
     pub nrmse: f64,
     /// Largest absolute error, the output's unit.
     pub largest: f64,
@@ -36,6 +39,9 @@ pub struct OutputErrors {
     /// RRSE of the null model, which gives the mean of training; `None` where the model does not know it.
     pub null: Option<f64>,
 }
+
+/// Share of an output's size that is rounding.
+const ROUNDING: f64 = 1e-13;
 
 /// Mergeable sums over rows, in order.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,7 +114,14 @@ impl OutputSum {
     }
 
     pub(crate) fn errors(&self) -> OutputErrors {
-        let relative = |square: f64| if self.high > self.low { (square / self.scatter).sqrt() } else { f64::NAN };
+        let size = self.low.abs().max(self.high.abs());
+        let rounding = self.rows as f64 * (ROUNDING * size).powi(2);
+        let constant = self.high - self.low <= ROUNDING * size;
+        let relative = |square: f64| match constant {
+            _ if self.rows == 0 => f64::NAN,
+            true => (1.0 - explained_share(square, 0.0, rounding)).sqrt(),
+            false => (square / self.scatter).sqrt(),
+        };
         let whole = |value: f64| if self.lost == 0 { value } else { f64::INFINITY };
         let rrse = whole(relative(self.square));
         let rmse = whole((self.square / self.rows as f64).sqrt());
@@ -119,7 +132,7 @@ impl OutputSum {
             fit: 100.0 * (1.0 - rrse),
             rmse,
             deviation: (self.scatter / self.rows as f64).sqrt(),
-            nrmse: if self.high > self.low { rmse / (self.high - self.low) } else { f64::NAN },
+            nrmse: if constant { rrse } else { rmse / (self.high - self.low) },
             largest: whole(self.largest),
             persistence: relative(self.persistence),
             null: self.null.map(relative),

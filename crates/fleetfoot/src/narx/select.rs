@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Silent, Source, parallel_map};
-use fleetfoot_dynamics::{FreeRunOptions, OutputErrors, free_run};
+use fleetfoot_dynamics::{FreeRunOptions, free_run};
 use fleetfoot_model::Partition;
 use fleetfoot_sparse::{FrolsChoice, NarxOrder, System, SystemPlan, SystemScan};
 
@@ -68,8 +68,8 @@ pub(crate) struct Selection<'a> {
     pub(crate) step: f64,
 }
 
-/// Squared errors and squares about the mean of every output, over free runs.
-struct Squares(Vec<[f64; 2]>);
+/// Squared relative errors of every output over free runs.
+struct Squares(Vec<f64>);
 
 impl Selection<'_> {
     /// Tries every partition, order and number of terms. The spans of `folds` are simulated by models of the others; partitions and scans are made once for all folds,
@@ -156,23 +156,16 @@ impl Selection<'_> {
                 let provenance = Provenance { step: self.step, ..Provenance::default() };
                 let model = self.narx.task.model(scan, partition, &coefficients, provenance);
                 let run = free_run(&model, held, &FreeRunOptions::default(), &Silent)?;
-                let squares = run.outputs.iter().map(|output| squares(&output.errors)).collect();
+                let squares = run.outputs.iter().map(|output| output.errors.rrse.powi(2)).collect();
                 Ok((count.min(trails.longest()), Squares(squares)))
             })
             .collect()
     }
 }
 
-fn squares(errors: &OutputErrors) -> [f64; 2] {
-    let rows = errors.rows as f64;
-    [rows * errors.rmse * errors.rmse, rows * errors.deviation * errors.deviation]
-}
-
 /// The candidates of one partition and order from what they did in every fold.
 fn candidates(index: usize, choice: &Choice, order: NarxOrder, folds: &[Vec<(usize, Squares)>]) -> Vec<NarxCandidate> {
-    let relative = |Squares(outputs): &Squares| {
-        (outputs.iter().map(|[error, about_mean]| error / about_mean).sum::<f64>() / outputs.len() as f64).sqrt()
-    };
+    let relative = |Squares(outputs): &Squares| (outputs.iter().sum::<f64>() / outputs.len() as f64).sqrt();
     let counts = folds.iter().map(Vec::len).min().unwrap_or(0);
     let candidate = |k: usize| {
         let folds_of = folds.iter().map(|fold| &fold[k]);

@@ -1,6 +1,7 @@
 //! What a fit of equations found, for people and for programs.
 
 use fleetfoot_model::factor;
+use fleetfoot_stats::explained_share;
 
 use super::{EquationTask, solve::Solved};
 
@@ -175,7 +176,7 @@ pub(super) fn equation(
         right: right(task, target, &terms),
         candidates: own.allowed.iter().filter(|allowed| **allowed).count(),
         rms: rms(step.rss),
-        r2: if total > 0.0 { 1.0 - step.rss / total } else { f64::NAN },
+        r2: explained_share(step.rss, total, sweep.trail.rounding),
         held_out: found.held_out[0].sqrt(),
         held_out_r2: found.held_out[1],
         parameter: step.parameter,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::{Regression, Task};
-use fleetfoot_stats::least_squares;
+use fleetfoot_stats::{SquareRoot, explained_share, least_squares};
 
 use super::StatisticFile;
 
@@ -51,7 +51,7 @@ impl StatisticFile {
                 condition: solution.condition,
                 preconditioned: root.condition,
                 deviation: (root.total[0] / root.weight).sqrt(),
-                r2: if root.total[0] > 0.0 { 1.0 - solution.rss[0] / root.total[0] } else { f64::NAN },
+                r2: explained_share(solution.rss[0], root.total[0], rounding(&root)),
             });
         }
         summaries
@@ -69,6 +69,11 @@ impl StatisticFile {
         }
         labels
     }
+}
+
+/// Squares of the target that are rounding.
+fn rounding(root: &SquareRoot) -> f64 {
+    root.weight * (1e-13 * root.mean_y[0]).powi(2)
 }
 
 /// `m*V_dot = cos(alpha)*T - D`.

@@ -1,7 +1,7 @@
 //! How well coefficients fit every task, from the tasks' statistics.
 
 use faer::Mat;
-use fleetfoot_stats::SquareRoot;
+use fleetfoot_stats::{SquareRoot, explained_share};
 
 use super::Structure;
 
@@ -20,9 +20,9 @@ impl TaskError {
         self.mse.sqrt()
     }
 
-    /// Share of the target's variance that is explained; NaN for a target that does not vary.
+    /// Share of the target's variance that is explained; of a target that does not vary 1 without error, else 0, as in scikit-learn.
     pub fn r2(&self) -> f64 {
-        if self.variance > 0.0 { 1.0 - self.mse / self.variance } else { f64::NAN }
+        explained_share(self.mse, self.variance, 0.0)
     }
 }
 

@@ -283,16 +283,36 @@ fn error_sums_merge_and_count_what_is_lost() {
     let absolute: f64 = used.iter().map(|&i| (y[i] - prediction[i]).abs()).sum();
     let null: f64 = used.iter().map(|&i| (y[i] - 0.25).abs()).sum();
     assert!((sum.absolute - absolute).abs() < 1e-12 && (merged.absolute - absolute).abs() < 1e-12);
-    assert!((sum.relative_absolute() - absolute / null).abs() < 1e-12);
+    assert!((sum.relative_absolute(0.0) - absolute / null).abs() < 1e-12);
     let mean = used.iter().map(|&i| y[i]).sum::<f64>() / 99.0;
     let square: f64 = used.iter().map(|&i| (y[i] - prediction[i]).powi(2)).sum();
     let total: f64 = used.iter().map(|&i| (y[i] - mean).powi(2)).sum();
-    assert!((sum.r_squared() - (1.0 - square / total)).abs() < 1e-12);
+    assert!((sum.r_squared(0.0) - (1.0 - square / total)).abs() < 1e-12);
     assert!((sum.root_mean_square() - (square / 99.0).sqrt()).abs() < 1e-14);
     let doubled: Vec<f64> = vec![2.0; 100];
     let mut weighted = ErrorSums::new(1);
     weighted.push(0, &y, &prediction, 0.25, Some(&doubled));
     assert!((weighted.targets[0].mean_absolute() - sum.mean_absolute()).abs() < 1e-15);
+}
+
+/// A target that does not move has a score: 1 for a model without error, else 0, as in scikit-learn.
+#[test]
+fn scores_of_a_constant_target_are_defined() {
+    let y = vec![0.1; 1_000];
+    for reference in [0.1, 0.3, -7.0] {
+        for (error, r2) in [(0.0, 1.0), (1e-17, 1.0), (1e-3, 0.0)] {
+            let mut sums = ErrorSums::new(1);
+            sums.push(0, &y, &y.iter().map(|y| y + error).collect::<Vec<_>>(), reference, None);
+            let sum = sums.targets[0];
+            assert_eq!(sum.r_squared(1e-13 * reference.abs()), r2, "{reference} {error}");
+            assert_eq!(sum.deviation_of_target(), 0.0);
+            if reference == 0.1 {
+                assert_eq!(sum.relative_absolute(1e-14), 1.0 - r2);
+            }
+        }
+    }
+    let nothing = ErrorSums::new(1).targets[0];
+    assert!(nothing.r_squared(0.0).is_nan() && nothing.relative_absolute(0.0).is_nan());
 }
 
 /// The noise level must hold at size: many columns and rows, five columns that are sums of eight others, and one that is nearly one.
