@@ -7,7 +7,9 @@ use fleetfoot_library::Expr;
 use fleetfoot_pwa::{Identification, Options, Specification};
 
 use crate::{
-    Dataset, Error, Logs, Recipe, Task, dataset, not_finite,
+    Dataset, Error, Logs, Recipe, Task, dataset,
+    left_out::left_out,
+    not_finite,
     output::{refuse_not_finite, write_model},
 };
 
@@ -163,9 +165,7 @@ pub fn fit_pwa(
         model.training.recipe.clone_from(&text);
     }
     let mut notes = dataset.notes().to_vec();
+    notes.extend(left_out(identification.incomplete, &dataset, functions(&task))?);
     notes.append(&mut identification.notes);
-    if identification.incomplete > 0 {
-        notes.extend(not_finite::explain(&dataset, functions(&task))?);
-    }
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), notes })
 }

@@ -19,6 +19,7 @@ mod json;
 mod known;
 mod labels;
 mod leak;
+mod left_out;
 mod list;
 mod logs;
 mod narx;
@@ -54,7 +55,8 @@ pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
     EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,
-    NarxSection, NarxTerms, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection, Threshold, Time,
+    NarxSection, NarxTerms, Normalize, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection,
+    Threshold, Time,
 };
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};

@@ -14,7 +14,7 @@ mod sindy;
 mod sparse;
 
 pub use narx::{NarxSection, NarxTerms};
-pub use sindy::{LibrarySection, ParameterSection, SindySection, Threshold};
+pub use sindy::{LibrarySection, Normalize, ParameterSection, SindySection, Threshold};
 pub use sparse::{LatentSection, SparseSection, TaskSection};
 
 /// What a user says about the recordings and the model.

@@ -19,9 +19,6 @@ impl Fit<'_> {
                 ),
             });
         }
-        if self.survey.incomplete > 0 {
-            notes.push(format!("{} rows with a missing value were left out", self.survey.incomplete));
-        }
     }
 
     /// In many dimensions hardly any row is near the centre.

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
-    SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy,
-    write_model,
+    EquationReport, Error, FrontPoint, Normalize, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted,
+    SindyPlan, SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_known, is_statistic,
+    plan_sindy, write_model,
 };
 use serde_json::json;
 
@@ -83,7 +83,7 @@ fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
         sindy.threshold = sindy.threshold.take().filter(|_| arguments.threshold.is_some());
     }
     sindy.ridge = arguments.ridge.or(sindy.ridge);
-    sindy.normalize = arguments.normalize.then_some(true).or(sindy.normalize);
+    sindy.normalize = arguments.normalize.then_some(Normalize::Choice(true)).or(sindy.normalize.take());
     sindy.select = arguments.select.clone().or(sindy.select.take());
     sindy.folds = arguments.folds.clone().or(sindy.folds.take());
     sindy.ensemble = arguments.ensemble.clone().or(sindy.ensemble.take());

@@ -17,7 +17,9 @@ use super::{
     task::{NarxTask, one_row_ahead},
     terms::{EquationTerms, Problems, Trails, choice},
 };
-use crate::{Criterion, Dataset, Error, Logs, Provenance, Recipe, not_finite, output::refuse_not_finite};
+use crate::{
+    Criterion, Dataset, Error, Logs, Provenance, Recipe, left_out::left_out, not_finite, output::refuse_not_finite,
+};
 
 /// What is asked of a fit beside the recipe.
 #[derive(Debug, Clone, Default)]
@@ -60,9 +62,7 @@ pub fn fit_narx(
     let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
     refuse_not_finite(&model)?;
     report.notes.splice(0..0, dataset.notes().iter().cloned());
-    if report.left_out[1] > 0 {
-        report.notes.extend(not_finite::explain(&dataset, functions())?);
-    }
+    report.notes.extend(left_out(report.left_out[1], &dataset, functions())?);
     progress.stage("scores");
     if options.test_share > 0.0 {
         report.test = scores(&model, &test, progress)?;

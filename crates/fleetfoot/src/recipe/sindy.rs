@@ -35,7 +35,18 @@ pub enum Threshold {
     Word(String),
 }
 
-/// How equations are found. Every entry is the flag of `fit sindy` of the same name.
+/// The units of thresholds and of the ridge: a choice, or a word.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected true, false or \"length\"")]
+pub enum Normalize {
+    /// Shares of the target, or physical coefficients.
+    Choice(bool),
+    /// `length`.
+    Word(String),
+}
+
+/// How equations are found. Every entry is the flag of `fit sindy` of the same name; `max_iterations`, `kappa` and `normalize = "length"` are for those who bring
+/// settings from elsewhere.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SindySection {
@@ -48,9 +59,17 @@ pub struct SindySection {
     /// Weight of the squared coefficients in STLSQ.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ridge: Option<f64>,
-    /// Whether thresholds and ridge see coefficients of columns of unit length instead of the physical ones.
+    /// Whether thresholds and ridge see shares of the target instead of physical coefficients; `"length"`: coefficients of columns of length 1, which grow with
+    /// the number of rows, as pysindy's `normalize_columns` has them.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub normalize: Option<bool>,
+    pub normalize: Option<Normalize>,
+    /// Regressions of STLSQ at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_iterations: Option<usize>,
+    /// Forward regression chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the condition
+    /// number of the columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kappa: Option<f64>,
     /// Number of terms of every equation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terms: Option<usize>,

@@ -8,7 +8,7 @@ use fleetfoot_pwa::{Problem, Specification};
 use fleetfoot_sparse::{System, SystemPlan, SystemScan, sampled_mean_squares};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
-use crate::{Dataset, Error, Logs, Recipe, not_finite};
+use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
 
 /// A task and the statistic of its rows.
 #[derive(Debug, Clone)]
@@ -68,10 +68,7 @@ impl Evidence {
         let resolution = task.resolution(&view)?;
         let mut found = Self { task, partition, scan, resolution, parameters, step: dataset.step(), episodes, notes };
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
-        if found.scan.counts().incomplete > 0 {
-            let reasons = not_finite::explain(&dataset, found.task.row_functions())?;
-            found.notes.extend(reasons);
-        }
+        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
         Ok(found)
     }
 

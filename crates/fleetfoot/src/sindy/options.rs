@@ -1,8 +1,8 @@
 //! How equations are found: the words of `[sindy]`, checked once.
 
-use fleetfoot_sparse::BootstrapUnit;
+use fleetfoot_sparse::{BootstrapUnit, Scaling, Stlsq};
 
-use crate::{Criterion, Error, FoldRule, SindySection, Threshold, sparse_fit::words};
+use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Threshold, sparse_fit::words};
 
 /// Which optimiser looks for the terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,8 +59,12 @@ pub struct SindyOptions {
     pub threshold: Option<f64>,
     /// Weight of the squared coefficients in STLSQ.
     pub ridge: f64,
-    /// Whether thresholds and ridge see coefficients of columns of unit length.
-    pub normalize: bool,
+    /// Units of the coefficients that thresholds and ridge see.
+    pub scaling: Scaling,
+    /// Regressions of STLSQ at most.
+    pub max_iterations: usize,
+    /// Forward regression's own choice of the number of terms: the weight of a term.
+    pub kappa: Option<f64>,
     /// Number of terms of every equation, where it is given.
     pub terms: Option<usize>,
     /// What is chosen by.
@@ -131,7 +135,9 @@ impl SindyOptions {
             optimizer,
             threshold,
             ridge,
-            normalize: section.normalize.unwrap_or(threshold.is_none()),
+            scaling: scaling(section.normalize.as_ref(), threshold.is_none())?,
+            max_iterations: max_iterations(section, optimizer)?,
+            kappa: kappa(section, optimizer)?,
             terms,
             criterion: words::criterion(select)
                 .ok_or_else(|| refused("select", select, "cv, one-se, aic, bic or ebic"))?,
@@ -146,7 +152,11 @@ impl SindyOptions {
 impl SindyOptions {
     /// How terms are found, for people.
     pub(super) fn method_in_words(&self) -> String {
-        let units = if self.normalize { "shares of the target" } else { "physical coefficients" };
+        let units = match self.scaling {
+            Scaling::Share => "shares of the target",
+            Scaling::Length => "coefficients of columns of length 1",
+            _ => "physical coefficients",
+        };
         match (self.optimizer.thresholds(), self.threshold) {
             (true, Some(threshold)) => format!("{}, threshold {threshold} on {units}", self.optimizer.name()),
             (true, None) => format!("{}, thresholds on {units}", self.optimizer.name()),
@@ -156,6 +166,11 @@ impl SindyOptions {
 
     /// How many terms there are was chosen so, for people. `folds`: how many there were.
     pub(super) fn choice_in_words(&self, folds: usize) -> String {
+        if let Some(kappa) = self.kappa {
+            let weight = if kappa > 0.0 { format!(", kappa = {kappa}") } else { String::new() };
+            let most = self.terms.map_or_else(String::new, |terms| format!(", of at most {terms} terms an equation"));
+            return format!("the model before the term with the least error reduction ratio{weight}{most}");
+        }
         if let Some(terms) = self.terms {
             return format!("at most {terms} terms an equation, as asked for");
         }
@@ -202,6 +217,38 @@ impl SindyOptions {
             Ensemble::Library => "libraries without a fifth of the candidates",
         };
         Some(format!("terms in {:.0} % of {members} {what}", 100.0 * self.inclusion))
+    }
+}
+
+fn scaling(normalize: Option<&Normalize>, automatic: bool) -> Result<Scaling, Error> {
+    match normalize {
+        Some(Normalize::Word(word)) if word == "length" => Ok(Scaling::Length),
+        Some(Normalize::Word(word)) => Err(refused("normalize", word, "true, false or \"length\"")),
+        Some(Normalize::Choice(share)) => Ok(if *share { Scaling::Share } else { Scaling::Physical }),
+        None => Ok(if automatic { Scaling::Share } else { Scaling::Physical }),
+    }
+}
+
+fn max_iterations(section: &SindySection, optimizer: SindyOptimizer) -> Result<usize, Error> {
+    match section.max_iterations {
+        None => Ok(Stlsq::default().max_iterations),
+        Some(0) => Err(refused("max_iterations", 0, "a number from 1 on")),
+        Some(most) if optimizer == SindyOptimizer::Stlsq => Ok(most),
+        Some(most) => Err(Error::Request(format!(
+            "[sindy] max_iterations = {most}: these are the regressions of stlsq, and the optimizer is {}; leave it away",
+            optimizer.name()
+        ))),
+    }
+}
+
+fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64>, Error> {
+    match section.kappa {
+        Some(kappa) if !(kappa >= 0.0 && kappa.is_finite()) => Err(refused("kappa", kappa, "a weight of zero or more")),
+        Some(kappa) if optimizer != SindyOptimizer::Frols => Err(Error::Request(format!(
+            "[sindy] kappa = {kappa}: it weighs the terms of frols, and the optimizer is {}; leave it away",
+            optimizer.name()
+        ))),
+        kappa => Ok(kappa),
     }
 }
 
@@ -252,15 +299,21 @@ mod tests {
     #[test]
     fn words_are_read() {
         let default = options("").unwrap();
-        assert_eq!((default.optimizer, default.threshold, default.normalize), (SindyOptimizer::Stlsq, None, true));
+        assert_eq!(
+            (default.optimizer, default.threshold, default.scaling),
+            (SindyOptimizer::Stlsq, None, Scaling::Share)
+        );
         assert_eq!((default.criterion, default.folds), (Criterion::OneStandardError, FoldRule::Count(10)));
         let physical = options("threshold = 0.1").unwrap();
-        assert_eq!((physical.threshold, physical.normalize, physical.ridge), (Some(0.1), false, 0.05));
+        assert_eq!((physical.threshold, physical.scaling, physical.ridge), (Some(0.1), Scaling::Physical, 0.05));
         assert_eq!(options("threshold = \"auto\"").unwrap().threshold, None);
         let drawn = options("ensemble = \"episodes:50\"\ninclusion = 0.9").unwrap();
         assert_eq!(drawn.ensemble, Some((Ensemble::Units(BootstrapUnit::Episode), 50)));
         assert_eq!(options("ensemble = \"library\"").unwrap().ensemble, Some((Ensemble::Library, 100)));
         assert_eq!(options("optimizer = \"frols\"\nterms = 3").unwrap().terms, Some(3));
+        let peer = options("threshold = 0.1\nnormalize = \"length\"\nmax_iterations = 1").unwrap();
+        assert_eq!((peer.scaling, peer.max_iterations), (Scaling::Length, 1));
+        assert_eq!(options("optimizer = \"frols\"\nkappa = 0.1").unwrap().kappa, Some(0.1));
     }
 
     #[test]
@@ -294,6 +347,11 @@ mod tests {
             ("ensemble = \"rows:100\"", ["ensemble = rows:100", "chunks"]),
             ("ensemble = \"chunks\"\ninclusion = 1.5", ["inclusion = 1.5", "at most 1"]),
             ("inclusion = 0.5", ["no ensemble", "chunks:100"]),
+            ("normalize = \"long\"", ["normalize = long", "length"]),
+            ("max_iterations = 0", ["max_iterations = 0", "from 1 on"]),
+            ("max_iterations = 5\noptimizer = \"frols\"", ["max_iterations = 5", "frols"]),
+            ("kappa = 0.1", ["kappa = 0.1", "stlsq"]),
+            ("kappa = -0.1\noptimizer = \"frols\"", ["kappa = -0.1", "zero or more"]),
         ] {
             let message = options(text).expect_err(text);
             assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");

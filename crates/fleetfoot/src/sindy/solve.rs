@@ -82,9 +82,12 @@ impl<'a> Solver<'a> {
         let terms = task.terms();
         let folds = self.fold_problems(region);
         let sweeps = self.sweep(region, &problem, &folds, &terms, progress)?;
+        let by_ratio = self.by_ratio(&problem, &terms)?;
         let mut solved = Vec::with_capacity(sweeps.len());
         for (target, mut sweep) in sweeps.into_iter().enumerate() {
-            if let Some(most) = self.options.terms {
+            if let Some(chosen) = by_ratio.get(target) {
+                sweep.chosen = of_support(&sweep, chosen);
+            } else if let Some(most) = self.options.terms {
                 sweep.chosen = of_size(&sweep, most);
             }
             solved.push(Solved {
@@ -174,8 +177,15 @@ impl<'a> Solver<'a> {
         Ok(system_effective_rows(scan, region, constant, coefficients.as_ref()))
     }
 
-    fn scaling(&self) -> Scaling {
-        if self.options.normalize { Scaling::Share } else { Scaling::Physical }
+    /// The models that forward regression chooses by itself, where it is asked to: of all targets together, as pysindy does.
+    fn by_ratio(&self, problem: &Compressed, terms: &[Terms]) -> Result<Vec<Step>, Error> {
+        match (self.optimizer(problem.columns()), self.options.kappa) {
+            (Optimizer::Frols(frols), Some(kappa)) => {
+                let choice = FrolsChoice::LeastRatio { kappa };
+                Ok(Frols { choice, ..frols }.jointly(problem, terms)?.steps)
+            }
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// A threshold on coefficients as the optimiser's parameter.
@@ -188,10 +198,13 @@ impl<'a> Solver<'a> {
 
     /// The optimiser; its threshold is given where it is used alone.
     fn optimizer(&self, candidates: usize) -> Optimizer {
-        let (options, scaling) = (self.options, self.scaling());
+        let (options, scaling) = (self.options, self.options.scaling);
         let most = options.terms.unwrap_or(candidates);
         match options.optimizer {
-            SindyOptimizer::Stlsq => Optimizer::Stlsq(Stlsq { alpha: options.ridge, scaling, ..Stlsq::default() }),
+            SindyOptimizer::Stlsq => {
+                let max_iterations = options.max_iterations;
+                Optimizer::Stlsq(Stlsq { alpha: options.ridge, scaling, max_iterations, ..Stlsq::default() })
+            }
             SindyOptimizer::Sr3 => {
                 Optimizer::Sr3(Sr3 { scaling, unbias: true, max_iterations: 10_000, ..Sr3::default() })
             }
@@ -199,7 +212,9 @@ impl<'a> Solver<'a> {
                 Optimizer::Ssr(Ssr { alpha: options.ridge, max_removals: candidates, scaling, ..Ssr::default() })
             }
             SindyOptimizer::Frols => {
-                Optimizer::Frols(Frols { max_terms: most, choice: FrolsChoice::Last, ..Frols::default() })
+                // Of units only its own choice knows.
+                let scaling = if options.kappa.is_some() { scaling } else { Scaling::Physical };
+                Optimizer::Frols(Frols { max_terms: most, scaling, choice: FrolsChoice::Last, ..Frols::default() })
             }
             SindyOptimizer::Lasso => Optimizer::Lasso(LassoPath { max_terms: options.terms, ..LassoPath::default() }),
             SindyOptimizer::LeastSquares => Optimizer::LeastSquares,
@@ -352,6 +367,11 @@ fn draws(scan: &SystemScan, unit: BootstrapUnit, members: usize, seed: u64) -> M
     let count = groups.iter().max().map_or(0, |last| last + 1);
     let counts: Vec<Vec<f64>> = (0..members).map(|member| multinomial_counts(seed, member, count)).collect();
     Mat::from_fn(units.len(), members, |unit, member| counts[member][groups[unit]])
+}
+
+/// The model with the terms of another; the one that was chosen where there is none.
+fn of_support(sweep: &Sweep, wanted: &Step) -> usize {
+    sweep.trail.steps.iter().position(|step| step.support == wanted.support).unwrap_or(sweep.chosen)
 }
 
 /// The model with the most terms up to a number, the least error among those; of none so small, the smallest.

@@ -16,7 +16,7 @@ use super::{
     content::{Hashed, hash_logs},
     subset::Subset,
 };
-use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, not_finite};
+use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, left_out::left_out};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -145,13 +145,14 @@ impl<'a> Scan<'a> {
         let logs: Logs = files.iter().map(|file| file.log.clone()).collect::<Vec<_>>().into();
         let opened = Dataset::for_structure(self.recipe, &logs, progress)?;
         let mut file = self.begin(&opened, progress)?;
+        let before = file.scanned.counts().incomplete;
         let added = self.add(&mut file, &files, &opened.dataset, progress, keep);
-        if added.is_ok() && file.scanned.counts().incomplete > 0 {
-            let expressions: Vec<Expr> = row_expressions(&opened.task).cloned().collect();
-            self.report.notes.extend(not_finite::explain(&opened.dataset, expressions)?);
-        }
+        let incomplete = file.scanned.counts().incomplete - before;
         self.file = Some(file);
-        added
+        added?;
+        let read = row_expressions(&opened.task).cloned().collect();
+        self.report.notes.extend(left_out(incomplete, &opened.dataset, read)?);
+        Ok(())
     }
 
     /// What there is; else a plan from a pilot sample, without rows.

@@ -58,7 +58,7 @@ class BlockSparse(Identifier):
     seed : int, optional
         Of everything random.
     degree : int, optional
-        Degree of the polynomials without ``latents``.
+        Degree of the polynomials without ``latents``; 2 when neither it nor a recipe is given.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``.
     by : str, optional
@@ -173,6 +173,13 @@ class BlockSparse(Identifier):
         tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
         sections = (("sparse", sparse), ("model", model), ("latents", dict(self.latents or {})), ("tasks", tasks))
         return {name: section for name, section in sections if section}
+
+    def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
+        recipe = super()._roles(recipe, arrays)
+        # As SINDy has it: dynamics are seldom linear. A recipe says what it means.
+        if self.recipe is None and self.degree is None and not (self.latents or recipe.get("latents")):
+            recipe = _recipe.over(recipe, {"model": {"degree": 2}})
+        return recipe
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         found = _core.fit_sparse(data, recipe, self.by, bool(self.influence), self.cache, progress)

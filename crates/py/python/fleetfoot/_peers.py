@@ -1,7 +1,11 @@
-"""Objects of pysindy, by what they are called and hold: libraries and optimisers in the words of a recipe."""
+"""Objects of pysindy, by what they are called and hold: libraries and optimisers in the words of a recipe.
+
+Whatever such an object says takes effect, or is refused.
+"""
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 from .exceptions import RequestError
@@ -47,6 +51,7 @@ def library(given: Any) -> list[str] | None:
     if name == "ConcatLibrary":
         return [item for one in given.libraries for item in library(one) or ()]
     if name == "TensoredLibrary":
+        _default(given, "inputs_per_library", None)
         factors = [" + ".join(library(one) or ()) for one in given.libraries]
         return ["*".join(f"({factor})" for factor in factors)]
     mend = "write its functions, for example library=['poly(3)', 'sin', 'x*abs(y)']"
@@ -60,18 +65,62 @@ def optimizer(given: Any) -> dict[str, Any]:
     if isinstance(given, str):
         return {"optimizer": given}
     name = _class(given)
-    normalize = bool(getattr(given, "normalize_columns", False))
+    # The units of pysindy: columns of length 1, a length that grows with the number of rows.
+    normalize = "length" if getattr(given, "normalize_columns", False) else False
     if name == "STLSQ":
-        for option, allowed in (("sparse_ind", None), ("ridge_kw", None), ("initial_guess", None), ("unbias", True)):
-            _default(given, option, allowed)
+        _known(given, {"threshold", "alpha", "max_iter", "normalize_columns", "copy_X"})
         return {
             "optimizer": "stlsq",
             "threshold": float(given.threshold),
             "ridge": float(given.alpha),
+            "max_iterations": int(given.max_iter),
             "normalize": normalize,
         }
     if name == "FROLS":
-        _default(given, "kappa", None)
-        return {"optimizer": "frols", "terms": int(given.max_iter)}
+        # The ridge is gone once the terms are fitted again without it.
+        _known(given, {"kappa", "max_iter", "normalize_columns", "alpha", "copy_X"})
+        kappa = getattr(given, "kappa", None)
+        return {
+            "optimizer": "frols",
+            "terms": int(given.max_iter),
+            "kappa": 0.0 if kappa is None else float(kappa),
+            "normalize": normalize,
+        }
     mend = "name one: optimizer='stlsq', 'sr3', 'ssr', 'frols', 'lasso' or 'ols', with threshold= or terms="
     raise _refused(given, "is no optimiser that can be read", mend)
+
+
+#: What an entry of ``[sindy]`` is called in an optimiser object.
+SAYS = {
+    "threshold": "threshold",
+    "ridge": "alpha",
+    "terms": "max_iter",
+    "normalize": "normalize_columns",
+}
+
+#: What says in this package what an option of an optimiser says there.
+_MENDS = {
+    "sparse_ind": "name the functions that stay: fixed={'x': ['1']}",
+    "initial_guess": "leave initial_guess=None",
+    "ridge_kw": "leave ridge_kw=None: the ridge is solved directly",
+    "unbias": "leave unbias=True",
+    "verbose": "give progress=True to the estimator",
+}
+
+
+def _known(given: Any, effective: set[str]) -> None:
+    """Refuses an option that would have no effect here and is not as its class has it by default."""
+    for name, parameter in inspect.signature(type(given).__init__).parameters.items():
+        if name == "self" or name in effective or parameter.default is inspect.Parameter.empty:
+            continue
+        value = getattr(given, name, parameter.default)
+        if not (value is parameter.default or _same(value, parameter.default)):
+            raise _refused(given, f"with {name}={value!r} is not supported", _MENDS.get(name, f"leave {name} away"))
+
+
+def _same(value: Any, default: Any) -> bool:
+    try:
+        return bool(value == default)
+    except ValueError:
+        # Of arrays, which are no default.
+        return False

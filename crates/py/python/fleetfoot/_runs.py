@@ -81,8 +81,31 @@ def _stamps(t: Any, count: int, rows: list[int]) -> tuple[list[np.ndarray[Any, A
         raise ValueError(f"t has {len(stamps)} arrays for {count} runs")
     for run, (stamp, length) in enumerate(zip(stamps, rows)):
         if stamp.shape != (length,):
-            raise ValueError(f"t of run {run} has the shape {stamp.shape}; x has {length} rows")
+            raise ValueError(f"t of run {run} has the shape {stamp.shape}; x has {length} rows. {_MEANT}")
+        _check_rise(stamp, run)
     return stamps, None
+
+
+#: What may have been meant by stamps that are none.
+_MEANT = (
+    "t are the times of the rows. Derivatives are x_dot=...; another target is a column, "
+    "columns={'y': y} with target='y' (or take PWARegressor); several runs are a list of arrays"
+)
+
+
+def _check_rise(stamp: np.ndarray[Any, Any], run: int) -> None:
+    """Refuses stamps that are none: a clock does not go back, and does not stand still most of the time."""
+    if stamp.dtype.kind not in "iufmM" or len(stamp) < 2:
+        return
+    back = np.flatnonzero(stamp[1:] < stamp[:-1])
+    if len(back):
+        row = int(back[0]) + 1
+        more = f", as {len(back) - 1} more do" if len(back) > 1 else ""
+        place = f"at row {row}, from {stamp[row - 1]} to {stamp[row]}{more}"
+        raise ValueError(f"t of run {run} goes back {place}. {_MEANT}")
+    still = int(np.count_nonzero(stamp[1:] == stamp[:-1]))
+    if 2 * still >= len(stamp):
+        raise ValueError(f"t of run {run} stands still at {still} of {len(stamp)} rows. {_MEANT}")
 
 
 def _beside(values: Any, what: str, x: list[np.ndarray[Any, Any]]) -> list[np.ndarray[Any, Any]]:

@@ -32,8 +32,8 @@ class SINDy(Identifier):
     ----------
     optimizer : str or object, optional
         ``"stlsq"`` (as when not given), ``"sr3"``, ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or
-        ``FROLS`` object of pysindy or of this package,
-        whose threshold, ridge weight, normalisation and number of terms are taken.
+        ``FROLS`` object of pysindy or of this package: then the terms are those that it keeps. What it says takes
+        effect, and what cannot is refused.
     library : str, list of str or object, optional
         Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
         identity, concatenated or tensored library of pysindy.
@@ -198,7 +198,14 @@ class SINDy(Identifier):
             inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
             seed=None if self.seed is None else count("seed", self.seed, 0),
         )
-        return _recipe.over(said, _peers.optimizer(self.optimizer))
+        given = _peers.optimizer(self.optimizer)
+        twice = [name for name in said if name in given and said[name] != given[name]]
+        if twice:
+            raise RequestError(
+                f"{twice[0]}={said[twice[0]]!r}: the {type(self.optimizer).__name__} object says {given[twice[0]]!r} "
+                f"({_peers.SAYS[twice[0]]}); say it once"
+            )
+        return _recipe.over(said, given)
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
         recipe = super()._roles(recipe, arrays)
