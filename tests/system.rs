@@ -4,6 +4,7 @@ mod bad_input;
 mod closed_loop;
 mod commands;
 mod demo;
+mod derivatives;
 mod generate;
 mod guards;
 mod narx;

@@ -150,7 +150,8 @@ pub(crate) struct RecipeArgs {
     /// A short name for a field or an expression; may be repeated.
     #[arg(long, value_name = "NAME=EXPRESSION")]
     pub(crate) alias: Vec<String>,
-    /// How the derivative of a state is measured: auto, central, forward, backward, a column or an expression; may be repeated.
+    /// How the derivative of a state is measured: auto (central differences; fit sindy chooses their order by the data), central, central4, central6 (of
+    /// order 2, 4, 6), forward, backward, a column, an expression, or over:20 (the mean slope to 20 rows ahead); may be repeated.
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
     /// What is predicted: derivative, next, delta, or columns separated by commas (plain regression, which needs no time stamps).

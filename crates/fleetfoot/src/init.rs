@@ -122,7 +122,7 @@ fn states_heading(out: &mut String) {
     );
     let _ = writeln!(
         out,
-        "#   derivative = \"central\" how it is measured: central (default), forward, backward, a field or an expression"
+        "#   derivative = \"central\" how it is measured: auto, central (default), central4, central6, forward, backward, a field or an expression, {{ over = 20 }}"
     );
     let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
     let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");

@@ -54,16 +54,16 @@ pub use narx::{
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
-    EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, ModelSection,
-    NarxSection, NarxTerms, Normalize, ParameterSection, Recipe, SindySection, SparseSection, State, TaskSection,
-    Threshold, Time,
+    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection,
+    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, Recipe, SindySection, SpanDerivative,
+    SparseSection, State, TaskSection, Threshold, Time,
 };
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{
-    Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint, Parameter, ParameterReport,
-    Provenance, RegionReport, SindyFitted, SindyOptimizer, SindyOptions, SindyPlan, SindyReport, SindyRequest,
-    TermReport, fit_sindy, plan_sindy,
+    Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
+    Parameter, ParameterReport, Provenance, RegionReport, SindyFitted, SindyOptimizer, SindyOptions, SindyPlan,
+    SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, FoldRule, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,

@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+mod derivative;
 mod narx;
 mod sindy;
 mod sparse;
 
+pub use derivative::{Derivative, Over, SpanDerivative};
 pub use narx::{NarxSection, NarxTerms};
 pub use sindy::{LibrarySection, Normalize, ParameterSection, SindySection, Threshold};
 pub use sparse::{LatentSection, SparseSection, TaskSection};
@@ -82,9 +84,10 @@ pub struct State {
     /// Field or expression, when the name is not an alias or a field itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
-    /// How its derivative is measured: `auto` and `central` (central difference over the stamps), `forward`, `backward`, or a field or expression.
+    /// How its derivative is measured: `auto` (a central difference; `fit sindy` chooses its order by the data), `central`, `central4`, `central6` (of order 2, 4,
+    /// 6), `forward`, `backward`, a field or expression, or the mean slope over a span, `{ over = 20 }`, `{ over = "auto" }`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub derivative: Option<String>,
+    pub derivative: Option<Derivative>,
     /// Its derivative is this expression: integrated, never fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,

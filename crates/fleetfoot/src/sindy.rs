@@ -3,6 +3,7 @@
 //! A recipe becomes an [`EquationTask`]; one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
 //! standard errors) follows from the statistic ([`fit_sindy`]).
 
+mod differences;
 mod estimation;
 mod evidence;
 mod filters;
@@ -27,6 +28,7 @@ use crate::{
     Error, Logs, Recipe,
     output::{refuse_not_finite, write_model},
 };
+pub use differences::{Difference, DifferenceErrors};
 pub use evidence::Evidence;
 pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};

@@ -1,13 +1,13 @@
 //! A recipe resolved against the columns of a recording: aliases, the view they make, and the problem to identify.
 
 use fleetfoot_data::{Column as DataColumn, ColumnKind};
-use fleetfoot_library::{Expr, Library, Scope, backward_difference, central_difference, forward_difference, nearest};
+use fleetfoot_library::{Expr, Library, Scope, central_difference, nearest};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_pwa::Problem;
 use indexmap::IndexMap;
 
 use crate::{
-    Error, Kind, Recipe, State, items,
+    Derivative, Error, Kind, Recipe, State, items,
     leak::{predicted, refuse_target_in_partition},
 };
 
@@ -302,12 +302,9 @@ pub(crate) fn state_equation(
         });
     }
     let x = Expr::column(name);
-    let measured = match (prediction, state.derivative.as_deref()) {
-        (Prediction::Derivative, None | Some("auto" | "central")) => central_difference(&x, angle),
-        (Prediction::Derivative, Some("forward")) => forward_difference(&x, angle),
-        (Prediction::Derivative, Some("backward")) => backward_difference(&x, angle),
-        (Prediction::Derivative, Some(text)) => aliases.over_aliases(text, &format!("{place} derivative"))?,
-        (other, _) => target(name, angle, other),
+    let measured = match prediction {
+        Prediction::Derivative => Derivative::measured(state.derivative.as_ref(), &x, angle, &place, aliases)?,
+        other => target(name, angle, other),
     };
     let unit = unit.map(|unit| match unit.strip_suffix("/s") {
         _ if prediction != Prediction::Derivative => unit,

@@ -1,8 +1,8 @@
-//! Finite differences over the actual time stamps.
+//! One-sided differences over the actual time stamps.
 //!
-//! The derivative of a sampled signal, as an expression over neighbouring rows: first order one-sided, and the central
-//! difference, second order where the stamps are even. An angle's difference is wrapped to (-pi, pi] step by step, so that
-//! a jump between -pi and pi is a small rotation; it is right as long as the angle turns less than half a turn a row.
+//! The derivative of a sampled signal, as an expression over neighbouring rows: the slope to the next row, from the last one, or to a row further ahead. An
+//! angle's difference is wrapped to (-pi, pi] step by step, so that a jump between -pi and pi is a small rotation; it is right as long as the angle turns less
+//! than half a turn a row.
 
 use crate::Expr;
 
@@ -16,23 +16,30 @@ pub fn backward_difference(x: &Expr, angle: bool) -> Expr {
     step(x, angle) / step(&Expr::time(), false)
 }
 
-/// `(x[k+1] - x[k-1]) / (t[k+1] - t[k-1])`; `angle` wraps the two steps and adds them.
-pub fn central_difference(x: &Expr, angle: bool) -> Expr {
-    let time = Expr::time();
-    let rise = if angle { step(x, true).shifted(-1) + step(x, true) } else { x.shifted(-1) - x.shifted(1) };
-    rise / (time.shifted(-1) - time.shifted(1))
+/// The mean slope to the row `rows` ahead, `(x[k+rows] - x[k]) / (t[k+rows] - t[k])`; `angle` wraps the steps and adds them. `rows` is at least 1.
+///
+/// Noise of x makes an error in it that falls with the span, where that of a difference over one row does not depend on how long the log is.
+pub fn mean_slope(x: &Expr, rows: u32, angle: bool) -> Expr {
+    let (rows, time) = (rows.max(1) as i32, Expr::time());
+    rise(x, 0, rows, angle) / (time.shifted(-rows) - time)
 }
 
-/// An estimate of the error of [`central_difference`]: a third of its difference from the one over twice the rows, `(D1 - D2) / 3` (Richardson). The error of
-/// even stamps is `h^2 x'''/6` and this is it up to h^4; noise of the signal makes it 0.37 times as large as the error that it makes in the difference.
-pub fn central_difference_error(x: &Expr, angle: bool) -> Expr {
-    let time = Expr::time();
-    let rise = if angle {
-        (-2..2).map(|lag| step(x, true).shifted(lag)).reduce(|sum, next| sum + next).unwrap_or(Expr::number(0.0))
-    } else {
-        x.shifted(-2) - x.shifted(2)
-    };
-    (central_difference(x, angle) - rise / (time.shifted(-2) - time.shifted(2))) / Expr::number(3.0)
+/// Over how many rows an expression is the [`mean_slope`] of `x`, where it is one over more than one row.
+pub fn mean_slope_rows(expression: &Expr, x: &Expr) -> Option<u32> {
+    let rows = expression.reach().1;
+    let is_slope = |angle| *expression == mean_slope(x, rows, angle);
+    (rows > 1 && (is_slope(false) || is_slope(true))).then_some(rows)
+}
+
+/// What `x` rises by from the row `from` ahead to the row `to` ahead; `angle` wraps the steps and adds them.
+pub(crate) fn rise(x: &Expr, from: i32, to: i32, angle: bool) -> Expr {
+    if !angle {
+        return x.shifted(-to) - x.shifted(-from);
+    }
+    let (low, high) = (from.min(to), from.max(to));
+    let steps = (low + 1..=high).rev().map(|ahead| step(x, true).shifted(-ahead));
+    let sum = steps.reduce(|sum, next| sum + next).unwrap_or(Expr::number(0.0));
+    if from <= to { sum } else { -sum }
 }
 
 /// `x[k] - x[k-1]`.

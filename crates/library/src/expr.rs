@@ -187,6 +187,18 @@ impl Expr {
         names
     }
 
+    /// How many rows back and how many ahead it looks, in columns and in time.
+    pub fn reach(&self) -> (u32, u32) {
+        let (mut back, mut ahead) = (0, 0);
+        self.fold(|expr, _: &[()]| {
+            if let Node::Column { lag, .. } | Node::Time { lag } = expr.node() {
+                back = back.max((*lag).max(0).unsigned_abs());
+                ahead = ahead.max((*lag).min(0).unsigned_abs());
+            }
+        });
+        (back, ahead)
+    }
+
     /// The value, given the leaves: `column(name, lag)` and `time(lag)`. For single values; see [`Program`](crate::Program)
     /// for rows.
     pub fn value(&self, mut column: impl FnMut(&str, i32) -> f64, mut time: impl FnMut(i32) -> f64) -> f64 {

@@ -5,6 +5,7 @@
 //! ([`Expr::derivative`]), and compiled together with others into a [`Program`] that evaluates blocks of rows. A
 //! [`Filter`] is a column that remembers, provided by a [`Filtered`] source. A [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
 
+mod central;
 mod derivative;
 mod design;
 mod difference;
@@ -29,8 +30,9 @@ mod terms;
 mod unit;
 mod view;
 
+pub use central::{CentralDifference, REACHES, Spacing, central_difference, unevenness};
 pub use design::{Design, DesignRows, TooLarge};
-pub use difference::{backward_difference, central_difference, central_difference_error, forward_difference};
+pub use difference::{backward_difference, forward_difference, mean_slope, mean_slope_rows};
 pub use expr::{Expr, Node};
 pub use filter::{Filter, FilterKind};
 pub use filtered::{FilterError, Filtered};

@@ -32,7 +32,7 @@ impl Expr {
     /// columns      vx, odom.x, u[2], x_1; any other name in backticks: `motor current (A)`, a backtick doubled
     /// topic fields /odom.twist.twist.linear.x, /joint_states.position[left_crank]
     /// rows         lag(x, 2) two rows earlier, lead(x, 1) one row later, of any expression; time() in seconds
-    /// differences  forward(x), backward(x), central(x): over the actual time stamps
+    /// differences  forward(x), backward(x), central(x), central4(x), central6(x): over the actual time stamps
     /// filters      lag1(x, tau) first-order lag, delay(x, d) seconds earlier; tau and d of numbers and parameters, see FilterKind;
     ///              also lag1_slope, delay_slope (their derivatives with respect to tau and d) and present(x, d)
     /// rotations    yaw(q) pitch(q) roll(q): intrinsic Z-Y-X angles of a quaternion

@@ -1,6 +1,6 @@
 //! Equations: what is predicted, and how it follows.
 
-use fleetfoot_library::Expr;
+use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing, mean_slope_rows};
 
 /// What an equation predicts of its subject.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,14 +32,35 @@ pub struct Equation {
 }
 
 impl Equation {
-    /// The left side, for people: `d(vx)/dt`, `next(y)`, `delta(y)`, `force`.
+    /// The left side, for people: `d(vx)/dt`, `d(vx)/dt over 20 rows` where it is measured as the mean slope to 20 rows ahead, `next(y)`, `delta(y)`, `force`.
     pub fn label(&self) -> String {
         let subject = &self.subject;
         match self.prediction {
-            Prediction::Derivative => format!("d({subject})/dt"),
+            Prediction::Derivative => match self.span() {
+                None => format!("d({subject})/dt"),
+                Some(rows) => format!("d({subject})/dt over {rows} rows"),
+            },
             Prediction::Next => format!("next({subject})"),
             Prediction::Difference => format!("delta({subject})"),
             Prediction::Value => subject.clone(),
         }
+    }
+
+    /// Over how many rows ahead the subject's mean slope is what a derivative is measured by; `None` where it is measured at the row itself.
+    pub fn span(&self) -> Option<u32> {
+        let target = self.target.as_ref().filter(|_| self.prediction == Prediction::Derivative)?;
+        mean_slope_rows(target, &Expr::column(self.subject.as_str()))
+    }
+
+    /// How the left side is measured, as text: a difference of higher order of the subject by its name, `central6(vx)`, which is far shorter than what it stands for.
+    pub fn target_text(&self) -> Option<String> {
+        let target = self.target.as_ref()?;
+        let of = Expr::column(self.subject.as_str());
+        let named = REACHES.into_iter().skip(1).map(|reach| {
+            let difference = CentralDifference { of: of.clone(), angle: false, reach, spacing: Spacing::Stamps };
+            (difference.order(), difference.expression())
+        });
+        let mut same = named.filter(|(_, expression)| expression == target);
+        Some(same.next().map_or_else(|| target.to_string(), |(order, _)| format!("central{order}({of})")))
     }
 }

@@ -483,7 +483,7 @@ impl From<&Equation> for EquationText {
             subject: e.subject.clone(),
             prediction: word(&PREDICTIONS, e.prediction),
             right: e.right.to_string(),
-            target: e.target.as_ref().map(Expr::to_string),
+            target: e.target_text(),
             unit: e.unit.clone(),
         }
     }

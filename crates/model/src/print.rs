@@ -35,7 +35,7 @@ pub fn describe(model: &Model, regions: usize) -> String {
     }
     let _ = writeln!(out, "\nequations");
     for equation in &model.equations {
-        let how = match &equation.target {
+        let how = match equation.target_text() {
             None => "  (given)".to_owned(),
             Some(target) if equation.prediction == Prediction::Derivative => format!("  (measured as {target})"),
             Some(_) => String::new(),

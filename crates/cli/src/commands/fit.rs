@@ -1,7 +1,7 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa, is_known,
+    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa, is_known,
     log::{Cache, Stamp},
     model::UnseenLabel,
     pwa::{Options, Selection, Shrinkage, Specification},
@@ -200,7 +200,7 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
         let Some(state) = recipe.states.get_mut(&name) else {
             return Err(Error::Request(format!("--derivative {text}: `{name}` is not a state")));
         };
-        state.derivative = Some(how);
+        state.derivative = Some(Derivative::parse(&how));
     }
     let model = &mut recipe.model;
     model.predict = arguments.predict.clone().or(model.predict.take());

@@ -190,6 +190,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
         }
         text.push_str(&format!("\n{}\n", scores(region)));
         text.push_str(&format!("\n{}\n", terms(region)));
+        if let Some(differences) = differences(region) {
+            text.push_str(&format!("\n{differences}\n"));
+        }
         for equation in &region.equations {
             for group in &equation.confounded {
                 text.push_str(&format!("\n{}: hard to tell apart: {}\n", equation.label, group.join(" ~ ")));
@@ -225,6 +228,19 @@ fn scores(region: &RegionReport) -> String {
         ]
     });
     table(&["equation", "terms", "error (rms)", "R2", "held out (rms)", "R2"], rows.collect())
+}
+
+/// How derivatives by central differences were measured, and what they err by.
+fn differences(region: &RegionReport) -> Option<String> {
+    let row = |equation: &EquationReport| {
+        let errors = equation.difference?;
+        let mut row = vec![equation.label.clone(), errors.order.to_string()];
+        row.extend(errors.by_order.iter().chain([&errors.noise]).map(|&value| number(value)));
+        Some(row)
+    };
+    let rows: Vec<Vec<String>> = region.equations.iter().filter_map(row).collect();
+    let header = ["central differences", "order", "error of order 2", "4", "6", "by noise"];
+    (!rows.is_empty()).then(|| table(&header, rows))
 }
 
 fn terms(region: &RegionReport) -> String {

@@ -38,6 +38,10 @@ fn equation_json(equation: &EquationReport) -> Value {
         })).collect::<Vec<_>>(),
         "inclusion": equation.inclusion.as_ref().map(|shares| shares.iter().map(|&share| real(share)).collect::<Vec<_>>()),
         "confounded": equation.confounded,
+        "difference": equation.difference.map(|errors| json!({
+            "order": errors.order, "rms_by_order": errors.by_order.map(real), "truncation_rms": real(errors.truncation),
+            "noise_rms": real(errors.noise),
+        })),
         "front": equation.front.iter().map(|point| json!({
             "terms": point.terms, "rms": real(point.rms), "held_out_rms": real(point.held_out), "parameter": real(point.parameter),
             "chosen": point.chosen, "functions": point.functions,

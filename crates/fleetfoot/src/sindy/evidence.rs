@@ -42,6 +42,7 @@ impl Evidence {
         refuse_large(&task, dataset.rows())?;
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());
+        task = task.differentiated(&dataset.view()?, &mut notes)?;
         let mut parameters = Vec::new();
         if !task.parameters.is_empty() {
             progress.stage("parameters");

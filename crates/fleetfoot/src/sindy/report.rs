@@ -3,7 +3,7 @@
 use fleetfoot_model::factor;
 use fleetfoot_stats::explained_share;
 
-use super::{EquationTask, solve::Solved};
+use super::{DifferenceErrors, EquationTask, solve::Solved};
 
 /// What a fit of equations found.
 #[derive(Debug, Clone)]
@@ -91,6 +91,8 @@ pub struct EquationReport {
     pub inclusion: Option<Vec<f64>>,
     /// Groups of terms that the rows cannot tell apart.
     pub confounded: Vec<Vec<String>>,
+    /// Where the left side is measured by central differences, what is known of their error.
+    pub difference: Option<DifferenceErrors>,
 }
 
 /// A term.
@@ -184,6 +186,7 @@ pub(super) fn equation(
         front: shown.iter().map(point).collect(),
         inclusion: found.inclusion.clone(),
         confounded: step.confounded.iter().map(|group| names(group)).collect(),
+        difference: own.central.as_ref().and_then(|central| central.errors),
         terms,
     }
 }

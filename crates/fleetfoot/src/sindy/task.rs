@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fleetfoot_data::Column as DataColumn;
-use fleetfoot_library::{Expr, Library, Scope, TermsError, Vocabulary, central_difference, central_difference_error};
+use fleetfoot_library::{Expr, Library, Scope, TermsError, Vocabulary};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 
-use super::{evidence::specification, filters, parameters::Parameter};
+use super::{Difference, evidence::specification, filters, parameters::Parameter};
 use crate::{
-    Error, Kind, Recipe,
+    Derivative, Error, Kind, Recipe,
     leak::refuse_target_in_partition,
     task::{Aliases, equations, partition_columns, variables},
 };
@@ -57,8 +57,10 @@ pub struct FittedEquation {
     pub allowed: Vec<bool>,
     /// Candidates that it has in any case, ascending.
     pub fixed: Vec<usize>,
-    /// Where what is measured is a central difference, an estimate of its error.
+    /// Where what is measured is a central difference, an estimate of its error without noise.
     pub difference: Option<Expr>,
+    /// That central difference, and what is known of it.
+    pub central: Option<Difference>,
     /// Unit of the left side, when known.
     pub unit: Option<String>,
 }
@@ -110,8 +112,11 @@ impl EquationTask {
             }
             let subject = Expr::column(equation.subject.as_str());
             let angle = state.is_some_and(|state| state.kind == Some(Kind::Angle));
-            let difference =
-                (measured == central_difference(&subject, angle)).then(|| central_difference_error(&subject, angle));
+            let said = state.and_then(|state| state.derivative.as_ref());
+            let derivative = equation.prediction == Prediction::Derivative;
+            let central = Derivative::central(said, &subject, angle).filter(|_| derivative);
+            let central = Difference::of(central, derivative && Derivative::is_any_order(said), &measured);
+            let central = central.filter(|_| derivative);
             fitted.push(FittedEquation {
                 label: equation.label(),
                 latent,
@@ -120,7 +125,8 @@ impl EquationTask {
                 target,
                 allowed: Vec::new(),
                 fixed: Vec::new(),
-                difference,
+                difference: central.as_ref().map(|central| central.form.truncation()),
+                central,
                 unit: equation.unit.clone(),
             });
         }

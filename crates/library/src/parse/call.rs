@@ -4,8 +4,8 @@ use std::fmt;
 
 use super::{MAX_LAG, MAX_SIZE, ParseError, ParseErrorKind, Parser, Power};
 use crate::{
-    Binary, Expr, Filter, FilterKind, Quaternion, Unary, backward_difference, central_difference, forward_difference,
-    nearest,
+    Binary, CentralDifference, Expr, Filter, FilterKind, Quaternion, Spacing, Unary, backward_difference,
+    central_difference, forward_difference, nearest,
 };
 
 /// Filters inside each other.
@@ -45,8 +45,13 @@ impl Parser<'_> {
             ("forward", [x]) => return Ok(forward_difference(x, false)),
             ("backward", [x]) => return Ok(backward_difference(x, false)),
             ("central", [x]) => return Ok(central_difference(x, false)),
+            ("central4" | "central6", [x]) => {
+                let reach = if function == "central4" { 2 } else { 3 };
+                let difference = CentralDifference { of: x.clone(), angle: false, reach, spacing: Spacing::Stamps };
+                return Ok(difference.expression());
+            }
             ("time", _) => count(0),
-            ("forward" | "backward" | "central", _) => count(1),
+            ("forward" | "backward" | "central" | "central4" | "central6", _) => count(1),
             _ => match (named_unary(function), named_binary(function), arguments.as_slice()) {
                 (Some(unary), _, [x]) => return Ok(Expr::unary(unary, x.clone())),
                 (_, Some(binary), [a, b]) => return Ok(Expr::binary(binary, a.clone(), b.clone())),
@@ -212,7 +217,8 @@ fn named_binary(name: &str) -> Option<Binary> {
 }
 
 pub(super) fn function_names() -> impl Iterator<Item = &'static str> {
-    let others = ["pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central"];
+    let others =
+        ["pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central", "central4", "central6"];
     let rotations = ["yaw", "pitch", "roll", "rotate", "rotate_inv", "vec", "quat"];
     let filters = FilterKind::ALL.into_iter().map(FilterKind::name);
     Unary::ALL.into_iter().skip(1).map(Unary::name).chain(others).chain(rotations).chain(filters)

@@ -396,7 +396,9 @@ def test_a_statistic_is_fitted_without_its_rows(tmp_path):
     rows = np.column_stack([t, x])
     np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,x0,x1,x2", comments="", fmt="%.17g")
     recipe = tmp_path / "lorenz.toml"
-    recipe.write_text('[states]\nx0 = {}\nx1 = {}\nx2 = {}\n[time]\ncolumn = "t"\n[model]\ndegree = 2\n')
+    # A statistic has differences of order 2; logs would choose a higher one.
+    states = "".join(f'{name} = {{ derivative = "central" }}\n' for name in ("x0", "x1", "x2"))
+    recipe.write_text(f'[states]\n{states}[time]\ncolumn = "t"\n[model]\ndegree = 2\n')
     arguments = ["scan", "-c", str(recipe), "run.csv", "-o", "run.stats"]
     subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
     known = ff.SINDy(threshold=0.1, recipe=recipe, library="poly(2)").fit(tmp_path / "run.csv")

@@ -38,7 +38,7 @@ pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result
 #[cfg(test)]
 mod tests {
     use fleetfoot_data::{Column, MemorySource};
-    use fleetfoot_library::{central_difference, central_difference_error};
+    use fleetfoot_library::{CentralDifference, Spacing};
 
     use super::*;
 
@@ -52,9 +52,9 @@ mod tests {
     #[test]
     fn the_error_of_differences_is_what_it_is() {
         let source = sine();
-        let x = Expr::column("x");
-        let error = central_difference(&x, false) - Expr::time().cos();
-        let found = sampled_mean_squares(&[error, central_difference_error(&x, false)], &source).expect("squares");
+        let central = CentralDifference { of: Expr::column("x"), angle: false, reach: 1, spacing: Spacing::Even };
+        let error = central.expression() - Expr::time().cos();
+        let found = sampled_mean_squares(&[error, central.truncation()], &source).expect("squares");
         // h^2/6 sin' on average, and the next order is h^2 smaller.
         assert!((found[0] / (1e-4_f64 / 6.0).powi(2) - 0.5).abs() < 0.02, "{found:?}");
         assert!((found[0] / found[1] - 1.0).abs() < 1e-3, "{found:?}");

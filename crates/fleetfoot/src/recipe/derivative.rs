@@ -1,0 +1,113 @@
+//! How the derivative of a state is measured.
+
+use fleetfoot_library::{CentralDifference, Expr, Spacing, backward_difference, forward_difference, mean_slope};
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, task::Aliases};
+
+/// How the derivative of a state is measured: `"central"` or `{ over = 20 }`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a word, a field or an expression in quotes, or a table { over = ROWS }")]
+pub enum Derivative {
+    /// `auto`, `central`, `central4`, `central6`, `forward`, `backward`, or a field or expression.
+    Text(String),
+    /// The mean slope over a span.
+    Span(SpanDerivative),
+}
+
+/// The mean slope over a span of rows ahead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpanDerivative {
+    /// How many rows ahead.
+    pub over: Over,
+}
+
+/// How many rows ahead a mean slope reaches.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a number of rows, or \"auto\"")]
+pub enum Over {
+    /// So many.
+    Rows(u32),
+    /// `auto`: chosen by rollouts of held-out spans.
+    Word(String),
+}
+
+/// Rows that a span may have: the wrapped steps of an angle are summed one by one.
+const MOST_ROWS: u32 = 1000;
+
+impl Derivative {
+    /// What the text of a flag says: `over:20`, `over:auto`, else as in a recipe.
+    pub fn parse(text: &str) -> Self {
+        let Some(over) = text.strip_prefix("over:").map(str::trim) else { return Self::Text(text.to_owned()) };
+        let over = over.parse().map_or_else(|_| Over::Word(over.to_owned()), Over::Rows);
+        Self::Span(SpanDerivative { over })
+    }
+
+    /// The mean slope to so many rows ahead.
+    pub fn over(rows: u32) -> Self {
+        Self::Span(SpanDerivative { over: Over::Rows(rows) })
+    }
+
+    /// Whether its span is to be chosen by rollouts.
+    pub fn is_open(&self) -> bool {
+        matches!(self, Self::Span(SpanDerivative { over: Over::Word(word) }) if word == "auto")
+    }
+
+    /// The difference that a word names, where it names a central one; of several orders the lowest until the data are seen.
+    pub(crate) fn central(said: Option<&Self>, of: &Expr, angle: bool) -> Option<CentralDifference> {
+        let (reach, spacing) = match said {
+            None => (1, Spacing::Even),
+            Some(Self::Text(word)) => match word.as_str() {
+                "auto" | "central" => (1, Spacing::Even),
+                "central4" => (2, Spacing::Stamps),
+                "central6" => (3, Spacing::Stamps),
+                _ => return None,
+            },
+            Some(Self::Span(_)) => return None,
+        };
+        Some(CentralDifference { of: of.clone(), angle, reach, spacing })
+    }
+
+    /// Whether the data may choose the order of the central difference.
+    pub(crate) fn is_any_order(said: Option<&Self>) -> bool {
+        said.is_none_or(|said| matches!(said, Self::Text(word) if word == "auto"))
+    }
+
+    /// What the derivative of `x` is measured as; `place` is where the recipe says it.
+    pub(crate) fn measured(
+        said: Option<&Self>,
+        x: &Expr,
+        angle: bool,
+        place: &str,
+        aliases: &mut Aliases<'_>,
+    ) -> Result<Expr, Error> {
+        if let Some(central) = Self::central(said, x, angle) {
+            return Ok(central.expression());
+        }
+        match said {
+            Some(Self::Text(word)) if word == "forward" => Ok(forward_difference(x, angle)),
+            Some(Self::Text(word)) if word == "backward" => Ok(backward_difference(x, angle)),
+            Some(Self::Text(text)) => aliases.over_aliases(text, &format!("{place} derivative")),
+            Some(Self::Span(span)) => Ok(mean_slope(x, span.rows(place)?, angle)),
+            None => Ok(fleetfoot_library::central_difference(x, angle)),
+        }
+    }
+}
+
+impl SpanDerivative {
+    fn rows(&self, place: &str) -> Result<u32, Error> {
+        match &self.over {
+            Over::Rows(rows) if (1..=MOST_ROWS).contains(rows) => Ok(*rows),
+            Over::Rows(rows) => Err(Error::Request(format!(
+                "{place} derivative = {{ over = {rows} }}: write 1 to {MOST_ROWS} rows, or \"auto\""
+            ))),
+            Over::Word(word) if word == "auto" => Err(Error::Request(format!(
+                "{place} derivative = {{ over = \"auto\" }}: the span is chosen by `fit pwa` and `fit sindy` from logs; write a number of rows here"
+            ))),
+            Over::Word(word) => Err(Error::Request(format!(
+                "{place} derivative = {{ over = \"{word}\" }}: write a number of rows, or \"auto\""
+            ))),
+        }
+    }
+}

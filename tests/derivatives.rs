@@ -1,0 +1,141 @@
+//! How derivatives are measured: orders of central differences, and mean slopes over spans.
+
+use std::{fmt::Write, fs};
+
+use crate::runner::*;
+
+/// A damped oscillation, `x' = y`, `y' = -4 x - 0.2 y`, exactly, at stamps 0.05 s apart but for `jitter`, with noise of a given size.
+fn oscillation(rows: usize, jitter: f64, noise: f64) -> String {
+    let (damping, frequency) = (0.1_f64, (4.0_f64 - 0.01).sqrt());
+    let mut text = String::from("t,x,y\n");
+    let mut draw = 1_u64;
+    let mut uniform = || {
+        draw = draw.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (draw >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    for row in 0..rows {
+        // Stamps of whole microseconds: what a file says is what a log has.
+        let t = ((0.05 * row as f64 + jitter * uniform()) * 1e6).round() / 1e6;
+        let (sine, cosine) = (frequency * t).sin_cos();
+        let x = (-damping * t).exp() * cosine;
+        let y = -(-damping * t).exp() * (damping * cosine + frequency * sine);
+        let _ = writeln!(text, "{t},{},{}", x + noise * uniform(), y + noise * uniform());
+    }
+    text
+}
+
+fn folder(text: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("log.csv"), text).expect("a file");
+    folder
+}
+
+fn sindy(text: &str, more: &[&str]) -> serde_json::Value {
+    let folder = folder(text);
+    let fixed = ["fit", "sindy", "log.csv", "--states", "x,y", "--degree", "1", "--json"];
+    let all: Vec<&str> = fixed.into_iter().chain(more.iter().copied()).collect();
+    fleetfoot(folder.path(), &all).ok().json()["regions"][0]["equations"].clone()
+}
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// The coefficient of a function in an equation; 0 where it is no term.
+fn coefficient(equation: &serde_json::Value, function: &str) -> f64 {
+    let terms = equation["terms"].as_array().expect("terms");
+    terms.iter().find(|term| term["function"] == function).map_or(0.0, |term| number(&term["coefficient"]))
+}
+
+#[test]
+fn the_order_of_central_differences_is_chosen_by_the_data() {
+    let clean = sindy(&oscillation(400, 0.0, 0.0), &[]);
+    for equation in [&clean[0], &clean[1]] {
+        let found = &equation["difference"];
+        assert_eq!(found["order"], 6, "{found}");
+        // Of order 2 it is h^2/6 x'''; what the data say of it is right within a few parts in a hundred.
+        let expected = 0.05_f64.powi(2) / 6.0 * 4.0 * number(&equation["rms"]).max(1.0);
+        let by_order: Vec<f64> = (0..3).map(|at| number(&found["rms_by_order"][at])).collect();
+        assert!(by_order[0] > 100.0 * by_order[1] && by_order[1] > 100.0 * by_order[2], "{by_order:?} {expected}");
+    }
+    assert!((coefficient(&clean[1], "x") + 4.0).abs() < 1e-5 && (coefficient(&clean[1], "y") + 0.2).abs() < 1e-5);
+    let second = sindy(&oscillation(400, 0.0, 0.0), &["--derivative", "x=central", "--derivative", "y=central4"]);
+    assert_eq!((&second[0]["difference"]["order"], &second[1]["difference"]["order"]), (&2.into(), &4.into()));
+    assert!((coefficient(&second[0], "y") - 1.0).abs() > 1e-4, "of order 2 it is off by h^2/6 of 4");
+    assert!((coefficient(&second[1], "x") + 4.0).abs() < 1e-3);
+    let noisy = sindy(&oscillation(400, 0.0, 0.02), &[]);
+    let found = &noisy[0]["difference"];
+    assert_eq!(found["order"], 2, "{found}");
+    // Uniform noise of a width of 0.02 makes an error of 0.02/sqrt(12)/sqrt(2)/0.05.
+    let noise = 0.02 / 12.0_f64.sqrt() / 2.0_f64.sqrt() / 0.05;
+    assert!((number(&found["noise_rms"]) / noise - 1.0).abs() < 0.15, "{found} {noise}");
+}
+
+#[test]
+fn differences_of_uneven_stamps_have_weights_of_their_own() {
+    for (more, order) in [(&[][..], 6), (&["--derivative", "x=central6", "--derivative", "y=central6(y)"][..], 6)] {
+        let found = sindy(&oscillation(400, 0.02, 0.0), more);
+        for equation in [&found[0], &found[1]] {
+            assert_eq!(equation["difference"]["order"], order, "{equation}");
+            assert!(number(&equation["difference"]["rms_by_order"][2]) < 1e-4, "{equation}");
+        }
+        assert!((coefficient(&found[0], "y") - 1.0).abs() < 1e-4, "{found}");
+        assert!((coefficient(&found[1], "x") + 4.0).abs() < 1e-3, "{found}");
+    }
+}
+
+#[test]
+fn an_error_is_estimated_of_a_difference_that_is_written_out() {
+    let written = "(lead(x, 1) - lag(x, 1))/(lead(time(), 1) - lag(time(), 1))";
+    let found =
+        sindy(&oscillation(400, 0.0, 0.0), &["--derivative", &format!("x={written}"), "--derivative", "y=central4(y)"]);
+    assert_eq!((&found[0]["difference"]["order"], &found[1]["difference"]["order"]), (&2.into(), &4.into()));
+}
+
+#[test]
+fn derivatives_may_be_mean_slopes_over_a_span() {
+    let folder = folder(&oscillation(600, 0.0, 0.01));
+    for command in ["sindy", "pwa"] {
+        let fit = ["fit", command, "log.csv", "--states", "x,y", "--degree", "1", "--derivative", "x=over:5"];
+        let said = fleetfoot(folder.path(), &fit).ok();
+        assert!(said.out.contains("d(x)/dt over 5 rows") && said.out.contains("d(y)/dt"), "{}", said.out);
+        // The score of such an equation is one of mean slopes, and says so; persistence does not know the span that is not over.
+        let said = fleetfoot(folder.path(), &["score", "model.json", "log.csv"]).ok();
+        assert!(said.out.contains("d(x)/dt over 5 rows"), "{}", said.out);
+    }
+    let recipe = "[states]\nx = { derivative = { over = 5 } }\ny = {}\n[model]\ndegree = 1\n";
+    fs::write(folder.path().join("robot.toml"), recipe).expect("a file");
+    let said = fleetfoot(folder.path(), &["fit", "sindy", "-c", "robot.toml", "log.csv"]).ok();
+    assert!(said.out.contains("d(x)/dt over 5 rows"), "{}", said.out);
+    let refused = ["fit", "sindy", "log.csv", "--states", "x,y", "--derivative", "x=over:0"];
+    fleetfoot(folder.path(), &refused).fails(&["over = 0", "1 to 1000 rows"]);
+}
+
+#[test]
+fn the_span_of_an_angle_wraps_its_steps() {
+    // A turn of 2.5 rad/s passes pi every 2.5 s.
+    let mut text = String::from("t,phi,w\n");
+    for row in 0..400 {
+        let t = 0.02 * f64::from(row);
+        let phi = (2.5 * t + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI) - std::f64::consts::PI;
+        let _ = writeln!(text, "{t},{phi},2.5");
+    }
+    let folder = folder(&text);
+    let fit = [
+        "fit",
+        "sindy",
+        "log.csv",
+        "--states",
+        "phi",
+        "--angles",
+        "phi",
+        "--library",
+        "1",
+        "--derivative",
+        "phi=over:20",
+        "--json",
+    ];
+    let found = fleetfoot(folder.path(), &fit).ok().json();
+    let equation = &found["regions"][0]["equations"][0];
+    assert!((coefficient(equation, "1") - 2.5).abs() < 1e-6, "{equation}");
+}
