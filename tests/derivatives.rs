@@ -139,3 +139,59 @@ fn the_span_of_an_angle_wraps_its_steps() {
     let equation = &found["regions"][0]["equations"][0];
     assert!((coefficient(equation, "1") - 2.5).abs() < 1e-6, "{equation}");
 }
+
+#[test]
+fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("log.csv"), robot_csv(3000, 0.3)).expect("a file");
+    let fixed =
+        ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--select", "rollout", "--horizon", "20"];
+    let with = |more: &[&'static str]| fixed.into_iter().chain(more.iter().copied()).collect::<Vec<_>>();
+    let all = with(&["--partition", "average,kmeans:2,6", "--json"]);
+    let found = fleetfoot(folder.path(), &all).ok().json();
+    let choice = &found["rollouts"];
+    let candidates = choice["candidates"].as_array().expect("candidates");
+    assert_eq!((candidates.len(), &choice["horizon"], &choice["folds"]), (3, &20.into(), &5.into()), "{choice}");
+    assert_eq!(choice["chosen"], found["chosen"], "what is written is what was chosen");
+    let error = |at: usize| candidates[at]["error_over_persistence"].as_f64().expect("a number");
+    // The robot has two regimes: one region simulates worse than several.
+    let chosen = choice["chosen"].as_u64().expect("an index") as usize;
+    assert!(chosen > 0 && error(chosen) < 0.8 * error(0), "{choice}");
+    for candidate in candidates {
+        let folds: Vec<f64> =
+            candidate["folds"].as_array().unwrap().iter().filter_map(serde_json::Value::as_f64).collect();
+        let mean = folds.iter().sum::<f64>() / 5.0;
+        assert!(folds.len() == 5 && (mean / candidate["error_over_persistence"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+    }
+    // An open span is compared with central differences, and the model tells which was taken.
+    let open = [
+        "fit",
+        "pwa",
+        "log.csv",
+        "--states",
+        "v [m/s]",
+        "--inputs",
+        "u",
+        "--derivative",
+        "v [m/s]=over:auto",
+        "--horizon",
+        "20",
+    ];
+    let said = fleetfoot(folder.path(), &open).ok();
+    assert!(
+        said.out.contains("central") && said.out.contains("over 20 rows") && said.out.contains("<- chosen"),
+        "{}",
+        said.out
+    );
+    let planned = fleetfoot(folder.path(), &with(&["--partition", "average,kmeans:2", "--dry-run"])).ok();
+    assert!(
+        planned.out.contains("18 passes") && planned.out.contains("2 x 5 x 50 rollouts of 20 steps"),
+        "{}",
+        planned.out
+    );
+    let alone = ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--horizon", "20"];
+    fleetfoot(folder.path(), &alone).fails(&["--horizon 20", "--select rollout"]);
+    let long =
+        ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--select", "rollout", "--horizon", "900"];
+    fleetfoot(folder.path(), &long).fails(&["900 steps", "shorter --horizon"]);
+}

@@ -231,6 +231,8 @@ pub(crate) enum Select {
     Cv,
     /// The lowest Bayesian information criterion, with the effective sample size.
     Bic,
+    /// The least error of rollouts over --horizon steps on spans that did not train.
+    Rollout,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -258,6 +260,9 @@ pub(crate) struct FitPwa {
     /// How one of several partitions is chosen.
     #[arg(long, value_enum, default_value = "cv")]
     pub(crate) select: Select,
+    /// Steps of the rollouts that --select rollout, or a span of `over:auto`, compares (default: 50).
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) horizon: Option<u32>,
     /// Folds of cross-validation: whole episodes when there are enough, else spans; 0 for none.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(0..=100))]
     pub(crate) folds: u16,

@@ -28,6 +28,7 @@ mod output;
 mod period;
 mod project;
 mod recipe;
+mod rollout_choice;
 mod rows;
 mod run;
 mod sindy;
@@ -41,7 +42,7 @@ pub use controller::controller;
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
-pub use fit::{FitPlan, Fitted, fit_pwa, plan_pwa, rival};
+pub use fit::{FitPlan, Fitted, fit_pwa, fit_pwa_by_rollouts, plan_pwa, rival};
 pub use init::starter_recipe;
 pub use json::interval_in_words;
 pub use known::{KnownModel, is_known, known_model};
@@ -58,6 +59,7 @@ pub use recipe::{
     ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, Recipe, SindySection, SpanDerivative,
     SparseSection, State, TaskSection, Threshold, Time,
 };
+pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{

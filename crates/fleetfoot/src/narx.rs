@@ -12,3 +12,4 @@ pub use fit::{NarxFitted, NarxRequest, fit_narx};
 pub use options::{NarxOptions, NarxSelection, TermRule};
 pub use report::{NarxEquation, NarxRegion, NarxReport, NarxScores, NarxTerm};
 pub use select::NarxCandidate;
+pub(crate) use spans::Spans;

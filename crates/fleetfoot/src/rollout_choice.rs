@@ -29,6 +29,11 @@ impl RolloutRule {
     pub fn new(horizon: usize) -> Self {
         Self { horizon, folds: 5, starts: 50 }
     }
+
+    /// How many spans are compared for a recipe: one where none is open.
+    pub fn spans(&self, recipe: &Recipe) -> usize {
+        candidates(recipe).len()
+    }
 }
 
 /// Spans that `over = "auto"` compares, rows; a central difference competes with them.
@@ -171,6 +176,11 @@ impl<'a> HeldOut<'a> {
     }
 }
 
+/// Coefficients of a model that are not zero.
+pub(crate) fn terms(model: &Model) -> usize {
+    model.latents.iter().flat_map(|latent| latent.coefficients.iter().flatten()).filter(|&&value| value != 0.0).count()
+}
+
 /// States whose span is open: `derivative = { over = "auto" }`.
 pub(crate) fn open_spans(recipe: &Recipe) -> Vec<String> {
     let open = recipe.states.iter().filter(|(_, state)| state.derivative.as_ref().is_some_and(Derivative::is_open));
@@ -181,7 +191,9 @@ pub(crate) fn open_spans(recipe: &Recipe) -> Vec<String> {
 pub(crate) fn settled(recipe: &Recipe, over: Option<u32>) -> Recipe {
     let mut recipe = recipe.clone();
     let open = recipe.states.values_mut().filter(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
-    open.for_each(|state| state.derivative = Some(over.map_or_else(|| Derivative::Text("central".into()), Derivative::over)));
+    open.for_each(|state| {
+        state.derivative = Some(over.map_or_else(|| Derivative::Text("central".into()), Derivative::over))
+    });
     recipe
 }
 

@@ -81,6 +81,8 @@ pub enum Selection {
     CrossValidation,
     /// The lowest Bayesian information criterion, with the effective sample size.
     Bic,
+    /// The partition of this index, which the caller has chosen.
+    Given(usize),
 }
 
 /// Pull of each region towards the one-region model.

@@ -119,6 +119,7 @@ pub(crate) fn choose(selection: Selection, specifications: &[&Specification], or
         return 0;
     }
     match selection {
+        Selection::Given(index) => index.min(orders.len() - 1),
         Selection::CrossValidation if orders.iter().all(|order| order.loss.is_finite()) => {
             let best = by(&|i| orders[i].loss);
             let limit = orders[best].loss + orders[best].standard_error;

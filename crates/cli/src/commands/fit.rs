@@ -1,7 +1,8 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Recipe, fit_pwa, is_known,
+    Derivative, Error, Fitted, Gap, HORIZON, Input, InputTable, Kind, Recipe, RolloutCandidate, RolloutChoice,
+    RolloutRule, fit_pwa, fit_pwa_by_rollouts, is_known,
     log::{Cache, Stamp},
     model::UnseenLabel,
     pwa::{Options, Selection, Shrinkage, Specification},
@@ -30,11 +31,15 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
         return fit_known::known(&recipe, &files, &arguments.output, context);
     }
     let options = options(arguments)?;
+    let rule = rule(arguments, &recipe)?;
     if arguments.dry_run {
-        return dry_run(&recipe, &options, &files, context);
+        return dry_run(&recipe, &options, rule.as_ref(), &files, context);
     }
     let bar = context.bar();
-    let fitted = fit_pwa(&recipe, &options, arguments.purge, &files, &bar);
+    let fitted = match rule {
+        Some(rule) => fit_pwa_by_rollouts(&recipe, &options, arguments.purge, rule, &files, &bar),
+        None => fit_pwa(&recipe, &options, arguments.purge, &files, &bar),
+    };
     bar.finish();
     let fitted = fitted?;
     write_model(&fitted.identification.model, &arguments.output)?;
@@ -56,12 +61,26 @@ fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf
     Ok(outputs)
 }
 
+/// How partitions and open spans are compared by rollouts, where they are.
+fn rule(arguments: &FitPwa, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
+    let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
+    match (arguments.horizon, open || arguments.select == Select::Rollout) {
+        (horizon, true) => Ok(Some(RolloutRule::new(horizon.map_or(HORIZON, |steps| steps as usize)))),
+        (None, false) => Ok(None),
+        (Some(steps), false) => Err(Error::Request(format!(
+            "--horizon {steps}: nothing is chosen by rollouts; add --select rollout, or leave it away"
+        ))),
+    }
+}
+
 fn options(arguments: &FitPwa) -> Result<Options, Error> {
     let mut options = Options::default();
     options.folds = arguments.folds;
     options.selection = match arguments.select {
         Select::Cv => Selection::CrossValidation,
         Select::Bic => Selection::Bic,
+        // Settled by the rollouts before it is asked for.
+        Select::Rollout => Selection::CrossValidation,
     };
     options.shrinkage = match arguments.shrinkage.as_str() {
         "auto" => Shrinkage::Auto,
@@ -86,7 +105,13 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
     Ok(options)
 }
 
-fn dry_run(recipe: &Recipe, options: &Options, files: &[std::path::PathBuf], context: &Context) -> Result<(), Error> {
+fn dry_run(
+    recipe: &Recipe,
+    options: &Options,
+    rule: Option<&RolloutRule>,
+    files: &[std::path::PathBuf],
+    context: &Context,
+) -> Result<(), Error> {
     let bar = context.bar();
     let plan = fleetfoot::plan_pwa(recipe, options, files, &bar);
     bar.finish();
@@ -104,16 +129,26 @@ fn dry_run(recipe: &Recipe, options: &Options, files: &[std::path::PathBuf], con
         Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
         Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
     };
+    // A pass less each than the fit itself counts: the training rows of a fold are fewer.
+    let passes = 3 + rule.map_or(0, |rule| 3 * rule.folds * rule.spans(recipe));
+    let rollouts = rule.map_or_else(String::new, |rule| {
+        let candidates = rule.spans(recipe) * plan.partitions;
+        let (folds, starts, horizon) = (rule.folds, rule.starts, rule.horizon);
+        format!(
+            "; of them {} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most",
+            passes - 3
+        )
+    });
     context.print(
         &json!({
             "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes),
             "cached": plan.decoded.map(|(_, cached)| cached), "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns,
-            "regressors": plan.regressors, "targets": plan.targets, "passes": 3,
+            "regressors": plan.regressors, "targets": plan.targets, "passes": passes,
             "clustered_rows": plan.clustered_rows, "memory_bytes": plan.memory,
         }),
         || {
             format!(
-                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n3 passes over the rows; clustered: {clustered}\nabout {} of memory",
+                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}\nabout {} of memory",
                 count(plan.files, "file"),
                 plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
                 plan.rows,
@@ -154,9 +189,10 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     sigma.extend(found.sigma.iter().map(|&value| number(value)));
     sigma.extend([String::new(), String::new(), String::new()]);
     rows.push(sigma);
+    let rollouts = fitted.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", by_rollouts(choice)));
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     format!(
-        "{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
+        "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
          mean absolute error over the null model's, {which}; loss: squared error over variance\n{}",
         found.rows,
         count(fitted.episodes, "episode"),
@@ -167,6 +203,27 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         number(found.preconditioned),
         table(&header, rows)
     )
+}
+
+/// What rollouts said of the candidates.
+fn by_rollouts(choice: &RolloutChoice) -> String {
+    let over = choice.candidates.iter().any(|candidate| candidate.over.is_some());
+    let mut header = vec!["partition", "terms", "rollouts over persistence", "worst fold", ""];
+    if over {
+        header.insert(1, "derivative");
+    }
+    let row = |(at, candidate): (usize, &RolloutCandidate)| {
+        let worst = candidate.folds.iter().copied().fold(0.0, f64::max);
+        let mut row =
+            vec![candidate.partition.clone(), candidate.size.to_string(), ratio(candidate.error()), ratio(worst)];
+        row.push(if at == choice.chosen { "<- chosen".into() } else { String::new() });
+        if over {
+            row.insert(1, candidate.over.map_or_else(|| "central".into(), |rows| format!("over {rows} rows")));
+        }
+        row
+    };
+    let rows = choice.candidates.iter().enumerate().map(row).collect();
+    format!("chosen: {}\n{}", choice.in_words(), table(&header, rows))
 }
 
 pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::Value {

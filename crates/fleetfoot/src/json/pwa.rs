@@ -3,7 +3,20 @@
 use serde_json::{Value, json};
 
 use super::{estimate, interval_in_words, real, reals};
-use crate::Fitted;
+use crate::{Fitted, RolloutChoice};
+
+impl RolloutChoice {
+    /// What was compared, and what was taken, for programs.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "horizon": self.rule.horizon, "folds": self.rule.folds, "starts": self.rule.starts, "chosen": self.chosen,
+            "candidates": self.candidates.iter().map(|candidate| json!({
+                "partition": candidate.partition, "over": candidate.over, "terms": candidate.size,
+                "error_over_persistence": real(candidate.error()), "folds": reals(&candidate.folds),
+            })).collect::<Vec<_>>(),
+        })
+    }
+}
 
 impl Fitted {
     /// Scores and candidates for programs.
@@ -25,6 +38,7 @@ impl Fitted {
                 "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
                 "fold_losses": reals(&score.losses), "bic": real(score.bic),
             })).collect::<Vec<_>>(),
+            "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
         })
     }

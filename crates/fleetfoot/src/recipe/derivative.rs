@@ -1,6 +1,8 @@
 //! How the derivative of a state is measured.
 
-use fleetfoot_library::{CentralDifference, Expr, Spacing, backward_difference, forward_difference, mean_slope};
+use fleetfoot_library::{
+    CentralDifference, Expr, Spacing, backward_difference, central_difference, forward_difference, mean_slope,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, task::Aliases};
@@ -74,6 +76,11 @@ impl Derivative {
         said.is_none_or(|said| matches!(said, Self::Text(word) if word == "auto"))
     }
 
+    /// What an open span stands for once it is settled: so many rows, or a central difference.
+    pub(crate) fn settled(x: &Expr, angle: bool, over: Option<u32>) -> Expr {
+        over.map_or_else(|| central_difference(x, angle), |rows| mean_slope(x, rows, angle))
+    }
+
     /// What the derivative of `x` is measured as; `place` is where the recipe says it.
     pub(crate) fn measured(
         said: Option<&Self>,
@@ -90,7 +97,7 @@ impl Derivative {
             Some(Self::Text(word)) if word == "backward" => Ok(backward_difference(x, angle)),
             Some(Self::Text(text)) => aliases.over_aliases(text, &format!("{place} derivative")),
             Some(Self::Span(span)) => Ok(mean_slope(x, span.rows(place)?, angle)),
-            None => Ok(fleetfoot_library::central_difference(x, angle)),
+            None => Ok(central_difference(x, angle)),
         }
     }
 }
@@ -103,7 +110,7 @@ impl SpanDerivative {
                 "{place} derivative = {{ over = {rows} }}: write 1 to {MOST_ROWS} rows, or \"auto\""
             ))),
             Over::Word(word) if word == "auto" => Err(Error::Request(format!(
-                "{place} derivative = {{ over = \"auto\" }}: the span is chosen by `fit pwa` and `fit sindy` from logs; write a number of rows here"
+                "{place} derivative = {{ over = \"auto\" }}: it is `fit pwa` that chooses a span; write a number of rows here"
             ))),
             Over::Word(word) => Err(Error::Request(format!(
                 "{place} derivative = {{ over = \"{word}\" }}: write a number of rows, or \"auto\""
