@@ -7,6 +7,12 @@ use fleetfoot_message::{FieldPath, Row};
 use super::sample::Sample;
 use crate::{TimeUnit, stamp, table::MISSING};
 
+/// The field that is the clock: its place among the wanted fields of every topic in use, and its unit.
+pub(super) struct FieldClock {
+    pub slots: Vec<Option<usize>>,
+    pub unit: TimeUnit,
+}
+
 /// The stamp of a message whose clock says this.
 pub(super) fn stamp_of(value: f64, unit: TimeUnit) -> i64 {
     if value.is_nan() { MISSING } else { stamp::from_f64(value, unit) }

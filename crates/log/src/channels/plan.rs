@@ -6,7 +6,7 @@ use fleetfoot_data::{Column, ColumnKind, Progress};
 use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, SchemaError, Step};
 
 use super::{
-    clock,
+    clock::{self, FieldClock},
     names::{Names, inside},
     sample::{Headers, Sample, sample},
 };
@@ -145,7 +145,7 @@ impl Builder<'_> {
             (0..self.used.len()).map(|used| Some(self.used[used]) != base_topic && is_latched(used, &slots)).collect();
         let clock = self.clock(selection, &seen, &latched, &mut notes)?;
         let (stamp, unit) = match &clock {
-            Some((_, unit)) => (Stamp::Header, Some(*unit)),
+            Some(FieldClock { unit, .. }) => (Stamp::Header, Some(*unit)),
             None => (self.stamp(selection, &latched, &mut notes)?, None),
         };
         let (mut topics, mut series) = (Vec::new(), 0);
@@ -159,7 +159,7 @@ impl Builder<'_> {
                 fields: self.fields[u].clone(),
                 extract,
                 first_series,
-                clock: clock.as_ref().and_then(|(slots, _)| slots[u]),
+                clock: clock.as_ref().and_then(|clock| clock.slots[u]),
                 latched: latched[u],
                 seen,
             });
@@ -270,7 +270,7 @@ impl Builder<'_> {
         seen: &[Vec<FieldInfo>],
         latched: &[bool],
         notes: &mut Vec<String>,
-    ) -> Result<Option<(Vec<Option<usize>>, TimeUnit)>, Error> {
+    ) -> Result<Option<FieldClock>, Error> {
         let TimeSpec::Column { name, unit } = &selection.time else { return Ok(None) };
         let field = ask(self.path, &self.names, name)?.path;
         let refuse = |own: &Self, used: usize, problem: String| {
@@ -298,7 +298,7 @@ impl Builder<'_> {
         };
         let how = if unit.is_some() { "" } else { ", as it goes on with the log's clock" };
         notes.push(format!("stamps are the field `{field}` of every channel, in {}{how}", taken.symbol()));
-        Ok(Some((slots, taken)))
+        Ok(Some(FieldClock { slots, unit: taken }))
     }
 
     /// The clock: the one asked for, else the headers' where all have one, else the log's.
