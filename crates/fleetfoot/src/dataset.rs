@@ -514,8 +514,12 @@ impl Dataset {
         progress.stage("open");
         let mut selection = full_selection(recipe, model, aliases)?;
         let timed = aliases.iter().any(|(_, expression)| expression.reads_clock());
-        if clock == Clock::Dispensable && !timed && selection.time == TimeSpec::Auto {
-            selection.time = TimeSpec::Dispensable;
+        if let Clock::Dispensable { ordered } = clock
+            && !timed
+            && selection.time == TimeSpec::Auto
+        {
+            let ordered = ordered || aliases.iter().any(|(_, expression)| expression.reads_other_rows());
+            selection.time = TimeSpec::Dispensable { ordered };
         }
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();

@@ -221,6 +221,14 @@ impl Expr {
         timed || !self.filters().is_empty()
     }
 
+    /// Whether it reads other rows than its own: lags or leads.
+    pub fn reads_other_rows(&self) -> bool {
+        self.fold(|part, arguments: &[bool]| {
+            let other = matches!(part.node(), Node::Column { lag, .. } | Node::Time { lag } if *lag != 0);
+            other || arguments.iter().any(|&argument| argument)
+        })
+    }
+
     /// Bottom-up, left to right, every distinct shared part once: `visit(part, results of its arguments)`.
     pub fn fold<T: Clone>(&self, visit: impl FnMut(&Expr, &[T]) -> T) -> T {
         self.fold_with(&mut HashMap::new(), visit)

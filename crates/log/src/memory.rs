@@ -144,14 +144,14 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
                 return Err(Error::NoClock { path: path.into(), column: name.clone() });
             }
         }
-        TimeSpec::Auto | TimeSpec::Dispensable => {}
+        TimeSpec::Auto | TimeSpec::Dispensable { .. } => {}
     }
     let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
     match time_column::choose(&candidates, spec) {
         Some(Clock { column, unit, assumed }) => {
             Ok(Some(Clock { column, unit: table.time_unit(column).unwrap_or(unit), assumed }))
         }
-        None if *spec == TimeSpec::Dispensable => Ok(None),
+        None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
         None => {
             let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
             Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })

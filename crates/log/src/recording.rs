@@ -130,7 +130,8 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     })?;
     agree_on_units(&paths, &opened)?;
     agree_on_clocks(&paths, &opened)?;
-    let without_clock = selection.time == TimeSpec::Dispensable && opened.iter().any(|file| file.time_column.is_none());
+    let dispensable = matches!(selection.time, TimeSpec::Dispensable { .. });
+    let without_clock = dispensable && opened.iter().any(|file| file.time_column.is_none());
     let time = if without_clock { TimeSpec::Uniform { dt_seconds: 1.0 } } else { selection.time.clone() };
     let selection = Selection { time, ..selection };
     let tables: Vec<_> =

@@ -59,7 +59,10 @@ pub enum TimeSpec {
     },
     /// By the name of a column; where a file has none of such a name, no stamps are known: every file is one episode of rows in their order, a second apart for
     /// whoever counts them. For what needs no clock.
-    Dispensable,
+    Dispensable {
+        /// Whether the order of the rows matters: then a column of strictly increasing times is taken as by [`TimeSpec::Auto`], where there is one.
+        ordered: bool,
+    },
     /// Rows are equally spaced; every file is one episode that starts at zero.
     Uniform {
         /// The sampling period, seconds.

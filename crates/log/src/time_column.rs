@@ -67,8 +67,10 @@ pub(crate) fn choose(candidates: &[Candidate], spec: &TimeSpec) -> Option<Clock>
             let column = candidates.iter().position(|candidate| candidate.name == *name)?;
             Some(with_unit(candidates, column, *unit, None))
         }
-        TimeSpec::Dispensable => by_name(candidates).map(|column| with_unit(candidates, column, None, None)),
-        TimeSpec::Auto => {
+        TimeSpec::Dispensable { ordered: false } => {
+            by_name(candidates).map(|column| with_unit(candidates, column, None, None))
+        }
+        TimeSpec::Auto | TimeSpec::Dispensable { ordered: true } => {
             if let Some(column) = by_name(candidates) {
                 return Some(with_unit(candidates, column, None, None));
             }
@@ -202,6 +204,23 @@ mod tests {
 
     fn candidate(name: &str, kind: CandidateKind, sample: &[f64]) -> Candidate {
         Candidate { name: name.into(), unit: None, kind, sample: sample.into() }
+    }
+
+    #[test]
+    fn what_needs_no_clock_takes_one_by_its_name_or_for_the_order_of_rows() {
+        use CandidateKind::Float;
+        let rising = candidate("level", Float, &[1.0, 2.0, 4.0]);
+        let named = candidate("t", Float, &[3.0, 1.0, 2.0]);
+        let other = candidate("x", Float, &[3.0, 1.0, 2.0]);
+        let taken = |candidates: &[Candidate], ordered: bool| {
+            choose(candidates, &TimeSpec::Dispensable { ordered }).map(|clock| clock.column)
+        };
+        for ordered in [false, true] {
+            assert_eq!(taken(&[other.clone(), rising.clone(), named.clone()], ordered), Some(2));
+            assert_eq!(taken(std::slice::from_ref(&other), ordered), None);
+        }
+        assert_eq!(taken(&[other.clone(), rising.clone()], false), None, "a sorted column is no clock");
+        assert_eq!(taken(&[other, rising], true), Some(1));
     }
 
     #[test]

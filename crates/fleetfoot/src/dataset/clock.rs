@@ -8,20 +8,23 @@ use fleetfoot_model::{Equation, Model, Prediction};
 pub(super) enum Clock {
     /// For rates, and for whatever reads seconds.
     Needed,
-    /// What is computed of a row needs that row, and the rows before it where there are lags.
-    Dispensable,
+    /// For what is computed of rows alone.
+    Dispensable {
+        /// Whether it is computed of neighbouring rows too, by lags.
+        ordered: bool,
+    },
 }
 
 /// A plain regression needs no clock; rates, and whatever reads seconds, do.
-pub(super) fn clock<'a>(equations: &[Equation], expressions: impl Iterator<Item = &'a Expr>) -> Clock {
-    let plain = |equation: &Equation| {
-        equation.prediction == Prediction::Value
-            && !equation.right.reads_clock()
-            && !equation.target.as_ref().is_some_and(Expr::reads_clock)
-    };
-    let mut expressions = expressions;
-    let timed = expressions.any(Expr::reads_clock);
-    if !timed && equations.iter().all(plain) { Clock::Dispensable } else { Clock::Needed }
+pub(super) fn clock<'a>(equations: &'a [Equation], expressions: impl Iterator<Item = &'a Expr>) -> Clock {
+    let (mut timed, mut ordered) = (false, false);
+    let targets = equations.iter().filter_map(|equation| equation.target.as_ref());
+    for expression in expressions.chain(targets).chain(equations.iter().map(|equation| &equation.right)) {
+        timed |= expression.reads_clock();
+        ordered |= expression.reads_other_rows();
+    }
+    let plain = equations.iter().all(|equation| equation.prediction == Prediction::Value);
+    if plain && !timed { Clock::Dispensable { ordered } } else { Clock::Needed }
 }
 
 /// What a model needs, as [`clock`].

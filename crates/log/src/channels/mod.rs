@@ -158,7 +158,7 @@ fn refuse_other_clocks(path: &Path, selection: &Selection) -> Result<(), Error> 
         return Err(Error::BadSeconds { what: "reordering window", seconds: window });
     }
     match &selection.time {
-        TimeSpec::Auto | TimeSpec::Dispensable => Ok(()),
+        TimeSpec::Auto | TimeSpec::Dispensable { .. } => Ok(()),
         // A field of the messages.
         TimeSpec::Column { name, .. } if name.starts_with('/') && selection.join.stamp.is_none() => Ok(()),
         TimeSpec::Column { name, .. } => {

@@ -77,11 +77,11 @@ fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>
         TimeSpec::Column { name, .. } => {
             find(path, head, name)?;
         }
-        TimeSpec::Auto | TimeSpec::Dispensable => {}
+        TimeSpec::Auto | TimeSpec::Dispensable { .. } => {}
     }
     match time_column::choose(&head.candidates(), spec) {
         Some(clock) => Ok(Some(clock)),
-        None if *spec == TimeSpec::Dispensable => Ok(None),
+        None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
         None => {
             let names: Vec<&str> = head.columns.iter().map(|column| column.name.as_str()).collect();
             Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })

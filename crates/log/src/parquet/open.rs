@@ -125,7 +125,7 @@ fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(Time
         check_chunks(file, leaf)?;
     }
     let Some(clock) = find_clock(file, all, spec) else {
-        if *spec == TimeSpec::Dispensable {
+        if matches!(spec, TimeSpec::Dispensable { .. }) {
             return Ok((None, None));
         }
         let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
