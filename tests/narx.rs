@@ -6,18 +6,18 @@ use std::{fmt::Write, fs};
 
 use crate::{outside::data, runner::*};
 
-fn fit(folder: &Path, arguments: &[&str]) -> Said {
+pub(crate) fn fit(folder: &Path, arguments: &[&str]) -> Said {
     let all: Vec<&str> = ["fit", "narx", "--json"].into_iter().chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
 
 #[track_caller]
-fn number(json: &serde_json::Value, path: &str) -> f64 {
+pub(crate) fn number(json: &serde_json::Value, path: &str) -> f64 {
     json.pointer(path).and_then(serde_json::Value::as_f64).unwrap_or_else(|| panic!("{path} is missing from {json:#}"))
 }
 
 /// A counter-based number in -1 to 1.
-fn noise(seed: u64, row: u64) -> f64 {
+pub(crate) fn noise(seed: u64, row: u64) -> f64 {
     let mix = fleetfoot::data::mix;
     mix(mix(seed).wrapping_add(row)) as f64 / u64::MAX as f64 * 2.0 - 1.0
 }
@@ -36,13 +36,13 @@ fn csv(rows: usize, seed: u64, piecewise: bool, size: f64) -> String {
     text
 }
 
-fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
+pub(crate) fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
     folder
 }
 
-const COLUMNS: [&str; 6] = ["--time", "t", "--outputs", "y", "--inputs", "u"];
+pub(crate) const COLUMNS: [&str; 6] = ["--time", "t", "--outputs", "y", "--inputs", "u"];
 
 #[test]
 fn a_known_autoregression_is_found_by_order_and_terms() {
@@ -73,8 +73,8 @@ fn a_known_autoregression_is_found_by_order_and_terms() {
             );
         }
         // The noise of a hundredth is all that a free run lacks: some 2 % of the output's deviation of a half.
-        assert!(number(&found, "/files/free_run/0/rrse") < if tolerance < 1e-6 { 1e-9 } else { 0.05 });
-        assert!(number(&found, "/files/free_run/0/persistence_rrse") > 0.9);
+        assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < if tolerance < 1e-6 { 1e-9 } else { 0.05 });
+        assert!(number(&found, "/files/by_file/0/free_run/0/persistence_rrse") > 0.9);
     }
     // The rest of the command runs the model.
     fleetfoot(folder.path(), &["rollout", "model.json", "b.csv", "--time", "t", "--horizon", "20"]).ok();
@@ -130,7 +130,7 @@ fn what_cannot_be_fitted_says_why() {
 }
 
 /// Rows of a CSV with its header.
-fn rows_of(text: &str, rows: std::ops::Range<usize>) -> String {
+pub(crate) fn rows_of(text: &str, rows: std::ops::Range<usize>) -> String {
     let lines: Vec<&str> = text.lines().collect();
     format!("{}\n{}\n", lines[0], lines[1 + rows.start..1 + rows.end].join("\n"))
 }
@@ -161,19 +161,19 @@ fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
         fit(folder.path(), &[&given[..], &["--inputs", inputs, "--free-run", "test.csv"], more].concat()).ok().json()
     };
     let found = run("E,v,s", &["--terms", "15"]);
-    let rrse = number(&found, "/files/free_run/0/rrse");
+    let rrse = number(&found, "/files/by_file/0/free_run/0/rrse");
     eprintln!("damper: free-run RRSE {rrse:.6}, published 0.045104");
     assert!((rrse - 0.045_104).abs() < 1e-6, "{rrse}");
-    assert_eq!(number(&found, "/files/free_run/0/rows"), 1598.0);
+    assert_eq!(number(&found, "/files/by_file/0/free_run/0/rows"), 1598.0);
     assert_eq!(number(&found, "/candidates"), 35.0);
     // Akaike's criterion takes as many as it may, as in the tutorial.
     let by_aic = run("E,v,s", &["--select", "aic", "--max-terms", "15"]);
     assert_eq!(by_aic["regions"][0]["equations"][0]["terms"].as_array().unwrap().len(), 15);
     // Without the sign the run is lost. The tutorial counts the first value that is no number; here a run ends when it is a thousand deviations away, a few rows before.
     let without = run("E,v", &["--terms", "15"]);
-    let lost = number(&without, "/files/runs/0/lost_at");
+    let lost = number(&without, "/files/by_file/0/runs/0/lost_at");
     assert!((190.0..=203.0).contains(&lost), "{lost}");
-    assert!(without["files"]["free_run"][0]["rrse"].is_null());
+    assert!(without["files"]["by_file"][0]["free_run"][0]["rrse"].is_null());
 }
 
 /// An electronic component placement head (Juloski, Heemels and Ferrari-Trecate 2004): the first 50,000 rows train, every tenth of them. Everything is chosen on these

@@ -8,6 +8,7 @@ mod derivatives;
 mod generate;
 mod guards;
 mod narx;
+mod narx_search;
 mod outside;
 mod real_data;
 mod robot_logs;

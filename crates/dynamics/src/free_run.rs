@@ -24,6 +24,8 @@ pub use sums::{FreeRunScore, OutputErrors};
 pub struct FreeRunOptions {
     /// Steps of a run at most; the next one starts from the recording where it ends. `None`: to the end of the episode.
     pub horizon: Option<usize>,
+    /// Rows of an episode before the first start at least: with the same number, models of few lags and of many are scored on the same rows.
+    pub first: usize,
     /// How derivatives are integrated.
     pub method: Method,
     /// How long a step is.
@@ -38,7 +40,7 @@ impl Default for FreeRunOptions {
     /// Whole episodes, Euler steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
     fn default() -> Self {
         let RolloutOptions { method, step, divergence, keep, .. } = RolloutOptions::new(1);
-        Self { horizon: None, method, step, divergence, keep }
+        Self { horizon: None, first: 0, method, step, divergence, keep }
     }
 }
 
@@ -106,6 +108,7 @@ pub fn free_run(
         source,
         rollout,
         limit: options.horizon.unwrap_or(usize::MAX),
+        first: options.first,
     };
     let names = simulator.states().to_vec();
     let mut total = vec![OutputSum::default(); names.len()];
@@ -170,6 +173,7 @@ struct Runner<'a> {
     outputs: Vec<Output>,
     rollout: RolloutOptions,
     limit: usize,
+    first: usize,
 }
 
 impl Runner<'_> {
@@ -209,7 +213,7 @@ impl Runner<'_> {
             .collect();
         let rows = block.rows;
         let mut runs = Vec::new();
-        let mut at = history;
+        let mut at = history.max(self.first);
         while at + 1 < rows {
             // The first gap at or behind a row ends what looks at that row.
             let next_gap = |gaps: &[usize], row: usize| gaps.get(gaps.partition_point(|&g| g < row)).copied();

@@ -49,8 +49,8 @@ pub use known::{KnownModel, is_known, known_model};
 pub use list::items;
 pub use logs::Logs;
 pub use narx::{
-    NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion, NarxReport, NarxRequest, NarxScores,
-    NarxSelection, NarxTerm, TermRule, fit_narx,
+    Effort, FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
+    NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
 };
 pub use output::write_model;
 pub use project::{Projected, project};

@@ -1,15 +1,23 @@
 //! From files and a recipe to an autoregression with inputs, piecewise where asked for, and what its free runs are worth.
 
+mod choose;
+mod effort;
 mod fit;
+mod look;
 mod options;
 mod report;
+mod runs;
 mod select;
 mod spans;
 mod task;
 mod terms;
 
+pub use effort::Effort;
 pub use fit::{NarxFitted, NarxRequest, fit_narx};
-pub use options::{NarxOptions, NarxSelection, TermRule};
+pub use look::{NarxSearch, NarxStage};
+pub use options::{GivenOrder, NarxOptions, NarxSelection, OrderRule, TermRule};
 pub use report::{NarxEquation, NarxRegion, NarxReport, NarxScores, NarxTerm};
+pub(crate) use runs::free_runs_by_file;
+pub use runs::{FileRun, FileRuns, MeanRun};
 pub use select::NarxCandidate;
 pub(crate) use spans::Spans;

@@ -11,7 +11,8 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::{Equation, Model, Prediction, Rule};
 
 use crate::{
-    Dataset, Error, Logs, Recipe, controller,
+    Dataset, Error, FileRuns, Logs, Recipe, controller,
+    narx::free_runs_by_file,
     output::{self, Place, PredictionsWriter},
 };
 
@@ -24,6 +25,8 @@ const PREDICT_ROWS: usize = 65_536;
 pub struct Scored {
     /// The scores.
     pub scores: Scores,
+    /// Of an autoregression: whole files simulated from their first rows, one by one.
+    pub free_runs: FileRuns,
     /// Episodes scored.
     pub episodes: usize,
     /// Names of those that the model was trained on: their scores are in-sample.
@@ -44,6 +47,7 @@ pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &
     }
     Ok(Scored {
         scores,
+        free_runs: free_runs_by_file(model, &dataset, 1, progress)?,
         episodes: dataset.episodes().len(),
         in_sample: dataset.in_sample(model),
         notes: dataset.notes().to_vec(),

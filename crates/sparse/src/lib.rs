@@ -63,7 +63,9 @@ pub use inference::{
     system_errors,
 };
 pub use lars::{LarsOptions, Method, lars};
-pub use narx::{NarxFold, NarxLibrary, NarxOrder, OrderChoice, OrderOptions, OrderScore, OrderSearch, search_orders};
+pub use narx::{
+    Addend, NarxFold, NarxLibrary, NarxOrder, OrderChoice, OrderOptions, OrderScore, OrderSearch, search_orders,
+};
 pub use path::{Path, PathStatus, Solution};
 pub use penalty::{Penalty, Sign, Strength};
 pub use quadratic::Quadratic;

@@ -10,6 +10,6 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use library::NarxLibrary;
+pub use library::{Addend, NarxLibrary};
 pub use order::NarxOrder;
 pub use search::{NarxFold, OrderChoice, OrderOptions, OrderScore, OrderSearch, search_orders};

@@ -39,18 +39,25 @@ pub(crate) struct NarxArgs {
     /// Outputs, separated by commas: the recipe's states.
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) outputs: Option<List>,
-    /// Past values of every output (default: 2).
+    /// Past values of every output (default: looked for).
     #[arg(long, value_name = "N")]
     pub(crate) lags_out: Option<usize>,
-    /// Past values of every input (default: 2).
+    /// Past values of every input (default: looked for).
     #[arg(long, value_name = "N")]
     pub(crate) lags_in: Option<usize>,
-    /// Inputs act at once: u(k) stands beside its past.
+    /// Inputs act at once: u(k) stands beside its past (default: looked for, unless --lags-in is given).
     #[arg(long)]
     pub(crate) direct: bool,
-    /// fixed: lags and degree as given; auto: the best up to them (default: fixed).
+    /// fixed: lags and degree as given, 2 where they are not; auto: the best up to them (default: what is not given is looked for).
     #[arg(long, value_name = "RULE")]
     pub(crate) order: Option<String>,
+    /// How far what is not given is looked for: low, normal, high; a count of work, never of seconds (default: normal).
+    #[arg(long, value_name = "EFFORT")]
+    pub(crate) effort: Option<String>,
+    /// Functions of outputs and inputs of one row, separated by commas (`y, u, y^2, sqrt(max(y,0))`): the candidates are the lags of each, in the place of
+    /// products of lags.
+    #[arg(long, value_name = "ITEMS")]
+    pub(crate) library: Option<List>,
     /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
     #[arg(long, value_name = "N")]
     pub(crate) terms: Option<String>,

@@ -1,8 +1,8 @@
 //! `fleetfoot fit narx`.
 
 use fleetfoot::{
-    Error, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxTerms, Recipe, dynamics::Baseline,
-    fit_narx, write_model,
+    Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxTerms, Recipe,
+    dynamics::Baseline, fit_narx, write_model,
 };
 use serde_json::{Value, json};
 
@@ -50,6 +50,11 @@ fn apply(recipe: &mut Recipe, arguments: &NarxArgs) {
     narx.lags_in = arguments.lags_in.or(narx.lags_in);
     narx.direct = arguments.direct.then_some(true).or(narx.direct);
     narx.order = arguments.order.clone().or(narx.order.take());
+    narx.effort = arguments.effort.clone().or(narx.effort.take());
+    if let Some(items) = &arguments.library {
+        recipe.library.functions.clone_from(&items.0);
+    }
+    let narx = &mut recipe.narx;
     if let Some(text) = &arguments.terms {
         narx.terms = Some(text.parse().map_or_else(|_| NarxTerms::Word(text.clone()), NarxTerms::Number));
     }
@@ -63,9 +68,8 @@ fn apply(recipe: &mut Recipe, arguments: &NarxArgs) {
 }
 
 fn to_text(report: &NarxReport, tried: bool) -> String {
-    let direct = if report.direct { ", inputs at once" } else { "" };
     let mut text = format!(
-        "{} rows of {}; {} at the border of an episode and {} with a missing value left out\nNARX, {}{direct}: {}; {}\n",
+        "{} rows of {}; {} at the border of an episode and {} with a missing value left out\nNARX, {}: {}; {}\n",
         report.rows,
         count(report.episodes, "episode"),
         report.left_out[0],
@@ -80,6 +84,12 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     );
     if let Some(choice) = &report.choice {
         text.push_str(&format!("chosen by {choice}\n"));
+    }
+    if let Some(search) = &report.search {
+        text.push_str(&format!("\n{}\n", search_text(search)));
+    }
+    if let Some(held_out) = &report.held_out {
+        text.push_str(&format!("\n{}\n", held_out_text(held_out, report.linear())));
     }
     if !report.tried.is_empty() {
         text.push_str(&format!("\n{}\n", tried_table(&report.tried, if tried { usize::MAX } else { BEST })));
@@ -101,16 +111,67 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
             text.push_str(&format!("\n{}\n", table(&[&equation.label, "coefficient", "ERR %"], rows)));
         }
     }
-    for (name, scores) in [
-        ("training rows", Some(&report.train)),
-        ("rows kept back", report.test.as_ref()),
-        ("other files", report.files.as_ref()),
-    ] {
+    for (name, scores) in [("training rows", Some(&report.train)), ("rows kept back", report.test.as_ref())] {
         if let Some(scores) = scores {
             text.push_str(&format!("\n{}\n", scores_table(name, scores)));
         }
     }
+    if let Some(files) = &report.files {
+        text.push_str(&format!("\n{}\n", files_text(files)));
+    }
     text
+}
+
+/// The stages of a search, and what its effort cut.
+fn search_text(search: &NarxSearch) -> String {
+    let rows = search.stages.iter().map(|stage| {
+        vec![
+            stage.name.clone(),
+            stage.orders.to_string(),
+            stage.models.to_string(),
+            error(stage.rrse),
+            fit_percent(stage.rrse),
+        ]
+    });
+    let header = format!("effort {}", search.effort.word());
+    let table = table(&[&header, "orders", "models", "least RRSE, held out", "FIT %"], rows.collect());
+    let cut = match search.cut.as_slice() {
+        [] => "nothing was cut".to_owned(),
+        [first, ..] => {
+            format!("{} cut, from {first} on: --effort high goes further", count(search.cut.len(), "order"))
+        }
+    };
+    let share = 100.0 * search.spent as f64 / search.limit as f64;
+    format!("{table}\n  {share:.0} % of {:.1e} terms evaluated; {cut}", search.limit as f64)
+}
+
+/// What the model that is written does on the spans of which the others trained it.
+fn held_out_text(held_out: &NarxCandidate, linear: Option<&NarxCandidate>) -> String {
+    let of = |candidate: &NarxCandidate| {
+        let folds: Vec<String> = candidate.folds.iter().map(|&rrse| fit_percent(rrse)).collect();
+        format!("FIT {} % (RRSE {}; spans {})", fit_percent(candidate.rrse), error(candidate.rrse), folds.join(", "))
+    };
+    let mut text = format!("held out, free runs of these terms refitted on the other spans: {}", of(held_out));
+    if let Some(linear) = linear.filter(|linear| *linear != held_out) {
+        text.push_str(&format!("\n  the linear model of the same lags: {}", of(linear)));
+    }
+    text
+}
+
+/// Free runs of files one by one, and their mean.
+pub(super) fn files_text(runs: &FileRuns) -> String {
+    let mut parts: Vec<String> = runs.files.iter().map(|file| scores_table(&file.file, &file.scores)).collect();
+    if runs.files.len() > 1 {
+        let rows = runs
+            .mean
+            .iter()
+            .map(|mean| vec![format!("{}, free run", mean.name), error(mean.rrse), fit_percent(mean.rrse)]);
+        parts.push(table(&[&format!("mean of {} files", runs.files.len()), "RRSE", "FIT %"], rows.collect()));
+    }
+    if !runs.skipped.is_empty() {
+        parts.push(format!("no free run can begin in {}: too short, or values are missing", runs.skipped.join(", ")));
+    }
+    parts.join("\n\n")
 }
 
 fn share(err: f64) -> String {

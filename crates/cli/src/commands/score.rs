@@ -6,7 +6,7 @@ use fleetfoot::{
     interval_in_words,
 };
 
-use super::{Context, files, in_sample, plane, read_by, read_model, time_changes};
+use super::{Context, files, fit_narx, in_sample, plane, read_by, read_model, time_changes};
 use crate::{
     args::{List, Score},
     table::{count, number, ratio, table},
@@ -111,6 +111,9 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
         100.0 * scores.outside_region as f64 / scores.rows as f64,
         100.0 * scores.outside_training as f64 / scores.rows as f64,
     );
+    if !scored.free_runs.is_empty() {
+        text.push_str(&format!("\n\nfree runs of whole files\n{}", fit_narx::files_text(&scored.free_runs)));
+    }
     if episodes {
         let mut header = vec!["episode", "rows", "in training"];
         header.extend(scores.targets.iter().map(|target| target.name.as_str()));

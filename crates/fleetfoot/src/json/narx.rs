@@ -5,19 +5,12 @@ use fleetfoot_sparse::NarxOrder;
 use serde_json::{Value, json};
 
 use super::real;
-use crate::{NarxReport, NarxScores};
+use crate::{FileRuns, NarxCandidate, NarxReport, NarxScores, NarxSearch};
 
 impl NarxReport {
     /// Orders, equations and scores for programs.
     pub fn to_json(&self) -> Value {
-        let order =
-            |order: &NarxOrder| json!({ "lags_out": order.outputs, "lags_in": order.inputs, "degree": order.degree });
-        let tried = self.tried.iter().map(|candidate| {
-        json!({
-            "order": order(&candidate.order), "partition": candidate.specification, "seed": candidate.seed, "terms": candidate.terms, "rrse": real(candidate.rrse),
-            "folds": candidate.folds.iter().map(|&value| real(value)).collect::<Vec<_>>(),
-        })
-    });
+        let tried = self.tried.iter().map(candidate);
         let orders = self.orders.iter().flat_map(|search| &search.scores).map(|score| {
         json!({
             "order": order(&score.order), "candidates": score.candidates, "terms": score.terms, "value": real(score.value),
@@ -36,10 +29,50 @@ impl NarxReport {
         json!({
             "rows": self.rows, "episodes": self.episodes, "at_border": self.left_out[0], "incomplete": self.left_out[1],
             "order": order(&self.order), "direct": self.direct, "candidates": self.candidates, "partition": self.partition, "choice": self.choice,
-            "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
-            "train": scores_json(&self.train), "test": self.test.as_ref().map(scores_json), "files": self.files.as_ref().map(scores_json),
+            "held_out": self.held_out.as_ref().map(candidate), "linear_of_the_same_lags": self.linear().map(candidate),
+            "search": self.search.as_ref().map(search), "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
+            "train": scores_json(&self.train), "test": self.test.as_ref().map(scores_json), "files": self.files.as_ref().map(FileRuns::to_json),
             "notes": self.notes,
         })
+    }
+}
+
+fn order(order: &NarxOrder) -> Value {
+    json!({ "lags_out": order.outputs, "lags_in": order.inputs, "degree": order.degree })
+}
+
+fn candidate(candidate: &NarxCandidate) -> Value {
+    json!({
+        "order": order(&candidate.order), "direct": candidate.order.direct, "partition": candidate.specification, "seed": candidate.seed,
+        "terms": candidate.terms, "rrse": real(candidate.rrse), "folds": candidate.folds.iter().map(|&value| real(value)).collect::<Vec<_>>(),
+    })
+}
+
+fn search(search: &NarxSearch) -> Value {
+    let stages = search.stages.iter().map(
+        |stage| json!({ "name": stage.name, "orders": stage.orders, "models": stage.models, "rrse": real(stage.rrse) }),
+    );
+    let cut = search.cut.iter().map(|cut| {
+        let mut value = order(cut);
+        value["direct"] = json!(cut.direct);
+        value
+    });
+    json!({
+        "effort": search.effort.word(), "limit": search.limit, "spent": search.spent, "stages": stages.collect::<Vec<_>>(), "cut": cut.collect::<Vec<_>>(),
+    })
+}
+
+impl FileRuns {
+    /// The runs of every file, and their mean, for programs.
+    pub fn to_json(&self) -> Value {
+        let files = self.files.iter().map(|file| {
+            let mut value = scores_json(&file.scores);
+            value["file"] = json!(file.file);
+            value
+        });
+        let mean =
+            self.mean.iter().map(|mean| json!({ "name": mean.name, "rrse": real(mean.rrse), "fit": real(mean.fit) }));
+        json!({ "by_file": files.collect::<Vec<_>>(), "mean": mean.collect::<Vec<_>>(), "skipped": self.skipped })
     }
 }
 

@@ -30,6 +30,7 @@ impl Scored {
                 "mae_over_null": episode.mae_over_null.iter().map(|&v| real(v)).collect::<Vec<_>>(),
                 "rmse": episode.rmse.iter().map(|&v| real(v)).collect::<Vec<_>>(), "mahalanobis": real(episode.mahalanobis),
             })).collect::<Vec<_>>(),
+            "free_runs": (!self.free_runs.is_empty()).then(|| self.free_runs.to_json()),
             "notes": self.notes,
         })
     }

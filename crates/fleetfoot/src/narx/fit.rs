@@ -1,24 +1,23 @@
 //! The pipeline: rows, partitions, choice, terms, model, scores.
 
-use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
 use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::{
-    Criterion as By, CriterionOptions, FrolsChoice, NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch,
-    System, SystemPlan, SystemScan, search_orders,
-};
+use fleetfoot_sparse::{System, SystemPlan, SystemScan};
 
 use super::{
-    NarxCandidate, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxSelection, NarxTerm, TermRule,
-    select::{Choice, Selection, best},
+    FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxTerm, OrderRule, TermRule,
+    choose::Chosen,
+    options::USUAL,
+    runs::free_runs_by_file,
+    select::Choice,
     spans::Spans,
-    task::{NarxTask, one_row_ahead},
-    terms::{EquationTerms, Problems, Trails, choice},
+    task::{NarxBase, one_row_ahead},
+    terms::{EquationTerms, coefficients},
 };
 use crate::{
-    Criterion, Dataset, Error, Logs, Provenance, Recipe, left_out::left_out, not_finite, output::refuse_not_finite,
+    Dataset, EquationTask, Error, Logs, Provenance, Recipe, left_out::left_out, not_finite, output::refuse_not_finite,
 };
 
 /// What is asked of a fit beside the recipe.
@@ -51,14 +50,14 @@ pub fn fit_narx(
     let options = NarxOptions::new(recipe)?;
     let prepared = one_row_ahead(recipe, &options)?;
     let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
-    let narx = NarxTask::new(task, recipe, &options)?;
+    let base = NarxBase::new(task, recipe)?;
     let view = dataset.view()?;
     let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
     let (train, test) = Spans::split(&view, tested, options.decimate)?;
     let step = dataset.step() * options.decimate as f64;
-    let fit = Fit { recipe, options: &options, narx: &narx, source: &train, step };
+    let fit = Fit { recipe, options: &options, base: &base, source: &train, step };
     let found = fit.run(progress);
-    let functions = || narx.task.row_functions();
+    let functions = || base.row_functions();
     let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
     refuse_not_finite(&model)?;
     report.notes.splice(0..0, dataset.notes().iter().cloned());
@@ -69,9 +68,7 @@ pub fn fit_narx(
     }
     if !request.free_run.is_empty() {
         let dataset = Dataset::for_every_row(&model, recipe, &request.free_run, options.decimate, progress)?;
-        let view = dataset.view()?;
-        let (rows, _) = Spans::split(&view, |_| 0, options.decimate)?;
-        report.files = Some(scores(&model, &rows, progress)?.ok_or_else(|| too_short(&rows))?);
+        report.files = Some(files(&model, &dataset, options.decimate, progress)?);
         let known = dataset.in_sample(&model);
         if !known.is_empty() {
             report.notes.push(format!("{} of the files to run on trained the model", known.join(", ")));
@@ -94,7 +91,7 @@ fn too_short(source: &dyn Source) -> Error {
 }
 
 /// One-step and free-run scores; `None` where no row can be scored.
-fn scores(model: &Model, source: &dyn Source, progress: &dyn Progress) -> Result<Option<NarxScores>, Error> {
+pub(super) fn scores(model: &Model, source: &dyn Source, progress: &dyn Progress) -> Result<Option<NarxScores>, Error> {
     let free_run = match free_run(model, source, &FreeRunOptions::default(), progress) {
         Ok(found) => found,
         Err(fleetfoot_dynamics::Error::NoCompleteRow { .. }) => return Ok(None),
@@ -104,65 +101,54 @@ fn scores(model: &Model, source: &dyn Source, progress: &dyn Progress) -> Result
     Ok((one_step.rows > 0).then_some(NarxScores { one_step, free_run }))
 }
 
-/// A partition, an order, a number of terms: what was chosen.
-struct Chosen {
-    partition: usize,
-    order: NarxOrder,
-    /// `None`: by the criterion in every region.
-    terms: Option<usize>,
-    text: Option<String>,
-    tried: Vec<NarxCandidate>,
-    orders: Option<OrderSearch>,
+/// Free runs of other files, one by one.
+fn files(model: &Model, dataset: &Dataset, every: usize, progress: &dyn Progress) -> Result<FileRuns, Error> {
+    let runs = free_runs_by_file(model, dataset, every, progress)?;
+    if runs.files.is_empty() {
+        return Err(too_short(&dataset.view()?));
+    }
+    Ok(runs)
 }
 
-struct Fit<'a> {
-    recipe: &'a Recipe,
-    options: &'a NarxOptions,
-    narx: &'a NarxTask,
-    source: &'a dyn Source,
-    step: f64,
+/// What all ways to a model share.
+pub(crate) struct Fit<'a> {
+    pub(crate) recipe: &'a Recipe,
+    pub(crate) options: &'a NarxOptions,
+    pub(crate) base: &'a NarxBase,
+    /// The rows that train.
+    pub(crate) source: &'a dyn Source,
+    pub(crate) step: f64,
 }
 
 impl Fit<'_> {
     fn run(&self, progress: &dyn Progress) -> Result<(Model, NarxReport), Error> {
         let mut notes = Vec::new();
         let partitions = self.partitions(&mut notes, progress)?;
-        let whole = self.scan(None, progress)?;
-        self.check(&whole)?;
-        let orders = if self.options.search { self.narx.library.orders() } else { vec![self.options.order] };
-        let chosen = self.choose(&whole, &partitions, &orders, progress)?;
+        let chosen = self.choose(&partitions, progress)?;
         let Choice { partition, seed } = &partitions[chosen.partition];
         let partition = partition.as_ref();
-        let regions = partition.map(|partition| self.scan(Some(partition), progress)).transpose()?;
-        let columns = self.narx.library.columns(chosen.order);
-        let rule = match (self.options.terms, chosen.terms) {
-            (TermRule::Auto(_), Some(count)) => TermRule::Count(count),
-            (rule, _) => rule,
-        };
-        let by = match self.options.selection {
-            NarxSelection::FreeRun => FrolsChoice::Last,
-            NarxSelection::OneStep(criterion) => choice(criterion),
-        };
-        let trails = Trails::new(&Problems::all(&whole, regions.as_ref()), columns.clone(), rule, by)?;
-        let terms = trails.terms(chosen.terms);
-        let coefficients: Vec<Mat<f64>> = trails.coefficients(&terms);
-        let scan = regions.as_ref().unwrap_or(&whole);
-        let model = self.narx.task.model(scan, partition, &coefficients, self.provenance(partition, *seed));
+        let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
+        let coefficients = coefficients(&chosen.terms, chosen.task.candidates());
+        let model = chosen.task.model(scan, partition, &coefficients, self.provenance(partition, *seed));
         progress.stage("scores");
         let train = scores(&model, self.source, progress)?.ok_or_else(|| too_short(self.source))?;
-        let counts = whole.counts();
+        let counts = chosen.whole.counts();
+        let regions = regions(&chosen, scan, partition, &mut notes);
+        let how = chosen.how;
         let report = NarxReport {
             rows: counts.complete,
             episodes: self.source.episodes().len(),
             left_out: [counts.at_border, counts.incomplete],
             order: chosen.order,
-            direct: self.options.direct,
-            candidates: columns.len(),
+            direct: chosen.order.direct,
+            candidates: chosen.candidates,
             partition: partition.map_or_else(|| "average".into(), |partition| partition.specification.clone()),
-            choice: chosen.text,
-            tried: chosen.tried,
-            orders: chosen.orders,
-            regions: self.regions(scan, partition, &terms, &mut notes),
+            choice: how.text,
+            held_out: how.held_out,
+            search: how.search,
+            tried: how.tried,
+            orders: how.orders,
+            regions,
             train,
             test: None,
             files: None,
@@ -171,16 +157,23 @@ impl Fit<'_> {
         Ok((model, report))
     }
 
-    fn scan(&self, partition: Option<&Partition>, progress: &dyn Progress) -> Result<SystemScan, Error> {
+    /// The statistic of the training rows.
+    pub(crate) fn scan(
+        &self,
+        task: &EquationTask,
+        partition: Option<&Partition>,
+        progress: &dyn Progress,
+    ) -> Result<SystemScan, Error> {
         progress.stage("scan");
-        let system = System { partition: partition.cloned(), ..self.narx.task.system() };
+        let system = System { partition: partition.cloned(), ..task.system() };
         Ok(SystemPlan::new(system, None, self.source)?.scan(self.source, progress)?)
     }
 
-    fn check(&self, whole: &SystemScan) -> Result<(), Error> {
+    /// Refuses to fit more terms than there are rows.
+    pub(crate) fn check(&self, whole: &SystemScan, candidates: usize) -> Result<(), Error> {
         let counts = whole.counts();
         let needed = match self.options.terms {
-            TermRule::All => self.narx.task.candidates(),
+            TermRule::All => candidates,
             TermRule::Count(count) => count,
             TermRule::Auto(_) => 1,
         };
@@ -199,7 +192,12 @@ impl Fit<'_> {
         if self.options.partitions == [Specification::Average] {
             return Ok(vec![Choice { partition: None, seed: self.options.seed }]);
         }
-        let task = &self.narx.task;
+        // What rows have all lags of; regions look at columns of their own.
+        let order = match self.options.order {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
+            OrderRule::Look(given) => given.or(USUAL),
+        };
+        let task = self.base.with(&[order])?.task;
         let problem = Problem {
             columns: task.columns.clone(),
             library: task.functions.clone(),
@@ -231,109 +229,6 @@ impl Fit<'_> {
         Ok(choices)
     }
 
-    fn choose(
-        &self,
-        whole: &SystemScan,
-        partitions: &[Choice],
-        orders: &[NarxOrder],
-        progress: &dyn Progress,
-    ) -> Result<Chosen, Error> {
-        let given = match self.options.terms {
-            TermRule::Count(count) => Some(count),
-            TermRule::All => Some(usize::MAX),
-            TermRule::Auto(_) => None,
-        };
-        let mut chosen =
-            Chosen { partition: 0, order: orders[0], terms: given, text: None, tried: Vec::new(), orders: None };
-        if orders.len() * partitions.len() == 1 && given.is_some() {
-            return Ok(chosen);
-        }
-        let NarxSelection::OneStep(criterion) = self.options.selection else {
-            let selection = Selection { narx: self.narx, options: self.options, source: self.source, step: self.step };
-            chosen.tried = selection.run(partitions, orders, progress)?;
-            let Some(best) = best(&chosen.tried) else {
-                return Err(Error::Request(format!(
-                    "none of {} models can be simulated through the spans that did not train: all diverge; choose by --select bic, or try other lags and fewer terms",
-                    chosen.tried.len()
-                )));
-            };
-            (chosen.partition, chosen.order) = (best.partition, best.order);
-            chosen.terms = given.or(Some(best.terms));
-            chosen.text = Some(format!(
-                "the least error of free runs of {} spans that did not train, of {} models",
-                self.options.folds,
-                chosen.tried.len()
-            ));
-            return Ok(chosen);
-        };
-        let search = self.by_one_step(whole, orders, criterion, progress)?;
-        let best = search.choice();
-        chosen.order = best.order;
-        let held_out = matches!(criterion, Criterion::CrossValidation | Criterion::OneStandardError);
-        chosen.terms = given.or_else(|| held_out.then(|| best.terms.iter().copied().max().unwrap_or(1)));
-        chosen.text = Some(match criterion {
-            Criterion::Aic => "AIC of one-step errors".into(),
-            Criterion::Bic => "BIC of one-step errors".into(),
-            Criterion::Ebic => "EBIC of one-step errors".into(),
-            Criterion::CrossValidation => format!("the least one-step error of {} held-out spans", self.options.folds),
-            Criterion::OneStandardError => {
-                format!(
-                    "fewest terms within one standard error of the least one-step error of {} held-out spans",
-                    self.options.folds
-                )
-            }
-        });
-        chosen.orders = Some(search);
-        Ok(chosen)
-    }
-
-    /// Orders compared on the statistic.
-    fn by_one_step(
-        &self,
-        whole: &SystemScan,
-        orders: &[NarxOrder],
-        criterion: Criterion,
-        progress: &dyn Progress,
-    ) -> Result<OrderSearch, Error> {
-        let by = |criterion| OrderChoice::Criterion(criterion, CriterionOptions::default());
-        let choice = match criterion {
-            Criterion::Aic => by(By::Aic),
-            Criterion::Bic => by(By::Bic),
-            Criterion::Ebic => by(By::Ebic),
-            Criterion::CrossValidation => OrderChoice::CrossValidation { one_standard_error: false },
-            Criterion::OneStandardError => OrderChoice::CrossValidation { one_standard_error: true },
-        };
-        let folds = match choice {
-            OrderChoice::CrossValidation { .. } => self.folds(progress)?,
-            _ => Vec::new(),
-        };
-        let max_terms = match self.options.terms {
-            TermRule::All => None,
-            TermRule::Count(most) | TermRule::Auto(most) => Some(most),
-        };
-        let mut options = OrderOptions::default();
-        (options.max_terms, options.choice) = (max_terms, choice);
-        let problem = whole.root(0).compressed(true);
-        Ok(search_orders(&problem, &self.narx.library, orders, &folds, &options, progress)?)
-    }
-
-    fn folds(&self, progress: &dyn Progress) -> Result<Vec<NarxFold>, Error> {
-        let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
-        let scan = SystemPlan::new(self.narx.task.system(), None, &cut)?.scan(&cut, progress)?;
-        let fold_of = |unit: usize| {
-            let episode = cut.episodes().iter().position(|episode| episode.id == scan.units()[unit].episode);
-            episode.map(|episode| folds[episode])
-        };
-        let weights = |own: bool| {
-            let weight = |unit: usize, fold: usize| f64::from((fold_of(unit) == Some(fold)) == own);
-            Mat::from_fn(scan.units().len(), self.options.folds, weight)
-        };
-        let problems = |own| scan.roots(0, weights(own).as_ref()).into_iter().map(|root| root.compressed(true));
-        let both = problems(false).zip(problems(true));
-        let filled = both.filter(|(train, test)| train.weight > 0.0 && test.weight > 0.0);
-        Ok(filled.map(|(train, test)| NarxFold { train, test }).collect())
-    }
-
     fn provenance(&self, partition: Option<&Partition>, seed: u64) -> Provenance {
         let regions = partition.map_or_else(String::new, |partition| format!(" {}", partition.specification));
         Provenance {
@@ -344,47 +239,32 @@ impl Fit<'_> {
             episodes: self.source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
         }
     }
+}
 
-    fn regions(
-        &self,
-        scan: &SystemScan,
-        partition: Option<&Partition>,
-        terms: &[Vec<EquationTerms>],
-        notes: &mut Vec<String>,
-    ) -> Vec<NarxRegion> {
-        let regions: Vec<NarxRegion> = terms
-            .iter()
-            .enumerate()
-            .map(|(region, equations)| NarxRegion {
-                name: partition.map_or_else(|| "all".into(), |partition| partition.region_name(region)),
-                rows: scan.rows(region),
-                shared: equations.iter().any(|equation| equation.shared),
-                equations: self
-                    .narx
-                    .task
-                    .fitted
-                    .iter()
-                    .zip(equations)
-                    .map(|(e, own)| self.equation(&e.label, own))
-                    .collect(),
-            })
-            .collect();
-        let shared: Vec<&str> = regions.iter().filter(|r| r.shared).map(|r| r.name.as_str()).collect();
-        if !shared.is_empty() {
-            notes.push(format!(
-                "too few rows for terms of their own: regions {} have those of all rows",
-                shared.join(", ")
-            ));
-        }
-        regions
+/// The equations of every region, for people.
+fn regions(
+    chosen: &Chosen,
+    scan: &SystemScan,
+    partition: Option<&Partition>,
+    notes: &mut Vec<String>,
+) -> Vec<NarxRegion> {
+    let labels = || chosen.task.fitted.iter().map(|equation| &equation.label);
+    let region = |(region, equations): (usize, &Vec<EquationTerms>)| NarxRegion {
+        name: partition.map_or_else(|| "all".into(), |partition| partition.region_name(region)),
+        rows: scan.rows(region),
+        shared: equations.iter().any(|equation| equation.shared),
+        equations: labels().zip(equations).map(|(label, own)| equation(&chosen.task, label, own)).collect(),
+    };
+    let regions: Vec<NarxRegion> = chosen.terms.iter().enumerate().map(region).collect();
+    let shared: Vec<&str> = regions.iter().filter(|r| r.shared).map(|r| r.name.as_str()).collect();
+    if !shared.is_empty() {
+        notes
+            .push(format!("too few rows for terms of their own: regions {} have those of all rows", shared.join(", ")));
     }
+    regions
+}
 
-    fn equation(&self, label: &str, own: &EquationTerms) -> NarxEquation {
-        let term = |&(j, coefficient, err): &(usize, f64, f64)| NarxTerm {
-            function: self.narx.task.candidate(j),
-            coefficient,
-            err,
-        };
-        NarxEquation { label: label.to_owned(), terms: own.terms.iter().map(term).collect() }
-    }
+fn equation(task: &EquationTask, label: &str, own: &EquationTerms) -> NarxEquation {
+    let term = |&(j, coefficient, err): &(usize, f64, f64)| NarxTerm { function: task.candidate(j), coefficient, err };
+    NarxEquation { label: label.to_owned(), terms: own.terms.iter().map(term).collect() }
 }

@@ -3,6 +3,7 @@
 use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::NarxOrder;
 
+use super::Effort;
 use crate::{Criterion, Error, NarxSection, NarxTerms, Recipe, sparse_fit::words};
 
 /// How many terms an equation has.
@@ -16,6 +17,13 @@ pub enum TermRule {
     All,
 }
 
+impl TermRule {
+    /// Whether the number of terms is to be chosen.
+    pub(crate) fn is_free(self) -> bool {
+        matches!(self, Self::Auto(_))
+    }
+}
+
 /// What order, terms and partition are chosen by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NarxSelection {
@@ -25,16 +33,50 @@ pub enum NarxSelection {
     OneStep(Criterion),
 }
 
+/// Where lags, degree and the inputs at once come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OrderRule {
+    /// As given.
+    Fixed(NarxOrder),
+    /// The best up to this one.
+    UpTo(NarxOrder),
+    /// What is not given is looked for, within an effort.
+    Look(GivenOrder),
+}
+
+/// The parts of an order that the user gave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct GivenOrder {
+    /// Past values of every output.
+    pub outputs: Option<usize>,
+    /// Past values of every input.
+    pub inputs: Option<usize>,
+    /// Total degree.
+    pub degree: Option<usize>,
+    /// Whether inputs act at once.
+    pub direct: Option<bool>,
+}
+
+impl GivenOrder {
+    /// The order with what is given, the rest from another.
+    pub(crate) fn or(self, other: NarxOrder) -> NarxOrder {
+        NarxOrder {
+            outputs: self.outputs.unwrap_or(other.outputs),
+            inputs: self.inputs.unwrap_or(other.inputs),
+            degree: self.degree.unwrap_or(other.degree),
+            direct: self.direct.unwrap_or(other.direct),
+        }
+    }
+}
+
 /// How an autoregression is found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct NarxOptions {
-    /// Lags and degree; the largest with [`NarxOptions::search`].
-    pub order: NarxOrder,
-    /// Whether inputs act at once.
-    pub direct: bool,
-    /// Whether smaller orders are tried.
-    pub search: bool,
+    /// Lags, degree, and whether inputs act at once.
+    pub order: OrderRule,
+    /// How far what is not given is looked for.
+    pub effort: Effort,
     /// Number of terms.
     pub terms: TermRule,
     /// What is chosen by.
@@ -53,8 +95,8 @@ pub struct NarxOptions {
     pub starts: usize,
 }
 
-const LAGS: usize = 2;
-const DEGREE: usize = 2;
+/// The order where nothing is given and nothing is looked for.
+pub(crate) const USUAL: NarxOrder = NarxOrder { outputs: 2, inputs: 2, degree: 2, direct: false };
 const FOLDS: usize = 5;
 /// The most terms when none are given.
 const MAX_TERMS: usize = 20;
@@ -67,23 +109,9 @@ impl NarxOptions {
     /// A word or number that is not allowed, with those that are.
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
         let section = &recipe.narx;
-        let has_inputs = !recipe.inputs.is_empty();
-        let order = NarxOrder {
-            outputs: within("lags_out", section.lags_out.unwrap_or(LAGS), 0, MAX_LAGS)?,
-            inputs: within("lags_in", section.lags_in.unwrap_or(if has_inputs { LAGS } else { 0 }), 0, MAX_LAGS)?,
-            degree: within("degree", recipe.model.degree.map_or(DEGREE, |degree| degree as usize), 1, 20)?,
-        };
-        if section.lags_in.is_some_and(|lags| lags > 0) && !has_inputs {
-            return Err(Error::Request(
-                "[narx] lags_in: there are no inputs; name them (--inputs, or [inputs] of the recipe)".into(),
-            ));
-        }
-        let direct = section.direct.unwrap_or(false);
-        if order.outputs == 0 && order.inputs == 0 && !(direct && has_inputs) {
-            return Err(Error::Request(
-                "[narx] lags_out = 0 and lags_in = 0: nothing is left to predict from; give at least one lag".into(),
-            ));
-        }
+        let selection = selection(section)?;
+        let terms = terms(section)?;
+        let order = order(recipe, selection, terms)?;
         let partitions = match &recipe.model.partition {
             None => vec![Specification::Average],
             Some(text) => Specification::parse_list(text)?,
@@ -95,10 +123,9 @@ impl NarxOptions {
         }
         let options = Self {
             order,
-            direct,
-            search: search(section)?,
-            terms: terms(section)?,
-            selection: selection(section)?,
+            effort: effort(section)?,
+            terms,
+            selection,
             folds: within("folds", section.folds.unwrap_or(FOLDS), 2, 1_000)?,
             decimate: within("decimate", section.decimate.unwrap_or(1), 1, 1_000_000)?,
             test_share: section.test_share.unwrap_or(0.0),
@@ -126,12 +153,53 @@ impl NarxOptions {
     }
 }
 
-fn search(section: &NarxSection) -> Result<bool, Error> {
-    match section.order.as_deref() {
-        None | Some("fixed") => Ok(false),
-        Some("auto") => Ok(true),
-        Some(other) => Err(refused("order", other, "fixed or auto")),
+/// What is given of the order, and what becomes of the rest.
+fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<OrderRule, Error> {
+    let section = &recipe.narx;
+    let has_inputs = !recipe.inputs.is_empty();
+    if section.lags_in.is_some_and(|lags| lags > 0) && !has_inputs {
+        return Err(Error::Request(
+            "[narx] lags_in: there are no inputs; name them (--inputs, or [inputs] of the recipe)".into(),
+        ));
     }
+    let lags = |what, value: Option<usize>| value.map(|lags| within(what, lags, 0, MAX_LAGS)).transpose();
+    let degree = recipe.model.degree.map(|degree| within("degree", degree as usize, 1, 20)).transpose()?;
+    let additive = !recipe.library.functions.is_empty();
+    if let Some(degree) = degree.filter(|_| additive) {
+        return Err(refused(
+            "degree",
+            degree,
+            "no degree beside a library: its functions are added up, not multiplied",
+        ));
+    }
+    let given = GivenOrder {
+        outputs: lags("lags_out", section.lags_out)?,
+        inputs: if has_inputs { lags("lags_in", section.lags_in)? } else { Some(0) },
+        degree: if additive { Some(1) } else { degree },
+        // Who says how far back inputs go has said how they act.
+        direct: if has_inputs { section.direct.or(section.lags_in.map(|_| false)) } else { Some(false) },
+    };
+    if given.outputs == Some(0) && given.inputs == Some(0) && given.direct == Some(false) {
+        return Err(Error::Request(
+            "[narx] lags_out = 0 and lags_in = 0: nothing is left to predict from; give at least one lag".into(),
+        ));
+    }
+    let all = given.or(USUAL);
+    let whole = given.outputs.is_some() && given.inputs.is_some() && given.degree.is_some() && given.direct.is_some();
+    Ok(match section.order.as_deref() {
+        Some("fixed") => OrderRule::Fixed(all),
+        Some("auto") => OrderRule::UpTo(all),
+        // Criteria of one-step errors compare orders that are named.
+        None if selection != NarxSelection::FreeRun => OrderRule::Fixed(all),
+        None if whole && !matches!(terms, TermRule::Auto(_)) => OrderRule::Fixed(all),
+        None => OrderRule::Look(given),
+        Some(other) => return Err(refused("order", other, "fixed or auto, or leave it away")),
+    })
+}
+
+fn effort(section: &NarxSection) -> Result<Effort, Error> {
+    let word = section.effort.as_deref().unwrap_or(Effort::default().word());
+    Effort::parse(word).ok_or_else(|| refused("effort", word, "low, normal or high"))
 }
 
 fn terms(section: &NarxSection) -> Result<TermRule, Error> {
@@ -179,17 +247,34 @@ mod tests {
     #[test]
     fn words_are_read() {
         let default = options("[states]\ny = {}\n[inputs]\nu = \"u\"\n").unwrap();
-        assert_eq!(default.order, NarxOrder { outputs: 2, inputs: 2, degree: 2 });
+        assert_eq!(default.order, OrderRule::Look(GivenOrder::default()));
         assert_eq!(
-            (default.selection, default.terms, default.search),
-            (NarxSelection::FreeRun, TermRule::Auto(20), false)
+            (default.selection, default.terms, default.effort),
+            (NarxSelection::FreeRun, TermRule::Auto(20), Effort::Normal)
         );
         let text = "[narx]\nlags_out = 3\nterms = 15\norder = \"auto\"\nselect = \"bic\"\n[model]\ndegree = 3\npartition = \"kmeans:4\"";
         let given = options(text).unwrap();
-        assert_eq!(given.order, NarxOrder { outputs: 3, inputs: 0, degree: 3 });
+        assert_eq!(given.order, OrderRule::UpTo(NarxOrder { outputs: 3, inputs: 0, degree: 3, direct: false }));
         assert_eq!(given.selection, NarxSelection::OneStep(Criterion::Bic));
-        assert_eq!((given.terms, given.search), (TermRule::Count(15), true));
+        assert_eq!(given.terms, TermRule::Count(15));
         assert_eq!(given.partitions, [Specification::KMeans(4)]);
+    }
+
+    #[test]
+    fn what_is_given_is_not_looked_for() {
+        let order = |text: &str| options(&format!("{text}\n[inputs]\nu = \"u\"\n")).unwrap().order;
+        let given = GivenOrder { outputs: Some(3), degree: Some(1), ..GivenOrder::default() };
+        assert_eq!(order("[narx]\nlags_out = 3\n[model]\ndegree = 1"), OrderRule::Look(given));
+        // The lags of the inputs say how they act.
+        let given = GivenOrder { inputs: Some(2), direct: Some(false), ..GivenOrder::default() };
+        assert_eq!(order("[narx]\nlags_in = 2"), OrderRule::Look(given));
+        let all = NarxOrder { outputs: 1, inputs: 2, degree: 3, direct: true };
+        let text = "[narx]\nlags_out = 1\nlags_in = 2\ndirect = true\nterms = 5\n[model]\ndegree = 3";
+        assert_eq!(order(text), OrderRule::Fixed(all));
+        assert_eq!(order("[narx]\nselect = \"bic\""), OrderRule::Fixed(USUAL));
+        assert_eq!(order("[narx]\norder = \"fixed\""), OrderRule::Fixed(USUAL));
+        let text = "[library]\nfunctions = [\"y\", \"u^2\"]";
+        assert_eq!(order(text), OrderRule::Look(GivenOrder { degree: Some(1), ..GivenOrder::default() }));
     }
 
     #[test]
@@ -201,6 +286,8 @@ mod tests {
             ("[narx]\nterms = \"many\"", &["terms = many", "auto"]),
             ("[narx]\norder = \"best\"", &["order = best", "auto"]),
             ("[narx]\nselect = \"r2\"", &["select = r2", "free-run"]),
+            ("[narx]\neffort = \"all\"", &["effort = all", "normal"]),
+            ("[library]\nfunctions = [\"u\"]\n[model]\ndegree = 2", &["degree = 2", "added up"]),
             ("[narx]\nfolds = 1", &["folds = 1", "2 to"]),
             ("[narx]\nstarts = 3\nselect = \"bic\"", &["starts = 3", "free runs only"]),
             ("[narx]\ndecimate = 0", &["decimate = 0", "1 to"]),

@@ -3,7 +3,7 @@
 use fleetfoot_dynamics::{FreeRun, Scores};
 use fleetfoot_sparse::{NarxOrder, OrderSearch};
 
-use super::NarxCandidate;
+use super::{FileRuns, NarxCandidate, NarxSearch};
 
 /// What a fit of an autoregression found.
 #[derive(Debug, Clone)]
@@ -25,6 +25,10 @@ pub struct NarxReport {
     pub partition: String,
     /// What order, terms and partition were chosen by, for people; `None` where all were given.
     pub choice: Option<String>,
+    /// The model that is written, among those that were simulated: its terms, refitted on the other spans of every fold.
+    pub held_out: Option<NarxCandidate>,
+    /// What was looked at where the order was looked for, and what the effort cut.
+    pub search: Option<NarxSearch>,
     /// Models that were simulated to choose one, in the order in which they were tried.
     pub tried: Vec<NarxCandidate>,
     /// Orders that were compared by one-step errors, where they were.
@@ -35,8 +39,8 @@ pub struct NarxReport {
     pub train: NarxScores,
     /// On the rows kept back.
     pub test: Option<NarxScores>,
-    /// On other files.
-    pub files: Option<NarxScores>,
+    /// On other files, one by one.
+    pub files: Option<FileRuns>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -49,6 +53,17 @@ pub struct NarxScores {
     pub one_step: Scores,
     /// Whole episodes, simulated.
     pub free_run: FreeRun,
+}
+
+impl NarxReport {
+    /// The best linear model with all terms of the same lags, among those that were tried; `None` where none was.
+    pub fn linear(&self) -> Option<&NarxCandidate> {
+        let own = self.held_out.as_ref()?;
+        let same = |c: &&NarxCandidate| {
+            c.order == fleetfoot_sparse::NarxOrder { degree: 1, ..own.order } && c.partition == own.partition
+        };
+        self.tried.iter().filter(same).max_by_key(|candidate| candidate.terms)
+    }
 }
 
 /// The equations of a region.

@@ -44,7 +44,6 @@ impl Problems {
 /// The models of an order on one training set, by number of terms.
 pub(crate) struct Trails {
     columns: Vec<usize>,
-    candidates: usize,
     /// Of all rows: one a target.
     whole: Vec<Trail>,
     /// Rows of every region, and its models.
@@ -82,32 +81,14 @@ impl Trails {
             // A region without rows has the model of all.
             Ok((problem.rows, if problem.rows > 0 { trails(problem)? } else { Vec::new() }))
         });
-        Ok(Self {
-            candidates: problems.whole.columns(),
-            whole: trails(&problems.whole)?,
-            regions: regions.collect::<Result<_, ThresholdError>>()?,
-            columns,
-        })
-    }
-
-    /// The most terms of any equation.
-    pub(crate) fn longest(&self) -> usize {
-        let all = self.whole.iter().chain(self.regions.iter().flat_map(|(_, trails)| trails));
-        all.map(|trail| trail.steps.last().map_or(0, |step| step.terms())).max().unwrap_or(0)
+        Ok(Self { whole: trails(&problems.whole)?, regions: regions.collect::<Result<_, ThresholdError>>()?, columns })
     }
 
     /// The terms of every region (outer) and equation: `count` terms of each, or as many as there are; `None`: what forward regression itself chose.
     pub(crate) fn terms(&self, count: Option<usize>) -> Vec<Vec<EquationTerms>> {
         let one = |trail: &Trail, shared: bool| {
             let at = count.map_or(trail.chosen, |count| count.min(trail.steps.len() - 1));
-            let step = &trail.steps[at];
-            let order = if trail.order.is_empty() { &step.support } else { &trail.order };
-            let err = |k: usize| step.err.as_ref().and_then(|err| err.get(k)).copied().unwrap_or(f64::NAN);
-            let terms = order.iter().take(step.terms()).enumerate();
-            EquationTerms {
-                terms: terms.map(|(k, &j)| (self.columns[j], step.coefficients[j], err(k))).collect(),
-                shared,
-            }
+            EquationTerms::of(trail, at, &self.columns, shared)
         };
         let whole = |shared: bool| self.whole.iter().map(|trail| one(trail, shared)).collect::<Vec<_>>();
         if self.regions.is_empty() {
@@ -125,17 +106,82 @@ impl Trails {
         self.regions.iter().map(region).collect()
     }
 
-    /// Coefficients of every region: all candidates x equations.
-    pub(crate) fn coefficients(&self, terms: &[Vec<EquationTerms>]) -> Vec<Mat<f64>> {
-        let matrix = |equations: &Vec<EquationTerms>| {
-            let mut coefficients = Mat::zeros(self.candidates, equations.len());
-            for (t, equation) in equations.iter().enumerate() {
-                equation.terms.iter().for_each(|&(j, value, _)| coefficients[(j, t)] = value);
-            }
-            coefficients
+    /// The columns of [`Trails::terms`].
+    pub(crate) fn supports(&self, count: Option<usize>) -> Vec<Vec<Support>> {
+        let support = |equation: &EquationTerms| Support {
+            columns: equation.terms.iter().map(|(column, ..)| *column).collect(),
+            shared: equation.shared,
         };
-        terms.iter().map(matrix).collect()
+        self.terms(count).iter().map(|equations| equations.iter().map(support).collect()).collect()
     }
+}
+
+/// Which candidates an equation has in a region.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Support {
+    /// Columns of the problem.
+    pub(crate) columns: Vec<usize>,
+    /// Whether they are those of all rows.
+    pub(crate) shared: bool,
+}
+
+impl Problems {
+    /// The rows that an equation of a region is fitted on: the region's, all of them where its support is that of all or it has fewer than two rows a term.
+    fn rows_of(&self, region: usize, support: &Support) -> &Compressed {
+        let enough = |problem: &&Compressed| problem.rows > 0 && problem.rows >= 2 * support.columns.len() as u64;
+        self.regions.get(region).filter(|_| !support.shared).filter(enough).unwrap_or(&self.whole)
+    }
+
+    /// Least squares on given supports, of every region (outer) and equation: the same model on other rows.
+    pub(crate) fn refitted(&self, supports: &[Vec<Support>]) -> Result<Vec<Vec<EquationTerms>>, ThresholdError> {
+        self.fitted(supports, |_| Optimizer::LeastSquares)
+    }
+
+    /// The same, the terms in the order in which forward regression takes them, with their error reduction ratios.
+    pub(crate) fn ordered(&self, supports: &[Vec<Support>]) -> Result<Vec<Vec<EquationTerms>>, ThresholdError> {
+        self.fitted(supports, |terms| {
+            Optimizer::Frols(Frols { max_terms: terms, choice: FrolsChoice::Last, ..Frols::default() })
+        })
+    }
+
+    fn fitted(
+        &self,
+        supports: &[Vec<Support>],
+        optimizer: impl Fn(usize) -> Optimizer,
+    ) -> Result<Vec<Vec<EquationTerms>>, ThresholdError> {
+        let one = |region: usize, target: usize, support: &Support| {
+            let own = self.rows_of(region, support).select(&support.columns);
+            let trail = optimize(&own, target, &optimizer(support.columns.len()), &Terms::all())?;
+            Ok(EquationTerms::of(&trail, trail.steps.len() - 1, &support.columns, support.shared))
+        };
+        let equations = |(region, supports): (usize, &Vec<Support>)| {
+            supports.iter().enumerate().map(|(target, support)| one(region, target, support)).collect()
+        };
+        supports.iter().enumerate().map(equations).collect()
+    }
+}
+
+impl EquationTerms {
+    /// The terms of one step of a trail over these columns.
+    fn of(trail: &Trail, at: usize, columns: &[usize], shared: bool) -> Self {
+        let step = &trail.steps[at];
+        let order = if trail.order.is_empty() { &step.support } else { &trail.order };
+        let err = |k: usize| step.err.as_ref().and_then(|err| err.get(k)).copied().unwrap_or(f64::NAN);
+        let terms = order.iter().take(step.terms()).enumerate();
+        Self { terms: terms.map(|(k, &j)| (columns[j], step.coefficients[j], err(k))).collect(), shared }
+    }
+}
+
+/// Coefficients of every region: all candidates x equations.
+pub(crate) fn coefficients(terms: &[Vec<EquationTerms>], candidates: usize) -> Vec<Mat<f64>> {
+    let matrix = |equations: &Vec<EquationTerms>| {
+        let mut coefficients = Mat::zeros(candidates, equations.len());
+        for (t, equation) in equations.iter().enumerate() {
+            equation.terms.iter().for_each(|&(j, value, _)| coefficients[(j, t)] = value);
+        }
+        coefficients
+    };
+    terms.iter().map(matrix).collect()
 }
 
 /// Forward regression's choice by an information criterion, where there is one.

@@ -1,4 +1,4 @@
-//! `[narx]`: outputs from their own past and that of the inputs.
+//! `[narx]`: outputs from their own past and that of the inputs. Functions that are to be lagged in the place of outputs and inputs stand in `[library]`.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,9 +15,12 @@ pub struct NarxSection {
     /// Whether inputs act at once: `u(k)` beside their past.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direct: Option<bool>,
-    /// `fixed`: lags and degree as they are given; `auto`: the best up to them.
+    /// `fixed`: lags and degree as they are given, 2 where they are not; `auto`: the best up to them. Without: what is not given is looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub order: Option<String>,
+    /// How far what is not given is looked for: `low`, `normal`, `high`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effort: Option<String>,
     /// Terms of every equation: a number, `auto`, or `all`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terms: Option<NarxTerms>,

@@ -38,21 +38,15 @@ impl EquationTask {
         coefficients: &[Mat<f64>],
         provenance: Provenance,
     ) -> Model {
-        assert_eq!(coefficients.len(), scan.regions(), "one matrix a region");
         let first = usize::from(self.constant);
         let fitted = self.fitted.len();
-        let used: Vec<usize> = (0..self.functions.len())
-            .filter(|j| coefficients.iter().any(|b| (0..fitted).any(|t| b[(first + j, t)] != 0.0)))
-            .collect();
-        let constant = |b: &Mat<f64>, t: usize| if self.constant { b[(0, t)] } else { 0.0 };
-        let partition = partition.cloned().unwrap_or_else(Partition::whole);
-        let regions = coefficients.iter().enumerate().map(|(region, b)| {
+        self.assembled(scan, partition, coefficients, provenance, |region, name, used, b| {
             let functions = Mat::from_fn(self.functions.len(), fitted, |j, t| b[(first + j, t)]);
-            let constants: Vec<f64> = (0..fitted).map(|t| constant(b, t)).collect();
-            let spread = Spread::of(&scan.root(region).select(&used), 0..used.len(), 1.0);
+            let constants: Vec<f64> = (0..fitted).map(|t| self.constant_of(b, t)).collect();
+            let spread = Spread::of(&scan.root(region).select(used), 0..used.len(), 1.0);
             let ranges = scan.ranges(region);
             Region {
-                name: partition.region_name(region),
+                name,
                 rows: scan.rows(region),
                 mean: spread.mean,
                 covariance: spread.covariance,
@@ -62,13 +56,64 @@ impl EquationTask {
                 condition: spread.condition,
                 confounded: spread.confounded,
             }
-        });
+        })
+    }
+
+    /// [`EquationTask::model`] to be simulated and forgotten: what its regions saw is not asked of the statistic, which takes longer than many simulations.
+    ///
+    /// # Panics
+    /// As that.
+    pub(crate) fn trial(
+        &self,
+        scan: &SystemScan,
+        partition: Option<&Partition>,
+        coefficients: &[Mat<f64>],
+        provenance: Provenance,
+    ) -> Model {
+        let targets = self.fitted.len();
+        self.assembled(scan, partition, coefficients, provenance, |_, name, used, _| Region {
+            name,
+            rows: 0,
+            mean: vec![f64::NAN; used.len()],
+            covariance: vec![f64::NAN; used.len() * (used.len() + 1) / 2],
+            range: vec![[f64::NEG_INFINITY, f64::INFINITY]; used.len()],
+            residual_covariance: vec![f64::NAN; targets * (targets + 1) / 2],
+            rank: used.len(),
+            condition: f64::NAN,
+            confounded: Vec::new(),
+        })
+    }
+
+    fn constant_of(&self, coefficients: &Mat<f64>, equation: usize) -> f64 {
+        if self.constant { coefficients[(0, equation)] } else { 0.0 }
+    }
+
+    /// A model whose regions are described by their index, name, functions in use and coefficients.
+    fn assembled(
+        &self,
+        scan: &SystemScan,
+        partition: Option<&Partition>,
+        coefficients: &[Mat<f64>],
+        provenance: Provenance,
+        describe: impl Fn(usize, String, &[usize], &Mat<f64>) -> Region,
+    ) -> Model {
+        assert_eq!(coefficients.len(), scan.regions(), "one matrix a region");
+        let first = usize::from(self.constant);
+        let fitted = self.fitted.len();
+        let used: Vec<usize> = (0..self.functions.len())
+            .filter(|j| coefficients.iter().any(|b| (0..fitted).any(|t| b[(first + j, t)] != 0.0)))
+            .collect();
+        let partition = partition.cloned().unwrap_or_else(Partition::whole);
+        let regions = coefficients
+            .iter()
+            .enumerate()
+            .map(|(region, b)| describe(region, partition.region_name(region), &used, b));
         let regions = regions.collect();
         let latents = self.fitted.iter().enumerate().map(|(t, equation)| Latent {
             name: equation.latent.clone(),
             library: 0,
             partition: 0,
-            constants: coefficients.iter().map(|b| constant(b, t)).collect(),
+            constants: coefficients.iter().map(|b| self.constant_of(b, t)).collect(),
             coefficients: coefficients.iter().map(|b| used.iter().map(|j| b[(first + j, t)]).collect()).collect(),
         });
         let columns = self.model_columns(&used, &partition);

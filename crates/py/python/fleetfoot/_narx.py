@@ -24,13 +24,18 @@ class NARX(Identifier):
     Parameters
     ----------
     lags_out, lags_in : int, optional
-        Past values of every output and input; 2 when not given.
+        Past values of every output and input; looked for when not given.
     degree : int, optional
-        Total degree of the polynomials; 2 when not given.
+        Total degree of the polynomials; looked for up to 3 when not given.
     direct : bool, optional
-        Whether inputs act at once.
+        Whether inputs act at once; looked for when neither it nor ``lags_in`` is given.
     order : {"fixed", "auto"}, optional
-        Lags and degree as given, or the best up to them.
+        Lags and degree as given (2 where they are not), or the best up to them.
+    effort : {"low", "normal", "high"}, optional
+        How far what is not given is looked for: a count of work, never of seconds.
+    library : list of str, optional
+        Functions of outputs and inputs of one row, ``["y", "u", "sqrt(max(y, 0))"]``: the candidates are the lags of
+        each, in the place of products of lags.
     terms : int or {"auto", "all"}, optional
         Terms of every equation.
     max_terms : int, optional
@@ -58,8 +63,9 @@ class NARX(Identifier):
     model_ : Model
         A discrete model; it needs ``history`` at points.
     report_ : dict
-        ``order``, ``regions`` with the terms and their error reduction ratios, ``train``, ``test`` and ``files`` with
-        one-step and free-run errors; ``notes``.
+        ``order``, ``regions`` with the terms and their error reduction ratios, ``held_out`` (the model that is written,
+        refitted on the other spans), ``search`` (what was looked at, what the effort cut), ``train`` and ``test`` with
+        one-step and free-run errors, ``files`` with those ``by_file`` and their ``mean``; ``notes``.
 
     Examples
     --------
@@ -81,6 +87,8 @@ class NARX(Identifier):
         *,
         direct: bool | None = None,
         order: str | None = None,
+        effort: str | None = None,
+        library: Sequence[str] | None = None,
         terms: int | str | None = None,
         max_terms: int | None = None,
         select: str | None = None,
@@ -107,6 +115,8 @@ class NARX(Identifier):
         self.degree = degree
         self.direct = direct
         self.order = order
+        self.effort = effort
+        self.library = library
         self.terms = terms
         self.max_terms = max_terms
         self.select = select
@@ -138,6 +148,7 @@ class NARX(Identifier):
             **{name: None if value is None else count(name, value, 0) for name, value in numbers.items()},
             direct=self.direct,
             order=self.order,
+            effort=self.effort,
             terms=self.terms if self.terms is None or isinstance(self.terms, str) else count("terms", self.terms, 1),
             select=self.select,
             test_share=None if self.test_share is None else number("test_share", self.test_share),
@@ -147,7 +158,9 @@ class NARX(Identifier):
             partition=partition(self.partition),
             partition_on=None if self.partition_on is None else list(self.partition_on),
         )
-        return {name: section for name, section in (("narx", narx), ("model", model)) if section}
+        library = _recipe.said(functions=None if self.library is None else list(self.library))
+        sections = (("narx", narx), ("model", model), ("library", library))
+        return {name: section for name, section in sections if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         other = None

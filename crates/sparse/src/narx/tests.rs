@@ -12,11 +12,15 @@ use crate::{
 };
 
 fn order(outputs: usize, inputs: usize, degree: usize) -> NarxOrder {
-    NarxOrder { outputs, inputs, degree }
+    NarxOrder { outputs, inputs, degree, direct: false }
 }
 
-fn library(most: NarxOrder, direct: bool) -> NarxLibrary {
-    NarxLibrary::new(&[Expr::column("y")], &[Expr::column("u")], most, direct).unwrap()
+fn direct(order: NarxOrder) -> NarxOrder {
+    NarxOrder { direct: true, ..order }
+}
+
+fn library(most: NarxOrder) -> NarxLibrary {
+    NarxLibrary::new(&[Expr::column("y")], &[Expr::column("u")], most).unwrap()
 }
 
 /// Uniform in -1 to 1.
@@ -46,16 +50,14 @@ fn scan(functions: &[Expr], source: &MemorySource) -> SystemScan {
 
 #[test]
 fn every_order_has_the_candidates_of_a_library_of_its_own() {
-    for (most, direct) in
-        [(order(3, 2, 3), false), (order(2, 2, 2), true), (order(2, 0, 4), false), (order(0, 3, 2), true)]
-    {
-        let all = library(most, direct);
+    for most in [order(3, 2, 3), direct(order(2, 2, 2)), order(2, 0, 4), direct(order(0, 3, 2))] {
+        let all = library(most);
         for own in all.orders() {
             let names = |library: &NarxLibrary| library.functions().iter().map(Expr::to_string).collect::<Vec<_>>();
             let columns = all.columns(own);
             assert_eq!(columns[0], 0);
             let mut taken: Vec<String> = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
-            let mut alone = names(&library(own, direct));
+            let mut alone = names(&library(own));
             taken.sort();
             alone.sort();
             assert_eq!(taken, alone, "{own} of {most}");
@@ -63,10 +65,55 @@ fn every_order_has_the_candidates_of_a_library_of_its_own() {
         assert_eq!(all.orders().last(), Some(&most));
         assert_eq!(all.columns(most).len(), all.functions().len() + 1);
     }
-    let names: Vec<String> = library(order(2, 1, 1), true).functions().iter().map(Expr::to_string).collect();
+    let names: Vec<String> = library(direct(order(2, 1, 1))).functions().iter().map(Expr::to_string).collect();
     assert_eq!(names, ["y", "lag(y, 1)", "lead(u, 1)", "u"]);
-    assert!(NarxLibrary::new(&[Expr::column("y")], &[], order(60, 0, 9), false).is_err());
-    assert_eq!(library(order(2, 2, 3), false).functions(), Library::polynomial(&lagged(), 3).unwrap().functions());
+    assert!(NarxLibrary::new(&[Expr::column("y")], &[], order(60, 0, 9)).is_err());
+    assert_eq!(library(order(2, 2, 3)).functions(), Library::polynomial(&lagged(), 3).unwrap().functions());
+}
+
+#[test]
+fn one_library_holds_orders_that_are_not_within_each_other() {
+    let (y, u) = ([Expr::column("y")], [Expr::column("u")]);
+    let orders = [order(5, 5, 1), order(2, 1, 2), direct(order(1, 1, 3)), order(3, 3, 1)];
+    let all = NarxLibrary::of_orders(&y, &u, &orders).unwrap();
+    for own in orders {
+        let mut taken: Vec<String> =
+            all.columns(own)[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
+        let mut alone: Vec<String> = library(own).functions().iter().map(Expr::to_string).collect();
+        taken.sort();
+        alone.sort();
+        assert_eq!(taken, alone, "{own}");
+    }
+    let mut once: Vec<String> = all.functions().iter().map(Expr::to_string).collect();
+    once.sort();
+    once.dedup();
+    assert_eq!(once.len(), all.functions().len());
+    // Ten lags; the squares and products of y, its lag and u; the input at once, its products, and all of degree three of three variables.
+    assert_eq!(once.len(), 10 + 6 + (1 + 3) + 10);
+}
+
+#[test]
+fn given_functions_are_lagged_and_not_multiplied() {
+    let (y, u) = (Expr::column("y"), Expr::column("u"));
+    let addend = |function: Expr, outputs, inputs| Addend { function, outputs, inputs };
+    let addends = [addend(y.max(0.0).sqrt(), true, false), addend(u.powi(2), false, true), addend(&y * &u, true, true)];
+    let all = NarxLibrary::additive(&addends, &[direct(order(2, 3, 1))]);
+    let names =
+        |columns: &[usize]| columns[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect::<Vec<_>>();
+    let most = names(&all.columns(direct(order(2, 3, 1))));
+    let expected = [
+        "sqrt(max(y, 0))",
+        "sqrt(max(lag(y, 1), 0))",
+        "lead(u, 1)^2",
+        "u^2",
+        "lag(u, 1)^2",
+        "lag(u, 2)^2",
+        "y*u",
+        "lag(y, 1)*lag(u, 1)",
+    ];
+    assert_eq!(most, expected);
+    assert_eq!(names(&all.columns(order(1, 1, 1))), ["sqrt(max(y, 0))", "u^2", "y*u"]);
+    assert_eq!(names(&all.columns(order(2, 0, 1))), ["sqrt(max(y, 0))", "sqrt(max(lag(y, 1), 0))"]);
 }
 
 fn lagged() -> Vec<Expr> {
@@ -77,7 +124,7 @@ fn lagged() -> Vec<Expr> {
 #[test]
 fn the_order_that_made_the_data_is_found_whatever_it_is_compared_by() {
     let source = recording(3, 8, 400, 0.05);
-    let library = library(order(4, 3, 3), false);
+    let library = library(order(4, 3, 3));
     let found = scan(library.functions(), &source);
     let problem = found.root(0).compressed(true);
     let folds = folds(&found, 4);
@@ -121,14 +168,14 @@ fn folds(scan: &SystemScan, count: usize) -> Vec<NarxFold> {
 #[test]
 fn one_statistic_answers_like_a_scan_of_each_order_on_the_same_rows() {
     let source = recording(5, 3, 200, 0.1);
-    let all = library(order(3, 2, 2), false);
+    let all = library(order(3, 2, 2));
     let most = scan(all.functions(), &source);
     let search =
         search_orders(&most.root(0).compressed(true), &all, &all.orders(), &[], &OrderOptions::default(), &Silent)
             .unwrap();
     for score in &search.scores {
         // The smaller library on the rows that have all lags of the larger: the longest lag stays a condition by a term that is always zero.
-        let functions: Vec<Expr> = library(score.order, false).functions().to_vec();
+        let functions: Vec<Expr> = library(score.order).functions().to_vec();
         let complete = Expr::column("y").shifted(2) + Expr::column("u").shifted(1);
         let zero = &complete - &complete;
         let system = System {
@@ -150,7 +197,7 @@ fn one_statistic_answers_like_a_scan_of_each_order_on_the_same_rows() {
 #[test]
 fn cross_validation_needs_folds() {
     let source = recording(5, 2, 60, 0.1);
-    let library = library(order(1, 1, 1), false);
+    let library = library(order(1, 1, 1));
     let problem = scan(library.functions(), &source).root(0).compressed(true);
     let choice = OrderChoice::CrossValidation { one_standard_error: false };
     let options = OrderOptions { choice, ..OrderOptions::default() };

@@ -1,0 +1,301 @@
+//! Which partition, order and terms a fit writes: those that were given, those of one-step errors, or those of free runs.
+
+use std::collections::BTreeMap;
+
+use faer::Mat;
+use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_sparse::{
+    Criterion as By, CriterionOptions, NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch, SystemPlan,
+    SystemScan, search_orders,
+};
+
+use super::{
+    GivenOrder, NarxCandidate, NarxOptions, NarxSearch, NarxSelection, OrderRule, TermRule,
+    fit::Fit,
+    look::Look,
+    options::USUAL,
+    select::{Choice, Job, Selection, Tried, best},
+    spans::Spans,
+    task::NarxTask,
+    terms::{EquationTerms, Problems, Support, Trails, choice},
+};
+use crate::{Criterion, EquationTask, Error};
+
+/// The shortest span has as many rows for every lag that is looked for.
+const ROWS_PER_LAG: usize = 8;
+
+/// What is written.
+pub(crate) struct Chosen {
+    /// Index among the partitions.
+    pub(crate) partition: usize,
+    pub(crate) order: NarxOrder,
+    /// The system of the candidates below.
+    pub(crate) task: EquationTask,
+    pub(crate) whole: SystemScan,
+    pub(crate) regions: Option<SystemScan>,
+    /// Of every region (outer) and equation.
+    pub(crate) terms: Vec<Vec<EquationTerms>>,
+    /// Candidates of the order.
+    pub(crate) candidates: usize,
+    pub(crate) how: How,
+}
+
+/// How it was chosen.
+#[derive(Default)]
+pub(crate) struct How {
+    pub(crate) text: Option<String>,
+    pub(crate) tried: Vec<NarxCandidate>,
+    pub(crate) held_out: Option<NarxCandidate>,
+    pub(crate) search: Option<NarxSearch>,
+    pub(crate) orders: Option<OrderSearch>,
+}
+
+impl Fit<'_> {
+    pub(crate) fn choose(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
+        let fixed = |order: NarxOrder| {
+            partitions.len() == 1 && !self.options.terms.is_free() && self.options.order == OrderRule::Fixed(order)
+        };
+        match (self.options.selection, self.options.order) {
+            (_, OrderRule::Fixed(order)) if fixed(order) => {
+                let task = self.base.with(&[order])?;
+                let whole = self.scan(&task.task, None, progress)?;
+                self.check(&whole, task.task.candidates())?;
+                let terms = match self.options.terms {
+                    TermRule::Count(count) => Some(count),
+                    _ => None,
+                };
+                self.by_rule(task, whole, &partitions[0], order, terms, How::default(), progress)
+            }
+            (NarxSelection::FreeRun, _) => self.by_free_runs(partitions, progress),
+            (NarxSelection::OneStep(criterion), rule) => {
+                let orders = self.orders(rule)?;
+                self.by_one_step(&partitions[0], &orders, criterion, progress)
+            }
+        }
+    }
+
+    /// The orders of a rule that looks for none.
+    fn orders(&self, rule: OrderRule) -> Result<Vec<NarxOrder>, Error> {
+        Ok(match rule {
+            OrderRule::Fixed(order) => vec![order],
+            OrderRule::UpTo(order) => self.base.with(&[order])?.library.orders(),
+            OrderRule::Look(given) => vec![given.or(USUAL)],
+        })
+    }
+
+    /// The terms that forward regression takes on all rows, of one order.
+    #[expect(clippy::too_many_arguments, reason = "what was scanned, and what of it is wanted")]
+    fn by_rule(
+        &self,
+        task: NarxTask,
+        whole: SystemScan,
+        partition: &Choice,
+        order: NarxOrder,
+        terms: Option<usize>,
+        how: How,
+        progress: &dyn Progress,
+    ) -> Result<Chosen, Error> {
+        let partition = partition.partition.as_ref();
+        let regions = partition.map(|partition| self.scan(&task.task, Some(partition), progress)).transpose()?;
+        let columns = task.library.columns(order);
+        let candidates = columns.len();
+        let rule = match (self.options.terms, terms) {
+            (TermRule::Auto(_), Some(count)) => TermRule::Count(count),
+            (rule, _) => rule,
+        };
+        let by = match self.options.selection {
+            NarxSelection::FreeRun => fleetfoot_sparse::FrolsChoice::Last,
+            NarxSelection::OneStep(criterion) => choice(criterion),
+        };
+        let trails = Trails::new(&Problems::all(&whole, regions.as_ref()), columns, rule, by)?;
+        let terms = trails.terms(terms.filter(|_| rule != TermRule::All));
+        Ok(Chosen { partition: 0, order, task: task.task, whole, regions, terms, candidates, how })
+    }
+
+    /// Simulations of spans that did not train decide.
+    fn by_free_runs(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
+        let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
+        let held = held(&cut, &folds, self.options.folds)?;
+        let fold_of: BTreeMap<EpisodeId, usize> =
+            cut.episodes().iter().zip(&folds).map(|(episode, &fold)| (episode.id, fold)).collect();
+        // The longest span of every fold has room for the lags.
+        let longest = |spans: &Spans<'_>| spans.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
+        let room = held.iter().map(longest).min().unwrap_or(0) / ROWS_PER_LAG;
+        let first = match self.options.order {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order.outputs.max(order.inputs),
+            OrderRule::Look(given) => self.options.most_lags(given, room.max(1)),
+        };
+        let selection = Selection {
+            base: self.base,
+            partitions,
+            cut: &cut,
+            held: &held,
+            fold_of: &fold_of,
+            first: first.saturating_sub(1),
+            step: self.step,
+        };
+        let (tried, search) = match self.options.order {
+            OrderRule::Look(given) => {
+                let rows = cut.rows();
+                let outputs = self.base.outputs();
+                let look =
+                    Look { selection: &selection, options: self.options, given, rows, outputs, most_lags: first };
+                let (tried, search) = look.run(progress)?;
+                (tried, Some(search))
+            }
+            rule => {
+                let orders = self.orders(rule)?;
+                let jobs: Vec<Job> = orders.iter().map(|&order| Job { order, terms: self.options.terms }).collect();
+                (selection.run(&jobs, progress)?, None)
+            }
+        };
+        let Some(at) = best(tried.iter().map(|tried| &tried.candidate)) else {
+            return Err(Error::Request(format!(
+                "none of {} models can be simulated through the spans that did not train: all diverge, or the spans are shorter than the lags; choose by --select \
+                 bic, or try other lags, fewer terms or fewer --folds",
+                tried.len()
+            )));
+        };
+        let how = How {
+            text: Some(format!(
+                "free runs of {} spans that did not train, of {} models: the least error, and of those within 0.1 % of it the fewest terms",
+                self.options.folds,
+                tried.len()
+            )),
+            held_out: Some(tried[at].candidate.clone()),
+            search,
+            tried: tried.iter().map(|tried| tried.candidate.clone()).collect(),
+            orders: None,
+        };
+        self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
+    }
+
+    /// A model that was tried, on all rows that train: those that lack none of its own lags.
+    fn written(&self, tried: &Tried, partition: &Choice, how: How, progress: &dyn Progress) -> Result<Chosen, Error> {
+        let mut columns: Vec<usize> = tried.supports.iter().flatten().flat_map(|s| s.columns.iter().copied()).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let functions: Vec<usize> = columns.iter().copied().filter(|&column| column > 0).collect();
+        let place =
+            |column: usize| if column == 0 { 0 } else { 1 + functions.partition_point(|&other| other < column) };
+        let own = |support: &Support| Support {
+            columns: support.columns.iter().map(|&column| place(column)).collect(),
+            shared: support.shared,
+        };
+        let supports: Vec<Vec<Support>> =
+            tried.supports.iter().map(|region| region.iter().map(own).collect()).collect();
+        let task = tried.task.restricted(&functions);
+        let whole = self.scan(&task, None, progress)?;
+        self.check(&whole, task.candidates())?;
+        let regions =
+            partition.partition.as_ref().map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
+        let problems = Problems::all(&whole, regions.as_ref());
+        let terms = match self.options.terms {
+            TermRule::All => problems.refitted(&supports)?,
+            _ => problems.ordered(&supports)?,
+        };
+        let order = tried.candidate.order;
+        let candidates = tried.task.library.columns(order).len();
+        Ok(Chosen { partition: tried.candidate.partition, order, task, whole, regions, terms, candidates, how })
+    }
+
+    /// One-step errors decide, from one statistic.
+    fn by_one_step(
+        &self,
+        partition: &Choice,
+        orders: &[NarxOrder],
+        criterion: Criterion,
+        progress: &dyn Progress,
+    ) -> Result<Chosen, Error> {
+        let task = self.base.with(orders)?;
+        let whole = self.scan(&task.task, None, progress)?;
+        self.check(&whole, task.task.candidates())?;
+        let search = self.compared(&task, &whole, orders, criterion, progress)?;
+        let best = search.choice();
+        let held_out = matches!(criterion, Criterion::CrossValidation | Criterion::OneStandardError);
+        let terms = match self.options.terms {
+            TermRule::Count(count) => Some(count),
+            TermRule::All => None,
+            TermRule::Auto(_) => held_out.then(|| best.terms.iter().copied().max().unwrap_or(1)),
+        };
+        let order = best.order;
+        let folds = self.options.folds;
+        let text = match criterion {
+            Criterion::Aic => "AIC of one-step errors".into(),
+            Criterion::Bic => "BIC of one-step errors".into(),
+            Criterion::Ebic => "EBIC of one-step errors".into(),
+            Criterion::CrossValidation => format!("the least one-step error of {folds} held-out spans"),
+            Criterion::OneStandardError => {
+                format!("fewest terms within one standard error of the least one-step error of {folds} held-out spans")
+            }
+        };
+        let how = How { text: Some(text), orders: Some(search), ..How::default() };
+        self.by_rule(task, whole, partition, order, terms, how, progress)
+    }
+
+    /// Orders compared on the statistic.
+    fn compared(
+        &self,
+        task: &NarxTask,
+        whole: &SystemScan,
+        orders: &[NarxOrder],
+        criterion: Criterion,
+        progress: &dyn Progress,
+    ) -> Result<OrderSearch, Error> {
+        let by = |criterion| OrderChoice::Criterion(criterion, CriterionOptions::default());
+        let choice = match criterion {
+            Criterion::Aic => by(By::Aic),
+            Criterion::Bic => by(By::Bic),
+            Criterion::Ebic => by(By::Ebic),
+            Criterion::CrossValidation => OrderChoice::CrossValidation { one_standard_error: false },
+            Criterion::OneStandardError => OrderChoice::CrossValidation { one_standard_error: true },
+        };
+        let folds = match choice {
+            OrderChoice::CrossValidation { .. } => self.folds(task, progress)?,
+            _ => Vec::new(),
+        };
+        let max_terms = match self.options.terms {
+            TermRule::All => None,
+            TermRule::Count(most) | TermRule::Auto(most) => Some(most),
+        };
+        let mut options = OrderOptions::default();
+        (options.max_terms, options.choice) = (max_terms, choice);
+        let problem = whole.root(0).compressed(true);
+        Ok(search_orders(&problem, &task.library, orders, &folds, &options, progress)?)
+    }
+
+    fn folds(&self, task: &NarxTask, progress: &dyn Progress) -> Result<Vec<NarxFold>, Error> {
+        let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
+        let scan = SystemPlan::new(task.task.system(), None, &cut)?.scan(&cut, progress)?;
+        let fold_of = |unit: usize| {
+            let episode = cut.episodes().iter().position(|episode| episode.id == scan.units()[unit].episode);
+            episode.map(|episode| folds[episode])
+        };
+        let weights = |own: bool| {
+            let weight = |unit: usize, fold: usize| f64::from((fold_of(unit) == Some(fold)) == own);
+            Mat::from_fn(scan.units().len(), self.options.folds, weight)
+        };
+        let problems = |own| scan.roots(0, weights(own).as_ref()).into_iter().map(|root| root.compressed(true));
+        let both = problems(false).zip(problems(true));
+        let filled = both.filter(|(train, test)| train.weight > 0.0 && test.weight > 0.0);
+        Ok(filled.map(|(train, test)| NarxFold { train, test }).collect())
+    }
+}
+
+/// The spans of every fold.
+fn held<'a>(cut: &'a Spans<'a>, folds: &[usize], count: usize) -> Result<Vec<Spans<'a>>, Error> {
+    (0..count)
+        .map(|fold| {
+            let own = (0..folds.len()).filter(|&e| folds[e] == fold);
+            Ok(Spans::new(cut, own.map(|e| (e, 0..cut.episodes()[e].rows)).collect(), 1)?)
+        })
+        .collect()
+}
+
+impl NarxOptions {
+    /// The most lags that a search may come to, where the spans have room for `room`.
+    fn most_lags(&self, given: GivenOrder, room: usize) -> usize {
+        let grid = self.effort.lags().iter().copied().max().unwrap_or(1).min(room).max(USUAL.outputs);
+        given.outputs.unwrap_or(grid).max(given.inputs.unwrap_or(grid))
+    }
+}

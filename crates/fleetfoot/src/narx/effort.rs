@@ -1,0 +1,141 @@
+//! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
+
+use fleetfoot_sparse::NarxOrder;
+
+/// How far a search goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Effort {
+    /// Few lags, small libraries.
+    Low,
+    /// What finds the model of most machines within a minute.
+    #[default]
+    Normal,
+    /// Ten times as much.
+    High,
+}
+
+impl Effort {
+    pub(crate) fn parse(word: &str) -> Option<Self> {
+        [Self::Low, Self::Normal, Self::High].into_iter().find(|effort| effort.word() == word)
+    }
+
+    /// As users write it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Normal => "normal",
+            Self::High => "high",
+        }
+    }
+
+    /// Terms that may be evaluated.
+    pub fn limit(self) -> u64 {
+        match self {
+            Self::Low => 300_000_000,
+            Self::Normal => 3_000_000_000,
+            Self::High => 30_000_000_000,
+        }
+    }
+
+    /// Lags that the linear models have, where they are not given.
+    pub(crate) fn lags(self) -> &'static [usize] {
+        match self {
+            Self::Low => &[1, 2, 3, 4],
+            Self::Normal => &[1, 2, 3, 4, 5, 6, 8, 10],
+            Self::High => &[1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 20],
+        }
+    }
+
+    /// Linear models whose lags nonlinear ones take over.
+    pub(crate) fn seeds(self) -> usize {
+        match self {
+            Self::Low => 1,
+            Self::Normal => 4,
+            Self::High => 10,
+        }
+    }
+
+    /// The most candidates of an order.
+    pub(crate) fn most_candidates(self) -> usize {
+        match self {
+            Self::Low => 120,
+            Self::Normal => 300,
+            Self::High => 1_000,
+        }
+    }
+
+    /// Times that the orders next to the best one are tried.
+    pub(crate) fn rounds(self) -> usize {
+        match self {
+            Self::Low => 1,
+            Self::Normal => 4,
+            Self::High => 12,
+        }
+    }
+}
+
+/// What of the effort is left.
+#[derive(Debug, Clone)]
+pub(crate) struct Budget {
+    pub(crate) effort: Effort,
+    pub(crate) spent: u64,
+    /// Orders that were to be tried and were not.
+    pub(crate) cut: Vec<NarxOrder>,
+}
+
+impl Budget {
+    pub(crate) fn new(effort: Effort) -> Self {
+        Self { effort, spent: 0, cut: Vec::new() }
+    }
+
+    /// The orders, the cheapest first, that are within a share of the limit; the others are kept in mind. `always`: those that are tried whatever they cost.
+    pub(crate) fn admit(
+        &mut self,
+        orders: Vec<NarxOrder>,
+        share: f64,
+        cost: impl Fn(NarxOrder) -> u64,
+        always: impl Fn(NarxOrder) -> bool,
+    ) -> Vec<NarxOrder> {
+        let limit = (self.effort.limit() as f64 * share) as u64;
+        let mut orders: Vec<(bool, u64, NarxOrder)> =
+            orders.into_iter().map(|order| (!always(order), cost(order), order)).collect();
+        orders.sort();
+        orders.dedup();
+        let mut admitted = Vec::new();
+        for (optional, cost, order) in orders {
+            let after = self.spent.saturating_add(cost);
+            if optional && after > limit {
+                self.cut.push(order);
+            } else {
+                self.spent = after;
+                admitted.push(order);
+            }
+        }
+        admitted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(outputs: usize) -> NarxOrder {
+        NarxOrder { outputs, inputs: 1, degree: 1, direct: false }
+    }
+
+    #[test]
+    fn the_cheapest_come_first_and_what_is_too_dear_is_remembered() {
+        let mut budget = Budget::new(Effort::Low);
+        let cost = |order: NarxOrder| order.outputs as u64 * 60_000_000;
+        let orders = || vec![order(3), order(1), order(2), order(1), order(7)];
+        let taken = budget.admit(orders(), 1.0, cost, |order| order.outputs == 7);
+        // The one that is always tried takes more than there is; nothing else has room.
+        assert_eq!((taken, budget.cut.len()), (vec![order(7)], 3));
+        let mut budget = Budget::new(Effort::Low);
+        assert_eq!(budget.admit(orders(), 1.0, cost, |_| false), [order(1), order(2)]);
+        assert_eq!((budget.spent, budget.cut.as_slice()), (180_000_000, &[order(3), order(7)][..]));
+        assert_eq!(budget.admit(vec![order(2)], 1.0, cost, |_| false), [order(2)]);
+        assert_eq!(Effort::parse("high"), Some(Effort::High));
+        assert_eq!(Effort::parse("most"), None);
+    }
+}

@@ -1,0 +1,158 @@
+//! `fit narx` without an order: what is looked for, libraries that are added up, and files that are run one by one.
+
+use std::{fmt::Write, fs};
+
+use crate::{
+    narx::{COLUMNS, fit, folder, noise, number, rows_of},
+    outside::data,
+    runner::*,
+};
+
+/// `y(k) = 0.5 y(k-1) - 0.4 y(k-3) + 0.6 u(k) - 0.3 u(k) y(k-1)`: three lags, the input at once, a product.
+fn hidden(rows: usize, seed: u64) -> String {
+    let mut text = String::from("t,y,u\n");
+    let mut past = [0.1, 0.0, -0.1];
+    for row in 0..rows {
+        let u = noise(seed, row as u64);
+        let y = 0.5 * past[0] - 0.4 * past[2] + 0.6 * u - 0.3 * u * past[0];
+        past = [y, past[0], past[1]];
+        writeln!(text, "{},{y},{u}", row as f64 * 0.1).unwrap();
+    }
+    text
+}
+
+/// A tank: `y(k) = 0.9 y(k-1) - 0.2 sqrt(max(y(k-2), 0)) + 0.3 u(k-1)`.
+fn tank(rows: usize, seed: u64) -> String {
+    let mut text = String::from("t,y,u\n");
+    let (mut before, mut y) = (0.4, 0.5);
+    for row in 0..rows {
+        let u = 0.5 + 0.5 * noise(seed, row as u64);
+        writeln!(text, "{},{y},{u}", row as f64 * 0.1).unwrap();
+        (before, y) = (y, 0.9 * y - 0.2 * f64::max(before, 0.0).sqrt() + 0.3 * u);
+    }
+    text
+}
+
+/// Functions with a coefficient that is more than rounding, in the order of their names.
+fn functions(found: &serde_json::Value) -> Vec<String> {
+    let terms = found["regions"][0]["equations"][0]["terms"].as_array().unwrap();
+    let large = terms.iter().filter(|term| number(term, "/coefficient").abs() > 1e-6);
+    let mut names: Vec<String> = large.map(|term| term["function"].as_str().unwrap().to_owned()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn lags_degree_and_inputs_at_once_are_looked_for_without_options() {
+    let folder = folder(&[("a.csv", hidden(600, 1)), ("b.csv", hidden(300, 2))]);
+    let run = |threads: &str, output: &str| {
+        let given = ["a.csv", "--free-run", "b.csv", "--threads", threads, "--output", output];
+        fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json()
+    };
+    let (found, again) = (run("1", "one.json"), run("2", "two.json"));
+    assert_eq!(functions(&found), ["lag(y, 2)", "lead(u, 1)", "y", "y*lead(u, 1)"]);
+    assert_eq!((found["direct"].as_bool(), found["order"]["degree"].as_u64()), (Some(true), Some(2)));
+    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 1e-8);
+    assert!(number(&found, "/held_out/rrse") < 1e-8);
+    // The linear model of the same lags was tried, and is worse.
+    assert!(number(&found, "/linear_of_the_same_lags/rrse") > 0.05);
+    // What was looked at is told, and is not more than was allowed.
+    assert!(found["search"]["stages"].as_array().unwrap().len() >= 2);
+    assert!(number(&found, "/search/spent") <= number(&found, "/search/limit"));
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_eq!((found["tried"].clone(), read("one.json")), (again["tried"].clone(), read("two.json")));
+}
+
+#[test]
+fn what_is_given_is_kept_and_little_effort_says_what_it_cut() {
+    let folder = folder(&[("a.csv", hidden(600, 1))]);
+    let run = |given: &[&str]| fit(folder.path(), &[&["a.csv"], given, &COLUMNS].concat()).ok().json();
+    let found = run(&["--lags-out", "2", "--degree", "2"]);
+    assert_eq!(number(&found, "/order/lags_out"), 2.0);
+    let degrees = |found: &serde_json::Value| -> std::collections::BTreeSet<u64> {
+        let tried = found["tried"].as_array().unwrap();
+        tried.iter().map(|candidate| candidate["order"]["degree"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(degrees(&found).into_iter().collect::<Vec<_>>(), [1, 2], "the linear model competes in any case");
+    // With the lags of the input given, it does not act at once.
+    let found = run(&["--lags-in", "2"]);
+    assert!(found["tried"].as_array().unwrap().iter().all(|candidate| candidate["direct"] == false));
+    let (low, normal) = (run(&["--effort", "low"]), run(&["--effort", "normal"]));
+    assert!(number(&low, "/search/limit") < number(&normal, "/search/limit"));
+    assert!(low["tried"].as_array().unwrap().len() < normal["tried"].as_array().unwrap().len());
+    let fails = |given: &[&str], words: &[&str]| {
+        fit(folder.path(), &[&["a.csv"], given, &COLUMNS].concat()).fails(words);
+    };
+    fails(&["--effort", "most"], &["effort = most", "low, normal or high"]);
+    fails(&["--library", "y, u", "--degree", "2"], &["degree = 2", "added up"]);
+    fails(&["--library", "lag(y, 1), u"], &["lag(y, 1)", "--lags-out"]);
+}
+
+#[test]
+fn functions_of_one_row_are_lagged_and_evaluated_on_simulated_outputs() {
+    let folder = folder(&[("a.csv", tank(600, 1)), ("b.csv", tank(300, 2))]);
+    let given = ["a.csv", "--library", "y, u, y^2, sqrt(max(y, 0))", "--free-run", "b.csv"];
+    let found = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json();
+    assert_eq!(functions(&found), ["sqrt(max(lag(y, 1), 0))", "u", "y"]);
+    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 1e-8, "{:#}", found["files"]);
+    // A model whose root is of another size leaves the recording: nothing of the run is read from it but the start.
+    let model = fs::read_to_string(folder.path().join("model.json")).unwrap();
+    assert!(!model.contains("\"auxiliary\""), "the outputs and inputs are all that the model needs: {model}");
+}
+
+#[test]
+fn files_are_run_one_by_one_and_a_saved_model_has_the_same_scores() {
+    let other = hidden(300, 9);
+    let lost = other.lines().enumerate().map(|(row, line)| {
+        // Another machine: its output is ten times as large from row 150 on.
+        let fields: Vec<&str> = line.split(',').collect();
+        if row > 150 {
+            format!("{},{},{}\n", fields[0], 10.0 * fields[1].parse::<f64>().unwrap(), fields[2])
+        } else {
+            format!("{line}\n")
+        }
+    });
+    let folder = folder(&[("a.csv", hidden(600, 1)), ("b.csv", hidden(300, 2)), ("c.csv", lost.collect())]);
+    let given = ["a.csv", "--free-run", "b.csv", "--free-run", "c.csv", "--effort", "low"];
+    let found = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json();
+    let rrse = |json: &serde_json::Value, file: usize| number(json, &format!("/by_file/{file}/free_run/0/rrse"));
+    let files = &found["files"];
+    assert!(files["by_file"][1]["file"].as_str().unwrap().ends_with("c.csv"));
+    assert!(rrse(files, 0) < 0.2 && rrse(files, 1) > 0.5, "{files:#}");
+    assert!((number(files, "/mean/0/rrse") - 0.5 * (rrse(files, 0) + rrse(files, 1))).abs() < 1e-12);
+    // The whole runs of the saved model, as `score` tells them.
+    let scored = fleetfoot(folder.path(), &["score", "model.json", "b.csv", "c.csv", "--json"]).ok().json();
+    assert_eq!(scored["free_runs"]["mean"], files["mean"]);
+    assert_eq!(rrse(&scored["free_runs"], 1), rrse(files, 1));
+    let text = fleetfoot(folder.path(), &["score", "model.json", "b.csv", "c.csv"]).ok().out;
+    assert!(text.contains("y, free run") && text.contains("mean of 2 files"), "{text}");
+    // An autoregression needs outputs and inputs, and no other column.
+    let rows =
+        hidden(300, 2).replace("t,y,u", "t,y,u,other").lines().map(|line| format!("{line},1\n")).collect::<String>();
+    fs::write(folder.path().join("d.csv"), rows.replace("other,1", "other")).unwrap();
+    let scored = fleetfoot(folder.path(), &["score", "model.json", "d.csv", "--json"]).ok().json();
+    assert_eq!(rrse(&scored["free_runs"], 0), rrse(files, 0));
+}
+
+/// The damper of `narx.rs`, its inputs named and nothing else: not worse than the order 2, 2, degree 2 that was taken without a look, nor than the linear model of the
+/// lags that are found.
+#[test]
+fn a_damper_without_options_is_simulated_better_than_by_the_usual_order() {
+    let Some(file) = data("bouc-wen.csv") else { return };
+    let text = fs::read_to_string(file).unwrap();
+    let folder = folder(&[("train.csv", rows_of(&text, 400..2000)), ("test.csv", rows_of(&text, 2001..3600))]);
+    let given = ["train.csv", "--dt", "0.002", "--outputs", "f", "--alias", "s=sign(v)", "--inputs", "E,v,s"];
+    let run = |more: &[&str]| {
+        let found = fit(folder.path(), &[&given[..], &["--free-run", "test.csv"], more].concat()).ok().json();
+        (number(&found, "/files/by_file/0/free_run/0/rrse"), found)
+    };
+    let (looked, found) = run(&[]);
+    let (usual, _) = run(&["--order", "fixed"]);
+    let order = &found["order"];
+    let lags = ["lags_out", "lags_in"].map(|name| order[name].to_string());
+    let mut linear = vec!["--lags-out", &lags[0], "--lags-in", &lags[1], "--degree", "1", "--terms", "all"];
+    linear.extend(found["direct"].as_bool().unwrap().then_some("--direct"));
+    let (linear, _) = run(&linear);
+    eprintln!("damper: free-run RRSE {looked:.6} looked for ({order}), {usual:.6} at 2, 2, 2, {linear:.6} linear");
+    assert!(looked <= usual && looked <= linear, "{looked} {usual} {linear}");
+}
