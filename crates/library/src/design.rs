@@ -87,21 +87,20 @@ impl Design {
     ) -> Result<(), TooLarge> {
         self.evaluate(block, rows, out);
         let count = out.index.len().max(1);
-        for (column, expression) in out.values.chunks_exact(count).zip(&self.expressions) {
-            // Without a branch a value: nearly all columns are sound.
-            let largest = column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-            if largest > LARGEST
-                && let Some(at) = column.iter().position(|value| value.abs() == largest)
-            {
-                return Err(TooLarge {
-                    expression: expression.to_string(),
-                    episode: episode.to_owned(),
-                    row: block.first + out.index[at],
-                    value: column[at],
-                });
-            }
+        let largest = |column: &[f64]| column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+        let sizes = out.values.chunks_exact(count).map(largest);
+        let widest = sizes.enumerate().fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
+        if widest.1 <= LARGEST {
+            return Ok(());
         }
-        Ok(())
+        let column = out.output(widest.0);
+        let at = column.iter().position(|value| value.abs() == widest.1).unwrap_or_default();
+        Err(TooLarge {
+            expression: self.expressions[widest.0].to_string(),
+            episode: episode.to_owned(),
+            row: block.first + out.index[at],
+            value: column[at],
+        })
     }
 
     /// Evaluates the tile `rows` (core rows) of a block into `out`, which is overwritten.
