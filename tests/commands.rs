@@ -60,6 +60,7 @@ fn from_logs_to_a_scored_model() {
     let error = |candidate: usize| fit["candidates"][candidate]["mae_over_null"][0].as_f64().unwrap();
     assert!(error(1) < 1.0 && error(2) < 1e-9 && error(4) < error(1), "{fit:#}");
     assert_eq!(fit["chosen"], 2, "the labels are the truth");
+    assert!(fit["chosen_by"].as_str().unwrap().contains("within one standard error"), "{fit:#}");
 
     let score = run(&["score", "model.json", "held-out.csv", "--json"]).json();
     assert_eq!(score["rows"], 1999);

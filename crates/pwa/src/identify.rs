@@ -35,6 +35,8 @@ pub struct Identification {
     pub candidates: Vec<Score>,
     /// Index of the chosen one.
     pub chosen: usize,
+    /// The rule that chose it, for people; `None` where there was nothing to choose from, or the caller chose.
+    pub rule: Option<&'static str>,
     /// Left sides of the fitted equations.
     pub targets: Vec<String>,
     /// Standard deviation of each target (population).
@@ -210,7 +212,7 @@ impl Fit<'_> {
             evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
         let specifications: Vec<&Specification> =
             self.segmentation.candidates.iter().map(|c| &c.specification).collect();
-        let chosen = choose(self.options.selection, &specifications, &orders);
+        let (chosen, rule) = choose(self.options.selection, &specifications, &orders);
         let kept: Vec<usize> = if self.options.keep_all { (0..orders.len()).collect() } else { vec![chosen] };
         let mut roots = Vec::with_capacity(kept.len());
         for &candidate in &kept {
@@ -243,6 +245,7 @@ impl Fit<'_> {
             models,
             candidates,
             chosen,
+            rule,
             targets: self.problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
             sigma,
             rows: self.survey.complete,

@@ -110,25 +110,33 @@ pub(crate) fn evaluate(
         .collect()
 }
 
-/// The index of the chosen candidate.
-pub(crate) fn choose(selection: Selection, specifications: &[&Specification], orders: &[Order]) -> usize {
+/// The index of the chosen candidate, and the rule that chose it, for people; no rule where there was nothing to choose from, or the caller chose.
+pub(crate) fn choose(
+    selection: Selection,
+    specifications: &[&Specification],
+    orders: &[Order],
+) -> (usize, Option<&'static str>) {
     let size = |i: usize| orders[i].full.iter().map(|model| model.rank + 1).sum::<usize>();
     let by =
         |value: &dyn Fn(usize) -> f64| (0..orders.len()).min_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
     if orders.len() == 1 || specifications.is_empty() {
-        return 0;
+        return (0, None);
     }
     match selection {
-        Selection::Given(index) => index.min(orders.len() - 1),
+        Selection::Given(index) => (index.min(orders.len() - 1), None),
         Selection::CrossValidation if orders.iter().all(|order| order.loss.is_finite()) => {
             let best = by(&|i| orders[i].loss);
             let limit = orders[best].loss + orders[best].standard_error;
-            (0..orders.len())
+            let simplest = (0..orders.len())
                 .filter(|&i| i == best || orders[i].loss <= limit)
                 .min_by_key(|&i| (size(i), i))
-                .unwrap_or(best)
+                .unwrap_or(best);
+            (simplest, Some("the fewest coefficients of those within one standard error of the least held-out loss"))
         }
-        _ => by(&|i| orders[i].bic),
+        Selection::CrossValidation => {
+            (by(&|i| orders[i].bic), Some("the least BIC, because the held-out loss of some partition is not known"))
+        }
+        Selection::Bic => (by(&|i| orders[i].bic), Some("the least BIC, with the effective number of rows")),
     }
 }
 

@@ -202,7 +202,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         number(found.condition),
         number(found.preconditioned),
         table(&header, rows)
-    )
+    ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
 }
 
 /// What rollouts said of the candidates.
