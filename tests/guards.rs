@@ -105,6 +105,10 @@ fn devices_pipes_and_links_are_written_through() {
     fit(path, &["-o", "pipe"]).ok();
     assert_eq!(reader.join().unwrap(), fs::read(path.join("model.json")).unwrap());
     assert!(path.join("pipe").symlink_metadata().unwrap().file_type().is_fifo());
+    let predict = |output: &str| fleetfoot(path, &["predict", "model.json", "log.csv", "-q", "-o", output]).ok();
+    predict("/dev/null");
+    #[cfg(target_os = "linux")]
+    assert!(predict("/dev/stdout").out.starts_with("episode,time_ns,"));
     #[cfg(target_os = "linux")]
     assert!(fit(path, &["-q", "-o", "/dev/stdout"]).ok().out.contains("\"fleetfoot_model\""));
 }

@@ -7,7 +7,7 @@ mod trajectories;
 
 use std::{collections::BTreeMap, path::Path};
 
-use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions};
+use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
 pub(crate) use model::refuse_not_finite;
@@ -25,11 +25,12 @@ pub(crate) enum Kind {
     Mcap,
 }
 
-/// The kind that a file's name promises: another one would mislead whoever opens the file.
+/// The kind that a file's name promises: another one would mislead whoever opens the file. A device or a pipe gets a table as text.
 pub(crate) fn kind(output: &Path) -> Result<Kind, Error> {
     match Format::of(output) {
         Some(Format::Parquet | Format::Csv(Compression::None)) => Ok(Kind::Table),
         Some(Format::Mcap(Compression::None)) => Ok(Kind::Mcap),
+        None if is_stream(output) => Ok(Kind::Table),
         _ => Err(Error::Request(format!(
             "{}: results are written as Parquet, CSV or MCAP; name the file *.parquet, *.csv, *.tsv or *.mcap",
             output.display()

@@ -50,6 +50,12 @@ impl Destination {
     }
 }
 
+/// Whether an output is no file but takes bytes: a device, a pipe, a socket, another process's open file. Nothing is lost by writing to it, and nothing can be
+/// kept beside it.
+pub fn is_stream(output: &Path) -> bool {
+    matches!(Destination::of(output), Ok(Destination::Stream(_)))
+}
+
 /// The folder that a file is in.
 pub(crate) fn folder(path: &Path) -> &Path {
     match path.parent() {

@@ -49,7 +49,7 @@ mod writer;
 pub use atomic::{AtomicFile, write_atomic};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use csv_writer::CsvWriter;
-pub use destination::{check_outputs, leftovers};
+pub use destination::{check_outputs, is_stream, leftovers};
 pub use error::Error;
 pub use estimate::{Estimate, estimate};
 pub use format::{Compression, Format};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::{CsvWriter, Error, Format, ParquetWriter, Values, WriteColumn, WriteOptions};
+use crate::{CsvWriter, Error, Format, ParquetWriter, Values, WriteColumn, WriteOptions, destination::is_stream};
 
 /// Writes rows of columns into a file. Dropping it before [`TableWriter::finish`] leaves nothing behind.
 #[derive(Debug)]
@@ -14,15 +14,21 @@ pub enum TableWriter {
 }
 
 impl TableWriter {
-    /// Begins a file of the format that its name promises: text for `.csv`, `.tsv` and `.txt`, else Parquet.
+    /// Begins a file of the format that its name promises: text for `.csv`, `.tsv` and `.txt`, and for a device or a pipe whose name promises nothing; else
+    /// Parquet.
     ///
     /// # Errors
     /// As [`ParquetWriter::create`].
     pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
         let path = path.into();
-        Ok(match Format::of(&path) {
-            Some(Format::Csv(_)) => Self::Csv(Box::new(CsvWriter::create(path, columns, &options.inputs)?)),
-            _ => Self::Parquet(Box::new(ParquetWriter::create(path, columns, options)?)),
+        let text = match Format::of(&path) {
+            Some(format) => matches!(format, Format::Csv(_)),
+            None => is_stream(&path),
+        };
+        Ok(if text {
+            Self::Csv(Box::new(CsvWriter::create(path, columns, &options.inputs)?))
+        } else {
+            Self::Parquet(Box::new(ParquetWriter::create(path, columns, options)?))
         })
     }
 

@@ -83,7 +83,7 @@ pub(crate) fn write_out(text: &str) {
 
 /// Whether something would be lost by writing: a device or a pipe is only written to.
 pub(crate) fn is_replaced(output: &Path) -> bool {
-    std::fs::metadata(output).is_ok_and(|found| found.is_file() || found.is_dir())
+    output.exists() && !fleetfoot::log::is_stream(output)
 }
 
 /// All files that a command reads.

@@ -6,7 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::Progress;
-use fleetfoot_log::{WriteLock, check_outputs};
+use fleetfoot_log::{WriteLock, check_outputs, is_stream};
 
 use super::{
     ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile,
@@ -75,7 +75,7 @@ pub(super) fn scan_in_groups(
     let mut read = logs.files();
     read.extend(target.plan.clone());
     check_outputs(&[&target.output, &partial], &read)?;
-    let is_file = fs::metadata(&target.output).map_or(true, |found| found.is_file());
+    let is_file = !is_stream(&target.output);
     let _lock = if is_file { Some(WriteLock::take(WriteLock::beside(&target.output), &target.output)?) } else { None };
     let exists = is_file && target.output.exists();
     if exists && !target.append && !target.force {
