@@ -73,9 +73,8 @@ impl Passing {
     fn integration(&self, states: usize) -> PyResult<Integration> {
         let refused = |what: &str, mend: &str| Err(Kind::Model.error(format!("{what}; {mend}")));
         if self.method != "rk45" {
-            let method: Method = method(&self.method).or_else(|_| {
-                Err(Kind::Model.error(format!("method={:?}: give 'rk45', 'rk4' or 'euler'", self.method)))
-            })?;
+            let method: Method = method(&self.method)
+                .map_err(|_| Kind::Model.error(format!("method={:?}: give 'rk45', 'rk4' or 'euler'", self.method)))?;
             return match (self.substeps, self.rtol.is_some() || self.atol.is_some()) {
                 (_, true) => refused(
                     &format!("rtol and atol with method={:?}: its steps are of fixed length", self.method),

@@ -143,6 +143,8 @@ def same_support(own, peer):
 def test_an_optimiser_object_does_what_it_does_in_pysindy(options, whose):
     ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
     t, x, x_dot = lorenz(4.0)
+    # Without noise, the ratios of superfluous terms are rounding, and so is their order.
+    x_dot = x_dot + 0.1 * np.random.default_rng(0).normal(size=x.shape)
     name, parameters = options
     module = ff if whose == "ours" else ps
     with warnings.catch_warnings():
@@ -156,9 +158,10 @@ def test_an_optimiser_object_does_what_it_does_in_pysindy(options, whose):
 
 def test_forward_regression_of_the_lorenz_system_is_sparse():
     t, x, x_dot = lorenz()
-    rng = np.random.default_rng(0)
-    fit = ff.SINDy(optimizer=ff.FROLS(), library="poly(2)").fit(x, t, x_dot + 0.1 * rng.normal(size=x.shape))
-    assert np.count_nonzero(fit.coefficients(), axis=1).max() <= 4
+    x_dot = x_dot + 0.1 * np.random.default_rng(0).normal(size=x.shape)
+    fit = ff.SINDy(optimizer=ff.FROLS(kappa=1e-7), library="poly(2)").fit(x, t, x_dot)
+    # As many as pysindy keeps; the object was asked for ten at most.
+    assert np.count_nonzero(fit.coefficients(), axis=1).tolist() == [2, 3, 3]
 
 
 @pytest.mark.parametrize(
