@@ -94,6 +94,8 @@ fn regions_have_terms_of_their_own_and_threads_change_nothing() {
             "a.csv",
             "--lags-in",
             "1",
+            "--order",
+            "fixed",
             "--partition",
             "average,kmeans:2,3",
             "--max-terms",

@@ -114,6 +114,7 @@ impl Fit<'_> {
 
     /// Simulations of spans that did not train decide.
     fn by_free_runs(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
+        self.check_rows(progress)?;
         let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
         let held = held(&cut, &folds, self.options.folds)?;
         let fold_of: BTreeMap<EpisodeId, usize> =
@@ -168,6 +169,17 @@ impl Fit<'_> {
             orders: None,
         };
         self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
+    }
+
+    /// Refuses orders that the rows cannot carry before anything is simulated: the lags alone say which rows there are.
+    fn check_rows(&self, progress: &dyn Progress) -> Result<(), Error> {
+        let order = match self.options.order {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
+            OrderRule::Look(given) => given.or(NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }),
+        };
+        let lags = self.base.with(&[NarxOrder { degree: 1, ..order }])?;
+        let whole = self.scan(&lags.task, None, progress)?;
+        self.check(&whole, self.base.candidates(order))
     }
 
     /// A model that was tried, on all rows that train: those that lack none of its own lags.

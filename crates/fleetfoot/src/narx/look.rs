@@ -69,8 +69,13 @@ impl Look<'_> {
     /// All models that were tried.
     pub(crate) fn run(&self, progress: &dyn Progress) -> Result<(Vec<Tried>, NarxSearch), Error> {
         let effort = self.options.effort;
-        let mut state =
-            State { budget: Budget::new(effort), tried: Vec::new(), seen: BTreeSet::new(), stages: Vec::new() };
+        let mut state = State {
+            budget: Budget::new(effort),
+            tried: Vec::new(),
+            seen: BTreeSet::new(),
+            linear: BTreeSet::new(),
+            stages: Vec::new(),
+        };
         let linear = self.fits(self.linear());
         self.stage("linear, all terms", linear, self.rule(true), 0.25, &mut state, progress)?;
         let seeds = self.fits(self.seeds(&state.tried));
@@ -118,7 +123,8 @@ impl Look<'_> {
         if orders.is_empty() {
             return Ok(());
         }
-        let jobs: Vec<Job> = orders.iter().map(|&order| Job { order, terms }).collect();
+        let mut jobs: Vec<Job> = orders.iter().map(|&order| Job { order, terms }).collect();
+        jobs.extend(self.linear_beside(&orders, state));
         let tried = self.selection.run(&jobs, progress)?;
         let rrse = tried.iter().map(|tried| tried.candidate.rrse).fold(f64::INFINITY, f64::min);
         state.stages.push(NarxStage { name: name.into(), orders: orders.len(), models: tried.len(), rrse });
@@ -127,6 +133,16 @@ impl Look<'_> {
         }
         state.tried.extend(tried);
         Ok(())
+    }
+
+    /// The linear models with all terms of the lags of these orders, as far as they were not tried: they compete with every order.
+    fn linear_beside(&self, orders: &[NarxOrder], state: &mut State) -> Vec<Job> {
+        let linear = orders.iter().map(|&order| NarxOrder { degree: 1, ..order });
+        let new: Vec<NarxOrder> = linear.filter(|&order| state.linear.insert(order)).collect();
+        let terms = self.rule(true);
+        // The stage of linear models has tried them itself.
+        let own = state.stages.is_empty();
+        new.into_iter().filter(|_| !own).map(|order| Job { order, terms }).collect()
     }
 
     /// An estimate of the work of an order, in terms that are evaluated.
@@ -237,5 +253,7 @@ struct State {
     tried: Vec<Tried>,
     /// Orders whose terms were chosen by forward regression.
     seen: BTreeSet<NarxOrder>,
+    /// Linear models that were tried with all terms.
+    linear: BTreeSet<NarxOrder>,
     stages: Vec<NarxStage>,
 }
