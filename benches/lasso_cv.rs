@@ -20,7 +20,7 @@ use fleetfoot_sparse::{
     HeldOut, Lambdas, LarsOptions, Path as LassoPath, Penalty, Quadratic, SelectOptions, Split, Strength, certificate,
     cross_validate_problems, lars,
 };
-use fleetfoot_stats::{Bank, Gram, Grid, Preconditioner, reduce};
+use fleetfoot_stats::{Bank, FoldLayout, FoldRule, Gram, Grid, Preconditioner, Purge, reduce};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -93,7 +93,9 @@ fn main() -> Result<(), Failure> {
 
 /// The centred Gram matrix of every fold, in one pass.
 fn scan(source: &MemorySource) -> Result<Vec<Gram>, Failure> {
-    let chunks = Grid { chunk_rows: ROWS / usize::from(FOLDS), folds: FOLDS, purge: 0 }.chunks(source.episodes());
+    let own = source.episodes().iter().map(|episode| (episode.id, episode.rows));
+    let layout = FoldLayout::new(FoldRule::Count(FOLDS.into()), own, Purge::Exactly(0))?;
+    let chunks = Grid { chunk_rows: ROWS / usize::from(FOLDS) }.chunks_in(&layout, source.episodes());
     let mut folds = vec![Gram::new(COLUMNS + 1); usize::from(FOLDS)];
     reduce(
         source,

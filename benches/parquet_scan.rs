@@ -97,7 +97,7 @@ fn full_fit(path: &Path) -> Result<()> {
     let mut options = Options::default();
     options.folds = 0;
     options.iterations = 25;
-    let fitted = fit_pwa(&recipe, &options, 0.0, &[path.to_path_buf()], &Silent)?;
+    let fitted = fit_pwa(&recipe, &options, None, &[path.to_path_buf()], &Silent)?;
     let found = &fitted.identification;
     // The oscillations are smooth: their rates follow from the states but for the noise on both.
     let regions: u64 = found.model.partitions[0].regions.iter().map(|region| region.rows).sum();

@@ -263,12 +263,12 @@ pub(crate) struct FitPwa {
     /// Steps of the rollouts that --select rollout, or a span of `over:auto`, compares (default: 50).
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) horizon: Option<u32>,
-    /// Folds of cross-validation: whole episodes when there are enough, else spans; 0 for none.
+    /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode; 0 for none.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(0..=100))]
     pub(crate) folds: u16,
-    /// Gap between held-out and training rows of one episode.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
-    pub(crate) purge: f64,
+    /// Gap between held-out and training rows of one episode (default: a tenth of the held-out span).
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) purge: Option<f64>,
     /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation).
     #[arg(long, value_name = "ROWS", default_value = "0")]
     pub(crate) shrinkage: String,

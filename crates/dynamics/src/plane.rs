@@ -182,7 +182,7 @@ pub fn plane(
     };
     let (a, b) = (projector.predictor.halo(), projector.program.halo());
     let halo = fleetfoot_data::Halo { before: a.before.max(b.before), after: a.after.max(b.after) };
-    let chunks = Grid { chunk_rows: CHUNK_ROWS, folds: 1, purge: 0 }.chunks(source.episodes());
+    let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(source.episodes());
     let mut total = Trace::new(bins);
     let mut episode = usize::MAX;
     reduce(
@@ -211,7 +211,7 @@ pub fn plane(
 fn extent(expression: &Expr, source: &dyn Source, progress: &dyn Progress) -> Result<(f64, f64), Error> {
     let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
     let program = Program::compile(std::slice::from_ref(expression), &names)?;
-    let chunks = Grid { chunk_rows: CHUNK_ROWS, folds: 1, purge: 0 }.chunks(source.episodes());
+    let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(source.episodes());
     let mut extent = (f64::INFINITY, f64::NEG_INFINITY);
     reduce(
         source,

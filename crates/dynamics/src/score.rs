@@ -50,7 +50,7 @@ pub fn score(
         mean: model.training.target_mean.clone(),
         stride: source.rows().div_ceil(SAMPLE_ROWS).max(1),
     };
-    let chunks = Grid { chunk_rows: chunk_rows(source), folds: 1, purge: 0 }.chunks(source.episodes());
+    let chunks = Grid { chunk_rows: chunk_rows(source) }.chunks(source.episodes());
     let mut parts: Vec<(Chunk, Sums)> = Vec::with_capacity(chunks.len());
     reduce(
         source,

@@ -91,7 +91,7 @@ impl<'a> Rows<'a> {
         chunk_rows: usize,
         progress: &'a dyn Progress,
     ) -> Self {
-        let chunks = Grid { chunk_rows, folds: 0, purge: 0 }.chunks(source.episodes());
+        let chunks = Grid { chunk_rows }.chunks(source.episodes());
         Self { layout, source, chunks, progress }
     }
 

@@ -149,7 +149,7 @@ fn functions(task: &Task) -> Vec<Expr> {
 /// Fits a piecewise-affine model.
 ///
 /// The partitions are `options.partitions` when given there explicitly, else the recipe's, else one region. `purge` is the gap between held-out
-/// and training rows, seconds. Where a state's span is open (`derivative = { over = "auto" }`), it is chosen with the partition as in
+/// and training rows, seconds; `None`: a tenth of a held-out span. Where a state's span is open (`derivative = { over = "auto" }`), it is chosen with the partition as in
 /// [`fit_pwa_by_rollouts`].
 ///
 /// # Errors
@@ -157,7 +157,7 @@ fn functions(task: &Task) -> Vec<Expr> {
 pub fn fit_pwa(
     recipe: &Recipe,
     options: &Options,
-    purge: f64,
+    purge: Option<f64>,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
@@ -173,7 +173,7 @@ pub fn fit_pwa(
 pub fn fit_pwa_by_rollouts(
     recipe: &Recipe,
     options: &Options,
-    purge: f64,
+    purge: Option<f64>,
     rule: RolloutRule,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
@@ -184,14 +184,14 @@ pub fn fit_pwa_by_rollouts(
 fn fit(
     recipe: &Recipe,
     options: &Options,
-    (purge, rule): (f64, Option<RolloutRule>),
+    (purge, rule): (Option<f64>, Option<RolloutRule>),
     logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
     let mut options = with_partitions(recipe, options)?;
     let (dataset, mut task) = Dataset::for_recipe(&settled(recipe, None), &labels(&options), logs, progress)?;
-    if dataset.step() > 0.0 {
-        options.purge = options.purge.max((purge / dataset.step()).ceil() as usize);
+    if let (Some(seconds), true) = (purge, dataset.step() > 0.0) {
+        options.purge = Some(options.purge.unwrap_or(0).max((seconds / dataset.step()).ceil() as usize));
     }
     let view = dataset.view()?;
     let mut used = recipe.clone();

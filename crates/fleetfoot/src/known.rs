@@ -78,7 +78,7 @@ pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progre
 /// Moments of some columns over the rows that have them all.
 fn spread(view: &dyn Source, columns: &[usize], progress: &dyn Progress) -> Result<Gram, Error> {
     progress.stage("scan");
-    let chunks = Grid { chunk_rows: CHUNK_ROWS, folds: 1, purge: 0 }.chunks(view.episodes());
+    let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
     let mut total = Gram::new(columns.len());
     reduce(
         view,

@@ -13,6 +13,7 @@ pub mod demo;
 mod error;
 mod export;
 mod fit;
+mod folds;
 pub mod generate;
 mod init;
 mod json;
@@ -43,6 +44,7 @@ pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, fit_pwa_by_rollouts, plan_pwa, rival};
+pub use folds::FoldRule;
 pub use init::starter_recipe;
 pub use json::interval_in_words;
 pub use known::{KnownModel, is_known, known_model};
@@ -68,9 +70,9 @@ pub use sindy::{
     SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
-    CandidateReport, Criterion, EpisodeInfluence, FoldRule, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
-    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
-    file_by_value, fit_sparse, is_statistic, solve_statistic, write_frequencies,
+    CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, Resampled,
+    SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value,
+    fit_sparse, is_statistic, solve_statistic, write_frequencies,
 };
 pub use structure::{Moments, StructuredTask};
 pub use task::Task;

@@ -116,7 +116,7 @@ pub fn fit_sindy(
     } else {
         Vec::new()
     };
-    let folds = solver.folds();
+    let folds = (solver.folds(), solver.fold_rule());
     let report = report(&evidence, &options, folds, &regions, &chosen, notes);
     Ok(SindyFitted { model, report, front })
 }
@@ -146,7 +146,7 @@ fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance)
 fn report(
     evidence: &Evidence,
     options: &SindyOptions,
-    folds: usize,
+    (folds, fold_rule): (usize, Option<&str>),
     regions: &[Vec<Solved>],
     chosen: &[Mat<f64>],
     mut notes: Vec<String>,
@@ -174,8 +174,9 @@ fn report(
         episodes: evidence.episodes.len(),
         left_out: [counts.at_border, counts.incomplete, scan.unassigned()],
         method: options.method_in_words(),
-        choice: options.choice_in_words(folds),
+        choice: options.choice_in_words(fold_rule),
         folds,
+        fold_rule: fold_rule.map(str::to_owned),
         ensemble: options.ensemble_in_words(),
         parameters: evidence.parameters.clone(),
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),

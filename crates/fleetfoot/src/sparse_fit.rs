@@ -20,7 +20,7 @@ use std::{
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::Model;
-use fleetfoot_sparse::{Clusters, clustered_covariance, refit};
+use fleetfoot_sparse::{Clusters, clustered_covariance, held_out_refit, refit};
 use fleetfoot_stats::Key;
 
 use crate::{
@@ -32,7 +32,7 @@ use crate::{
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
 pub use lambda::LambdaChoice;
-pub use options::{Criterion, FoldRule, LambdaRule, Resampled, SparseOptions};
+pub use options::{Criterion, LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
 pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
 pub use solve::{SolveMethod, Solved, solve_statistic};
@@ -213,11 +213,20 @@ impl Evidence {
         });
         let source = subset.as_ref().map(|subset| subset as &dyn Source);
         progress.stage("lambda");
-        let lambda = lambda::choose(&problem, options, &mut notes, progress)?;
+        let folds = lambda::folds(&problem, options, &mut notes)?;
+        let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
         let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
         notes.append(&mut support.notes);
+        let held_out = folds.map(|folds| {
+            let Problem { structure, banks, assembly, .. } = &problem;
+            held_out_refit(structure, banks, assembly, &folds, &support.columns, progress)
+        });
+        let held_out = held_out.transpose()?;
         let theta = match limits::within_limits(&problem, &support.columns, source, &mut notes, progress)? {
             Some(theta) => {
+                if held_out.is_some() {
+                    notes.push("held-out errors are those without the bounds, which need rows".into());
+                }
                 if left_out {
                     notes.push(
                         "influence of episodes: the fits with and without them are those without the bounds".into(),
@@ -240,8 +249,8 @@ impl Evidence {
         let counts = episodes.iter().filter_map(|id| self.file.scanned.rows.get(id));
         let (at_border, incomplete) =
             counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));
-        let report =
-            SparseReport::new(&problem, lambda, &support, &theta, errors.as_deref(), [at_border, incomplete], notes)?;
+        let errors = (errors.as_deref(), held_out.as_deref());
+        let report = SparseReport::new(&problem, lambda, &support, &theta, errors, [at_border, incomplete], notes)?;
         Ok(SparseFitted { value, model, report: SparseReport { influence, ..report } })
     }
 }

@@ -52,6 +52,12 @@ pub enum Error {
         /// Folds.
         folds: u16,
     },
+    /// Folds that cannot be made of the rows.
+    #[error(transparent)]
+    Folds(#[from] fleetfoot_stats::FoldError),
+    /// Too many episodes.
+    #[error(transparent)]
+    Plan(#[from] fleetfoot_stats::PlanError),
     /// A fold leaves nothing to train on.
     #[error(
         "no complete row is left to train on when fold {fold} of {folds} is held out; choose fewer folds (--folds 0 for none)"

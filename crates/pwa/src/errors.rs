@@ -67,8 +67,7 @@ impl Errors {
     }
 
     /// What intervals compare: whole episodes where no fold cuts them, else the folds.
-    pub(crate) fn compared(&self, folds: u16, episodes: usize) -> (Basis, Vec<PartErrors>) {
-        let whole = episodes >= usize::from(folds.max(2));
+    pub(crate) fn compared(&self, whole: bool) -> (Basis, Vec<PartErrors>) {
         let mut merged: BTreeMap<usize, PartErrors> = BTreeMap::new();
         let mut order = Vec::new();
         for ((episode, fold), part) in &self.parts {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Model;
-use fleetfoot_stats::{Basis, Chunk, Estimate, Gram, Grid, Preconditioner, SquareRoot};
+use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Gram, Grid, Preconditioner, SquareRoot};
 
 use crate::{
     Error, Options, Problem, Specification,
@@ -51,6 +51,8 @@ pub struct Identification {
     pub effective_rows: f64,
     /// Whether the scores are of rows that did not train (cross-validation).
     pub held_out: bool,
+    /// Which rows were held out, for people; `None` where none were.
+    pub fold_rule: Option<String>,
     /// What the intervals of the scores compare.
     pub basis: Basis,
     /// Condition number of the standardised regressors of the one-region regression.
@@ -112,15 +114,16 @@ pub fn identify(
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
-    let Prepared { rows, grid, chunks, survey, segmentation } = prepare(problem, options, source, progress)?;
+    let Prepared { rows, grid, folds, chunks, survey, segmentation } = prepare(problem, options, source, progress)?;
     let preconditioner = pilot(&rows, source)?;
     progress.stage("regression");
-    let plan = plan_hash(problem, &grid, &segmentation, &preconditioner);
+    let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
     let scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
     let fit = Fit {
         problem,
         options,
         rows: &rows,
+        folds: folds.as_ref(),
         survey: &survey,
         segmentation: &segmentation,
         scan: &scanned,
@@ -166,8 +169,13 @@ pub(crate) fn expected_regions(specification: &Specification) -> usize {
     }
 }
 
-fn plan_hash(problem: &Problem, grid: &Grid, segmentation: &Segmentation, preconditioner: &Preconditioner) -> String {
-    let mut text = format!("{grid:?}\n{:?}\n", problem.weight.as_ref().map(ToString::to_string));
+fn plan_hash(
+    problem: &Problem,
+    cut: (&Grid, Option<&FoldLayout>),
+    segmentation: &Segmentation,
+    preconditioner: &Preconditioner,
+) -> String {
+    let mut text = format!("{cut:?}\n{:?}\n", problem.weight.as_ref().map(ToString::to_string));
     for function in &problem.library {
         text.push_str(&format!("{function}\n"));
     }
@@ -185,6 +193,7 @@ pub(crate) struct Fit<'a> {
     pub(crate) problem: &'a Problem,
     pub(crate) options: &'a Options,
     pub(crate) rows: &'a Rows,
+    folds: Option<&'a FoldLayout>,
     pub(crate) survey: &'a Survey,
     pub(crate) segmentation: &'a Segmentation,
     pub(crate) scan: &'a Scan,
@@ -229,7 +238,8 @@ impl Fit<'_> {
         let q = self.rows.targets;
         let sigma: Vec<f64> =
             (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
-        let (basis, parts) = errors.compared(self.options.folds, source.episodes().len());
+        let (basis, parts) =
+            errors.compared(self.folds.map_or(source.episodes().len() > 1, FoldLayout::whole_episodes));
         let candidates = self.scores(&orders, &errors, &parts, &sigma);
         let mut models: Vec<Model> = kept
             .iter()
@@ -253,6 +263,7 @@ impl Fit<'_> {
             incomplete: self.survey.incomplete,
             effective_rows: independent,
             held_out: self.options.folds > 1,
+            fold_rule: self.folds.map(FoldLayout::in_words),
             basis,
             condition: base.average.condition,
             preconditioned: base.root.condition,

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Partition;
-use fleetfoot_stats::{Chunk, Grid};
+use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Purge};
 
 use crate::{
     Error, Options, Problem, Specification,
@@ -52,6 +52,8 @@ pub fn partition(
 pub(crate) struct Prepared {
     pub(crate) rows: Rows,
     pub(crate) grid: Grid,
+    /// Which rows are held out, where there are folds.
+    pub(crate) folds: Option<FoldLayout>,
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) survey: Survey,
     pub(crate) segmentation: Segmentation,
@@ -67,31 +69,38 @@ pub(crate) fn prepare(
     let rows = Rows::compile(problem, &options.partitions, source)?;
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
-    let grid = Grid {
-        chunk_rows: Grid::for_budget(source.rows(), regions, gram_bytes(rows.dimension()), STATS_BUDGET),
-        folds: options.folds,
-        purge: options.purge.max(rows.halo().before + rows.halo().after),
+    let bytes = gram_bytes(rows.dimension());
+    Grid::check(source.episodes(), 1, bytes)?;
+    let grid = Grid { chunk_rows: Grid::for_budget(source.rows(), regions, bytes, STATS_BUDGET, COARSE) };
+    let folds = fold_layout(options, rows.halo().before + rows.halo().after, source)?;
+    let chunks = match &folds {
+        Some(folds) => grid.chunks_in(folds, source.episodes()),
+        None => grid.chunks(source.episodes()),
     };
-    check_purge(&grid, source)?;
-    let chunks = grid.chunks(source.episodes());
     progress.stage("survey");
     let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
     check(problem, &rows, &survey)?;
     progress.stage("partition");
     let segmentation = segment(problem, options, &rows, &survey, progress)?;
-    Ok(Prepared { rows, grid, chunks, survey, segmentation })
+    Ok(Prepared { rows, grid, folds, chunks, survey, segmentation })
 }
 
-/// A purge gap reaches into the neighbouring spans only, so it must not be longer than a span.
-fn check_purge(grid: &Grid, source: &dyn Source) -> Result<(), Error> {
-    let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
-    let spans = grid.folds > 1 && source.episodes().len() < usize::from(grid.folds);
-    let span = longest / usize::from(grid.folds.max(1));
-    // Spans of a few rows cannot keep even the reach of the lags apart; such data are too few for folds anyway, and the fit says what it has.
-    if spans && grid.purge > span && span > 0 {
-        return Err(Error::PurgeTooLong { purge: grid.purge, span, folds: grid.folds });
+/// The folds, where there are any; `halo`: the rows that lags and differences reach over.
+fn fold_layout(options: &Options, halo: usize, source: &dyn Source) -> Result<Option<FoldLayout>, Error> {
+    if options.folds < 2 {
+        return Ok(None);
     }
-    Ok(())
+    let purge = options.purge.map_or(Purge::TENTH, |rows| Purge::Exactly(rows.max(halo)));
+    let episodes = source.episodes().iter().map(|episode| (episode.id, episode.rows));
+    let layout = FoldLayout::new(FoldRule::Count(options.folds.into()), episodes, purge)?;
+    let longest = source.episodes().iter().max_by_key(|episode| episode.rows);
+    let spans = longest.map_or_else(Vec::new, |episode| layout.spans(episode.id, episode.rows));
+    let span = spans.iter().map(|(span, _)| span.len()).min().unwrap_or(0);
+    // A gap reaches into the neighbouring spans only, so it must not be longer than a span.
+    if let (false, Some(purge)) = (layout.whole_episodes(), options.purge.filter(|&purge| purge > span)) {
+        return Err(Error::PurgeTooLong { purge, span, folds: options.folds });
+    }
+    Ok(Some(layout))
 }
 
 fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {

@@ -30,8 +30,8 @@ pub struct Options {
     pub partitions: Vec<Specification>,
     /// Folds of cross-validation; 0 or 1: none.
     pub folds: u16,
-    /// Rows on either side of a held-out span that do not train.
-    pub purge: usize,
+    /// Rows on either side of a held-out span that do not train; `None`: a tenth of the span.
+    pub purge: Option<usize>,
     /// How one of several partitions is chosen.
     pub selection: Selection,
     /// Pull of each region towards the one-region model.
@@ -59,7 +59,7 @@ impl Default for Options {
         Self {
             partitions: vec![Specification::Average],
             folds: 10,
-            purge: 0,
+            purge: None,
             selection: Selection::CrossValidation,
             shrinkage: Shrinkage::Rows(0.0),
             unseen: UnseenLabel::Refuse,

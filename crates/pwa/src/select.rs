@@ -144,14 +144,14 @@ pub(crate) fn choose(
 pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, base: &Base) -> f64 {
     let average = &base.average;
     let mut means = BatchMeans::new(base.root.mean_y.len());
-    for (_, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
+    for (key, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
         let chunk = preconditioner.square_root(gram);
         let mean = |target: usize| {
             let explained = |(j, x): (usize, &f64)| average.coefficients[(j, target)] * x;
             let start = chunk.mean_y[target] - average.intercept[target];
             chunk.mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
         };
-        means.add(gram.weight, &(0..chunk.mean_y.len()).map(mean).collect::<Vec<f64>>());
+        means.add(key.episode, gram.weight, &(0..chunk.mean_y.len()).map(mean).collect::<Vec<f64>>());
     }
     let error = base.root.error(average.coefficients.as_ref(), &average.intercept);
     means.effective_weight(base.root.weight, &error)

@@ -100,7 +100,8 @@ pub(crate) fn fit_pwa(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, String, Vec<Model>)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
-    let purge = options.purge;
+    // 0 is Python's word for the default.
+    let purge = Some(options.purge).filter(|purge| *purge > 0.0);
     let options = options.options()?;
     let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, &options, purge, &data.logs, progress))?;
     let report = fitted.to_json().to_string();

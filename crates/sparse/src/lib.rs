@@ -72,16 +72,16 @@ pub use quadratic::Quadratic;
 pub use select::{
     CriteriaOptions, CrossValidation, Folds, GridSolutions, HeldOut, InformationCriteria, Lambdas, NoiseVariance,
     RandomSplits, SelectError, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task,
-    effective_rows, information_criteria, solve_grid, task_criteria,
+    effective_rows, held_out_refit, information_criteria, solve_grid, task_criteria,
 };
 pub use structured::{
     Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
     TaskError, TaskShape, TaskStats, Term, Tikhonov,
 };
-pub use system::{System, SystemError, SystemPlan, SystemScan, Unit, sampled_mean_squares};
+pub use system::{System, SystemError, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
 pub use threshold::{
     Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
-    FrolsChoice, Joint, LassoPath, Matching, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Step,
-    StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, choose_by_cross_validation,
-    ensemble, optimize, refit_supports, sweep, sweep_thresholds,
+    FrolsChoice, Joint, LassoPath, Optimizer, Regularizer, Removal, Rivals, Scaling, Sr3, Ssr, Status, Step,
+    StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, ensemble, optimize,
+    refit_supports, score_supports, sweep, sweep_thresholds,
 };

@@ -6,6 +6,7 @@ mod effective;
 mod error;
 mod folds;
 mod held_out;
+mod refitted;
 mod score;
 
 pub(crate) use criteria::log_binomial;
@@ -19,5 +20,6 @@ pub use error::SelectError;
 pub use folds::{Folds, RandomSplits};
 pub use held_out::HeldOut;
 pub(crate) use held_out::mean_squares;
+pub use refitted::held_out_refit;
 pub use score::CrossValidation;
 pub(crate) use score::Scored;

@@ -21,7 +21,7 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Partition;
 
 pub use plan::SystemPlan;
-pub use sampled::sampled_mean_squares;
+pub use sampled::{sampled_by_chunk, sampled_mean_squares};
 pub use statistic::SystemScan;
 
 /// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
@@ -80,6 +80,9 @@ pub struct Unit {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
+    /// Too many episodes.
+    #[error(transparent)]
+    Plan(#[from] fleetfoot_stats::PlanError),
     /// Nothing to regress.
     #[error("the system has no target: name at least one equation to fit")]
     NoTarget,

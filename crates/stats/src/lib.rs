@@ -2,16 +2,20 @@
 
 // plan, keys, reduction
 mod bank;
+mod blocks;
 mod bytes;
+mod folds;
 mod keys;
 mod moments;
 mod plan;
 mod reduce;
 pub use bank::Bank;
+pub use blocks::blocks;
 pub use bytes::StatsBytesError;
+pub use folds::{FoldError, FoldLayout, FoldRule, Purge, SPANS};
 pub use keys::{Fold, Key, MergeError, Stats};
 pub use moments::Moments;
-pub use plan::{Chunk, Grid, plan_hash};
+pub use plan::{COARSE, Chunk, FINE, Grid, PlanError, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};
 
 // numerics

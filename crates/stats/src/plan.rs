@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use fleetfoot_data::Episode;
 
-use crate::{Fold, Preconditioner};
+use crate::{Fold, FoldLayout, Preconditioner};
 
 /// The rows behind one stored statistic.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,43 +27,96 @@ pub struct Chunk {
 pub struct Grid {
     /// Rows of a chunk, at most.
     pub chunk_rows: usize,
-    /// Number of folds; 0 or 1 for none.
-    pub folds: u16,
-    /// Rows on either side of a held-out span that train nothing for it.
-    pub purge: usize,
+}
+
+/// Rows of a chunk where sums of some rows must be enough, and where folds are made of the chunks afterwards: of two recordings of 512 rows a tenth of a
+/// tenth is five.
+pub const COARSE: usize = 256;
+/// See [`COARSE`].
+pub const FINE: usize = 4;
+
+/// Bytes of statistics beyond which a plan is refused.
+const MOST_BYTES: usize = 2 << 30;
+/// Episodes of about one row beyond which a plan is refused.
+const MOST_SINGLE: usize = 1_000;
+
+/// Episodes that no plan can be made for.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// Every row is an episode.
+    #[error(
+        "{rows} rows in {episodes} episodes, hardly more than a row each: an episode ends where stamps do not rise, so the time column is no clock, or the \
+         rows are not in the order of time; name the clock ([time] column, --time), or a sampling period ([time] dt, --dt)"
+    )]
+    SingleRows {
+        /// Rows.
+        rows: usize,
+        /// Episodes.
+        episodes: usize,
+    },
+    /// A statistic of every episode takes more memory than there should be.
+    #[error(
+        "{episodes} episodes need a statistic of {bytes} bytes each, {} GiB in all, and {} GiB is the limit: offer fewer candidates or regions, or fewer and longer episodes",
+        episodes.saturating_mul(*bytes) >> 30,
+        MOST_BYTES >> 30
+    )]
+    Memory {
+        /// Episodes.
+        episodes: usize,
+        /// Bytes of the statistics of one chunk.
+        bytes: usize,
+    },
 }
 
 impl Grid {
     /// Chunk length such that about `keys_per_chunk` statistics of `bytes` bytes a chunk fit into `budget` bytes, and that there are
-    /// still enough chunks (about 200) for standard errors and for all threads.
-    pub fn for_budget(rows: usize, keys_per_chunk: usize, bytes: usize, budget: usize) -> usize {
+    /// still enough chunks (about 200) for folds, standard errors and all threads, of at least `finest` rows ([`COARSE`], [`FINE`]).
+    pub fn for_budget(rows: usize, keys_per_chunk: usize, bytes: usize, budget: usize, finest: usize) -> usize {
         let chunks = (budget / (keys_per_chunk * bytes).max(1)).clamp(8, 1 << 20);
         let needed = rows.div_ceil(chunks);
-        let wanted = (rows / 200).clamp(256, 65_536);
-        needed.max(wanted).next_multiple_of(256)
+        let wanted = (rows / 200).clamp(finest, 65_536);
+        let length = needed.max(wanted);
+        if length < COARSE { length } else { length.next_multiple_of(COARSE) }
     }
 
-    /// The chunks of these episodes, in the order of the episodes' identities.
+    /// Refuses episodes whose statistics, `keys_per_chunk` of `bytes` bytes at least for each, would not fit: every episode has a chunk of its own.
     ///
-    /// Folds are whole episodes when there are at least as many episodes as folds (the longest first, each to the fold with the
-    /// fewest rows). Otherwise every episode is cut into as many contiguous spans as there are folds, with the purge gap between
-    /// neighbours, so that each fold sees every episode.
+    /// # Errors
+    /// Nearly every row is an episode; or the statistics take more than 2 GiB.
+    pub fn check(episodes: &[Episode], keys_per_chunk: usize, bytes: usize) -> Result<(), PlanError> {
+        let count = episodes.iter().filter(|episode| episode.rows > 0).count();
+        let rows: usize = episodes.iter().map(|episode| episode.rows).sum();
+        if count > MOST_SINGLE && rows < 2 * count {
+            return Err(PlanError::SingleRows { rows, episodes: count });
+        }
+        let bytes = keys_per_chunk.saturating_mul(bytes);
+        if count.saturating_mul(bytes) > MOST_BYTES {
+            return Err(PlanError::Memory { episodes: count, bytes });
+        }
+        Ok(())
+    }
+
+    /// The chunks of these episodes, in the order of the episodes' identities, of no fold.
     pub fn chunks(&self, episodes: &[Episode]) -> Vec<Chunk> {
+        self.cut(episodes, |episode| vec![(0..episode.rows, Fold::default())])
+    }
+
+    /// The same, cut so that all rows of a chunk have one place in the folds.
+    pub fn chunks_in(&self, folds: &FoldLayout, episodes: &[Episode]) -> Vec<Chunk> {
+        self.cut(episodes, |episode| folds.pieces(episode.id, episode.rows))
+    }
+
+    fn cut(&self, episodes: &[Episode], pieces: impl Fn(&Episode) -> Vec<(Range<usize>, Fold)>) -> Vec<Chunk> {
         let mut order: Vec<usize> = (0..episodes.len()).collect();
         order.sort_by_key(|&e| episodes[e].id);
-        let whole = self.episode_folds(episodes);
         let mut chunks = Vec::new();
         for episode in order {
             let mut index = 0;
-            let rows = episodes[episode].rows;
-            let spans = match &whole {
-                Some(folds) => vec![(0..rows, Fold { own: folds[episode], purged: [None; 2] })],
-                None => self.spans(rows),
-            };
-            for (span, fold) in spans {
-                let mut from = span.start;
-                while from < span.end {
-                    let to = (from + self.chunk_rows.max(1)).min(span.end);
+            for (piece, fold) in pieces(&episodes[episode]) {
+                let mut from = piece.start;
+                while from < piece.end {
+                    let to = (from + self.chunk_rows.max(1)).min(piece.end);
                     chunks.push(Chunk { episode, index, rows: from..to, fold });
                     index += 1;
                     from = to;
@@ -71,46 +124,6 @@ impl Grid {
             }
         }
         chunks
-    }
-
-    /// The fold of each episode, where folds are whole episodes.
-    fn episode_folds(&self, episodes: &[Episode]) -> Option<Vec<u16>> {
-        if self.folds <= 1 {
-            return Some(vec![0; episodes.len()]);
-        }
-        if episodes.len() < usize::from(self.folds) {
-            return None;
-        }
-        let mut order: Vec<usize> = (0..episodes.len()).collect();
-        order.sort_by_key(|&e| (std::cmp::Reverse(episodes[e].rows), episodes[e].id));
-        let mut load = vec![0usize; usize::from(self.folds)];
-        let mut folds = vec![0; episodes.len()];
-        for episode in order {
-            let lightest = (0..load.len()).min_by_key(|&fold| (load[fold], fold)).unwrap_or(0);
-            load[lightest] += episodes[episode].rows;
-            folds[episode] = lightest as u16;
-        }
-        Some(folds)
-    }
-
-    /// The spans of an episode that is cut into folds, purge zones apart.
-    fn spans(&self, rows: usize) -> Vec<(Range<usize>, Fold)> {
-        let folds = usize::from(self.folds);
-        let border = |fold: usize| fold * rows / folds;
-        let mut spans = Vec::new();
-        for fold in 0..folds {
-            let (start, end) = (border(fold), border(fold + 1));
-            let near_previous = if fold > 0 { (start + self.purge).min(end) } else { start };
-            let near_next = if fold + 1 < folds { end.saturating_sub(self.purge).max(start) } else { end };
-            let mut cuts = [start, near_previous, near_next, end];
-            cuts.sort_unstable();
-            for pair in cuts.windows(2).filter(|pair| pair[0] < pair[1]) {
-                let previous = (fold > 0 && pair[0] < start + self.purge).then(|| fold as u16 - 1);
-                let next = (fold + 1 < folds && pair[1] > end.saturating_sub(self.purge)).then_some(fold as u16 + 1);
-                spans.push((pair[0]..pair[1], Fold { own: fold as u16, purged: [previous, next] }));
-            }
-        }
-        spans
     }
 }
 
@@ -125,6 +138,7 @@ pub fn plan_hash(text: &str, preconditioner: &Preconditioner) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{FoldRule, Purge};
     use fleetfoot_data::{Column, MemorySource, Source};
 
     fn episodes(lengths: &[usize]) -> Vec<Episode> {
@@ -141,47 +155,46 @@ mod tests {
             [(&[100, 7, 0, 53][..], 10, 2), (&[1000, 999], 10, 40), (&[5], 3, 1), (&[30; 12], 4, 5)]
         {
             let episodes = episodes(lengths);
-            let grid = Grid { chunk_rows: 16, folds, purge };
-            let chunks = grid.chunks(&episodes);
+            let own = || episodes.iter().map(|episode| (episode.id, episode.rows));
+            let grid = Grid { chunk_rows: 16 };
+            let mut cuts = vec![grid.chunks(&episodes)];
+            // Five rows are too few for three folds.
+            if let Ok(layout) = FoldLayout::new(FoldRule::Count(folds), own(), Purge::Exactly(purge)) {
+                cuts.push(grid.chunks_in(&layout, &episodes));
+            }
+            assert_eq!(cuts.len(), 1 + usize::from(lengths != [5]));
             for (e, &length) in lengths.iter().enumerate() {
-                let mut mine: Vec<&Chunk> = chunks.iter().filter(|chunk| chunk.episode == e).collect();
-                mine.sort_by_key(|chunk| chunk.index);
-                let mut next = 0;
-                for chunk in mine {
-                    assert_eq!(chunk.rows.start, next);
-                    assert!(chunk.rows.len() <= 16 && !chunk.rows.is_empty());
-                    next = chunk.rows.end;
+                for chunks in &cuts {
+                    let mut mine: Vec<&Chunk> = chunks.iter().filter(|chunk| chunk.episode == e).collect();
+                    mine.sort_by_key(|chunk| chunk.index);
+                    let mut next = 0;
+                    for chunk in mine {
+                        assert_eq!(chunk.rows.start, next);
+                        assert!(chunk.rows.len() <= 16 && !chunk.rows.is_empty());
+                        next = chunk.rows.end;
+                    }
+                    assert_eq!(next, length);
                 }
-                assert_eq!(next, length);
             }
         }
     }
 
     #[test]
-    fn training_rows_keep_their_distance_from_held_out_rows() {
-        let episodes = episodes(&[1000]);
-        let purge = 25;
-        let chunks = Grid { chunk_rows: 64, folds: 10, purge }.chunks(&episodes);
-        for fold in 0..10 {
-            let held: Vec<usize> = chunks.iter().filter(|c| c.fold.own == fold).flat_map(|c| c.rows.clone()).collect();
-            let trained: Vec<usize> =
-                chunks.iter().filter(|c| c.fold.trains(fold)).flat_map(|c| c.rows.clone()).collect();
-            assert_eq!(held.len(), 100);
-            let gaps = if fold == 0 || fold == 9 { 1 } else { 2 };
-            assert_eq!(trained.len(), 900 - gaps * purge);
-            assert!(trained.iter().all(|t| held.iter().all(|h| t.abs_diff(*h) > purge)));
-        }
+    fn chunks_are_some_two_hundred_within_the_budget() {
+        let rows = |rows: usize, finest: usize| Grid::for_budget(rows, 1, 1000, 1 << 30, finest);
+        assert_eq!((rows(1024, FINE), rows(1024, COARSE), rows(10_000_000, FINE)), (5, 256, 50_176));
+        // Ten statistics fit.
+        assert_eq!(Grid::for_budget(1000, 10, 1 << 20, 100 << 20, FINE), 100);
     }
 
     #[test]
-    fn whole_episodes_are_folds_when_there_are_enough() {
-        let episodes = episodes(&[100, 200, 300, 101, 102, 50]);
-        let chunks = Grid { chunk_rows: 1000, folds: 3, purge: 10 }.chunks(&episodes);
-        assert_eq!(chunks.len(), 6);
-        let mut load = [0; 3];
-        for chunk in &chunks {
-            load[usize::from(chunk.fold.own)] += chunk.rows.len();
-        }
-        assert!(load.iter().all(|&rows| (252..=303).contains(&rows)), "{load:?}");
+    fn a_row_an_episode_is_refused_with_the_reason() {
+        let single = episodes(&vec![1; 1200]);
+        let error = Grid::check(&single, 1, 100).unwrap_err();
+        assert_eq!(error, PlanError::SingleRows { rows: 1200, episodes: 1200 });
+        assert!(error.to_string().contains("stamps do not rise"));
+        assert_eq!(Grid::check(&episodes(&vec![3; 1200]), 1, 100), Ok(()));
+        let huge = Grid::check(&episodes(&[100; 300]), 2, 5 << 20).unwrap_err();
+        assert_eq!(huge, PlanError::Memory { episodes: 300, bytes: 10 << 20 });
     }
 }

@@ -51,7 +51,8 @@ pub(crate) struct SindyArgs {
     /// A number inside expressions that is not known, and where its search begins: `tau=0.05`, with bounds `tau=0.05 in 0.01..0.3`; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) parameter: Vec<String>,
-    /// How terms are found: stlsq, sr3, ssr, frols, lasso, ols (default: stlsq).
+    /// How terms are found: auto (thresholds of stlsq and backward elimination together), stlsq, sr3, ssr, frols, lasso, ols (default: auto; stlsq for a given
+    /// threshold).
     #[arg(long, value_name = "NAME")]
     pub(crate) optimizer: Option<String>,
     /// Smallest coefficient that stays, of stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
@@ -70,8 +71,8 @@ pub(crate) struct SindyArgs {
     /// ebic (default: one-se).
     #[arg(long, value_name = "RULE")]
     pub(crate) select: Option<String>,
-    /// Held-out rows: a number of folds (whole episodes when there are enough, else spans), episodes (each left out once), or splits:30 (random
-    /// splits with a third held out) (default: 10).
+    /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
+    /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
     #[arg(long, value_name = "FOLDS")]
     pub(crate) folds: Option<String>,
     /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100`.

@@ -48,8 +48,8 @@ pub(crate) struct SparseArgs {
     /// ebic (default: one-se).
     #[arg(long, value_name = "RULE")]
     pub(crate) select: Option<String>,
-    /// Held-out rows: a number of folds (whole episodes when there are enough, else spans), episodes (each left out once), or splits:30 (random
-    /// splits with a third held out) (default: 10).
+    /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
+    /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
     #[arg(long, value_name = "FOLDS")]
     pub(crate) folds: Option<String>,
     /// Share of the l1 penalty in an elastic net (default: 1, the lasso).

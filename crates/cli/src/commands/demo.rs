@@ -159,7 +159,7 @@ impl Demo<'_> {
         let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
         self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
         let bar = self.context.bar();
-        let fitted = fit_pwa(&recipe, &options, PURGE, &logs.training_files(), &bar);
+        let fitted = fit_pwa(&recipe, &options, Some(PURGE), &logs.training_files(), &bar);
         bar.finish();
         let fitted = fitted?;
         write_model(&fitted.identification.model, &path)?;

@@ -93,8 +93,8 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
         Unseen::Refuse => UnseenLabel::Refuse,
         Unseen::Pool => UnseenLabel::Pool,
     };
-    if !(arguments.purge >= 0.0 && arguments.purge.is_finite()) {
-        return Err(Error::Request(format!("--purge {}: write seconds", arguments.purge)));
+    if let Some(purge) = arguments.purge.filter(|purge| !(*purge >= 0.0 && purge.is_finite())) {
+        return Err(Error::Request(format!("--purge {purge}: write seconds")));
     }
     options.seed = arguments.seed;
     options.restarts = arguments.restarts.max(1);
@@ -193,7 +193,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     format!(
         "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
-         mean absolute error over the null model's, {which}; loss: squared error over variance\n{}",
+         mean absolute error over the null model's, {which}{}; loss: squared error over variance\n{}",
         found.rows,
         count(fitted.episodes, "episode"),
         number(found.effective_rows),
@@ -201,6 +201,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         found.incomplete,
         number(found.condition),
         number(found.preconditioned),
+        found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
         table(&header, rows)
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
 }

@@ -194,7 +194,7 @@ fn one_text(report: &SparseReport) -> String {
         let r2 = if task.r2.is_nan() { "-".to_owned() } else { format!("{:.6}", task.r2) };
         vec![name, number(task.scale), plain(task.rms), r2, plain(task.held_out)]
     });
-    text.push_str(&table(&["task", "scale", "error (rms)", "R2", "held out (lasso)"], rows.collect()));
+    text.push_str(&table(&["task", "scale", "error (rms)", "R2", "held out"], rows.collect()));
     let tables = |intervals: bool| -> Vec<String> {
         report.latents.iter().map(|latent| latent_table(latent, intervals)).collect()
     };

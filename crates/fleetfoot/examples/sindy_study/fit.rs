@@ -9,7 +9,7 @@ use fleetfoot::{
         EnsembleOptions, FoldProblem, Folds, Optimizer, Stlsq, SweepOptions, System, SystemPlan, SystemScan, Terms,
         Thresholds, Unit, ensemble, optimize, sweep,
     },
-    stats::{Compressed, Fold, Key},
+    stats::{Compressed, Fold, FoldRule, Key, Purge},
 };
 
 use super::{Failure, candidates::Candidates, recordings::Recorded};
@@ -104,7 +104,7 @@ fn folds(scan: &SystemScan, constant: bool) -> Result<Vec<FoldProblem>, Failure>
         |unit: &Unit| Key { episode: unit.episode, chunk: unit.chunk, fold: Fold::default(), partition: 0, region: 0 };
     let keys: Vec<Key> = scan.units().iter().map(key).collect();
     let rows: Vec<u64> = scan.units().iter().map(|unit| unit.rows).collect();
-    let split = Folds::k_fold(&keys, &rows, FOLDS, 0)?;
+    let split = Folds::of(&keys, &rows, FoldRule::Count(FOLDS), Purge::TENTH)?;
     let sides = scan.roots(0, split.train()).into_iter().zip(scan.roots(0, split.test()));
     Ok(sides
         .map(|(train, test)| FoldProblem { train: train.compressed(constant), test: test.compressed(constant) })

@@ -120,7 +120,7 @@ pub fn gaits(
     let dataset = view::open(&model, files, progress)?;
     let source = dataset.view()?;
     progress.stage("gait");
-    let chunks = Grid { chunk_rows: CHUNK_ROWS, folds: 1, purge: 0 }.chunks(source.episodes());
+    let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(source.episodes());
     let mut parts: Vec<Part> = source.episodes().iter().map(|_| Part::new()).collect();
     reduce(
         &source,

@@ -28,7 +28,7 @@ impl Fitted {
             "effective_rows": real(found.effective_rows),
             "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
             "targets": found.targets, "sigma": reals(&found.sigma),
-            "held_out": found.held_out, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
+            "held_out": found.held_out, "fold_rule": found.fold_rule, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
             "chosen": found.chosen, "chosen_by": found.rule, "intervals": interval_in_words(&found.basis),
             "candidates": found.candidates.iter().map(|score| json!({
                 "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),

@@ -11,7 +11,7 @@ impl SindyReport {
         json!({
             "rows": self.rows, "episodes": self.episodes,
             "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1], "rows_unassigned": self.left_out[2],
-            "method": self.method, "choice": self.choice, "folds": self.folds, "ensemble": self.ensemble,
+            "method": self.method, "choice": self.choice, "folds": self.folds, "fold_rule": self.fold_rule, "ensemble": self.ensemble,
             "candidates": self.candidates,
             "parameters": self.parameters.iter().map(|parameter| json!({
                 "name": parameter.name, "value": real(parameter.value), "standard_error": real(parameter.standard_error),

@@ -10,7 +10,7 @@ impl SparseReport {
     pub fn to_json(&self) -> Value {
         let validation = self.lambda.validation.as_ref().map(|validation| {
             json!({
-                "folds": self.lambda.folds, "lambdas": reals(&validation.lambdas), "error": reals(&validation.mean),
+                "folds": self.lambda.folds, "fold_rule": self.lambda.fold_rule, "lambdas": reals(&validation.lambdas), "error": reals(&validation.mean),
                 "standard_error": reals(&validation.standard_error), "features": reals(&validation.features),
             })
         });

@@ -3,6 +3,8 @@
 use std::ops::Range;
 
 use fleetfoot_data::{Block, Column, Episode, EpisodeId, Error, Halo, ScalarBuffer, Source, mix};
+use fleetfoot_sparse::SelectError;
+use fleetfoot_stats::{FoldLayout, FoldRule, Purge};
 
 /// A source whose episodes are spans of another source's, every n-th row of them.
 ///
@@ -57,26 +59,17 @@ impl<'a> Spans<'a> {
         Ok((Self::new(inner, train, every)?, Self::new(inner, test, every)?))
     }
 
-    /// The episodes cut into `count` spans or more of about the same length, and the fold (0 to count - 1) of each: whole episodes in turn where there are as many, else
-    /// every episode into as many contiguous spans.
-    pub(crate) fn folds(inner: &'a dyn Source, count: usize) -> Result<(Self, Vec<usize>), Error> {
+    /// The episodes, or their spans, that are held out together, and the fold (0 to count - 1) of each, by the one rule ([`FoldLayout`]). Lags do not
+    /// reach over the borders of spans: the first rows of each are no regressors' targets, a purge gap of as many rows.
+    pub(crate) fn folds(inner: &'a dyn Source, count: usize) -> Result<(Self, Vec<usize>), crate::Error> {
         let episodes = inner.episodes();
-        let mut spans = Vec::new();
-        let mut folds = Vec::new();
-        for (e, episode) in episodes.iter().enumerate() {
-            if episodes.len() >= count {
-                spans.push((e, 0..episode.rows));
-                folds.push(e % count);
-                continue;
-            }
-            for part in 0..count {
-                let rows = episode.rows * part / count..episode.rows * (part + 1) / count;
-                if !rows.is_empty() {
-                    spans.push((e, rows));
-                    folds.push(part);
-                }
-            }
-        }
+        let rows = episodes.iter().map(|episode| (episode.id, episode.rows));
+        let layout = FoldLayout::new(FoldRule::Count(count), rows, Purge::Exactly(0)).map_err(SelectError::from)?;
+        let of = |(e, episode): (usize, &Episode)| {
+            let cut = layout.spans(episode.id, episode.rows).into_iter();
+            cut.map(move |(rows, fold)| ((e, rows), usize::from(fold))).collect::<Vec<_>>()
+        };
+        let (spans, folds) = episodes.iter().enumerate().flat_map(of).unzip();
         Ok((Self::new(inner, spans, 1)?, folds))
     }
 }
@@ -170,10 +163,15 @@ mod tests {
     #[test]
     fn folds_are_episodes_where_there_are_enough_and_spans_else() {
         let inner = source();
+        // Two episodes are few: six spans of each for two folds.
         let (spans, folds) = Spans::folds(&inner, 2).unwrap();
-        assert_eq!((spans.episodes().len(), folds), (2, vec![0, 1]));
-        let (spans, folds) = Spans::folds(&inner, 3).unwrap();
-        assert_eq!(folds, [0, 1, 2, 0, 1, 2]);
-        assert_eq!(spans.rows(), 108);
+        assert_eq!(folds, [0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]);
+        assert_eq!((spans.rows(), spans.episodes().len()), (108, 12));
+        let mut many = MemorySource::new(vec![Column::float("x")]);
+        (0..6).for_each(|e| many.push_uniform(format!("e{e}"), 0.5, vec![vec![f64::from(e); 20]]));
+        let (spans, folds) = Spans::folds(&many, 3).unwrap();
+        assert_eq!(spans.episodes(), many.episodes());
+        assert!((0..3).all(|fold| folds.iter().filter(|&&own| own == fold).count() == 2));
+        assert!(Spans::folds(&inner, 200).is_err());
     }
 }

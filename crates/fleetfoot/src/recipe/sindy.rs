@@ -76,7 +76,7 @@ pub struct SindySection {
     /// `one-se`, `cv`, `aic`, `bic`, `ebic`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub select: Option<String>,
-    /// A number, `episodes`, or `splits:N`.
+    /// `auto`, a number, `episodes`, or `splits:N`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folds: Option<String>,
     /// `chunks:100`, `episodes:100`, `library:100`.

@@ -69,7 +69,7 @@ pub struct SparseSection {
     /// `cv`, `one-se`, `aic`, `bic`, `ebic`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub select: Option<String>,
-    /// A number, `episodes`, or `splits:N`.
+    /// `auto`, a number, `episodes`, or `splits:N`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folds: Option<String>,
     /// Share of the absolute values in the elastic net's penalty.

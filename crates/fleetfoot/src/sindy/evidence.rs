@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fleetfoot_data::{Episode, Progress, Source};
+use faer::ColRef;
+use fleetfoot_data::{Episode, EpisodeId, Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::{System, SystemPlan, SystemScan, sampled_mean_squares};
+use fleetfoot_sparse::{System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
 use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
@@ -22,6 +23,8 @@ pub struct Evidence {
     pub scan: SystemScan,
     /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
     pub resolution: Vec<f64>,
+    /// The same on the rows of every unit of the scan: how many were sampled, and the mean over them (equations); `None` where none were.
+    pub(super) resolution_by_unit: Vec<Option<(usize, Vec<f64>)>>,
     /// The parameters' estimates.
     pub parameters: Vec<ParameterReport>,
     /// Sampling period, seconds.
@@ -60,17 +63,47 @@ impl Evidence {
         let partition = partition(recipe, &task, seed, dataset.step(), &view, &mut notes, progress)?;
         progress.stage("scan");
         let system = System { partition: partition.clone(), ..task.system() };
-        let scan = SystemPlan::new(system, None, &view)?.scan(&view, progress)?;
+        let plan = SystemPlan::new(system, None, &view)?;
+        let scan = plan.scan(&view, progress)?;
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
         let mut seen = BTreeSet::new();
         let name = |episode: &Episode| (episode.id.to_string(), episode.name.clone());
         let episodes = view.episodes().iter().filter(|episode| used.contains(&episode.id) && seen.insert(episode.id));
         let episodes = episodes.map(name).collect();
         let resolution = task.resolution(&view)?;
-        let mut found = Self { task, partition, scan, resolution, parameters, step: dataset.step(), episodes, notes };
+        let mut by_chunk = task.resolution_by_chunk(&view, plan.chunk_rows)?;
+        let of = |unit: &Unit| by_chunk.remove(&(unit.episode, unit.chunk));
+        let resolution_by_unit = scan.units().iter().map(of).collect();
+        let mut found = Self {
+            task,
+            partition,
+            scan,
+            resolution,
+            resolution_by_unit,
+            parameters,
+            step: dataset.step(),
+            episodes,
+            notes,
+        };
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
         found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
         Ok(found)
+    }
+
+    /// Mean squared error of the differences on the units of positive weight; that on all rows where none of theirs was sampled.
+    pub(super) fn resolution_of(&self, weights: ColRef<'_, f64>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.resolution.len()];
+        let mut rows = 0;
+        for (unit, found) in self.resolution_by_unit.iter().enumerate() {
+            if let Some((count, squares)) = found.as_ref().filter(|_| weights[unit] > 0.0) {
+                rows += count;
+                sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += *count as f64 * square);
+            }
+        }
+        if rows == 0 {
+            return self.resolution.clone();
+        }
+        sums.iter().map(|sum| sum / rows as f64).collect()
     }
 
     /// What a model of this evidence carries.
@@ -131,6 +164,25 @@ impl EquationTask {
         let mut found = sampled_mean_squares(&errors, source)?.into_iter();
         let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| found.next()).unwrap_or(0.0);
         Ok(self.fitted.iter().map(of).map(|square| MARGIN * square).collect())
+    }
+
+    /// The same chunk by chunk, with the rows that were sampled.
+    fn resolution_by_chunk(
+        &self,
+        source: &dyn Source,
+        chunk_rows: usize,
+    ) -> Result<BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)>, Error> {
+        let errors: Vec<_> = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
+        if errors.is_empty() {
+            return Ok(BTreeMap::new());
+        }
+        let mut by_chunk = sampled_by_chunk(&errors, source, chunk_rows)?;
+        for (_, squares) in by_chunk.values_mut() {
+            let mut found = std::mem::take(squares).into_iter();
+            let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| found.next()).unwrap_or(0.0);
+            *squares = self.fitted.iter().map(of).map(|square| MARGIN * square).collect();
+        }
+        Ok(by_chunk)
     }
 
     /// What is summed, in one region.

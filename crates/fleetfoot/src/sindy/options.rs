@@ -7,6 +7,8 @@ use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Threshold, spar
 /// Which optimiser looks for the terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SindyOptimizer {
+    /// The best known: thresholds of [`SindyOptimizer::Stlsq`] and backward elimination together, whose supports compete.
+    Auto,
     /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
     Stlsq,
     /// Sparse relaxed regularised regression.
@@ -25,6 +27,7 @@ impl SindyOptimizer {
     /// As users write it.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Auto => "auto",
             Self::Stlsq => "stlsq",
             Self::Sr3 => "sr3",
             Self::Ssr => "ssr",
@@ -36,7 +39,7 @@ impl SindyOptimizer {
 
     /// Whether it has a threshold.
     pub fn thresholds(self) -> bool {
-        matches!(self, Self::Stlsq | Self::Sr3)
+        matches!(self, Self::Auto | Self::Stlsq | Self::Sr3)
     }
 }
 
@@ -91,7 +94,7 @@ impl SindyOptions {
     /// # Errors
     /// A word or number that is not allowed, with those that are.
     pub fn new(section: &SindySection) -> Result<Self, Error> {
-        let optimizer = optimizer(section.optimizer.as_deref().unwrap_or("stlsq"))?;
+        let optimizer = optimizer(section.optimizer.as_deref().unwrap_or("auto"))?;
         let threshold = match &section.threshold {
             None => None,
             Some(Threshold::Word(word)) if word == "auto" => None,
@@ -100,6 +103,11 @@ impl SindyOptions {
                 return Err(refused("threshold", value, "auto, or a number of zero or more"));
             }
             Some(Threshold::Word(word)) => return Err(refused("threshold", word, "auto, or a number of zero or more")),
+        };
+        // A given threshold is one of stlsq.
+        let optimizer = match (optimizer, threshold) {
+            (SindyOptimizer::Auto, Some(_)) => SindyOptimizer::Stlsq,
+            (optimizer, _) => optimizer,
         };
         if let (Some(value), false) = (threshold, optimizer.thresholds()) {
             return Err(Error::Request(format!(
@@ -130,7 +138,7 @@ impl SindyOptions {
             )));
         }
         let select = section.select.as_deref().unwrap_or("one-se");
-        let folds = section.folds.as_deref().unwrap_or("10");
+        let folds = section.folds.as_deref().unwrap_or("auto");
         Ok(Self {
             optimizer,
             threshold,
@@ -158,14 +166,17 @@ impl SindyOptions {
             _ => "physical coefficients",
         };
         match (self.optimizer.thresholds(), self.threshold) {
+            (true, None) if self.optimizer == SindyOptimizer::Auto => {
+                format!("stlsq, thresholds on {units}, and backward elimination")
+            }
             (true, Some(threshold)) => format!("{}, threshold {threshold} on {units}", self.optimizer.name()),
             (true, None) => format!("{}, thresholds on {units}", self.optimizer.name()),
             (false, _) => self.optimizer.name().to_owned(),
         }
     }
 
-    /// How many terms there are was chosen so, for people. `folds`: how many there were.
-    pub(super) fn choice_in_words(&self, folds: usize) -> String {
+    /// How many terms there are was chosen so, for people. `folds`: how rows were held out.
+    pub(super) fn choice_in_words(&self, folds: Option<&str>) -> String {
         if let Some(kappa) = self.kappa {
             let weight = if kappa > 0.0 { format!(", kappa = {kappa}") } else { String::new() };
             let most = self.terms.map_or_else(String::new, |terms| format!(", of at most {terms} terms an equation"));
@@ -176,12 +187,12 @@ impl SindyOptions {
         }
         if self.threshold.is_some() || self.optimizer == SindyOptimizer::LeastSquares {
             return match folds {
-                0 => "nothing was chosen, no rows were held out".to_owned(),
-                _ => format!("nothing was chosen; held-out errors of {folds} folds"),
+                None => "nothing was chosen, no rows were held out".to_owned(),
+                Some(folds) => format!("nothing was chosen; held-out errors of {folds}"),
             };
         }
         let rule = match self.criterion {
-            Criterion::OneStandardError | Criterion::CrossValidation if folds == 0 => {
+            Criterion::OneStandardError | Criterion::CrossValidation if folds.is_none() => {
                 return "least BIC, because no rows could be held out".to_owned();
             }
             Criterion::OneStandardError => "fewest terms within one standard error of the least held-out error",
@@ -190,7 +201,7 @@ impl SindyOptions {
             Criterion::Bic => "least BIC",
             Criterion::Ebic => "least EBIC",
         };
-        format!("{rule}, {folds} folds")
+        format!("{rule}{}", folds.map_or_else(String::new, |folds| format!("; {folds}")))
     }
 
     /// What to do about an equation that has no term, for people: options that this fit has.
@@ -257,8 +268,8 @@ fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
 }
 
 fn optimizer(text: &str) -> Result<SindyOptimizer, Error> {
-    use SindyOptimizer::{Frols, Lasso, LeastSquares, Sr3, Ssr, Stlsq};
-    let known = [Stlsq, Sr3, Ssr, Frols, Lasso, LeastSquares];
+    use SindyOptimizer::{Auto, Frols, Lasso, LeastSquares, Sr3, Ssr, Stlsq};
+    let known = [Auto, Stlsq, Sr3, Ssr, Frols, Lasso, LeastSquares];
     known.into_iter().find(|optimizer| optimizer.name() == text).ok_or_else(|| {
         let names: Vec<&str> = known.iter().map(|optimizer| optimizer.name()).collect();
         refused("optimizer", text, &names.join(", "))
@@ -301,9 +312,9 @@ mod tests {
         let default = options("").unwrap();
         assert_eq!(
             (default.optimizer, default.threshold, default.scaling),
-            (SindyOptimizer::Stlsq, None, Scaling::Share)
+            (SindyOptimizer::Auto, None, Scaling::Share)
         );
-        assert_eq!((default.criterion, default.folds), (Criterion::OneStandardError, FoldRule::Count(10)));
+        assert_eq!((default.criterion, default.folds), (Criterion::OneStandardError, FoldRule::Auto));
         let physical = options("threshold = 0.1").unwrap();
         assert_eq!((physical.threshold, physical.scaling, physical.ridge), (Some(0.1), Scaling::Physical, 0.05));
         assert_eq!(options("threshold = \"auto\"").unwrap().threshold, None);

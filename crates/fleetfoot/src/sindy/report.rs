@@ -21,6 +21,8 @@ pub struct SindyReport {
     pub choice: String,
     /// Folds of the held-out errors; 0 where there are none.
     pub folds: usize,
+    /// How rows were held out, for people; `None` where they were not.
+    pub fold_rule: Option<String>,
     /// What an ensemble varied, for people.
     pub ensemble: Option<String>,
     /// Estimated numbers inside expressions.

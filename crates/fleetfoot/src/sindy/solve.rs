@@ -5,20 +5,17 @@ use std::collections::BTreeSet;
 use faer::Mat;
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
-    BootstrapUnit, Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, Folds, Frols,
-    FrolsChoice, LassoPath, Optimizer, RandomSplits, Scaling, SelectError, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions,
-    SystemScan, Terms, Thresholds, ensemble, multinomial_counts, optimize, sweep, system_effective_rows,
+    BootstrapUnit, Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Folds,
+    Frols, FrolsChoice, LassoPath, Optimizer, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, SystemScan,
+    Terms, Thresholds, ensemble, multinomial_counts, optimize, score_supports, sweep, system_effective_rows,
 };
-use fleetfoot_stats::{Compressed, Fold, Key};
+use fleetfoot_stats::{Compressed, Fold, Key, blocks};
 
 use super::{
     EquationTask, Evidence,
     options::{Ensemble, SindyOptimizer, SindyOptions},
 };
 use crate::{Criterion, Error, FoldRule};
-
-/// Chunks beside held-out ones of the same episode that do not train.
-const PURGE: u32 = 1;
 
 /// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
 const THRESHOLDS: usize = 60;
@@ -35,6 +32,22 @@ pub(super) struct Solved {
     pub(super) held_out: [f64; 2],
     /// Share of an ensemble's members that have each candidate.
     pub(super) inclusion: Option<Vec<f64>>,
+}
+
+/// Folds of a region, and what the means of their training rows err by on their held-out rows, summed (targets).
+struct HeldOut {
+    folds: Vec<FoldProblem>,
+    null: Vec<f64>,
+}
+
+impl HeldOut {
+    /// The held-out mean squared error of a model, and the share of the null model's squared error that it explains.
+    fn scores(&self, scores: &FoldScores, model: usize, target: usize) -> [f64; 2] {
+        let error = |fold: usize| scores.errors[(model, fold)] * self.folds[fold].test.weight;
+        let errors: f64 = (0..self.folds.len()).map(error).sum();
+        let null = self.null[target];
+        [scores.mean[model], if null > 0.0 { 1.0 - errors / null } else { f64::NAN }]
+    }
 }
 
 /// Solves the regions of some evidence.
@@ -54,15 +67,22 @@ impl<'a> Solver<'a> {
         front: bool,
         notes: &mut Vec<String>,
     ) -> Result<Self, Error> {
-        let folds = match folds(&evidence.scan, options) {
+        let (keys, rows) = keys(&evidence.scan);
+        let folds = options.folds.folds(&keys, &rows, options.seed, correlated(evidence)?);
+        let folds = match folds {
             Ok(folds) => Some(folds),
-            Err(error @ (SelectError::TooFew { .. } | SelectError::EmptyFold { .. })) => {
+            Err(error) if options.folds == FoldRule::Auto => {
                 notes.push(format!("no held-out errors: {error}"));
                 None
             }
             Err(error) => return Err(error.into()),
         };
         Ok(Self { evidence, options, front, folds })
+    }
+
+    /// How rows are held out, for people; `None` where they are not.
+    pub(super) fn fold_rule(&self) -> Option<&str> {
+        self.folds.as_ref().map(Folds::rule)
     }
 
     /// Number of folds.
@@ -80,8 +100,8 @@ impl<'a> Solver<'a> {
         let (scan, task) = (&self.evidence.scan, &self.evidence.task);
         let problem = self.known(scan.root(region).compressed(task.constant));
         let terms = task.terms();
-        let folds = self.fold_problems(region);
-        let sweeps = self.sweep(region, &problem, &folds, &terms, progress)?;
+        let held = self.held_out(region);
+        let sweeps = self.sweep(region, &problem, &held.folds, &terms, progress)?;
         let by_ratio = self.by_ratio(&problem, &terms)?;
         let mut solved = Vec::with_capacity(sweeps.len());
         for (target, mut sweep) in sweeps.into_iter().enumerate() {
@@ -92,13 +112,13 @@ impl<'a> Solver<'a> {
             }
             solved.push(Solved {
                 step: sweep.choice().clone(),
-                held_out: held_out(&sweep, &folds, target),
+                held_out: sweep.folds.as_ref().map_or([f64::NAN; 2], |found| held.scores(found, sweep.chosen, target)),
                 sweep,
                 inclusion: None,
             });
         }
         if let Some((what, members)) = self.options.ensemble {
-            self.agree(region, &problem, &terms, (what, members), &mut solved, progress)?;
+            self.agree(region, (&problem, &held), &terms, (what, members), &mut solved, progress)?;
         }
         for (equation, found) in task.fitted.iter().zip(&solved) {
             if found.step.support.is_empty() {
@@ -138,21 +158,21 @@ impl<'a> Solver<'a> {
         let by_criterion = matches!(choice, Choice::Criterion(_)) || (choice == Choice::Auto && folds.is_empty());
         let criteria = match by_criterion {
             true => CriterionOptions {
-                observations: Some(self.independent(region, problem, terms)?),
+                observations: Some(independent(self.evidence, region, problem, terms)?),
                 ..CriterionOptions::default()
             },
             false => CriterionOptions::default(),
         };
         let most = if problem.columns() > MANY { THRESHOLDS_OF_MANY } else { THRESHOLDS };
         let every = Thresholds::Changes { most };
+        let (overlap, rivals) = (self.overlap(), self.rivals());
+        let optimizer = self.optimizer(problem.columns());
         let thresholds = match options.threshold {
-            Some(threshold) => Thresholds::List(vec![self.parameter(threshold)]),
+            Some(threshold) => Thresholds::List(vec![optimizer.parameter_of_threshold(threshold)]),
             None => every.clone(),
         };
-        let overlap = self.folds.as_ref().is_some_and(Folds::overlap);
-        let optimizer = self.optimizer(problem.columns());
         let with = |thresholds| {
-            let options = SweepOptions { thresholds, choice, criteria, overlap };
+            let options = SweepOptions { thresholds, rivals, choice, criteria, overlap };
             sweep(problem, folds, terms, &optimizer, &options, progress)
         };
         let mut found = with(thresholds)?;
@@ -165,16 +185,17 @@ impl<'a> Solver<'a> {
         Ok(found)
     }
 
-    /// Rows that count as independent, by the residuals of least squares on all candidates.
-    fn independent(&self, region: usize, problem: &Compressed, terms: &[Terms]) -> Result<f64, Error> {
-        let mut coefficients = Mat::zeros(problem.columns(), problem.targets());
-        for (target, terms) in terms.iter().enumerate() {
-            let found = optimize(problem, target, &Optimizer::LeastSquares, terms)?;
-            let values = &found.choice().coefficients;
-            values.iter().enumerate().for_each(|(j, &value)| coefficients[(j, target)] = value);
+    fn overlap(&self) -> bool {
+        self.folds.as_ref().is_some_and(Folds::overlap)
+    }
+
+    /// What competes beside the optimiser's own models, where one is chosen.
+    fn rivals(&self) -> Rivals {
+        if self.options.threshold.is_some() || self.options.optimizer == SindyOptimizer::LeastSquares {
+            return Rivals::default();
         }
-        let (scan, constant) = (&self.evidence.scan, self.evidence.task.constant);
-        Ok(system_effective_rows(scan, region, constant, coefficients.as_ref()))
+        let backward = self.options.optimizer == SindyOptimizer::Auto;
+        Rivals { backward, zero: true, alone: self.evidence.task.constant.then_some(0) }
     }
 
     /// The models that forward regression chooses by itself, where it is asked to: of all targets together, as pysindy does.
@@ -188,20 +209,12 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// A threshold on coefficients as the optimiser's parameter.
-    fn parameter(&self, threshold: f64) -> f64 {
-        match self.options.optimizer {
-            SindyOptimizer::Sr3 => Sr3::lambda_of_threshold(threshold, Sr3::default().nu),
-            _ => threshold,
-        }
-    }
-
     /// The optimiser; its threshold is given where it is used alone.
     fn optimizer(&self, candidates: usize) -> Optimizer {
         let (options, scaling) = (self.options, self.options.scaling);
         let most = options.terms.unwrap_or(candidates);
         match options.optimizer {
-            SindyOptimizer::Stlsq => {
+            SindyOptimizer::Auto | SindyOptimizer::Stlsq => {
                 let max_iterations = options.max_iterations;
                 Optimizer::Stlsq(Stlsq { alpha: options.ridge, scaling, max_iterations, ..Stlsq::default() })
             }
@@ -239,25 +252,35 @@ impl<'a> Solver<'a> {
         problem.known_to(&self.evidence.resolution)
     }
 
-    /// Folds that have rows of the region on both sides.
-    fn fold_problems(&self, region: usize) -> Vec<FoldProblem> {
-        let Some(folds) = &self.folds else { return Vec::new() };
+    /// The folds that have rows of the region on both sides.
+    fn held_out(&self, region: usize) -> HeldOut {
+        let targets = self.evidence.task.fitted.len();
+        let mut held = HeldOut { folds: Vec::new(), null: vec![0.0; targets] };
+        let Some(folds) = &self.folds else { return held };
         let (scan, constant) = (&self.evidence.scan, self.evidence.task.constant);
         let train = scan.roots(region, folds.train());
         let test = scan.roots(region, folds.test());
-        let both = train.into_iter().zip(test).filter(|(train, test)| train.weight > 0.0 && test.weight > 0.0);
-        both.map(|(train, test)| FoldProblem {
-            train: self.known(train.compressed(constant)),
-            test: test.compressed(constant),
-        })
-        .collect()
+        for (fold, (train, test)) in train.into_iter().zip(test).enumerate() {
+            if train.weight <= 0.0 || test.weight <= 0.0 {
+                continue;
+            }
+            for (t, null) in held.null.iter_mut().enumerate() {
+                *null += test.total[t] + test.weight * (test.mean_y[t] - train.mean_y[t]).powi(2);
+            }
+            let resolution = self.evidence.resolution_of(folds.test().col(fold));
+            held.folds.push(FoldProblem {
+                train: self.known(train.compressed(constant)),
+                test: test.compressed(constant).known_to(&resolution),
+            });
+        }
+        held
     }
 
     /// Keeps the terms that the members of an ensemble agree on, with least squares on all rows.
     fn agree(
         &self,
         region: usize,
-        problem: &Compressed,
+        (problem, held): (&Compressed, &HeldOut),
         terms: &[Terms],
         (what, members): (Ensemble, usize),
         solved: &mut [Solved],
@@ -294,12 +317,14 @@ impl<'a> Solver<'a> {
             let terms = std::slice::from_ref(&terms[target]);
             let mut agreed = ensemble(&own, &replicates, terms, &optimizer, &options, progress)?;
             let Some(agreed) = agreed.pop() else { continue };
-            if agreed.model.support != found.step.support {
-                found.held_out = [f64::NAN; 2];
-            }
             let parameter = found.step.parameter;
             found.step = agreed.model;
             found.step.parameter = parameter;
+            if !held.folds.is_empty() {
+                let (model, place) = (std::slice::from_ref(&found.step), (target, &terms[0]));
+                let scores = score_supports(model, &held.folds, place, &optimizer, self.overlap(), progress)?;
+                found.held_out = held.scores(&scores, 0, target);
+            }
             found.inclusion = Some(agreed.inclusion);
         }
         Ok(())
@@ -340,17 +365,25 @@ pub(super) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
     scan.units().iter().map(|unit| (key(unit), unit.rows)).unzip()
 }
 
-fn folds(scan: &SystemScan, options: &SindyOptions) -> Result<Folds, SelectError> {
-    let (keys, rows) = keys(scan);
-    match options.folds {
-        // Fewer chunks than folds: as many folds as there are chunks.
-        FoldRule::Count(k) => Folds::k_fold(&keys, &rows, k.min(keys.len()).max(2), PURGE),
-        FoldRule::Episodes => Folds::leave_one_episode_out(&keys),
-        FoldRule::Splits(repeats) => {
-            let splits = RandomSplits { repeats, seed: options.seed, purge: PURGE, ..RandomSplits::default() };
-            Folds::random_splits(&keys, &rows, &splits)
-        }
+/// Rows that count as independent, by the residuals of least squares on all candidates.
+fn independent(evidence: &Evidence, region: usize, problem: &Compressed, terms: &[Terms]) -> Result<f64, Error> {
+    let mut coefficients = Mat::zeros(problem.columns(), problem.targets());
+    for (target, terms) in terms.iter().enumerate() {
+        let found = optimize(problem, target, &Optimizer::LeastSquares, terms)?;
+        let values = &found.choice().coefficients;
+        values.iter().enumerate().for_each(|(j, &value)| coefficients[(j, target)] = value);
     }
+    Ok(system_effective_rows(&evidence.scan, region, evidence.task.constant, coefficients.as_ref()))
+}
+
+/// Rows over which these residuals are correlated; `None` in several regions, whose rows are no neighbours.
+fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
+    if evidence.scan.regions() > 1 {
+        return Ok(None);
+    }
+    let problem = evidence.scan.root(0).compressed(evidence.task.constant);
+    let rows = independent(evidence, 0, &problem, &evidence.task.terms())?;
+    Ok(Some(problem.weight / rows))
 }
 
 /// How often every unit is drawn (units x members).
@@ -362,7 +395,7 @@ fn draws(scan: &SystemScan, unit: BootstrapUnit, members: usize, seed: u64) -> M
             let order: Vec<_> = episodes.into_iter().collect();
             units.iter().map(|unit| order.binary_search(&unit.episode).unwrap_or(0)).collect()
         }
-        _ => (0..units.len()).collect(),
+        _ => blocks(units.iter().map(|unit| (unit.episode, unit.rows))),
     };
     let count = groups.iter().max().map_or(0, |last| last + 1);
     let counts: Vec<Vec<f64>> = (0..members).map(|member| multinomial_counts(seed, member, count)).collect();
@@ -386,15 +419,6 @@ fn of_size(sweep: &Sweep, most: usize) -> usize {
     small.or_else(|| all.min_by_key(|&k| steps[k].terms())).unwrap_or(0)
 }
 
-/// The held-out mean squared error of the chosen model, and the share of the variance of the held-out rows that it explains.
-fn held_out(sweep: &Sweep, folds: &[FoldProblem], target: usize) -> [f64; 2] {
-    let Some(scores) = &sweep.folds else { return [f64::NAN; 2] };
-    let error = |fold: usize| scores.errors[(sweep.chosen, fold)] * folds[fold].test.weight;
-    let errors: f64 = (0..folds.len()).map(error).sum();
-    let total: f64 = folds.iter().map(|fold| fold.test.total[target]).sum();
-    [scores.mean[sweep.chosen], if total > 0.0 { 1.0 - errors / total } else { f64::NAN }]
-}
-
 /// Puts the front of other models beside the one model of `own`.
 fn beside(own: &mut Sweep, others: Sweep) {
     let mut others = others;
@@ -409,7 +433,6 @@ fn beside(own: &mut Sweep, others: Sweep) {
             );
         all.mean.extend_from_slice(&one.mean);
         all.standard_error.extend_from_slice(&one.standard_error);
-        all.terms.extend_from_slice(&one.terms);
     }
     others.trail.steps.push(chosen);
     others.chosen = others.trail.steps.len() - 1;

@@ -46,6 +46,7 @@ impl Evidence {
             partition: None,
             scan,
             resolution: vec![0.0; equations],
+            resolution_by_unit: Vec::new(),
             parameters: Vec::new(),
             notes,
         };

@@ -2,15 +2,12 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
-    CriteriaOptions, CrossValidation, Folds, Lambdas, LarsOptions, RandomSplits, SelectError, SelectOptions,
-    bach_lambda, cross_validate, effective_rows, lambda_max, lars, task_criteria,
+    CriteriaOptions, CrossValidation, Folds, Lambdas, LarsOptions, SelectError, SelectOptions, bach_lambda,
+    cross_validate, effective_rows, lambda_max, lars, refit, task_criteria,
 };
 
-use super::{Criterion, FoldRule, LambdaRule, SparseOptions, problem::Problem};
-use crate::Error;
-
-/// Chunks beside held-out ones of the same episode that do not train.
-const PURGE: u32 = 1;
+use super::{Criterion, LambdaRule, SparseOptions, problem::Problem};
+use crate::{Error, FoldRule};
 
 /// Lambdas that are compared, and the least of them over the largest. Equations of physics may be nearly exact, and a strong prior makes the largest one
 /// large: so the least is smaller than usual.
@@ -29,30 +26,45 @@ pub struct LambdaChoice {
     pub largest: f64,
     /// Number of folds of the held-out errors; 0 where there are none.
     pub folds: usize,
-    /// The held-out errors, where there are folds.
+    /// How rows were held out, for people; `None` where they were not.
+    pub fold_rule: Option<String>,
+    /// The held-out errors of the lasso at every lambda that was compared, where there are folds.
     pub validation: Option<CrossValidation>,
-    /// Index of lambda in them.
-    pub index: usize,
 }
 
-impl LambdaChoice {
-    /// Mean over the folds of the held-out squared error of every measured task, in the units of its target squared.
-    pub fn held_out(&self) -> Option<Vec<f64>> {
-        let validation = self.validation.as_ref()?;
-        let rows: f64 = validation.rows.iter().sum();
-        let mean = |task: usize| {
-            let errors =
-                validation.rows.iter().enumerate().map(|(fold, n)| n * validation.tasks[task][(self.index, fold)]);
-            errors.sum::<f64>() / rows
-        };
-        Some((0..validation.tasks.len()).map(mean).collect())
+/// The folds of a statistic; `None`, with a note, where there are none and nobody asked for some.
+pub(super) fn folds(
+    problem: &Problem<'_>,
+    options: &SparseOptions,
+    notes: &mut Vec<String>,
+) -> Result<Option<Folds>, Error> {
+    let (keys, rows) = (problem.banks.keys(), problem.banks.rows());
+    let validates = matches!(options.criterion, Criterion::CrossValidation | Criterion::OneStandardError);
+    match options.folds.folds(keys, rows, options.seed, correlated(problem)) {
+        Ok(folds) => Ok(Some(folds)),
+        Err(error) if options.folds == FoldRule::Auto && !(options.lambda == LambdaRule::Auto && validates) => {
+            notes.push(format!("no held-out errors: {error}"));
+            Ok(None)
+        }
+        Err(error) => Err(Error::Request(format!(
+            "{error}; without folds lambda can be given (`--lambda`), or chosen by `--select bic`"
+        ))),
     }
+}
+
+/// Rows over which the residuals of least squares on all columns are correlated, where that can be said.
+fn correlated(problem: &Problem<'_>) -> Option<f64> {
+    let all: Vec<usize> = (0..problem.structure.coefficients()).collect();
+    let theta = refit(&problem.structure, &problem.roots, &problem.assembly, &all).ok()?;
+    let independent = effective_rows(&problem.structure, &problem.banks, &theta).ok()?;
+    Some(problem.rows() / independent)
 }
 
 /// Chooses lambda; held-out errors come with it where there are folds. Notes say what could not be done.
 pub(super) fn choose(
     problem: &Problem<'_>,
     options: &SparseOptions,
+    folds: Option<&Folds>,
     notes: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<LambdaChoice, Error> {
@@ -64,40 +76,36 @@ pub(super) fn choose(
         }
         LambdaRule::Auto => match options.criterion {
             Criterion::CrossValidation | Criterion::OneStandardError => {
-                return validated(problem, options, largest, notes, progress);
+                return match folds {
+                    Some(folds) => validated(problem, options, folds, largest, notes, progress),
+                    None => Err(SelectError::FoldCount { count: 0 }.into()),
+                };
             }
             criterion => by_criterion(problem, options, criterion)?,
         },
     };
-    let mut choice = LambdaChoice { value, how, largest, folds: 0, validation: None, index: 0 };
-    progress.stage("folds");
-    match validate(problem, options, Lambdas::List(vec![value]), progress) {
-        Ok((folds, validation)) => {
-            choice.folds = folds;
-            choice.validation = Some(validation);
-        }
-        Err(Error::Cancelled(cancelled)) => return Err(cancelled.into()),
-        Err(error) => notes.push(format!("no held-out errors: {error}")),
+    let validation = folds.map(|folds| validate(problem, options, folds, Lambdas::List(vec![value]), progress));
+    Ok(LambdaChoice { validation: validation.transpose()?, ..LambdaChoice::new(value, how, largest, folds) })
+}
+
+impl LambdaChoice {
+    fn new(value: f64, how: String, largest: f64, folds: Option<&Folds>) -> Self {
+        let (count, fold_rule) = (folds.map_or(0, Folds::len), folds.map(|folds| folds.rule().to_owned()));
+        Self { value, how, largest, folds: count, fold_rule, validation: None }
     }
-    Ok(choice)
 }
 
 /// By cross-validation.
 fn validated(
     problem: &Problem<'_>,
     options: &SparseOptions,
+    folds: &Folds,
     largest: f64,
     notes: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<LambdaChoice, Error> {
-    progress.stage("folds");
     let grid = Lambdas::Grid { count: LAMBDAS, ratio: LEAST_LAMBDA };
-    let (folds, validation) = validate(problem, options, grid, progress).map_err(|error| match error {
-        Error::Cancelled(cancelled) => Error::Cancelled(cancelled),
-        other => Error::Request(format!(
-            "lambda cannot be chosen by cross-validation: {other}; give `--lambda`, choose by `--select bic`, or give more data"
-        )),
-    })?;
+    let validation = validate(problem, options, folds, grid, progress)?;
     let (index, rule) = match options.criterion {
         Criterion::CrossValidation => (validation.best, "least held-out error"),
         _ => (validation.one_standard_error, "one standard error from the least held-out error"),
@@ -110,42 +118,27 @@ fn validated(
     if !validation.inexact.is_empty() {
         notes.push(format!("at {} lambdas of the folds a solver did not meet its tolerance", validation.inexact.len()));
     }
-    let how = format!("{rule}, {}", folds_in_words(options.folds, folds));
-    Ok(LambdaChoice { value: validation.lambdas[index], how, largest, folds, validation: Some(validation), index })
-}
-
-fn folds_in_words(rule: FoldRule, count: usize) -> String {
-    match rule {
-        FoldRule::Count(_) => format!("{count} folds"),
-        FoldRule::Episodes => format!("every one of {count} episodes left out once"),
-        FoldRule::Splits(_) => format!("{count} random splits with a third held out"),
-    }
+    let (value, how) = (validation.lambdas[index], format!("{rule}, {}", folds.rule()));
+    Ok(LambdaChoice { validation: Some(validation), ..LambdaChoice::new(value, how, largest, Some(folds)) })
 }
 
 /// Held-out errors at some lambdas.
 fn validate(
     problem: &Problem<'_>,
     options: &SparseOptions,
+    folds: &Folds,
     lambdas: Lambdas,
     progress: &dyn Progress,
-) -> Result<(usize, CrossValidation), Error> {
-    let (keys, rows) = (problem.banks.keys(), problem.banks.rows());
-    let folds = match options.folds {
-        // Fewer chunks than folds: as many folds as there are chunks.
-        FoldRule::Count(k) => Folds::k_fold(keys, rows, k.min(keys.len()), PURGE)?,
-        FoldRule::Episodes => Folds::leave_one_episode_out(keys)?,
-        FoldRule::Splits(repeats) => {
-            let splits = RandomSplits { repeats, seed: options.seed, purge: PURGE, ..RandomSplits::default() };
-            Folds::random_splits(keys, rows, &splits)?
-        }
-    };
+) -> Result<CrossValidation, Error> {
+    progress.stage("folds");
     let select = SelectOptions { lambdas, l1_ratio: options.l1_ratio, ..SelectOptions::default() };
-    let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, &folds, &select, progress);
-    match found {
-        Ok(found) => Ok((folds.len(), found)),
-        Err(SelectError::Cancelled(cancelled)) => Err(cancelled.into()),
-        Err(error) => Err(error.into()),
-    }
+    let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
+    found.map_err(|error| match error {
+        SelectError::Cancelled(cancelled) => cancelled.into(),
+        error => Error::Request(format!(
+            "held-out errors: {error}; lambda can be given (`--lambda`), or chosen by `--select bic`"
+        )),
+    })
 }
 
 /// By an information criterion at the knots of the path.

@@ -3,7 +3,7 @@
 use fleetfoot_sparse::BootstrapUnit;
 
 use super::words;
-use crate::{Error, SparseSection};
+use crate::{Error, FoldRule, SparseSection};
 
 /// How lambda is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,17 +29,6 @@ pub enum Criterion {
     Bic,
     /// The extended Bayesian information criterion (Chen and Chen 2008).
     Ebic,
-}
-
-/// Which rows are held out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FoldRule {
-    /// This many folds: whole episodes when there are enough, else spans.
-    Count(usize),
-    /// Every episode once.
-    Episodes,
-    /// This many random splits with a third held out (paper, section 9.2).
-    Splits(usize),
 }
 
 /// What a bolasso resamples.
@@ -109,7 +98,7 @@ impl SparseOptions {
             ));
         }
         let select = section.select.as_deref().unwrap_or("one-se");
-        let folds = section.folds.as_deref().unwrap_or("10");
+        let folds = section.folds.as_deref().unwrap_or("auto");
         Ok(Self {
             lambda: lambda(section.lambda.as_deref().unwrap_or("auto"))?,
             criterion: words::criterion(select)
@@ -179,7 +168,7 @@ mod tests {
     fn words_are_read() {
         let default = options("").unwrap();
         assert_eq!((default.lambda, default.criterion), (LambdaRule::Auto, Criterion::OneStandardError));
-        assert_eq!((default.folds, default.bolasso), (FoldRule::Count(10), None));
+        assert_eq!((default.folds, default.bolasso), (FoldRule::Auto, None));
         assert_eq!(options("lambda = \"0.5 / sqrt(n)\"").unwrap().lambda, LambdaRule::OverRoot(0.5));
         assert_eq!(options("lambda = \"1e-3\"").unwrap().lambda, LambdaRule::Value(1e-3));
         assert_eq!(options("folds = \"splits:30\"").unwrap().folds, FoldRule::Splits(30));

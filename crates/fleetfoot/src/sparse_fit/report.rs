@@ -56,7 +56,7 @@ pub struct TaskReport {
     pub rms: f64,
     /// Share of the target's variance that is explained on these rows; NaN for a target that does not vary.
     pub r2: f64,
-    /// Root mean squared error of the lasso at lambda on held-out rows; NaN without folds, and for priors.
+    /// Root mean squared error on held-out rows of the selected columns, refitted on every fold's training rows; NaN without folds, and for priors.
     pub held_out: f64,
 }
 
@@ -96,7 +96,7 @@ impl SparseReport {
         lambda: LambdaChoice,
         support: &Support,
         theta: &[f64],
-        errors: Option<&[f64]>,
+        (errors, held_out): (Option<&[f64]>, Option<&[f64]>),
         left_out: [u64; 2],
         notes: Vec<String>,
     ) -> Result<Self, Error> {
@@ -106,7 +106,7 @@ impl SparseReport {
             episodes: problem.episodes(),
             left_out,
             selection: support.how.clone(),
-            tasks: tasks(problem, &lambda, theta),
+            tasks: tasks(problem, held_out, theta),
             latents: latents(problem, support, theta, errors)?,
             lambda,
             certificate: support.lasso.certificate,
@@ -126,9 +126,9 @@ pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec
     Ok((groups.collect(), found.condition))
 }
 
-fn tasks(problem: &Problem<'_>, lambda: &LambdaChoice, theta: &[f64]) -> Vec<TaskReport> {
+fn tasks(problem: &Problem<'_>, held_out: Option<&[f64]>, theta: &[f64]) -> Vec<TaskReport> {
     let errors = problem.structure.errors(&problem.roots, theta);
-    let mut held_out = lambda.held_out().unwrap_or_default().into_iter();
+    let mut held_out = held_out.unwrap_or_default().iter().copied();
     problem
         .task
         .regression

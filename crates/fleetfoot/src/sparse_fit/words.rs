@@ -1,9 +1,10 @@
 //! Words that the recipe's sections share.
 
-use super::{Criterion, FoldRule};
+use super::Criterion;
+use crate::FoldRule;
 
 /// What [`folds`] reads.
-pub(crate) const FOLDS: &str = "a number of folds from 2 on, `episodes`, or `splits:30`";
+pub(crate) const FOLDS: &str = "`auto`, a number of folds from 2 on, `episodes`, or `splits:30`";
 
 /// What is chosen by.
 pub(crate) fn criterion(text: &str) -> Option<Criterion> {
@@ -22,6 +23,7 @@ pub(crate) fn folds(text: &str) -> Option<FoldRule> {
     let number =
         |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);
     match text.split_once(':') {
+        None if text == "auto" => Some(FoldRule::Auto),
         None if text == "episodes" => Some(FoldRule::Episodes),
         None => number(text, 2).map(FoldRule::Count),
         Some(("splits", count)) => number(count, 1).map(FoldRule::Splits),

@@ -9,7 +9,7 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind, Episode, Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::Plan;
-use fleetfoot_stats::Grid;
+use fleetfoot_stats::{FINE, Grid};
 
 use super::{
     ContentHash, FileRecord, LabelKey, StatisticError, StatisticFile,
@@ -300,7 +300,7 @@ fn groups<'l>(logs: &'l [Pending], episodes: &[Episode], rows: usize) -> Vec<&'l
 
 /// Rows of a chunk, by the bytes that the statistics of one chunk take.
 pub(super) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
-    Grid::for_budget(rows, 1, chunk_bytes(task), BUDGET)
+    Grid::for_budget(rows, 1, chunk_bytes(task), BUDGET, FINE)
 }
 
 /// Bytes of the statistics of one chunk.

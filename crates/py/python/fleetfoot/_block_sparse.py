@@ -40,7 +40,7 @@ class BlockSparse(Identifier):
     select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
         What lambda is chosen by.
     folds : int or str, optional
-        A number, ``"episodes"``, or ``"splits:N"``.
+        ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     l1_ratio : float, optional
         Share of the absolute values in the elastic net's penalty.
     adaptive : bool, optional

@@ -39,7 +39,7 @@ class PWA(Identifier):
     folds : int
         Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none.
     purge : float
-        Seconds between held-out and training rows of one episode.
+        Seconds between held-out and training rows of one episode; 0: a tenth of the held-out span.
     shrinkage : float or "auto"
         Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation.
     unseen_labels : {"refuse", "pool"}

@@ -31,9 +31,9 @@ class SINDy(Identifier):
     Parameters
     ----------
     optimizer : str or object, optional
-        ``"stlsq"`` (as when not given), ``"sr3"``, ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or
-        ``FROLS`` object of pysindy or of this package: then the terms are those that it keeps. What it says takes
-        effect, and what cannot is refused.
+        ``"auto"`` (as when not given: thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
+        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of pysindy or of this package:
+        then the terms are those that it keeps. What it says takes effect, and what cannot is refused.
     library : str, list of str or object, optional
         Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
         identity, concatenated or tensored library of pysindy.
@@ -51,7 +51,7 @@ class SINDy(Identifier):
     select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
         What is chosen by.
     folds : int or str, optional
-        A number, ``"episodes"``, or ``"splits:N"``.
+        ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
         ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
     inclusion : float, optional

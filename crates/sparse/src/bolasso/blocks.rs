@@ -8,7 +8,7 @@ use crate::{Assembly, Banks, Structure};
 /// What a block bootstrap draws. Rows of a log are correlated, so a unit should be longer than the correlation time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BootstrapUnit {
-    /// Chunks: non-overlapping blocks of consecutive rows (Kuensch 1989 with a fixed grid).
+    /// Chunks, short ones joined: non-overlapping blocks of consecutive rows (Kuensch 1989 with a fixed grid).
     Chunk,
     /// Whole episodes.
     #[default]

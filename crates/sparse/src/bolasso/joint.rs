@@ -7,7 +7,7 @@
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_data::{Progress, parallel_map};
-use fleetfoot_stats::{Bank, Gram, Key, Preconditioner, SquareRoot};
+use fleetfoot_stats::{Bank, Gram, Key, Preconditioner, SquareRoot, blocks};
 
 use super::{
     BolassoError, BootstrapUnit,
@@ -128,7 +128,7 @@ impl<'a> Joint<'a> {
         let total = banks.total();
         // What is wrong with the statistic shows here, once.
         structure.assemble(&total, assembly)?;
-        let units = units(banks.keys(), unit);
+        let units = units(banks.keys(), banks.rows(), unit);
         let scales = structure.scales(&total, &assembly.weights);
         let (triangle, size) = triangle(structure, &total, &assembly.weights, &scales);
         let layout = Layout::new(structure, &total, &assembly.weights, &scales);
@@ -191,11 +191,15 @@ impl<'a> Joint<'a> {
     }
 }
 
-/// The members of every unit, in the order of the keys.
-pub(crate) fn units(keys: &[Key], unit: BootstrapUnit) -> Vec<Vec<usize>> {
+/// The members of every unit, in the order of the keys; short chunks are joined ([`blocks`]).
+pub(crate) fn units(keys: &[Key], rows: &[u64], unit: BootstrapUnit) -> Vec<Vec<usize>> {
+    let blocks = blocks(keys.iter().map(|key| key.episode).zip(rows.iter().copied()));
     let mut units: Vec<Vec<usize>> = Vec::new();
     for (member, key) in keys.iter().enumerate() {
-        let same = |other: usize| unit == BootstrapUnit::Episode && keys[other].episode == key.episode;
+        let same = |other: usize| match unit {
+            BootstrapUnit::Chunk => blocks[other] == blocks[member],
+            BootstrapUnit::Episode => keys[other].episode == key.episode,
+        };
         match units.last_mut() {
             Some(members) if members.last().is_some_and(|&other| same(other)) => members.push(member),
             _ => units.push(vec![member]),

@@ -292,7 +292,7 @@ fn accumulate(
     stride: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, BolassoError> {
-    let chunks = Grid { chunk_rows: plan.chunk_rows, folds: 0, purge: 0 }.chunks(source.episodes());
+    let chunks = Grid { chunk_rows: plan.chunk_rows }.chunks(source.episodes());
     let mut total = vec![0.0; columns.outputs() * stride];
     // Tiles and sums of chunks that are done serve the next ones: they are written before they are read.
     let pool = Mutex::new(Vec::<Part>::new());

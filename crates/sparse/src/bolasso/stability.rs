@@ -80,7 +80,7 @@ pub fn stability_selection(
     for &lambda in &options.lambdas {
         check_strength("lambda", lambda)?;
     }
-    enough(super::joint::units(banks.keys(), unit).len(), unit, 2)?;
+    enough(super::joint::units(banks.keys(), banks.rows(), unit).len(), unit, 2)?;
     let joint = Joint::new(structure, banks, assembly, unit, progress)?;
     let units = joint.units();
     let found = joint.resample(

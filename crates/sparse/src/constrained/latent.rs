@@ -205,7 +205,7 @@ impl<'a> Survey<'a> {
 
     /// One pass over all rows.
     fn pass(&self, theta: &[f64], keep: usize, progress: &dyn Progress) -> Result<Vec<Found>, ConstrainedError> {
-        let chunks = Grid { chunk_rows: 65_536, folds: 0, purge: 0 }.chunks(self.source.episodes());
+        let chunks = Grid { chunk_rows: 65_536 }.chunks(self.source.episodes());
         let empty = || vec![Found::new(); self.limits.len()];
         let mut total = empty();
         reduce(

@@ -1,7 +1,8 @@
 //! Clustered covariance of coefficients ("sandwich"), from the moments of chunks.
 
 use faer::Mat;
-use fleetfoot_stats::{Gram, student_t_95};
+use fleetfoot_data::EpisodeId;
+use fleetfoot_stats::{Gram, blocks, student_t_95};
 
 use super::{InferenceError, least_squares::SupportFactor};
 use crate::{Assembly, Banks, SparseError, Structure};
@@ -12,7 +13,7 @@ pub enum Clusters {
     /// Rows of one episode.
     #[default]
     Episodes,
-    /// Rows of one chunk: for a few long episodes, where a chunk is longer than the correlation time.
+    /// Rows of one chunk, short ones joined ([`blocks`]): for a few long episodes, where a block is longer than the correlation time.
     Chunks,
 }
 
@@ -62,7 +63,7 @@ pub fn clustered_covariance(
     let support: Vec<usize> = (0..p).filter(|&j| theta[j] != 0.0).collect();
     let assembled = structure.assemble(&banks.total(), assembly)?;
     let factor = SupportFactor::new(&assembled, &support)?.identified(&support)?;
-    let (groups, count) = groups(banks, clusters);
+    let (groups, count) = clusters_of(banks, clusters);
     if count < 2 {
         return Err(InferenceError::TooFewClusters { clusters: count });
     }
@@ -98,26 +99,29 @@ fn equations(banks: &Banks, structure: &Structure) -> u64 {
     measured.map(|(_, (_, bank))| bank.rows().iter().sum::<u64>()).sum()
 }
 
-/// The cluster of every member, and their number. Members without rows still belong to one.
-pub(super) fn groups(banks: &Banks, clusters: Clusters) -> (Vec<usize>, usize) {
-    let keys = banks.keys();
+/// The cluster of every chunk (episode and rows, in key order). Chunks without rows still belong to one.
+pub(super) fn groups(chunks: impl Iterator<Item = (EpisodeId, u64)>, clusters: Clusters) -> Vec<usize> {
     match clusters {
-        Clusters::Chunks => ((0..keys.len()).collect(), keys.len()),
+        Clusters::Chunks => blocks(chunks),
         Clusters::Episodes => {
-            let mut groups = Vec::with_capacity(keys.len());
-            for (member, key) in keys.iter().enumerate() {
-                let group = match member.checked_sub(1) {
-                    None => 0,
-                    Some(before) if keys[before].episode == key.episode => groups[before],
-                    // Keys are in order, so episodes are runs.
-                    Some(before) => groups[before] + 1,
-                };
-                groups.push(group);
+            let (mut groups, mut last) = (Vec::<usize>::new(), None);
+            for (episode, _) in chunks {
+                // Keys are in order, so episodes are runs.
+                let new = usize::from(last.is_some_and(|last| last != episode));
+                groups.push(groups.last().map_or(0, |group| group + new));
+                last = Some(episode);
             }
-            let count = groups.last().map_or(0, |last| last + 1);
-            (groups, count)
+            groups
         }
     }
+}
+
+/// The cluster of every member of a bank, and their number.
+pub(super) fn clusters_of(banks: &Banks, clusters: Clusters) -> (Vec<usize>, usize) {
+    let members = banks.keys().iter().zip(banks.rows());
+    let groups = groups(members.map(|(key, rows)| (key.episode, *rows)), clusters);
+    let count = groups.last().map_or(0, |last| last + 1);
+    (groups, count)
 }
 
 /// The score of every cluster (count of p), over measured and prior tasks with their weights.

@@ -5,7 +5,7 @@ use fleetfoot_stats::{Gram, SquareRoot};
 
 use super::{
     InferenceError,
-    covariance::{Clusters, groups},
+    covariance::{Clusters, clusters_of},
     least_squares::SupportFactor,
 };
 use crate::{Assembly, Banks, Structure};
@@ -54,7 +54,7 @@ pub fn influence(
     support: &[usize],
     progress: &dyn Progress,
 ) -> Result<InfluenceReport, InferenceError> {
-    let (members, count) = groups(banks, Clusters::Episodes);
+    let (members, count) = clusters_of(banks, Clusters::Episodes);
     if count < 2 {
         return Err(InferenceError::TooFewClusters { clusters: count });
     }

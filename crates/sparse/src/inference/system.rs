@@ -3,7 +3,7 @@
 use faer::{Mat, MatRef};
 use fleetfoot_stats::{BatchMeans, Compressed};
 
-use super::{Clusters, InferenceError};
+use super::{Clusters, InferenceError, covariance::groups};
 use crate::{SparseError, SystemScan};
 
 /// Clusters whose statistics are in memory at once.
@@ -77,11 +77,7 @@ fn scores(
     clusters: Clusters,
 ) -> Vec<Mat<f64>> {
     let units = scan.units();
-    let mut groups: Vec<usize> = Vec::with_capacity(units.len());
-    for (unit, own) in units.iter().enumerate() {
-        let same = clusters == Clusters::Episodes && unit > 0 && units[unit - 1].episode == own.episode;
-        groups.push(groups.last().map_or(0, |last| last + usize::from(!same)));
-    }
+    let groups = groups(units.iter().map(|unit| (unit.episode, unit.rows)), clusters);
     let count = groups.last().map_or(0, |last| last + 1);
     let mut scores = Vec::with_capacity(count);
     for first in (0..count).step_by(BATCH) {
@@ -120,7 +116,7 @@ fn identified(own: &Compressed) -> bool {
 }
 
 /// Rows that count as independent, the fewest of the targets, by the batch means of the residuals of coefficients (p x q) over the chunks of a region
-/// ([`BatchMeans`]); at least 1. Chunks shorter than the correlation time leave it too large.
+/// ([`BatchMeans`]); at least 1.
 ///
 /// # Panics
 /// When the shapes disagree.
@@ -133,12 +129,13 @@ pub fn system_effective_rows(scan: &SystemScan, region: usize, constant: bool, c
     for from in (0..count).step_by(BATCH) {
         let width = BATCH.min(count - from);
         let weights = Mat::from_fn(count, width, |unit, b| f64::from(u8::from(unit == from + b)));
-        for root in scan.roots(region, weights.as_ref()).iter().filter(|root| root.rows > 0) {
+        let roots = scan.roots(region, weights.as_ref());
+        for (root, unit) in roots.iter().zip(&scan.units()[from..]).filter(|(root, _)| root.rows > 0) {
             let residual = |t: usize| {
                 let terms = root.mean_x.iter().enumerate().map(|(j, mean)| mean * coefficients[(first + j, t)]);
                 root.mean_y[t] - terms.sum::<f64>() - if constant { coefficients[(0, t)] } else { 0.0 }
             };
-            means.add(root.weight, &(0..total.targets()).map(residual).collect::<Vec<_>>());
+            means.add(unit.episode, root.weight, &(0..total.targets()).map(residual).collect::<Vec<_>>());
         }
     }
     means.effective_weight(total.weight, &total.error(coefficients)).max(1.0)

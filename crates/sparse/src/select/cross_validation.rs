@@ -119,7 +119,11 @@ pub fn cross_validate_task(
 }
 
 /// Square-root forms of the training rows of every fold, then of the held-out rows, then of all: one product a task.
-fn fold_roots(banks: &Banks, folds: &Folds, progress: &dyn Progress) -> Result<Vec<Vec<SquareRoot>>, SelectError> {
+pub(super) fn fold_roots(
+    banks: &Banks,
+    folds: &Folds,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<SquareRoot>>, SelectError> {
     let (members, k) = (banks.keys().len(), folds.len());
     if folds.members() != members {
         return Err(SelectError::Members { what: "the folds", found: folds.members(), expected: members });

@@ -6,7 +6,7 @@ use super::SelectError;
 use crate::{Banks, SparseError, Structure};
 
 /// Rows that count as independent, by the batch means of the residuals of the coefficients `theta` (p) over the chunks: the fewest of the measured tasks
-/// ([`BatchMeans`]). Chunks shorter than the correlation time leave it too large.
+/// ([`BatchMeans`]).
 ///
 /// # Errors
 /// When the lengths disagree, or the statistics have no rows.
@@ -40,7 +40,7 @@ pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Re
         for k in 0..bank.len() {
             let chunk = bank.member(k);
             let mean: f64 = chunk.mean.iter().zip(&weights).map(|(mean, weight)| mean * weight).sum();
-            means.add(chunk.weight, &[constant + mean]);
+            means.add(banks.keys()[k].episode, chunk.weight, &[constant + mean]);
         }
         let root = &totals[task];
         let squares = root.error(faer::MatRef::from_column_major_slice(&own, own.len(), 1), &[0.0]);

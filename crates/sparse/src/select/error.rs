@@ -15,9 +15,7 @@ pub enum SelectError {
         count: usize,
     },
     /// Too little to make folds of.
-    #[error(
-        "{found} {what} cannot make {needed} folds: ask for fewer folds, add episodes, or scan with shorter chunks"
-    )]
+    #[error("{found} {what} cannot make {needed} folds: ask for fewer folds (`--folds`), or give more data")]
     TooFew {
         /// Chunks, episodes or groups.
         what: &'static str,
@@ -33,7 +31,9 @@ pub enum SelectError {
         value: f64,
     },
     /// A fold that has no rows on one side.
-    #[error("fold {fold} has no rows to {side}: use fewer folds, a shorter purge gap, or shorter chunks")]
+    #[error(
+        "fold {fold} has no rows to {side}: ask for fewer folds (`--folds`), give more data, or, of a statistic, scan with shorter chunks (`--chunk-rows`)"
+    )]
     EmptyFold {
         /// The fold, from 0.
         fold: usize,
@@ -88,6 +88,9 @@ pub enum SelectError {
         /// Its value.
         value: f64,
     },
+    /// Folds that cannot be made of the rows.
+    #[error(transparent)]
+    Folds(#[from] fleetfoot_stats::FoldError),
     /// A problem that cannot be posed.
     #[error(transparent)]
     Sparse(#[from] SparseError),

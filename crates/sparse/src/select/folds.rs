@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use faer::{Mat, MatRef};
 use fleetfoot_data::{EpisodeId, mix};
-use fleetfoot_stats::Key;
+use fleetfoot_stats::{FoldLayout, FoldRule, Key, Purge, SPANS};
 
 use super::SelectError;
 use crate::SparseError;
@@ -12,12 +12,12 @@ use crate::SparseError;
 /// Training and test weights of every member in every fold: 0 or 1, so that a fold is a reweighting of [`Banks`](crate::Banks).
 ///
 /// Members are known by their keys and rows ([`Banks::keys`](crate::Banks::keys), [`Banks::rows`](crate::Banks::rows)). Neighbouring rows of a log are
-/// correlated, so no fold cuts through a chunk, folds are whole episodes where there are enough of them, and where an episode is cut the `purge`
-/// chunks beside the held-out ones do not train either.
+/// correlated, so no fold cuts through a chunk; which chunks are held out together is for [`FoldLayout`] to say, as for every method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Folds {
     train: Mat<f64>,
     test: Mat<f64>,
+    rule: String,
 }
 
 /// Repeated random splits, [`Folds::random_splits`].
@@ -29,50 +29,53 @@ pub struct RandomSplits {
     pub repeats: usize,
     /// Seed.
     pub seed: u64,
-    /// Chunks left out on both sides of a held-out span, where an episode is cut.
-    pub purge: u32,
+    /// Rows left out on both sides of a held-out span, where an episode is cut.
+    pub purge: Purge,
 }
 
 impl Default for RandomSplits {
-    /// 30 splits of 33 % (block-sparse bolasso paper, section 9.2), one chunk purged.
+    /// 30 splits of 33 % (block-sparse bolasso paper, section 9.2).
     fn default() -> Self {
-        Self { share: 0.33, repeats: 30, seed: 0, purge: 1 }
+        Self { share: 0.33, repeats: 30, seed: 0, purge: Purge::TENTH }
     }
 }
 
 impl Folds {
-    /// k folds of nearly equal numbers of rows, each held out once.
-    ///
-    /// With at least k episodes the folds are whole episodes, the longest placed first, each into the fold with the fewest rows. With fewer,
-    /// they are contiguous spans of chunks (in the order of episode and chunk), and `purge` chunks on both sides of a span, in the same episode,
-    /// do not train.
+    /// Folds by the one rule ([`FoldLayout::new`]): the rows of an episode are those of its members, in the order of the chunks. Where nobody says how many
+    /// ([`FoldRule::Auto`]) and chunks are too long for ten folds of spans, there are five, or as many as episodes.
     ///
     /// # Errors
-    /// When k < 2, there are fewer than k chunks, or a fold has no rows on one side.
-    pub fn k_fold(keys: &[Key], rows: &[u64], k: usize, purge: u32) -> Result<Self, SelectError> {
-        check_rows(keys, rows)?;
-        if k < 2 {
-            return Err(SelectError::FoldCount { count: k });
+    /// Folds that cannot be made of these rows, or have no rows on one side: chunks may be longer than the spans that are asked for.
+    pub fn of(keys: &[Key], rows: &[u64], rule: FoldRule, purge: Purge) -> Result<Self, SelectError> {
+        let found = Self::laid_out(keys, rows, rule, purge);
+        match (rule, &found) {
+            (FoldRule::Auto, Err(SelectError::EmptyFold { .. })) => {
+                let fewer =
+                    [FoldRule::Count(SPANS), FoldRule::Episodes].map(|rule| Self::laid_out(keys, rows, rule, purge));
+                fewer.into_iter().find(Result::is_ok).unwrap_or(found)
+            }
+            _ => found,
         }
-        let episodes = lengths(keys, rows, |key| key.episode);
-        if episodes.len() >= k {
-            let fold_of = balance(&episodes, k);
-            return Self::of_tests(keys, 0, k, |key, fold| fold_of.get(&key.episode) == Some(&fold));
-        }
-        let chunks = lengths(keys, rows, |key| (key.episode, key.chunk));
-        if chunks.len() < k {
-            return Err(SelectError::TooFew { what: "chunks", found: chunks.len(), needed: k });
-        }
-        let fold_of = spans(&chunks, k);
-        Self::of_tests(keys, purge, k, |key, fold| fold_of.get(&(key.episode, key.chunk)) == Some(&fold))
     }
 
-    /// Every episode held out once.
-    ///
-    /// # Errors
-    /// When there are fewer than two episodes.
-    pub fn leave_one_episode_out(keys: &[Key]) -> Result<Self, SelectError> {
-        Self::by(keys, |key| Some(key.episode))
+    fn laid_out(keys: &[Key], rows: &[u64], rule: FoldRule, purge: Purge) -> Result<Self, SelectError> {
+        check_rows(keys, rows)?;
+        let chunks = lengths(keys, rows, |key| (key.episode, key.chunk));
+        let episodes = lengths(keys, rows, |key| key.episode);
+        let whole = episodes.iter().map(|(id, rows)| (*id, *rows as usize));
+        let layout = FoldLayout::new(rule, whole, purge)?;
+        let (mut places, mut before) = (BTreeMap::new(), (None, 0));
+        for (&(episode, chunk), &rows) in &chunks {
+            let from = if before.0 == Some(episode) { before.1 } else { 0 };
+            let to = from + rows as usize;
+            places.insert((episode, chunk), layout.place(episode, episodes[&episode] as usize, from..to));
+            before = (Some(episode), to);
+        }
+        let place = |m: usize| places[&(keys[m].episode, keys[m].chunk)];
+        let k = usize::from(layout.folds());
+        let test = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(place(m).own == fold as u16)));
+        let train = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(place(m).trains(fold as u16))));
+        Ok(Self { rule: layout.in_words(), ..Self::new(train, test)? })
     }
 
     /// Every group of members held out once: `group` names the group of a member; members without one always train.
@@ -89,7 +92,7 @@ impl Folds {
         let held_out = |m: usize, fold: usize| groups[m].as_ref() == Some(distinct[fold]);
         let test = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(held_out(m, fold))));
         let train = Mat::from_fn(keys.len(), k, |m, fold| 1.0 - test[(m, fold)]);
-        Self::new(train, test)
+        Ok(Self { rule: format!("every one of {k} groups left out once"), ..Self::new(train, test)? })
     }
 
     /// Repeated random splits: in each, about [`RandomSplits::share`] of the rows is held out.
@@ -122,7 +125,8 @@ impl Folds {
                     take(order, share)
                 })
                 .collect();
-            return Self::of_tests(keys, 0, repeats, |key, fold| drawn[fold].contains(&key.episode));
+            let of_episodes = Self::of_tests(keys, 0, repeats, |key, fold| drawn[fold].contains(&key.episode))?;
+            return Ok(Self { rule: split_words(share, repeats, "episodes"), ..of_episodes });
         }
         let chunks: Vec<((EpisodeId, u32), u64)> =
             lengths(keys, rows, |key| (key.episode, key.chunk)).into_iter().collect();
@@ -138,7 +142,10 @@ impl Folds {
                 take(order, share)
             })
             .collect();
-        Self::of_tests(keys, purge, repeats, |key, fold| drawn[fold].contains(&(key.episode, key.chunk)))
+        let purge = purged_chunks(purge, share, &chunks);
+        let of_spans =
+            Self::of_tests(keys, purge, repeats, |key, fold| drawn[fold].contains(&(key.episode, key.chunk)))?;
+        Ok(Self { rule: split_words(share, repeats, "rows, each one span"), ..of_spans })
     }
 
     /// Folds from weights (members x folds, finite, not negative).
@@ -164,7 +171,7 @@ impl Folds {
                 }
             }
         }
-        Ok(Self { train, test })
+        Ok(Self { train, test, rule: "given folds".into() })
     }
 
     /// Folds from what each holds out; what is within `purge` chunks of that in the same episode does not train.
@@ -189,6 +196,11 @@ impl Folds {
             }
         }
         Self::new(train, test)
+    }
+
+    /// How rows are held out, for people.
+    pub fn rule(&self) -> &str {
+        &self.rule
     }
 
     /// Number of folds.
@@ -237,37 +249,20 @@ fn lengths<U: Ord>(keys: &[Key], rows: &[u64], unit: impl Fn(&Key) -> U) -> BTre
     lengths
 }
 
-/// The fold of every episode: the longest first, each to the fold with the fewest rows (then the fewest episodes, then the first).
-fn balance(episodes: &BTreeMap<EpisodeId, u64>, k: usize) -> BTreeMap<EpisodeId, usize> {
-    let mut order: Vec<(EpisodeId, u64)> = episodes.iter().map(|(id, rows)| (*id, *rows)).collect();
-    order.sort_by_key(|&(id, rows)| (std::cmp::Reverse(rows), id));
-    let mut filled = vec![(0_u64, 0_usize); k];
-    let place = |(id, rows): (EpisodeId, u64)| {
-        let fold = (0..k).min_by_key(|&fold| (filled[fold], fold)).unwrap_or(0);
-        filled[fold].0 += rows;
-        filled[fold].1 += 1;
-        (id, fold)
-    };
-    order.into_iter().map(place).collect()
+fn split_words(share: f64, repeats: usize, what: &str) -> String {
+    format!("{repeats} random splits with {:.0} % of the {what} held out", 100.0 * share)
 }
 
-/// The fold of every chunk: contiguous spans, cut where the middle of a chunk passes a k-th of the rows; none is empty.
-fn spans<U: Ord + Copy>(chunks: &BTreeMap<U, u64>, k: usize) -> BTreeMap<U, usize> {
-    let total: u64 = chunks.values().sum();
-    let (mut before, mut fold) = (0_u64, 0_usize);
-    let mut fold_of = BTreeMap::new();
-    for (at, (unit, rows)) in chunks.iter().enumerate() {
-        let middle = 2 * before + rows;
-        let wanted = (u128::from(middle) * k as u128 / u128::from((2 * total).max(1))) as usize;
-        // At most one fold on; and no later than the chunks that are left suffice for the folds that are.
-        let last = chunks.len() - at <= k - 1 - fold;
-        if at > 0 && (wanted > fold || last) && fold + 1 < k {
-            fold += 1;
-        }
-        fold_of.insert(*unit, fold);
-        before += rows;
-    }
-    fold_of
+/// The purge gap of a random span in chunks.
+fn purged_chunks(purge: Purge, share: f64, chunks: &[((EpisodeId, u32), u64)]) -> u32 {
+    let longest = chunks.iter().map(|(_, rows)| *rows).max().unwrap_or(1).max(1);
+    let span = share * chunks.iter().map(|(_, rows)| *rows as f64).sum::<f64>();
+    let gap = purge.rows(span as usize) as u64;
+    let chunks = match purge {
+        Purge::Exactly(_) => gap.div_ceil(longest),
+        Purge::Correlated(_) => gap.div_ceil(longest).min(Purge::TENTH.rows(span as usize) as u64 / longest),
+    };
+    u32::try_from(chunks).unwrap_or(u32::MAX)
 }
 
 /// The first units whose rows come nearest to a share of all: at least one, and not all.
@@ -289,7 +284,7 @@ fn take<U: Ord>(order: Vec<(U, u64)>, share: f64) -> BTreeSet<U> {
 
 #[cfg(test)]
 mod tests {
-    use fleetfoot_stats::Fold;
+    use fleetfoot_stats::{Fold, FoldError};
     use proptest::prelude::*;
 
     use super::*;
@@ -312,25 +307,43 @@ mod tests {
 
     #[test]
     fn spans_have_gaps_on_both_sides() {
-        let (keys, rows) = members(&[(6, 10), (6, 10)]);
-        let folds = Folds::k_fold(&keys, &rows, 4, 1).unwrap();
-        assert_eq!(sides(&folds, 0), (vec![4, 5, 6, 7, 8, 9, 10, 11], vec![0, 1, 2]));
-        assert_eq!(sides(&folds, 1), (vec![0, 1, 6, 7, 8, 9, 10, 11], vec![3, 4, 5]));
-        assert_eq!(sides(&folds, 2), (vec![0, 1, 2, 3, 4, 5, 10, 11], vec![6, 7, 8]));
+        // Two episodes of 120 chunks of one row: ten spans of twelve chunks, a gap of one.
+        let (keys, rows) = members(&[(120, 1), (120, 1)]);
+        let folds = Folds::of(&keys, &rows, FoldRule::Count(10), Purge::TENTH).unwrap();
+        let (train, test) = sides(&folds, 3);
+        assert_eq!(test, (36..48).chain(156..168).collect::<Vec<_>>());
+        let wanted = |m: &usize| !(35..49).contains(&(m % 120));
+        assert_eq!(train, (0..240).filter(wanted).collect::<Vec<_>>());
         assert!(!folds.overlap());
+        assert_eq!(folds.rule(), "10 folds of spans, 10 an episode of up to 12 rows, a gap of 1 row on either side");
     }
 
     #[test]
     fn what_cannot_be_split_is_told() {
         let (keys, rows) = members(&[(3, 10)]);
+        let of = |count| Folds::of(&keys, &rows, FoldRule::Count(count), Purge::TENTH);
+        // Ten spans of three rows, but chunks of ten.
+        assert_eq!(of(10), Err(SelectError::EmptyFold { fold: 0, side: "test" }));
         assert_eq!(
-            Folds::k_fold(&keys, &rows, 10, 0),
-            Err(SelectError::TooFew { what: "chunks", found: 3, needed: 10 })
+            Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH),
+            Err(SelectError::EmptyFold { fold: 0, side: "test" })
         );
-        assert_eq!(Folds::k_fold(&keys, &rows, 3, 2), Err(SelectError::EmptyFold { fold: 0, side: "train" }));
-        assert!(matches!(Folds::leave_one_episode_out(&keys), Err(SelectError::TooFew { .. })));
+        assert!(matches!(of(40), Err(SelectError::Folds(FoldError::Rows { .. }))));
+        let episodes = Folds::of(&keys, &rows, FoldRule::Episodes, Purge::TENTH);
+        assert!(matches!(episodes, Err(SelectError::Folds(FoldError::Episodes { found: 1 }))));
         let options = RandomSplits { share: 1.0, ..RandomSplits::default() };
         assert_eq!(Folds::random_splits(&keys, &rows, &options), Err(SelectError::Share { value: 1.0 }));
+    }
+
+    #[test]
+    fn long_chunks_are_held_out_by_episodes_unless_a_number_is_asked_for() {
+        let (keys, rows) = members(&[(5, 100); 6]);
+        let auto = Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH).unwrap();
+        assert_eq!((auto.len(), auto.rule()), (5, "5 folds of 6 whole episodes"));
+        let (keys, rows) = members(&[(1, 100); 3]);
+        let auto = Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH).unwrap();
+        assert_eq!((auto.len(), auto.rule()), (3, "every one of 3 episodes left out once"));
+        assert!(Folds::of(&keys, &rows, FoldRule::Count(10), Purge::TENTH).is_err());
     }
 
     #[test]
@@ -361,10 +374,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_member_is_held_out_once(lengths in prop::collection::vec((1_u32..6, 1_u64..500), 2..12), k in 2_usize..8) {
+        fn every_member_is_held_out_once(lengths in prop::collection::vec((20_u32..60, 1_u64..50), 1..12), k in 2_usize..8) {
             let (keys, rows) = members(&lengths);
-            prop_assume!(keys.len() >= k);
-            let folds = Folds::k_fold(&keys, &rows, k, 0).unwrap();
+            let folds = Folds::of(&keys, &rows, FoldRule::Count(k), Purge::Exactly(0)).unwrap();
             for m in 0..keys.len() {
                 let count = (0..k).filter(|&fold| folds.test[(m, fold)] > 0.0).count();
                 prop_assert_eq!(count, 1);
@@ -372,15 +384,10 @@ mod tests {
                     prop_assert_eq!(folds.train[(m, fold)] + folds.test[(m, fold)], 1.0);
                 }
             }
-            // No fold is fuller than another by more than its largest unit.
+            // No fold of whole episodes is fuller than another by more than the longest.
             let filled: Vec<u64> = (0..k).map(|fold| (0..keys.len()).filter(|&m| folds.test[(m, fold)] > 0.0).map(|m| rows[m]).sum()).collect();
-            let largest = if lengths.len() >= k {
-                lengths.iter().map(|&(chunks, rows)| u64::from(chunks) * rows).max()
-            } else {
-                rows.iter().copied().max()
-            }
-            .unwrap();
-            if lengths.len() >= k {
+            let largest = lengths.iter().map(|&(chunks, rows)| u64::from(chunks) * rows).max().unwrap();
+            if lengths.len() >= k.max(SPANS) {
                 prop_assert!(filled.iter().max().unwrap() - filled.iter().min().unwrap() <= largest);
             }
         }

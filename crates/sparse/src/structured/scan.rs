@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use faer::{MatMut, MatRef};
 use fleetfoot_data::{Cancelled, EpisodeId, Error, Halo, Progress, Source, sample_ranges};
 use fleetfoot_library::{Design, DesignRows, Expr, UnknownColumn};
-use fleetfoot_stats::{Chunk, Fold, Gram, Grid, Key, MergeError, Preconditioner, Stats, TILE_ROWS, plan_hash, reduce};
+use fleetfoot_stats::{
+    Chunk, Fold, Gram, Grid, Key, MergeError, PlanError, Preconditioner, Stats, TILE_ROWS, plan_hash, reduce,
+};
 
 use super::Regression;
 
@@ -32,6 +34,9 @@ pub enum ScanError {
     /// A value whose squares overflow.
     #[error(transparent)]
     TooLarge(#[from] fleetfoot_library::TooLarge),
+    /// Too many episodes.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
     /// A row weight below zero.
     #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
     NegativeWeight {
@@ -151,7 +156,7 @@ impl Plan {
     /// Makes a plan for a source: the coordinates come from a strided pilot sample of its rows.
     ///
     /// # Errors
-    /// When a column does not exist or the source cannot be read.
+    /// When a column does not exist, the source cannot be read, or there are too many episodes.
     pub fn new(
         regression: Regression,
         also: Vec<Expr>,
@@ -159,6 +164,9 @@ impl Plan {
         source: &dyn Source,
     ) -> Result<Self, ScanError> {
         let columns = Columns::compile(&regression, &also, source)?;
+        let numbers = |d: usize| (d + 1) * (d + 2) / 2;
+        let bytes = 8 * columns.tasks.iter().chain([&columns.also]).map(|&d| numbers(d)).sum::<usize>();
+        Grid::check(source.episodes(), 1, bytes)?;
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.first(columns.tasks.len())];
         let mut rows = DesignRows::default();
         for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
@@ -222,8 +230,7 @@ impl Plan {
     /// When a column does not exist, the source cannot be read, a weight is negative, or the user stops it.
     pub fn scan(&self, source: &dyn Source, progress: &dyn Progress) -> Result<Scanned, ScanError> {
         let columns = Columns::compile(&self.regression, &self.also, source)?;
-        let mut chunks = Grid { chunk_rows: self.chunk_rows, folds: 0, purge: 0 }.chunks(source.episodes());
-        chunks.iter_mut().for_each(|chunk| chunk.fold = Fold::default());
+        let chunks = Grid { chunk_rows: self.chunk_rows }.chunks(source.episodes());
         let mut found = self.empty();
         reduce(
             source,

@@ -3,7 +3,7 @@
 use faer::MatRef;
 use fleetfoot_data::{Source, sample_ranges};
 use fleetfoot_library::{DesignRows, Expr};
-use fleetfoot_stats::{Grid, Preconditioner, TILE_ROWS};
+use fleetfoot_stats::{FINE, Grid, Preconditioner, TILE_ROWS};
 
 use super::{
     System, SystemError,
@@ -52,17 +52,17 @@ impl SystemPlan {
     /// Where the functions are all monomials of some variables up to a degree of two or more, there is one region, and the pilot shows that it costs no
     /// digits that the rows have, the scan sums Chebyshev moments instead of products of pairs of functions.
     ///
-    /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200.
+    /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200, of four rows or more.
     ///
     /// # Errors
-    /// A column does not exist, the source cannot be read, there is no target, or the partition does not fit its columns.
+    /// A column does not exist, the source cannot be read, there is no target, the partition does not fit its columns, or there are too many episodes.
     pub fn new(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
         system.check()?;
         let coordinates = match polynomial(&system, source)? {
             Some(polynomial) => Coordinates::Polynomial(Box::new(polynomial)),
             None => Coordinates::General(pilot(&system, source)?),
         };
-        Ok(Self::with(system, chunk_rows, source, coordinates))
+        Self::with(system, chunk_rows, source, coordinates)
     }
 
     /// A plan that sums products of pairs of functions, whatever the functions are.
@@ -72,26 +72,32 @@ impl SystemPlan {
     pub fn of_products(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
         system.check()?;
         let coordinates = Coordinates::General(pilot(&system, source)?);
-        Ok(Self::with(system, chunk_rows, source, coordinates))
+        Self::with(system, chunk_rows, source, coordinates)
     }
 
-    fn with(system: System, chunk_rows: Option<usize>, source: &dyn Source, coordinates: Coordinates) -> Self {
+    fn with(
+        system: System,
+        chunk_rows: Option<usize>,
+        source: &dyn Source,
+        coordinates: Coordinates,
+    ) -> Result<Self, SystemError> {
         let d = system.functions.len() + system.targets.len();
         let bytes = match &coordinates {
             Coordinates::General(_) => 8 * (d + 1) * (d + 2) / 2,
             // A sum and what rounding took from it.
             Coordinates::Polynomial(polynomial) => 16 * polynomial.plan.sums(),
         };
-        let default = || Grid::for_budget(source.rows(), system.regions(), bytes, BUDGET);
+        Grid::check(source.episodes(), system.regions(), bytes)?;
+        let default = || Grid::for_budget(source.rows(), system.regions(), bytes, BUDGET, FINE);
         let chunk_rows = chunk_rows.unwrap_or_else(default).max(1);
-        Self { system, chunk_rows, coordinates }
+        Ok(Self { system, chunk_rows, coordinates })
     }
 
     /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: what products of pairs of functions take.
     pub fn memory(system: &System, regions: usize, rows: usize) -> usize {
         let d = system.functions.len() + system.targets.len();
         let bytes = 8 * (d + 1) * (d + 2) / 2;
-        let chunk_rows = Grid::for_budget(rows, regions, bytes, BUDGET);
+        let chunk_rows = Grid::for_budget(rows, regions, bytes, BUDGET, FINE);
         rows.div_ceil(chunk_rows.max(1)) * regions * bytes
     }
 

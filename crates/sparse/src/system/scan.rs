@@ -5,7 +5,7 @@ use std::ops::Range;
 use faer::{MatMut, MatRef};
 use fleetfoot_data::{Block, Progress, Source};
 use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Bank, Chunk, Fold, Gram, Grid, PolynomialBank, PolynomialMoments, PolynomialScratch, reduce};
+use fleetfoot_stats::{Bank, Chunk, Gram, Grid, PolynomialBank, PolynomialMoments, PolynomialScratch, reduce};
 
 use crate::RowCounts;
 
@@ -26,8 +26,7 @@ impl SystemPlan {
     /// A column does not exist, the source cannot be read, a weight is negative, sums overflow, or the user stops it.
     pub fn scan(&self, source: &dyn Source, progress: &dyn Progress) -> Result<SystemScan, SystemError> {
         let columns = Columns::compile(&self.system, self.regressors(), source)?;
-        let mut chunks = Grid { chunk_rows: self.chunk_rows, folds: 0, purge: 0 }.chunks(source.episodes());
-        chunks.iter_mut().for_each(|chunk| chunk.fold = Fold::default());
+        let chunks = Grid { chunk_rows: self.chunk_rows }.chunks(source.episodes());
         let mut found = Found::new(&self.system);
         reduce(
             source,

@@ -1,9 +1,15 @@
-//! What held-out rows say about the models of a trail.
+//! What held-out rows say about supports: each is refitted on every fold's training rows.
 
 use faer::Mat;
+use fleetfoot_data::{Progress, parallel_map};
 use fleetfoot_stats::Compressed;
 
-use super::{ThresholdError, Trail};
+use super::{
+    Optimizer, Step, Terms, ThresholdError,
+    criteria::rounding,
+    prepared::{Prepared, Solved},
+    refit_supports,
+};
 use crate::{CrossValidation, SelectError, select::Scored};
 
 /// One fold: the rows that models are fitted on, and those kept from them.
@@ -11,11 +17,11 @@ use crate::{CrossValidation, SelectError, select::Scored};
 pub struct FoldProblem {
     /// The training rows.
     pub train: Compressed,
-    /// The held-out rows.
+    /// The held-out rows. Errors below what their targets are known to ([`Compressed::resolution`]) count as equal.
     pub test: Compressed,
 }
 
-/// Held-out errors of the models of a trail. Means and standard errors are those of [`CrossValidation`].
+/// Held-out errors of models, each refitted on its own support. Means and standard errors are those of [`CrossValidation`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FoldScores {
@@ -25,98 +31,100 @@ pub struct FoldScores {
     pub mean: Vec<f64>,
     /// Standard error of the mean (steps).
     pub standard_error: Vec<f64>,
-    /// Mean over folds of the number of terms (steps).
-    pub terms: Vec<f64>,
     /// Index of the step with the least mean error; of several, the one with the fewest terms.
     pub best: usize,
-    /// Index of the step with the fewest terms whose mean error is at most the least one plus the standard error there (Breiman, Friedman, Olshen, Stone 1984,
-    /// section 3.4.3).
+    /// Index of the step with the fewest terms (of several, with the least error) whose mean error is at most the least one plus the standard error there
+    /// (Breiman, Friedman, Olshen, Stone 1984, section 3.4.3).
     pub one_standard_error: usize,
 }
 
-/// How the models of two trails belong together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Matching {
-    /// By threshold or lambda: the model in force there, the last with a parameter as large or larger.
-    Threshold,
-    /// By number of terms: the largest model with as many or fewer.
-    Terms,
-}
-
-/// Compares the models of `trail`, made on all rows, on rows held out: `folds` holds the trail that the same optimiser made of each fold's training rows, and the
-/// fold itself. `overlap`: held-out rows repeat between folds.
+/// The held-out errors of models of one target, made on all rows: the support of each is refitted on every fold's training rows, as the optimiser writes
+/// its models. `overlap`: held-out rows repeat between folds.
 ///
-/// An error below what the target is known to ([`Trail::rounding`]) counts as that in the choice.
+/// In the choice an error below what the held-out rows are known to, or below rounding, counts as that.
 ///
 /// # Errors
-/// When there are no folds, a fold holds out nothing, or has another shape.
-pub fn choose_by_cross_validation(
-    trail: &Trail,
-    folds: &[(&Trail, &FoldProblem)],
-    target: usize,
-    matching: Matching,
+/// When there are no folds or models, a fold holds out nothing, has another shape, or the user stops it.
+pub fn score_supports(
+    steps: &[Step],
+    folds: &[FoldProblem],
+    (target, terms): (usize, &Terms),
+    optimizer: &Optimizer,
     overlap: bool,
+    progress: &dyn Progress,
 ) -> Result<FoldScores, ThresholdError> {
-    if folds.is_empty() {
+    if folds.is_empty() || steps.is_empty() {
         let (what, mend) = ("there are no folds to cross-validate with", "give two or more, or choose by a criterion");
         return Err(ThresholdError::Nothing { what, mend });
     }
-    // Sparsest first: then the first of equals is the one to take.
-    let mut order: Vec<usize> = (0..trail.steps.len()).collect();
-    order.sort_by_key(|&k| trail.steps[k].terms());
-    let parameters: Vec<f64> = order.iter().map(|&k| trail.steps[k].parameter).collect();
-    let mut scored = Vec::with_capacity(folds.len());
-    for (fold, &(own, problem)) in folds.iter().enumerate() {
-        let models: Vec<usize> = order.iter().map(|&k| matching.find(own, trail.steps[k].parameter)).collect();
-        scored.push(score(own, problem, &models, target, fold)?);
-    }
-    let found = CrossValidation::new(parameters.clone(), &scored, overlap)?;
-    for (scored, (own, problem)) in scored.iter_mut().zip(folds) {
-        let least = own.rounding / problem.train.weight;
-        scored.errors.iter_mut().for_each(|error| *error = error.max(least));
-    }
-    let compared = CrossValidation::new(parameters, &scored, overlap)?;
-    let mut place = vec![0; order.len()];
-    order.iter().enumerate().for_each(|(at, &k)| place[k] = at);
-    let back = |values: &[f64]| place.iter().map(|&at| values[at]).collect();
+    // By size: neighbours share most of their columns, and one factor follows them.
+    let mut order: Vec<usize> = (0..steps.len()).collect();
+    order.sort_by_key(|&k| std::cmp::Reverse(steps[k].terms()));
+    let scored = parallel_map(folds.len(), progress, |fold| {
+        let mut errors = refitted_errors(&folds[fold], fold, steps, &order, (target, terms), optimizer)?;
+        let found = scored_as(steps, &folds[fold], errors.clone());
+        let test = &folds[fold].test;
+        let least = test.resolution[target].max(rounding(test, target) / test.weight);
+        errors.iter_mut().for_each(|error| *error = error.max(least));
+        Ok::<_, ThresholdError>((found, scored_as(steps, &folds[fold], errors)))
+    })?;
+    let (found, compared): (Vec<Scored>, Vec<Scored>) = scored.into_iter().unzip();
+    let parameters: Vec<f64> = steps.iter().map(|step| step.parameter).collect();
+    let found = CrossValidation::new(parameters.clone(), &found, overlap)?;
+    let compared = CrossValidation::new(parameters, &compared, overlap)?;
+    let (best, one_standard_error) = choose(steps, &compared);
     Ok(FoldScores {
-        errors: Mat::from_fn(order.len(), folds.len(), |k, fold| found.errors[(place[k], fold)]),
-        mean: back(&found.mean),
-        standard_error: back(&found.standard_error),
-        terms: back(&found.features),
-        best: order[compared.best],
-        one_standard_error: order[compared.one_standard_error],
+        errors: found.errors,
+        mean: found.mean,
+        standard_error: found.standard_error,
+        best,
+        one_standard_error,
     })
 }
 
-impl Matching {
-    fn find(self, trail: &Trail, parameter: f64) -> usize {
-        let fits = |k: &usize| match self {
-            Self::Threshold => trail.steps[*k].parameter >= parameter,
-            Self::Terms => trail.steps[*k].parameter <= parameter,
-        };
-        // The nearest of those; where there is none, the nearest of all.
-        let distance = |k: &usize| (trail.steps[*k].parameter - parameter).abs();
-        let nearest = |a: &usize, b: &usize| distance(a).total_cmp(&distance(b));
-        let all = 0..trail.steps.len();
-        all.clone().filter(fits).min_by(nearest).or_else(|| all.min_by(nearest)).unwrap_or(0)
+/// The least mean error, and the fewest terms within a standard error of it.
+fn choose(steps: &[Step], compared: &CrossValidation) -> (usize, usize) {
+    let mean = &compared.mean;
+    // What is equal up to rounding is equal: the fewest terms then.
+    let least = mean.iter().copied().fold(f64::INFINITY, f64::min);
+    let equal = |k: &usize| mean[*k] <= least * (1.0 + 1e-12);
+    let fewest = |k: &usize| (steps[*k].terms(), mean[*k]);
+    let by = |a: &usize, b: &usize| {
+        let ((terms, error), (others, other)) = (fewest(a), fewest(b));
+        terms.cmp(&others).then(error.total_cmp(&other))
+    };
+    let best = (0..steps.len()).filter(equal).min_by(by).unwrap_or(0);
+    let limit = mean[best] + compared.standard_error[best];
+    let within = (0..steps.len()).filter(|&k| k == best || mean[k] <= limit);
+    (best, within.min_by(by).unwrap_or(best))
+}
+
+fn scored_as(steps: &[Step], fold: &FoldProblem, errors: Vec<f64>) -> Scored {
+    Scored {
+        tasks: Mat::from_fn(1, errors.len(), |_, k| errors[k]),
+        features: steps.iter().map(Step::terms).collect(),
+        exact: vec![true; errors.len()],
+        rows: [fold.test.weight, fold.train.weight],
+        errors,
     }
 }
 
-fn score(
-    trail: &Trail,
-    problem: &FoldProblem,
-    models: &[usize],
-    target: usize,
-    fold: usize,
-) -> Result<Scored, ThresholdError> {
-    let FoldProblem { train, test } = problem;
-    let columns = trail.steps[0].coefficients.len();
+/// Mean squared errors on a fold's held-out rows of all supports refitted on its training rows, in the order of the steps.
+fn refitted_errors(
+    fold: &FoldProblem,
+    index: usize,
+    steps: &[Step],
+    order: &[usize],
+    (target, terms): (usize, &Terms),
+    optimizer: &Optimizer,
+) -> Result<Vec<f64>, ThresholdError> {
+    let FoldProblem { train, test } = fold;
+    let columns = steps[0].coefficients.len();
     for (what, found) in [("the training problem of fold", train), ("the held-out problem of fold", test)] {
         if found.columns() != columns || found.targets() <= target {
             return Err(ThresholdError::OtherProblem {
                 what,
-                index: fold,
+                index,
                 columns: found.columns(),
                 targets: found.targets(),
                 expected_columns: columns,
@@ -125,28 +133,39 @@ fn score(
         }
     }
     if test.weight.is_nan() || test.weight <= 0.0 {
-        return Err(SelectError::EmptyFold { fold, side: "test" }.into());
+        return Err(SelectError::EmptyFold { fold: index, side: "test" }.into());
     }
-    let error = |k: &usize| {
-        let step = &trail.steps[*k];
-        squared_error(test, target, &step.coefficients, &step.support) / test.weight
+    // A column that is zero on the training rows has no coefficient there.
+    let (alpha, scaling) = optimizer.written_ridge();
+    let prepared = Prepared::new(train, terms, scaling, alpha)?;
+    prepared.check_target(target)?;
+    let seen = |k: &usize| -> Vec<usize> {
+        steps[*k].support.iter().copied().filter(|j| prepared.open.binary_search(j).is_ok()).collect()
     };
-    let errors: Vec<f64> = models.iter().map(error).collect();
-    Ok(Scored {
-        tasks: Mat::from_fn(1, errors.len(), |_, k| errors[k]),
-        errors,
-        features: models.iter().map(|&k| trail.steps[k].terms()).collect(),
-        exact: vec![true; models.len()],
-        rows: [test.weight, train.weight],
-    })
+    let supports: Vec<Vec<usize>> = order.iter().map(seen).collect();
+    let error =
+        |support: &[usize], values: &dyn Fn(usize) -> f64| squared_error(test, target, support, values) / test.weight;
+    let mut errors = vec![f64::NAN; steps.len()];
+    if alpha == 0.0 {
+        let found = refit_supports(train, target, terms, &supports)?;
+        for (&k, model) in order.iter().zip(&found) {
+            errors[k] = error(&model.support, &|place| model.coefficients[model.support[place]]);
+        }
+    } else {
+        for (&k, support) in order.iter().zip(&supports) {
+            let Solved { values, .. } = prepared.solve(&prepared.ridged(support, target), support);
+            errors[k] = error(support, &|place| values[place]);
+        }
+    }
+    Ok(errors)
 }
 
-/// Weighted sum of squared errors of the coefficients of one target, on any rows.
-fn squared_error(problem: &Compressed, target: usize, coefficients: &[f64], support: &[usize]) -> f64 {
+/// Weighted sum of squared errors of the coefficients of a support, on any rows.
+fn squared_error(problem: &Compressed, target: usize, support: &[usize], values: &dyn Fn(usize) -> f64) -> f64 {
     let mut left = problem.z.col_as_slice(target).to_vec();
-    for &j in support {
-        let column = &problem.r.col_as_slice(j)[..=j];
-        left.iter_mut().zip(column).for_each(|(left, r)| *left -= r * coefficients[j]);
+    for (place, &j) in support.iter().enumerate() {
+        let (column, value) = (&problem.r.col_as_slice(j)[..=j], values(place));
+        left.iter_mut().zip(column).for_each(|(left, r)| *left -= r * value);
     }
     left.iter().map(|left| left * left).sum::<f64>() + problem.residual[target].max(0.0)
 }

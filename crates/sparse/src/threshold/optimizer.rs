@@ -2,7 +2,10 @@
 
 use fleetfoot_stats::Compressed;
 
-use super::{Frols, LassoPath, Sr3, Ssr, Stlsq, Terms, ThresholdError, Trail, criteria::rounding, prepared::Prepared};
+use super::{
+    Frols, LassoPath, Regularizer, Sr3, Ssr, Stlsq, Terms, ThresholdError, Trail, criteria::rounding,
+    prepared::Prepared,
+};
 
 /// Units u_j of the coefficients that are thresholded and penalised, as `u_j b_j`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,6 +37,26 @@ pub enum Optimizer {
     Frols(Frols),
     /// The path of the lasso.
     Lasso(LassoPath),
+}
+
+impl Optimizer {
+    /// A threshold on coefficients as the parameter of a method that has one: lambda, of [`Sr3`].
+    pub fn parameter_of_threshold(&self, threshold: f64) -> f64 {
+        match self {
+            Self::Sr3(sr3) if sr3.regularizer == Regularizer::L0 => Sr3::lambda_of_threshold(threshold, sr3.nu),
+            Self::Sr3(sr3) => threshold / sr3.nu,
+            _ => threshold,
+        }
+    }
+
+    /// The ridge, and its units, of the coefficients that the method writes for a support; 0 where it refits by least squares.
+    pub(super) fn written_ridge(&self) -> (f64, Scaling) {
+        match self {
+            Self::Stlsq(stlsq) if !stlsq.unbias => (stlsq.alpha, stlsq.scaling),
+            Self::Ssr(ssr) if !ssr.unbias => (ssr.alpha, ssr.scaling),
+            _ => (0.0, Scaling::Physical),
+        }
+    }
 }
 
 impl Default for Optimizer {

@@ -86,6 +86,12 @@ impl<'a> Prepared<'a> {
         if self.scaling == Scaling::Share { threshold * self.target_length(target) } else { threshold }
     }
 
+    /// In another scaling than its own: the units of coefficients, and what a threshold of 1 is on them.
+    pub(super) fn thresholded(&self, scaling: Scaling, target: usize) -> (impl Fn(usize) -> f64 + '_, f64) {
+        let unit = move |j: usize| if scaling == Scaling::Physical { 1.0 } else { self.length[j] };
+        (unit, if scaling == Scaling::Share { self.target_length(target) } else { 1.0 })
+    }
+
     /// Condition number (2-norm) of the open columns in their units: what kappa multiplies in pysindy.
     pub(super) fn condition(&self) -> Result<f64, ThresholdError> {
         let (p, open) = (self.problem.columns(), &self.open);

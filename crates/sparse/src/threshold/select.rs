@@ -4,10 +4,9 @@ use fleetfoot_data::{Progress, parallel_map};
 use fleetfoot_stats::Compressed;
 
 use super::{
-    FoldProblem, FoldScores, Matching, Optimizer, Step, Terms, ThresholdError, Thresholds, Trail,
-    choose_by_cross_validation,
+    FoldProblem, FoldScores, Optimizer, Rivals, Step, Terms, ThresholdError, Thresholds, Trail,
     criteria::{Criteria, Criterion, CriterionOptions, scores},
-    sweep_thresholds,
+    score_supports,
 };
 
 /// How one of the models is chosen.
@@ -32,6 +31,8 @@ pub enum Choice {
 pub struct SweepOptions {
     /// Which thresholds.
     pub thresholds: Thresholds,
+    /// What competes beside the optimiser's own models.
+    pub rivals: Rivals,
     /// How one model is chosen.
     pub choice: Choice,
     /// How criteria are computed.
@@ -63,7 +64,8 @@ impl Sweep {
     }
 }
 
-/// Makes and compares models of every target: on all rows, and again on every fold's training rows with the same thresholds (numbers of terms, lambdas).
+/// Makes and compares models of every target: they are made on all rows, and what is compared are their supports, refitted on every fold's training rows. So
+/// the held-out error of the chosen model is that of this model, and of no other that the same threshold makes of fewer rows.
 ///
 /// `terms` has one entry a target. Targets and folds are independent work; the bits do not depend on the number of threads.
 ///
@@ -85,38 +87,29 @@ pub fn sweep(
     }
     progress.stage("models on all rows");
     let trails = parallel_map(targets, progress, |target| {
-        sweep_thresholds(problem, target, optimizer, &terms[target], &options.thresholds)
+        options.rivals.trail(problem, target, optimizer, &terms[target], &options.thresholds)
     })?;
-    let (thresholded, count) = (matches!(optimizer, Optimizer::Stlsq(_) | Optimizer::Sr3(_)), folds.len());
     progress.stage("models of the folds");
-    let own = parallel_map(targets * count, progress, |at| {
-        let (target, fold) = (at / count, at % count);
-        let same = Thresholds::List(trails[target].steps.iter().map(|step| step.parameter).collect());
-        sweep_thresholds(&folds[fold].train, target, optimizer, &terms[target], &same)
-    })?;
-    let by_threshold = thresholded || matches!(optimizer, Optimizer::Lasso(_));
-    let matching = if by_threshold { Matching::Threshold } else { Matching::Terms };
-    let compared = trails.into_iter().enumerate().map(|(target, trail)| {
-        let pairs: Vec<(&Trail, &FoldProblem)> = own[target * count..(target + 1) * count].iter().zip(folds).collect();
-        compare(problem, trail, &pairs, (target, &terms[target]), matching, options)
-    });
-    compared.collect()
+    let compared = trails.into_iter().enumerate();
+    compared
+        .map(|(target, trail)| compare(problem, trail, folds, (target, &terms[target]), optimizer, (options, progress)))
+        .collect()
 }
 
 fn compare(
     problem: &Compressed,
     trail: Trail,
-    folds: &[(&Trail, &FoldProblem)],
+    folds: &[FoldProblem],
     (target, terms): (usize, &Terms),
-    matching: Matching,
-    options: &SweepOptions,
+    optimizer: &Optimizer,
+    (options, progress): (&SweepOptions, &dyn Progress),
 ) -> Result<Sweep, ThresholdError> {
     let candidates = terms.checked(problem)?.open.len();
     let criteria = scores(&trail.steps, problem, target, candidates, &options.criteria)?;
     let wanted = matches!(options.choice, Choice::OneStandardError | Choice::LeastError);
     let folds = match folds.is_empty() && !wanted {
         true => None,
-        false => Some(choose_by_cross_validation(&trail, folds, target, matching, options.overlap)?),
+        false => Some(score_supports(&trail.steps, folds, (target, terms), optimizer, options.overlap, progress)?),
     };
     let chosen = match (options.choice, &folds) {
         (Choice::Auto | Choice::OneStandardError, Some(folds)) => folds.one_standard_error,

@@ -122,10 +122,7 @@ impl Swept<'_> {
     fn parameter(&self, cut: f64) -> f64 {
         match self {
             Self::Stlsq(..) => cut,
-            Self::Sr3(sr3, _) => match sr3.regularizer {
-                Regularizer::L0 => Sr3::lambda_of_threshold(cut, sr3.nu),
-                Regularizer::L1 | Regularizer::L2 => cut / sr3.nu,
-            },
+            Self::Sr3(sr3, _) => Optimizer::Sr3((*sr3).clone()).parameter_of_threshold(cut),
         }
     }
 

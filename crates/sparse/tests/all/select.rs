@@ -96,7 +96,7 @@ fn cross_validation_is_that_of_scikit_learn() {
     for case in cases() {
         let (source, regression) = recording(&case.x, &case.y);
         let banks = banks(&regression, case.x.nrows() / case.folds, &source);
-        let folds = Folds::k_fold(banks.keys(), banks.rows(), case.folds, 0).expect("folds");
+        let folds = Folds::by(banks.keys(), |key| Some(key.chunk)).expect("folds");
         for (kind, parameters, lines) in case.answers.iter().filter(|(kind, ..)| kind.ends_with("CV")) {
             let who = format!("{}, {kind} {}", case.name, parameters[0]);
             let run = |lambdas: Lambdas, most_for_lars: usize| {
@@ -262,7 +262,7 @@ fn held_out_errors_are_those_of_the_rows() {
     let study = study();
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);
-    let folds = Folds::leave_one_episode_out(banks.keys()).expect("folds");
+    let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     let lambdas = vec![1.0, 0.3, 0.1, 0.03, 0.01, 0.001];
     let options = SelectOptions { lambdas: Lambdas::List(lambdas.clone()), ..SelectOptions::default() };
     let found = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
@@ -318,7 +318,7 @@ fn held_out_errors_are_those_of_the_rows() {
 fn an_aircraft_is_known_from_its_other_flights() {
     let climbs = aircraft::climbs(30, true);
     let banks = climbs.banks(4096);
-    let folds = Folds::leave_one_episode_out(banks.keys()).expect("folds");
+    let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     assert_eq!(folds.len(), 30);
     let options = SelectOptions { lambdas: Lambdas::Grid { count: 60, ratio: 1e-7 }, ..SelectOptions::default() };
     let found = cross_validate(&climbs.structure, &banks, &climbs.assembly, &folds, &options, &Silent).expect("errors");
@@ -359,7 +359,7 @@ fn knots_and_grids_agree() {
     let study = study();
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);
-    let folds = Folds::leave_one_episode_out(banks.keys()).expect("folds");
+    let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     let run = |lambdas: Lambdas, most_for_lars: usize| {
         let options = SelectOptions { lambdas, most_for_lars, ..SelectOptions::default() };
         cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors")
@@ -438,14 +438,14 @@ fn what_cannot_be_chosen_is_told() {
     let study = study();
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);
-    let folds = Folds::leave_one_episode_out(banks.keys()).expect("folds");
+    let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     let run = |folds: &Folds, lambdas: Vec<f64>| {
         let options = SelectOptions { lambdas: Lambdas::List(lambdas), ..SelectOptions::default() };
         cross_validate(&structure, &banks, &study.assembly, folds, &options, &Silent)
     };
     assert_eq!(run(&folds, Vec::new()), Err(SelectError::NoLambdas));
     assert!(run(&folds, vec![-1.0]).is_err_and(|error| error.to_string().contains("-1")));
-    let fewer = Folds::leave_one_episode_out(&banks.keys()[1..]).expect("folds");
+    let fewer = Folds::by(&banks.keys()[1..], |key| Some(key.episode)).expect("folds");
     assert!(matches!(run(&fewer, vec![1.0]), Err(SelectError::Members { .. })));
     let options = SelectOptions::default();
     let missing = cross_validate_task(&banks, 3, &Penalty::default(), &folds, &options, &Silent);

@@ -76,7 +76,7 @@ proptest! {
         chunk_rows in 1usize..6_000,
     ) {
         // One fold: with more, the folds of an episode depend on the others, which a plan fixes beforehand.
-        let grid = Grid { chunk_rows, folds: 1, purge: 0 };
+        let grid = Grid { chunk_rows };
         let episodes: Vec<(usize, usize)> = lengths.into_iter().enumerate().collect();
         let whole = scan(&source(&episodes), &grid);
         for threads in [1, 2, 7] {
@@ -98,7 +98,7 @@ proptest! {
 
 #[test]
 fn the_same_rows_twice_and_other_plans_are_refused() {
-    let grid = Grid { chunk_rows: 100, folds: 1, purge: 0 };
+    let grid = Grid { chunk_rows: 100 };
     let stats = scan(&source(&[(1, 250), (2, 50)]), &grid);
     let mut total = scan(&source(&[(2, 50)]), &grid);
     let before = total.clone();

@@ -1,0 +1,43 @@
+//! Which rows of a statistic are held out, as users ask for it.
+
+use fleetfoot_sparse::{Folds, RandomSplits, SelectError};
+use fleetfoot_stats::{FoldRule as Layout, Key, Purge};
+
+/// Which rows are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FoldRule {
+    /// Ten folds, or five of few rows.
+    #[default]
+    Auto,
+    /// So many folds: whole episodes where there are enough, else spans of every episode.
+    Count(usize),
+    /// Every episode once.
+    Episodes,
+    /// Random splits, a third held out.
+    Splits(usize),
+}
+
+impl FoldRule {
+    /// The folds of the chunks of a statistic. `correlated`: rows over which it is correlated, where that is known.
+    ///
+    /// # Errors
+    /// Folds that cannot be made as they are asked for.
+    pub(crate) fn folds(
+        self,
+        keys: &[Key],
+        rows: &[u64],
+        seed: u64,
+        correlated: Option<f64>,
+    ) -> Result<Folds, SelectError> {
+        let purge = correlated.map_or(Purge::TENTH, |rows| Purge::Correlated(rows.ceil() as usize));
+        let of = |layout| Folds::of(keys, rows, layout, purge);
+        match self {
+            Self::Auto => of(Layout::Auto),
+            Self::Count(count) => of(Layout::Count(count)),
+            Self::Episodes => of(Layout::Episodes),
+            Self::Splits(repeats) => {
+                Folds::random_splits(keys, rows, &RandomSplits { repeats, seed, purge, ..RandomSplits::default() })
+            }
+        }
+    }
+}
