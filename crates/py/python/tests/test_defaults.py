@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fleetfoot as ff
-from fleetfoot.exceptions import ModelError, RequestError
+from fleetfoot.exceptions import FitError, ModelError, RequestError
 
 
 def slope(x):
@@ -215,6 +215,21 @@ def test_clocks_that_repeat_a_stamp_are_clocks():
     t[100] = t[99]
     _, notes = notes_of(lambda: ff.PWA().fit(x, t))
     assert any("stamp of the row before" in note for note in notes), notes
+
+
+@pytest.mark.parametrize("estimator", [ff.SINDy, ff.PWA, ff.BlockSparse])
+def test_an_episode_a_row_is_refused_before_it_costs_anything(estimator):
+    """Every stamp backward, in a table, where a backward stamp begins an episode."""
+    resource = pytest.importorskip("resource", reason="there are no limits of memory to read here")
+    rows = 200_000
+    rng = np.random.default_rng(0)
+    columns = {name: rng.normal(size=rows) for name in ("a", "b", "c", "d", "y")}
+    data = ff.open({"t": np.arange(rows)[::-1] * 0.01, **columns}, t="t")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises((FitError, RequestError), match="200000 rows in 200000 episodes.*stamps do not rise"):
+        estimator(target="y", inputs=["a", "b", "c", "d"]).fit(data)
+    # Kilobytes; a statistic for each would be gigabytes.
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_000_000
 
 
 # -- missing values
