@@ -12,6 +12,7 @@ mod narx;
 mod narx_search;
 mod outside;
 mod real_data;
+mod replayed;
 mod robot_logs;
 mod runner;
 mod sindy;

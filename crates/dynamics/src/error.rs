@@ -57,6 +57,9 @@ pub enum Error {
         /// Rows ahead.
         ahead: i32,
     },
+    /// A column that follows from simulated ones cannot be computed in time.
+    #[error(transparent)]
+    Closed(#[from] fleetfoot_model::ClosedError),
     /// No episode is long enough for the horizon.
     #[error(
         "no episode is long enough: a rollout of {horizon} steps needs {needed} consecutive rows, the longest episode{} has {longest}; choose a shorter horizon",

@@ -1,6 +1,7 @@
 //! Free runs: a model simulated through whole episodes from their first complete rows, and how far it stays from the recording.
 //!
-//! What tells a model of dynamics from a predictor: the outputs it starts from are recorded, all later ones are its own; inputs stay recorded.
+//! What tells a model of dynamics from a predictor: the outputs it starts from are recorded, all later ones are its own,
+//! and so is what follows from them; inputs stay recorded.
 
 use std::ops::Range;
 
@@ -50,6 +51,8 @@ impl Default for FreeRunOptions {
 pub struct FreeRun {
     /// One score an advanced state, over all runs.
     pub outputs: Vec<FreeRunScore>,
+    /// Columns whose values after the start of a run come from the recording.
+    pub replayed: Vec<String>,
     /// The runs, by episode and row.
     pub runs: Vec<FreeRunOutcome>,
     /// Episodes without a row to start from: too short, or something missing everywhere.
@@ -97,13 +100,13 @@ pub fn free_run(
     options: &FreeRunOptions,
     progress: &dyn Progress,
 ) -> Result<FreeRun, Error> {
-    let simulator = Simulator::new(model)?;
+    let simulator = Simulator::for_source(model, source, options.step)?;
     let mut rollout = RolloutOptions::new(options.horizon.unwrap_or(1));
     (rollout.method, rollout.step, rollout.divergence) = (options.method, options.step, options.divergence);
     rollout.validate()?;
     let runner = Runner {
         map: simulator.column_map(source)?,
-        outputs: simulator.states.iter().map(|state| Output::new(model, state.column)).collect(),
+        outputs: simulator.shown().iter().map(|state| Output::new(model, state.column)).collect(),
         simulator: &simulator,
         source,
         rollout,
@@ -112,7 +115,13 @@ pub fn free_run(
     };
     let names = simulator.states().to_vec();
     let mut total = vec![OutputSum::default(); names.len()];
-    let mut found = FreeRun { outputs: Vec::new(), runs: Vec::new(), skipped: 0, trajectories: Vec::new() };
+    let mut found = FreeRun {
+        outputs: Vec::new(),
+        replayed: simulator.replayed(),
+        runs: Vec::new(),
+        skipped: 0,
+        trajectories: Vec::new(),
+    };
     parallel_fold(
         source.episodes().len(),
         progress,

@@ -286,9 +286,10 @@ impl<'a> Batch<'a> {
         (0..count)
             .map(|b| {
                 let steps = self.steps[b].min(horizon);
-                let mut states = Vec::with_capacity((steps + 1) * self.simulator.states.len());
+                let shown = self.simulator.shown();
+                let mut states = Vec::with_capacity((steps + 1) * shown.len());
                 for k in 0..=steps {
-                    states.extend(self.simulator.states.iter().map(|state| self.columns.at(state.column, k as i64)[b]));
+                    states.extend(shown.iter().map(|state| self.columns.at(state.column, k as i64)[b]));
                 }
                 Trajectory {
                     start: self.runs[b].start,

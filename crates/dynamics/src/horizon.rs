@@ -104,19 +104,20 @@ pub(crate) struct HorizonSums {
 
 impl HorizonScorer {
     pub(crate) fn new(model: &Model, simulator: &Simulator, horizon: usize) -> Self {
-        let scored: Vec<usize> = (0..simulator.states.len()).filter(|&s| simulator.states[s].order.is_some()).collect();
-        let order: Vec<usize> = scored.iter().filter_map(|&s| simulator.states[s].order).collect();
+        let shown = simulator.shown();
+        let scored: Vec<usize> = (0..shown.len()).filter(|&s| shown[s].order.is_some()).collect();
+        let order: Vec<usize> = scored.iter().filter_map(|&s| shown[s].order).collect();
         let covariance: Vec<f64> = (0..order.len())
             .flat_map(|i| (0..=i).map(move |j| (i, j)))
             .map(|(i, j)| model.training.state_covariance[packed(order[i], order[j])])
             .collect();
         Self {
             horizon,
-            states: simulator.states.len(),
+            states: shown.len(),
             metric: Mahalanobis::of_covariance(&covariance, order.len()),
             scored,
-            angles: simulator.states.iter().map(|state| state.advance.angle).collect(),
-            columns: simulator.states.iter().map(|state| state.column).collect(),
+            angles: shown.iter().map(|state| state.advance.angle).collect(),
+            columns: shown.iter().map(|state| state.column).collect(),
         }
     }
 

@@ -1,5 +1,6 @@
 //! One step of time.
 
+use fleetfoot_data::Source;
 use fleetfoot_model::Prediction;
 
 use crate::angle::wrap;
@@ -30,13 +31,29 @@ pub enum Step {
     Seconds(f64),
 }
 
+/// The sampling period of most rows of a source, seconds; `None` where no episode has two.
+pub fn typical_period(source: &dyn Source) -> Option<f64> {
+    let mut periods: Vec<(f64, usize)> =
+        source.episodes().iter().filter(|e| e.rows > 1).map(|episode| (episode.period, episode.rows)).collect();
+    periods.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = periods.iter().map(|(_, rows)| rows).sum::<usize>() / 2;
+    let mut seen = 0;
+    periods.into_iter().find_map(|(period, rows)| {
+        seen += rows;
+        (seen > half).then_some(period)
+    })
+}
+
 /// How one state advances: `factor * x + h * f`, with (factor, h) = (1, step) for a derivative, (1, 1) for a difference, (0, 1)
-/// for a next value; then wrapped if it is an angle.
+/// for a next value, (exp(-step/c), 1 - exp(-step/c)) for a first-order lag of f; then wrapped if it is an angle.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Advance {
+    /// The factor of the state itself; of a lag it depends on the step ([`Advance::factor`]).
     pub(crate) keep: f64,
     pub(crate) continuous: bool,
     pub(crate) angle: bool,
+    /// The time constant of a first-order lag, seconds.
+    pub(crate) lag: Option<f64>,
 }
 
 impl Advance {
@@ -48,18 +65,38 @@ impl Advance {
             Prediction::Next => (0.0, false),
             Prediction::Value => return None,
         };
-        Some(Self { keep, continuous, angle })
+        Some(Self { keep, continuous, angle, lag: None })
+    }
+
+    /// Of a first-order lag with this time constant in seconds, whose right side is what it follows. It advances once a step, as
+    /// [`FilterKind::Lag1`](fleetfoot_library::FilterKind::Lag1) does.
+    pub(crate) fn lag(constant: f64) -> Self {
+        Self { keep: f64::NAN, continuous: false, angle: false, lag: Some(constant) }
+    }
+
+    /// The factor of the state for a step of `seconds`.
+    #[inline(always)]
+    pub(crate) fn factor(&self, seconds: f64) -> f64 {
+        self.lag.map_or(self.keep, |constant| (-seconds / constant).exp())
     }
 
     /// The factor of the right side for a step of `seconds`.
     #[inline(always)]
     pub(crate) fn gain(&self, seconds: f64) -> f64 {
-        if self.continuous { seconds } else { 1.0 }
+        match self.lag {
+            Some(constant) => -(-seconds / constant).exp_m1(),
+            None if self.continuous => seconds,
+            None => 1.0,
+        }
     }
 
     /// The state one step later.
     #[inline(always)]
     pub(crate) fn next(&self, x: f64, f: f64, seconds: f64) -> f64 {
+        if self.lag.is_some() {
+            // As the recorded one: what is at rest stays so to the last bit.
+            return x + self.gain(seconds) * (f - x);
+        }
         let x = advance(self.keep, self.gain(seconds), x, f);
         if self.angle { wrap(x) } else { x }
     }

@@ -46,7 +46,7 @@ pub use domain::Domain;
 pub use error::Error;
 pub use free_run::{FreeRun, FreeRunOptions, FreeRunOutcome, FreeRunScore, OutputErrors, free_run};
 pub use horizon::{Horizon, HorizonScore, StepSpan, UsefulHorizon};
-pub use integrate::{Method, Step};
+pub use integrate::{Method, Step, typical_period};
 pub use mahalanobis::Mahalanobis;
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
 pub use plane::{Axis, MAX_BINS, Plane, PlaneCell, plane};

@@ -20,8 +20,8 @@ use crate::{
 pub struct Rollouts {
     /// States that were advanced, in the order of [`Trajectory::states`].
     pub states: Vec<String>,
-    /// States without an equation: taken from the recording, so nothing is predicted of them.
-    pub recorded_states: Vec<String>,
+    /// Columns whose values after a start come from the recording ([`Simulator::replayed`]).
+    pub replayed: Vec<String>,
     /// Inputs that a controller drove, in the order of [`Trajectory::inputs`].
     pub driven_inputs: Vec<String>,
     /// One entry a start that was simulated, in the order of the starts.
@@ -77,8 +77,8 @@ impl Outcome {
 
 /// Rolls a model out from many starts and scores it against the recording by horizon.
 ///
-/// Inputs and auxiliary columns are taken from the recording, held from row to row; lagged columns start from the recording
-/// and go on with the model's own values. A trajectory that ends early is scored with its last good state, so that it does not drop out of the mean.
+/// What follows from the simulated states is computed from them; inputs and what else is left ([`Rollouts::replayed`]) are taken from the recording, held from
+/// row to row; lagged columns start from the recording and go on with the model's own values. A trajectory that ends early is scored with its last good state, so that it does not drop out of the mean.
 /// Baselines: the null model's rollout, persistence, and constant velocity `x0 + t (x0 - x_previous) / (t0 - t_previous)`.
 ///
 /// # Errors
@@ -91,8 +91,10 @@ pub fn rollout(
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
     // The null model of equations that share latents has no meaning; then there is no such baseline.
-    let null = null_model(model).and_then(|model| Simulator::new(&model).ok());
-    roll_out(model, &Simulator::new(model)?, null.as_ref(), source, starts, options, progress)
+    options.validate()?;
+    let compiled = |model: &Model| Simulator::for_source(model, source, options.step);
+    let null = null_model(model).and_then(|model| compiled(&model).ok());
+    roll_out(model, &compiled(model)?, null.as_ref(), source, starts, options, progress)
 }
 
 /// [`rollout`] with inputs from a controller that sees the simulated states (II-F of Buchan, Haldane, Fearing); so does the null model's.
@@ -107,8 +109,10 @@ pub fn rollout_closed_loop(
     options: &RolloutOptions,
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
-    let simulator = Simulator::new(model)?.driven_by(Arc::clone(controller))?;
-    let null = null_model(model).and_then(|model| Simulator::new(&model).ok());
+    options.validate()?;
+    let compiled = |model: &Model| Simulator::for_source(model, source, options.step);
+    let simulator = compiled(model)?.driven_by(Arc::clone(controller))?;
+    let null = null_model(model).and_then(|model| compiled(&model).ok());
     let null = null.map(|null| null.driven_by(Arc::clone(controller))).transpose()?;
     roll_out(model, &simulator, null.as_ref(), source, starts, options, progress)
 }
@@ -122,7 +126,6 @@ fn roll_out(
     options: &RolloutOptions,
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
-    options.validate()?;
     let needed = simulator.needed_rows(options.horizon);
     let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
     let map = simulator.column_map(source)?;
@@ -153,7 +156,7 @@ fn roll_out(
     }
     Ok(Rollouts {
         states: simulator.states().to_vec(),
-        recorded_states: simulator.recorded_states().to_vec(),
+        replayed: simulator.replayed(),
         driven_inputs: simulator.driven_inputs().to_vec(),
         horizon: scorer.finish(simulator.states().to_vec(), &sums),
         outcomes,

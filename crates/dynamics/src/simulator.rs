@@ -1,17 +1,17 @@
-//! A model compiled to run free: states advanced by the equations, everything else taken from a recording.
+//! A model compiled to run free: states advanced by the equations, what follows from them computed, everything else taken from a recording.
 
 use std::sync::Arc;
 
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
-use fleetfoot_library::{Leaf, UnknownColumn, nearest};
-use fleetfoot_model::{Equation, Model, Role, packed};
+use fleetfoot_library::{Expr, Leaf, UnknownColumn, nearest};
+use fleetfoot_model::{Closed, Equation, Model, Role, packed};
 
 use crate::{
     Error, Method, Start, Step, Trajectory,
     affine::AffineKernel,
     compiled::{Compiled, Latents},
     controller::{Controller, Driver},
-    integrate::Advance,
+    integrate::{Advance, typical_period},
     kernel::padded,
     window::{Window, read_windows},
 };
@@ -51,9 +51,19 @@ impl RolloutOptions {
 }
 
 /// A model compiled for rollouts.
+///
+/// Columns that follow from simulated states and from inputs are computed ([`Model::closed`]); of the recording it reads what is left
+/// ([`Simulator::replayed`]), and the rows up to a start.
 pub struct Simulator {
+    /// As it was given.
+    model: Model,
+    /// Seconds of the steps that delays are counted in.
+    period: f64,
     pub(crate) columns: Vec<String>,
+    /// The states that equations advance, then the first-order lags of what is computed.
     pub(crate) states: Vec<State>,
+    /// Columns that are computed, over the others.
+    pub(crate) computed: Vec<(String, Expr)>,
     pub(crate) compiled: Compiled,
     /// Of every group of latents that has statistics.
     pub(crate) ranges: Vec<Ranges>,
@@ -66,7 +76,6 @@ pub struct Simulator {
     kernel: Option<AffineKernel>,
     pub(crate) driver: Option<Driver>,
     names: Vec<String>,
-    from_recording: Vec<String>,
 }
 
 /// A state that an equation advances.
@@ -89,14 +98,40 @@ pub(crate) struct Ranges {
 }
 
 impl Simulator {
-    /// Compiles the equations that advance a state.
+    /// Compiles the equations that advance a state, for steps of the model's sampling period.
     ///
     /// # Errors
-    /// [`Error::NothingToAdvance`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::LaggedLatent`],
+    /// [`Error::NothingToAdvance`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::Closed`], [`Error::LaggedLatent`],
     /// [`Error::UnknownColumn`], [`Error::Inconsistent`].
     pub fn new(model: &Model) -> Result<Self, Error> {
-        model.validate().map_err(Error::Inconsistent)?;
-        let (states, equations) = advanced_states(model)?;
+        Self::compile(model, model.step, &[])
+    }
+
+    /// [`Simulator::new`] for steps of a recording: of delays inside of the model they are so many (of first-order lags the steps are those made).
+    ///
+    /// # Errors
+    /// As [`Simulator::new`].
+    pub fn for_source(model: &Model, source: &dyn Source, step: Step) -> Result<Self, Error> {
+        let period = match step {
+            Step::Seconds(seconds) => seconds,
+            Step::Median | Step::Stamps => typical_period(source).unwrap_or(model.step),
+        };
+        Self::compile(model, period, &[])
+    }
+
+    /// Compiles for steps of `period` seconds; the columns in `driven` are computed by a controller.
+    fn compile(own: &Model, period: f64, driven: &[String]) -> Result<Self, Error> {
+        own.validate().map_err(Error::Inconsistent)?;
+        let Closed { model, lags, computed, .. } = &own.closed(period, driven)?;
+        let (mut states, mut equations) = advanced_states(model)?;
+        let names = states.iter().map(|state| model.columns[state.column].name.clone()).collect();
+        states.extend(lags.iter().map(|lag| State {
+            column: lag.column,
+            advance: Advance::lag(lag.constant),
+            deviation: f64::NAN,
+            order: None,
+        }));
+        equations.extend(lags.iter().map(|lag| &lag.equation));
         let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &columns, &equations, None)?;
         let ranges = (0..compiled.groups.len()).filter_map(|group| ranges(model, &compiled, group)).collect();
@@ -106,15 +141,11 @@ impl Simulator {
         });
         let reported = first.map_or(0, |group| group.regions);
         let mut simulator = Self {
+            model: own.clone(),
+            period,
             columns: model.columns.iter().map(|column| column.name.clone()).collect(),
-            names: states.iter().map(|state| model.columns[state.column].name.clone()).collect(),
-            from_recording: model
-                .columns
-                .iter()
-                .enumerate()
-                .filter(|(i, column)| column.role == Role::State && states.iter().all(|state| state.column != *i))
-                .map(|(_, column)| column.name.clone())
-                .collect(),
+            names,
+            computed: computed.clone(),
             recorded: Vec::new(),
             history: 0,
             ahead: 0,
@@ -170,9 +201,13 @@ impl Simulator {
     /// # Errors
     /// [`Error::Parameter`]; [`Error::Controller`] for columns that the model does not have, that are advanced states, or that the controller also
     /// reads; [`Error::FutureState`] where the model looks ahead at a driven input.
-    pub fn driven_by(mut self, controller: Arc<dyn Controller>) -> Result<Self, Error> {
-        self.driver = Some(Driver::bind(controller, &mut self)?);
-        Ok(self)
+    pub fn driven_by(self, controller: Arc<dyn Controller>) -> Result<Self, Error> {
+        let mut simulator = Self::compile(&self.model, self.period, &controller.drives())?;
+        if self.kernel.is_none() {
+            simulator.kernel = None;
+        }
+        simulator.driver = Some(Driver::bind(controller, &mut simulator)?);
+        Ok(simulator)
     }
 
     /// Inputs that a controller drives, in the order of [`Trajectory::inputs`].
@@ -190,9 +225,17 @@ impl Simulator {
         &self.names
     }
 
-    /// States that no equation advances: their values come from the recording.
-    pub fn recorded_states(&self) -> &[String] {
-        &self.from_recording
+    /// The states that are told, in the order of [`Simulator::states`]; lags come behind them.
+    pub(crate) fn shown(&self) -> &[State] {
+        &self.states[..self.names.len()]
+    }
+
+    /// Columns whose values after a start come from the recording, in the order of the model's columns: inputs that nothing drives, states without an
+    /// equation, whatever else does not follow from what is simulated.
+    pub fn replayed(&self) -> Vec<String> {
+        let mut columns: Vec<usize> = self.recorded.iter().map(|&(column, ..)| column).collect();
+        columns.sort_unstable();
+        columns.into_iter().map(|column| self.columns[column].clone()).collect()
     }
 
     /// Rows needed before and after a start for a rollout of `horizon` steps.

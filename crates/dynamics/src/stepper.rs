@@ -1,7 +1,7 @@
 //! A model on values at hand: right sides, regions, steps and simulations, without a recording.
 
 use fleetfoot_library::Leaf;
-use fleetfoot_model::{Equation, Model, Prediction, Role};
+use fleetfoot_model::{Closed, Equation, FirstOrderLag, Model, Prediction, Role};
 
 use crate::{
     Error, Method, Points, TimeGrid, Tolerance,
@@ -12,7 +12,13 @@ use crate::{
 };
 
 /// A model compiled for values at hand ([`Points`]). Its numbers are, bit for bit, those of [`crate::Simulator`] and [`crate::Predictor`] on a recording.
+///
+/// Columns that follow from states, inputs and time are computed ([`Model::closed`]): they are no inputs. First-order lags of what is computed are further
+/// states, behind those that equations advance.
 pub struct Stepper {
+    /// The model whose equations are evaluated.
+    pub(crate) model: Model,
+    pub(crate) lags: Vec<FirstOrderLag>,
     names: Vec<String>,
     pub(crate) states: Vec<SteppedState>,
     pub(crate) inputs: Vec<usize>,
@@ -75,10 +81,17 @@ impl Stepper {
     /// Compiles all equations of a model.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::LaggedLatent`], [`Error::UnknownColumn`].
+    /// [`Error::Inconsistent`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::Closed`], [`Error::LaggedLatent`], [`Error::UnknownColumn`].
     pub fn new(model: &Model) -> Result<Self, Error> {
         model.validate().map_err(Error::Inconsistent)?;
-        let (states, mut equations) = advanced(model)?;
+        let Closed { model, lags, computed, .. } = &model.closed(model.step, &[])?;
+        let (mut states, mut equations) = advanced(model)?;
+        states.extend(lags.iter().map(|lag| SteppedState {
+            column: lag.column,
+            advance: Advance::lag(lag.constant),
+            size: 1.0,
+        }));
+        equations.extend(lags.iter().map(|lag| &lag.equation));
         equations.extend(model.equations.iter().filter(|equation| equation.prediction == Prediction::Value));
         let names: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &names, &equations, None)?;
@@ -102,6 +115,7 @@ impl Stepper {
         let inputs = (0..names.len())
             .filter(|&column| states.iter().all(|state| state.column != column))
             .filter(|&column| read[column] || model.columns[column].role != Role::Auxiliary)
+            .filter(|&column| computed.iter().all(|(name, _)| *name != model.columns[column].name))
             .collect();
         let same = |equation: &Equation| equations.iter().position(|own| std::ptr::eq(*own, equation));
         let fitted = model.fitted().filter_map(same).collect();
@@ -109,6 +123,8 @@ impl Stepper {
         let reported =
             first.and_then(|latent| compiled.partitions.iter().position(|p| p.partition == latent.partition));
         Ok(Self {
+            model: model.clone(),
+            lags: lags.clone(),
             states,
             inputs,
             fitted,
@@ -121,12 +137,13 @@ impl Stepper {
         })
     }
 
-    /// The states that equations advance, in the order of the model's columns.
+    /// The states that equations advance, in the order of the model's columns, then first-order lags.
     pub fn states(&self) -> impl ExactSizeIterator<Item = &str> {
         self.states.iter().map(|state| self.names[state.column].as_str())
     }
 
-    /// What is given from outside: the model's inputs, its states that no equation advances, and whatever else it reads; in the order of its columns.
+    /// What is given from outside: the model's inputs, its states that no equation advances, and whatever else it reads and cannot compute; in the order of
+    /// its columns, fields that computed columns read behind them.
     pub fn inputs(&self) -> impl ExactSizeIterator<Item = &str> {
         self.inputs.iter().map(|&column| self.names[column].as_str())
     }

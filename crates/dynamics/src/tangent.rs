@@ -1,7 +1,7 @@
 //! Exact derivatives of a model at points: what a filter or a controller linearises.
 
 use fleetfoot_library::{Expr, Leaf, Program, Scratch};
-use fleetfoot_model::{Equation, Model, Prediction};
+use fleetfoot_model::{Equation, Prediction};
 
 use crate::{
     Error, Method, Points, Stepper, StepperWorkspace,
@@ -48,7 +48,8 @@ impl Tangent {
     ///
     /// # Errors
     /// [`Error::UnknownColumn`].
-    pub fn new(model: &Model, stepper: &Stepper) -> Result<Self, Error> {
+    pub fn new(stepper: &Stepper) -> Result<Self, Error> {
+        let model = &stepper.model;
         let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let with_latents: Vec<&str> =
             columns.iter().copied().chain(model.latents.iter().map(|latent| latent.name.as_str())).collect();
@@ -72,7 +73,8 @@ impl Tangent {
             let advances = |equation: &&Equation| {
                 equation.subject == columns[state.column] && equation.prediction != Prediction::Value
             };
-            let Some(equation) = model.equations.iter().find(advances) else { continue };
+            let lag = stepper.lags.iter().find(|lag| lag.column == state.column).map(|lag| &lag.equation);
+            let Some(equation) = model.equations.iter().find(advances).or(lag) else { continue };
             let own = variables.iter().enumerate().map(|(i, &column)| (columns[column], Variable::Own(i)));
             let latents = model.latents.iter().enumerate().map(|(i, l)| (l.name.as_str(), Variable::Latent(i)));
             for (name, variable) in own.chain(latents) {
@@ -138,12 +140,17 @@ impl Tangent {
         let mut values: Vec<f64> = Vec::with_capacity(count * states);
         for b in 0..count {
             for (s, state) in stepper.states.iter().enumerate() {
-                let mut value = stepper.right_side(s, count, workspace)[b];
-                if !stepper.is_continuous() {
-                    value += state.advance.keep * points.column(state.column, 0)[b];
-                    slopes[(b * states + s) * width + s] += state.advance.keep;
-                }
-                values.push(value);
+                // `gain * f + factor * x`: of a lag that is (f - x)/c where derivatives are integrated, else its value a sample later.
+                let (gain, factor) = match (stepper.is_continuous(), state.advance.lag) {
+                    (true, Some(constant)) => (1.0 / constant, -1.0 / constant),
+                    (true, None) => (1.0, 0.0),
+                    (false, _) => (state.advance.gain(stepper.step()), state.advance.factor(stepper.step())),
+                };
+                let row = &mut slopes[(b * states + s) * width..][..width];
+                row.iter_mut().for_each(|slope| *slope *= gain);
+                row[s] += factor;
+                let (right, x) = (stepper.right_side(s, count, workspace)[b], points.column(state.column, 0)[b]);
+                values.push(gain * right + if factor == 0.0 { 0.0 } else { factor * x });
             }
         }
         self.split(&values, &slopes, points, states)
@@ -191,11 +198,11 @@ impl Tangent {
             let (f, d) = if state.advance.continuous { (&mean.0, &mean.1) } else { (&first_values, &first_slopes) };
             for b in 0..count {
                 let row = b * states + s;
-                values[row] = state.advance.keep * present[s * count + b] + gain * f[s * count + b];
+                values[row] = state.advance.factor(seconds) * present[s * count + b] + gain * f[s * count + b];
                 for variable in 0..width {
                     slopes[row * width + variable] = gain * d[row * width + variable];
                 }
-                slopes[row * width + s] += state.advance.keep;
+                slopes[row * width + s] += state.advance.factor(seconds);
             }
         }
         self.split(&values, &slopes, points, states)

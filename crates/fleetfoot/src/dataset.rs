@@ -10,7 +10,7 @@ use fleetfoot_log::{
     Base, ColumnInfo, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, Log, MaxGap, Recording, Selection,
     Stamp, TimeSpec, TimeUnit, TopicInfo,
 };
-use fleetfoot_model::{Column as ModelColumn, Model, Role, Rule};
+use fleetfoot_model::{Column as ModelColumn, Equation, Model, Role, Rule, auxiliary_columns};
 
 use crate::{
     Error, Gap, Logs, Recipe,
@@ -309,7 +309,8 @@ impl Dataset {
         let problem = &task.problem;
         let weights = problem.weight.iter();
         let clock = clock(&problem.equations, problem.library.iter().chain(&problem.partition_columns).chain(weights));
-        let dataset = Self::open(recipe, &problem.columns, &task.aliases, clock, logs, progress)?;
+        let mut dataset = Self::open(recipe, &problem.columns, &task.aliases, clock, logs, progress)?;
+        dataset.see_auxiliary(&problem.columns, &problem.equations)?;
         let mut task = task;
         task.problem.step = dataset.step();
         Ok((dataset, task))
@@ -364,7 +365,8 @@ impl Dataset {
         let logs = &logs.into();
         let (recipe, task) = Self::equations(recipe, logs)?;
         let clock = clock(&task.equations, task.expressions());
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
+        let mut dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
+        dataset.see_auxiliary(&task.columns, &task.equations)?;
         Ok((dataset, task))
     }
 
@@ -416,6 +418,14 @@ impl Dataset {
     /// Sees the same fields through other aliases from now on.
     pub(crate) fn see(&mut self, aliases: &[(Column, Expr)]) {
         self.aliases = described(&self.source, aliases);
+    }
+
+    /// Sees also the columns that a simulation of a model of these columns and equations may read beside them.
+    fn see_auxiliary(&mut self, columns: &[ModelColumn], equations: &[Equation]) -> Result<(), Error> {
+        let auxiliary = auxiliary_columns(columns, equations);
+        let aliases = aliases_of_model(&auxiliary, self.source.columns())?;
+        self.aliases.extend(described(&self.source, &aliases));
+        Ok(())
     }
 
     /// Opens files for a model: its columns, clock and labels are those of its training.
@@ -486,6 +496,10 @@ impl Dataset {
             model.columns.iter().cloned().partition(|column| {
                 needed(&column.name) || aliases_of_model(std::slice::from_ref(column), &fields).is_ok()
             });
+        // What a simulation may read beside them; one that needs what is not there says so.
+        let auxiliary = model.auxiliary_columns().into_iter();
+        let there = |column: &ModelColumn| aliases_of_model(std::slice::from_ref(column), &fields).is_ok();
+        let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();
         let aliases = aliases_of_model(&columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
         let mut dataset = Self::open(&recipe, &columns, &aliases, clock_of_model(model), logs, progress)?;
         if !absent.is_empty() {

@@ -24,6 +24,14 @@ fn estimate(estimate: &Estimate) -> Value {
     json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
 }
 
+/// What a simulation did not compute itself ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), for people.
+pub fn replayed_in_words(columns: &[String]) -> String {
+    match columns {
+        [] => "replayed from the recording: nothing".into(),
+        columns => format!("replayed from the recording: {}", columns.join(", ")),
+    }
+}
+
 /// What an interval compares, for people.
 pub fn interval_in_words(basis: &Basis) -> String {
     match basis {

@@ -46,7 +46,7 @@ pub use export::{Exported, engine_vectors, export};
 pub use fit::{FitPlan, Fitted, fit_pwa, fit_pwa_by_rollouts, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use init::starter_recipe;
-pub use json::interval_in_words;
+pub use json::{interval_in_words, replayed_in_words};
 pub use known::{KnownModel, is_known, known_model};
 pub use list::items;
 pub use logs::Logs;

@@ -261,12 +261,20 @@ impl Expr {
 
     /// Replaces leaves and keeps everything else.
     fn rebuild(&self, mut replace: impl FnMut(&Node) -> Option<Expr>) -> Self {
-        self.fold(|expr, arguments: &[Expr]| match (expr.node(), arguments) {
+        self.fold(|expr, arguments: &[Expr]| match arguments {
+            [] => replace(expr.node()).unwrap_or_else(|| expr.clone()),
+            _ => expr.with_children(arguments),
+        })
+    }
+
+    /// The same root over other arguments; a leaf as it is.
+    pub(crate) fn with_children(&self, arguments: &[Expr]) -> Self {
+        match (self.node(), arguments) {
             (Node::Unary(function, _), [x]) => Self::unary(*function, x.clone()),
             (Node::Binary(function, ..), [a, b]) => Self::binary(*function, a.clone(), b.clone()),
             (Node::Power(_, k), [x]) => x.powi(*k),
-            (leaf, _) => replace(leaf).unwrap_or_else(|| expr.clone()),
-        })
+            _ => self.clone(),
+        }
     }
 
     /// The arguments of the root.

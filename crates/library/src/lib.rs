@@ -21,6 +21,7 @@ mod nearest;
 mod parse;
 mod print;
 mod program;
+mod replaced;
 mod rotation;
 mod scope;
 mod simplify;

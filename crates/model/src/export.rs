@@ -80,7 +80,8 @@ pub fn export(model: &Model, options: &ExportOptions, vectors: &[TestVector]) ->
         Target::C | Target::Rust | Target::Python => {}
     }
     let precision = if options.target == Target::Python { Precision::Double } else { options.precision };
-    let assembled = assemble::assemble(model, options, precision)?;
+    let closed = assemble::closed(model, options)?;
+    let assembled = assemble::assemble(model, &closed, options, precision)?;
     let cost = Cost::of(&assembled.code, precision, assembled.kept());
     let files = match options.target {
         Target::Rust => vec![rust::file(&assembled, options, &cost)],

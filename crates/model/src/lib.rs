@@ -7,6 +7,7 @@
 //! All expressions inside a model speak of the model's own columns (aliases). How an alias comes from the fields of a log is part of
 //! the model too ([`Column::source`]), so that a model is scored on a new log without being told the columns again.
 
+mod closed;
 mod column;
 mod equation;
 mod export;
@@ -17,6 +18,7 @@ mod print;
 mod region;
 mod validate;
 
+pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
 pub use export::{

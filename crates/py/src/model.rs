@@ -4,6 +4,7 @@ use std::{path::PathBuf, sync::OnceLock};
 
 use fleetfoot::{
     dynamics::{Linearized, Method, Stepper, StepperWorkspace, Tangent},
+    library::{Expr, Filter, FilterKind},
     model::{ExportOptions, Precision, StepMethod, Target},
 };
 use numpy::{PyArray1, PyArrayDyn};
@@ -44,7 +45,7 @@ impl Model {
         if let Some(tangent) = self.tangent.get() {
             return Ok(tangent);
         }
-        let tangent = Tangent::new(&self.model, &self.stepper).or_raise(Kind::Model)?;
+        let tangent = Tangent::new(&self.stepper).or_raise(Kind::Model)?;
         Ok(self.tangent.get_or_init(|| tangent))
     }
 
@@ -150,8 +151,20 @@ impl Model {
     /// The same model, whose columns are read as they are: by their own names, from a table that holds them.
     fn over_own_columns(&self) -> PyResult<Self> {
         let mut model = self.model.clone();
+        let closed = model.closed(model.step, &[]).or_raise(Kind::Model)?;
         for column in &mut model.columns {
-            column.source = fleetfoot::library::Expr::column(column.name.as_str()).to_string();
+            // What is computed is computed from the columns that are there.
+            let computed = closed.computed.iter().find(|(name, _)| *name == column.name);
+            let lag = closed.lags.iter().find(|lag| lag.equation.subject == column.name);
+            let source = match (computed, lag) {
+                (Some((_, definition)), _) => definition.clone(),
+                (None, Some(lag)) => {
+                    let constant = Expr::number(lag.constant);
+                    Filter::new(FilterKind::Lag1, lag.equation.right.clone(), constant).column()
+                }
+                (None, None) => Expr::column(column.name.as_str()),
+            };
+            column.source = source.to_string();
         }
         Self::new(model)
     }

@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxTerms, Recipe,
-    dynamics::Baseline, fit_narx, write_model,
+    dynamics::Baseline, fit_narx, replayed_in_words, write_model,
 };
 use serde_json::{Value, json};
 
@@ -255,6 +255,7 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
         ]);
     }
     let mut text = table(&[name, "RMSE", "RRSE", "FIT %", "null model", "persistence"], rows);
+    text.push_str(&format!("\n  free run: {}", replayed_in_words(&scores.free_run.replayed)));
     for run in scores.free_run.runs.iter().filter(|run| run.lost_at.is_some()).take(BEST) {
         let at = run.lost_at.unwrap_or_default();
         text.push_str(&format!(

@@ -8,7 +8,7 @@ use crate::{
 use fleetfoot::{
     Error, Model, RolledOut,
     dynamics::{Horizon, Method as Integration, RolloutOptions, Starts, StepSpan},
-    interval_in_words,
+    interval_in_words, replayed_in_words,
 };
 
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
@@ -44,12 +44,6 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     let rolled = rolled?;
     context.notes(&rolled.notes);
     in_sample(context, &rolled.in_sample, rolled.episodes);
-    if !rolled.rollouts.recorded_states.is_empty() {
-        context.say(format!(
-            "note: no equation advances {}: taken from the recording",
-            rolled.rollouts.recorded_states.join(", ")
-        ));
-    }
     if !rolled.rollouts.driven_inputs.is_empty() {
         context.say(format!(
             "note: closed loop: {} come from the controller, not from the recording",
@@ -138,13 +132,14 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         .collect();
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     format!(
-        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}",
+        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}\n{}",
         count(rollouts.outcomes.len(), "rollout"),
         count(rolled.episodes, "episode"),
         rollouts.missing,
         rollouts.diverged(),
         rollouts.without_region(),
         rollouts.left_domain(),
+        replayed_in_words(&rollouts.replayed),
         table(&header, rows),
         interval_in_words(&horizon.basis),
         useful(horizon)

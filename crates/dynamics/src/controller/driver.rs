@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetfoot_library::nearest;
+use fleetfoot_library::{Leaf, Program, Scratch, nearest};
 
 use super::{Controller, ControllerState};
 use crate::{Error, Simulator, window::Window};
@@ -17,12 +17,13 @@ pub(crate) struct Driver {
 }
 
 /// Where a value that the controller looks at comes from.
-#[derive(Clone, Copy)]
 enum Read {
     /// An advanced state.
     State(usize),
     /// A column of the recording.
     Recorded(usize),
+    /// What follows from these at the same row.
+    Computed(Program, Vec<Read>),
 }
 
 impl Driver {
@@ -53,13 +54,7 @@ impl Driver {
                 let problem = "is read by the controller that drives it".to_owned();
                 return Err(Error::Controller { column: name, problem });
             }
-            reads.push(match simulator.states.iter().position(|state| state.column == column) {
-                Some(state) => Read::State(state),
-                None => {
-                    read_present(&mut simulator.recorded, column);
-                    Read::Recorded(column)
-                }
-            });
+            reads.push(read(simulator, &drives, column)?);
         }
         Ok(Self { controller, reads, drives, names })
     }
@@ -74,13 +69,8 @@ impl Driver {
 
     /// The controller at the start of a trajectory.
     pub(crate) fn start<'a>(&'a self, window: &'a Window<'a>, horizon: usize) -> Drive<'a> {
-        let columns = self.reads.iter().map(|read| match *read {
-            Read::State(_) => &[],
-            Read::Recorded(column) => window.values(column, 0, horizon as i64),
-        });
         Drive {
-            reads: &self.reads,
-            recorded: columns.collect(),
+            reads: self.reads.iter().map(|read| Seen::of(read, window, horizon)).collect(),
             state: self.controller.start(),
             seen: vec![0.0; self.reads.len()],
             inputs: self.drives.iter().map(|&(column, _)| window.values(column, 0, 1)[0]).collect(),
@@ -100,6 +90,38 @@ fn find(simulator: &Simulator, name: &str) -> Result<usize, Error> {
     })
 }
 
+/// Where the values of a column come from while a trajectory is simulated.
+fn read(simulator: &mut Simulator, drives: &[(usize, i32)], column: usize) -> Result<Read, Error> {
+    if let Some(state) = simulator.states.iter().position(|state| state.column == column) {
+        return Ok(Read::State(state));
+    }
+    let name = simulator.columns[column].clone();
+    let Some((_, definition)) = simulator.computed.iter().find(|(computed, _)| *computed == name) else {
+        read_present(&mut simulator.recorded, column);
+        return Ok(Read::Recorded(column));
+    };
+    let refused = |problem: &str| Error::Controller {
+        column: name.clone(),
+        problem: format!(
+            "is {definition}, which {problem}; let the controller read states and inputs that it does not drive"
+        ),
+    };
+    let columns: Vec<&str> = simulator.columns.iter().map(String::as_str).collect();
+    let program = Program::compile(std::slice::from_ref(definition), &columns)?;
+    let mut leaves = Vec::new();
+    for leaf in program.leaves() {
+        match *leaf {
+            Leaf::Column { column, lag: 0 } if drives.iter().all(|&(driven, _)| driven != column) => {
+                leaves.push(column)
+            }
+            Leaf::Column { lag: 0, .. } => return Err(refused("has an input that the controller drives")),
+            _ => return Err(refused("looks at other rows or at time")),
+        }
+    }
+    let reads = leaves.into_iter().map(|column| read(simulator, drives, column)).collect::<Result<_, _>>()?;
+    Ok(Read::Computed(program, reads))
+}
+
 /// Makes sure that a column is read at the present row.
 fn read_present(recorded: &mut Vec<(usize, i32, i32)>, column: usize) {
     match recorded.iter_mut().find(|(known, ..)| *known == column) {
@@ -108,11 +130,44 @@ fn read_present(recorded: &mut Vec<(usize, i32, i32)>, column: usize) {
     }
 }
 
+/// What a controller looks at along a trajectory.
+enum Seen<'a> {
+    State(usize),
+    /// From the start on.
+    Recorded(&'a [f64]),
+    Computed(&'a Program, Vec<Seen<'a>>),
+}
+
+impl<'a> Seen<'a> {
+    fn of(read: &'a Read, window: &'a Window<'a>, horizon: usize) -> Self {
+        match read {
+            Read::State(state) => Self::State(*state),
+            Read::Recorded(column) => Self::Recorded(window.values(*column, 0, horizon as i64)),
+            Read::Computed(program, reads) => {
+                Self::Computed(program, reads.iter().map(|read| Self::of(read, window, horizon)).collect())
+            }
+        }
+    }
+
+    /// The value in step `k`.
+    #[inline]
+    fn at(&self, k: usize, states: &dyn Fn(usize) -> f64) -> f64 {
+        match self {
+            Self::State(state) => states(*state),
+            Self::Recorded(values) => values[k],
+            Self::Computed(program, reads) => {
+                let leaves: Vec<f64> = reads.iter().map(|read| read.at(k, states)).collect();
+                let mut value = [0.0];
+                program.evaluate_row(&leaves, &mut value, &mut Scratch::default());
+                value[0]
+            }
+        }
+    }
+}
+
 /// A controller on its way along a trajectory.
 pub(crate) struct Drive<'a> {
-    reads: &'a [Read],
-    /// Per read: the recorded column from the start on; empty for a state.
-    recorded: Vec<&'a [f64]>,
+    reads: Vec<Seen<'a>>,
     state: Box<dyn ControllerState>,
     seen: Vec<f64>,
     /// The inputs of the present step.
@@ -125,11 +180,8 @@ impl Drive<'_> {
     /// Computes the inputs of step `k`, which begins at `seconds` in the state that `states` tells.
     #[inline]
     pub(crate) fn step(&mut self, k: usize, seconds: f64, states: impl Fn(usize) -> f64) {
-        for ((seen, read), recorded) in self.seen.iter_mut().zip(self.reads).zip(&self.recorded) {
-            *seen = match *read {
-                Read::State(state) => states(state),
-                Read::Recorded(_) => recorded[k],
-            };
+        for (seen, read) in self.seen.iter_mut().zip(&self.reads) {
+            *seen = read.at(k, &states);
         }
         self.state.control(seconds, &self.seen, &mut self.inputs);
         self.given.extend_from_slice(&self.inputs);

@@ -4,6 +4,7 @@ mod common;
 mod controllers;
 mod latents;
 mod plane;
+mod replayed;
 mod rollouts;
 mod scores;
 mod simulations;

@@ -477,7 +477,7 @@ fn what_cannot_be_rolled_out_is_said() {
     assert!(matches!(Simulator::new(&plain(Prediction::Value, "y")), Err(Error::NothingToAdvance { .. })));
     assert!(matches!(Simulator::new(&plain(Prediction::Next, "lead(x, 1)")), Err(Error::FutureState { ahead: 1, .. })));
     let simulator = Simulator::new(&plain(Prediction::Next, "lead(y, 2)")).unwrap();
-    assert_eq!(simulator.recorded_states(), ["y"]);
+    assert_eq!(simulator.replayed(), ["y"]);
     assert_eq!(simulator.needed_rows(10).after, 11);
     let twice = model(
         columns(),

@@ -173,7 +173,7 @@ fn tangents_are_finite_differences() {
     for kind in KINDS {
         let model = model(kind);
         let stepper = Stepper::new(&model).unwrap();
-        let tangent = Tangent::new(&model, &stepper).unwrap();
+        let tangent = Tangent::new(&stepper).unwrap();
         let (variables, mut workspace) = ([0, 2, 4, 1, 3], StepperWorkspace::default());
         for row in [5, 12, 31] {
             for step in [None, Some((0.08, Method::Euler)), Some((0.08, Method::Rk4))] {

@@ -17,6 +17,9 @@ pub(super) fn replace(model: &Model, options: &ExportOptions, vectors: &mut [Tes
         return Ok(());
     }
     let names = signals(model, options)?;
+    // The code's columns are those of the model with everything computed.
+    let step = options.discretize.unwrap_or(model.step);
+    let model = &model.closed(step, &[]).map_err(fleetfoot_dynamics::Error::from)?.model;
     if !names.states.is_empty() {
         next_states(model, options, &names, vectors)?;
     }

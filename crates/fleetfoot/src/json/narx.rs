@@ -103,6 +103,7 @@ fn scores_json(scores: &NarxScores) -> Value {
     });
     json!({
         "one_step": one_step.collect::<Vec<_>>(), "free_run": outputs.collect::<Vec<_>>(), "runs": runs.collect::<Vec<_>>(),
+        "replayed": scores.free_run.replayed,
         "episodes_skipped": scores.free_run.skipped,
     })
 }

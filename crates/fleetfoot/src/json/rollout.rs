@@ -27,7 +27,7 @@ impl RolledOut {
             "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
             "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
             "episodes": self.episodes, "in_sample_episodes": self.in_sample,
-            "states": horizon.states, "recorded_states": rollouts.recorded_states,
+            "states": horizon.states, "replayed": rollouts.replayed,
             "driven_inputs": rollouts.driven_inputs,
             "time": horizon.time, "model": score(&horizon.model),
             "baselines": horizon.baselines.iter()

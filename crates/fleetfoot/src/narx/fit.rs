@@ -47,7 +47,7 @@ pub fn fit_narx(
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<NarxFitted, Error> {
-    let options = NarxOptions::new(recipe)?;
+    let mut options = NarxOptions::new(recipe)?;
     let prepared = one_row_ahead(recipe, &options)?;
     let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
     let base = NarxBase::new(task, recipe)?;
@@ -55,6 +55,7 @@ pub fn fit_narx(
     let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
     let (train, test) = Spans::split(&view, tested, options.decimate)?;
     let step = dataset.step() * options.decimate as f64;
+    options.order = base.simulated(options.order, step)?;
     let fit = Fit { recipe, options: &options, base: &base, source: &train, step };
     let found = fit.run(progress);
     let functions = || base.row_functions();

@@ -1,10 +1,10 @@
 //! A recipe resolved to an autoregression: the equations of the outputs one row ahead, over the lags of outputs and inputs.
 
 use fleetfoot_library::Expr;
-use fleetfoot_model::Role;
+use fleetfoot_model::{ClosedError, Role};
 use fleetfoot_sparse::{Addend, NarxLibrary, NarxOrder};
 
-use super::NarxOptions;
+use super::{GivenOrder, NarxOptions, OrderRule};
 use crate::{EquationTask, Error, Recipe, task::seen};
 
 /// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
@@ -126,6 +126,34 @@ impl NarxBase {
     /// Number of outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.task.fitted.len()
+    }
+
+    /// The rule with the orders that can run free. Inputs that follow from an output and would be needed before it is predicted are refused; where it is still
+    /// to be found whether inputs act at once, they then do not.
+    pub(crate) fn simulated(&self, rule: OrderRule, step: f64) -> Result<OrderRule, Error> {
+        self.check_simulated(false, step)?;
+        let Err(refused) = self.check_simulated(true, step) else { return Ok(rule) };
+        match rule {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) if order.direct => Err(refused),
+            OrderRule::Look(GivenOrder { direct: Some(true), .. }) => Err(refused),
+            OrderRule::Look(given) => Ok(OrderRule::Look(GivenOrder { direct: Some(false), ..given })),
+            rule => Ok(rule),
+        }
+    }
+
+    /// Refuses candidates that a free run could not evaluate; `direct`: with inputs that act at once.
+    fn check_simulated(&self, direct: bool, step: f64) -> Result<(), Error> {
+        let task = self.with(&[NarxOrder { outputs: 1, inputs: 1, degree: 1, direct }])?.task;
+        fleetfoot_model::check_simulated(&task.columns, &task.equations, step, &task.functions).map_err(
+            |error| match error {
+                ClosedError::Ahead { column, definition, state, ahead } => Error::Request(format!(
+                    "the input `{column}` is {definition}, a function of the output `{state}`{}: it is known only when the output is; give it earlier rows \
+                     (leave --direct away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
+                    if ahead == 1 { String::new() } else { format!(" {} rows ahead", ahead - 1) }
+                )),
+                other => Error::Request(other.to_string()),
+            },
+        )
     }
 }
 

@@ -56,9 +56,6 @@ impl Evidence {
             dataset.see(&task.aliases);
             parameters = found;
         }
-        for name in task.filtered_states() {
-            notes.push(format!("`{name}` filters a state: a rollout takes it from the recording, as it does inputs"));
-        }
         let view = dataset.view()?;
         let partition = partition(recipe, &task, seed, dataset.step(), &view, &mut notes, progress)?;
         progress.stage("scan");

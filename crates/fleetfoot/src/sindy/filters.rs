@@ -48,14 +48,6 @@ impl EquationTask {
         self
     }
 
-    /// Filters of states that equations advance: in a rollout they are taken from the recording, as inputs are.
-    pub(super) fn filtered_states(&self) -> Vec<String> {
-        let advanced = |name: &str| self.equations.iter().any(|equation| equation.subject == name);
-        let filters = self.columns.iter().filter_map(|column| Filter::of(&column.name).map(|filter| (column, filter)));
-        let of_states = filters.filter(|(_, filter)| filter.sources().iter().any(|name| advanced(name)));
-        of_states.map(|(column, _)| column.name.clone()).collect()
-    }
-
     fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use faer::Mat;
-use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training};
+use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training, auxiliary_columns};
 use fleetfoot_sparse::{Spread, SystemScan};
 use fleetfoot_stats::Gram;
 
@@ -135,6 +135,11 @@ impl EquationTask {
         let mut names: BTreeSet<String> = spoken.map(|name| name.to_string()).collect();
         names.extend(self.equations.iter().map(|equation| equation.subject.clone()));
         let kept = |column: &&Column| column.role != Role::Auxiliary || names.contains(&column.name);
+        let spoken: Vec<Column> = self.columns.iter().filter(kept).cloned().collect();
+        // What the columns that are spoken of are computed from in a simulation has the name that it has here.
+        let sources: Vec<String> =
+            auxiliary_columns(&spoken, &self.equations).into_iter().map(|column| column.source).collect();
+        let kept = |column: &&Column| kept(column) || sources.contains(&column.source);
         self.columns.iter().filter(kept).cloned().collect()
     }
 }

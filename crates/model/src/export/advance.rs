@@ -1,12 +1,12 @@
 //! One step of time as code, in the engine's order: slopes, a step of Euler or Runge-Kutta, angles wrapped.
 
-use fleetfoot_library::Unary;
+use fleetfoot_library::{Binary, Unary};
 
 use super::{
     code::{Argument, Function, Index, Kind, Outcome, Parameter, Place, Real, Statement},
     jacobian::unless_failed,
     options::StepMethod,
-    plan::{Plan, Source},
+    plan::{Advance, Plan, Source},
 };
 use crate::Prediction;
 
@@ -28,16 +28,23 @@ impl Plan<'_> {
         let i = || Index::local("i");
         for run in self.runs() {
             let (x, f) = (Real::at("x", i()), Real::at("k1", i()));
-            let value = match self.states[run.start].prediction {
-                Prediction::Derivative if method == StepMethod::Rk4 => {
+            let value = match self.states[run.start].advance {
+                Advance::Lag(constant) => {
+                    let gain = match step {
+                        Some(step) => Real::Number(-(-step / constant).exp_m1()),
+                        None => lag_gain(Real::local("dt"), constant),
+                    };
+                    x.clone().plus(gain.times(f.minus(x)))
+                }
+                Advance::Equation(Prediction::Derivative) if method == StepMethod::Rk4 => {
                     // (k1 + 2 k2 + 2 k3 + k4) / 6
                     let twice = |name: &str| Real::Number(2.0).times(Real::at(name, i()));
                     let mean = f.plus(twice("k2")).plus(twice("k3").plus(Real::at("k4", i())));
                     x.plus(dt().times(mean).times(Real::Number(1.0 / 6.0)))
                 }
-                Prediction::Derivative => x.plus(dt().times(f)),
-                Prediction::Difference => x.plus(f),
-                Prediction::Next | Prediction::Value => f,
+                Advance::Equation(Prediction::Derivative) => x.plus(dt().times(f)),
+                Advance::Equation(Prediction::Difference) => x.plus(f),
+                Advance::Equation(Prediction::Next | Prediction::Value) => f,
             };
             let value = if self.states[run.start].signal.angle { Real::unary(Unary::Wrap, value) } else { value };
             body.push(range("i", run, vec![Statement::set("n", i(), value)]));
@@ -73,8 +80,8 @@ impl Plan<'_> {
             let i = || Index::local("i");
             for run in self.runs() {
                 let x = Real::at("x", i());
-                let value = match self.states[run.start].prediction {
-                    Prediction::Derivative => x.plus(offset().times(Real::at(before, i()))),
+                let value = match self.states[run.start].advance {
+                    Advance::Equation(Prediction::Derivative) => x.plus(offset().times(Real::at(before, i()))),
                     // What advances once a step is held within it.
                     _ => x,
                 };
@@ -89,7 +96,7 @@ impl Plan<'_> {
 
     /// Consecutive states that advance in the same way.
     fn runs(&self) -> Vec<std::ops::Range<usize>> {
-        let kind = |i: usize| (self.states[i].prediction, self.states[i].signal.angle);
+        let kind = |i: usize| (self.states[i].advance, self.states[i].signal.angle);
         let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
         for i in 0..self.states.len() {
             match runs.last_mut() {
@@ -134,6 +141,13 @@ impl Plan<'_> {
         }
         Some(Function { name: "remember", gives: false, parameters, body })
     }
+}
+
+/// `1 - exp(-dt/c)` as `2 t/(1 + t)` with `t = tanh(dt/(2 c))`: without loss of digits for short steps.
+fn lag_gain(dt: Real, constant: f64) -> Real {
+    let half = || Real::unary(Unary::Tanh, dt.clone().times(Real::Number(0.5 / constant)));
+    let whole = Real::Number(1.0).plus(half());
+    Real::binary(Binary::Div, Real::Number(2.0).times(half()), whole)
 }
 
 fn range(index: &str, run: std::ops::Range<usize>, body: Vec<Statement>) -> Statement {

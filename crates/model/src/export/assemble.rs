@@ -1,30 +1,45 @@
 //! The whole code of a model: tables and functions.
 
 use super::{
-    ExportError, ExportOptions, code::Code, evaluation::Evaluation, lower::Lowering, options::Precision, plan::Plan,
+    ExportError, ExportOptions,
+    code::Code,
+    evaluation::Evaluation,
+    lower::Lowering,
+    options::Precision,
+    plan::{Advance, Plan},
     walk,
 };
-use crate::Prediction;
+use crate::{Closed, Model, Prediction};
 
 /// Most regions: a region and the codes of failures are numbers of 16 bits.
 const MOST_REGIONS: usize = 30_000;
 
 /// What the languages print.
 pub(super) struct Assembled<'a> {
+    /// The model as it was given.
+    pub(super) own: &'a Model,
     pub(super) plan: Plan<'a>,
     pub(super) code: Code,
     /// The step's length where it is not the caller's.
     pub(super) step: Option<f64>,
 }
 
-/// Writes the code.
+/// The model with everything computed that can be: what the code evaluates.
+pub(super) fn closed(model: &Model, options: &ExportOptions) -> Result<Closed, ExportError> {
+    options.validate()?;
+    model.validate().map_err(ExportError::Inconsistent)?;
+    Ok(model.closed(options.discretize.unwrap_or(model.step), &[])?)
+}
+
+/// Writes the code of a model, [`closed`].
 pub(super) fn assemble<'a>(
-    model: &'a crate::Model,
+    own: &'a Model,
+    closed: &'a Closed,
     options: &ExportOptions,
     precision: Precision,
 ) -> Result<Assembled<'a>, ExportError> {
-    options.validate()?;
-    let plan = Plan::new(model)?;
+    let model = &closed.model;
+    let plan = Plan::new(closed)?;
     if options.discretize.is_some() && !plan.continuous() {
         return Err(ExportError::AlreadyDiscrete);
     }
@@ -37,11 +52,13 @@ pub(super) fn assemble<'a>(
     if let Some(evaluation) = &plan.advance {
         let mut lowering = lowering(&plan, evaluation, options, precision, "");
         code.functions.push(lowering.right_sides("right_sides"));
-        let kinds: Vec<Prediction> = plan.states.iter().map(|state| state.prediction).collect();
+        // The row of a lag is that of what it follows.
+        let kind = |advance| if let Advance::Equation(kind) = advance { kind } else { Prediction::Next };
+        let kinds: Vec<Prediction> = plan.states.iter().map(|state| kind(state.advance)).collect();
         code.functions.push(lowering.jacobian("jacobian", &kinds)?);
         code.tables.append(&mut lowering.tables);
         code.functions.push(plan.next(options.method, step));
-        if plan.states.iter().all(|state| state.prediction == Prediction::Derivative) {
+        if plan.states.iter().all(|state| state.advance == Advance::Equation(Prediction::Derivative)) {
             code.functions.push(plan.next_jacobian(options.method, step));
         }
     }
@@ -57,7 +74,7 @@ pub(super) fn assemble<'a>(
     code.functions.extend(plan.remember(step));
     check_numbers(&code, precision)?;
     drop_unused_tables(&mut code);
-    Ok(Assembled { plan, code, step })
+    Ok(Assembled { own, plan, code, step })
 }
 
 fn lowering<'a>(

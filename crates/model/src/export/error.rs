@@ -33,6 +33,9 @@ pub enum ExportError {
         /// Rows back in time.
         lag: i32,
     },
+    /// A column that follows from the states cannot be computed in time.
+    #[error(transparent)]
+    Closed(#[from] crate::ClosedError),
     /// The model looks into the future.
     #[error(
         "the model reads `{column}` {ahead} rows ahead, which code on a robot cannot know (only a discrete model is given the inputs of its next row); fit with lags instead of leads"

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use fleetfoot_library::Leaf;
 
 use super::{ExportError, evaluation::Evaluation};
-use crate::{Equation, Model, Prediction};
+use crate::{Closed, Equation, Model, Prediction};
 
 /// The shape of the exported code: its vectors, its memory, and the two things that it may evaluate.
 pub(super) struct Plan<'a> {
     pub(super) model: &'a Model,
-    /// Columns that equations advance, in the order of the model's columns.
+    /// Columns that equations advance, in the order of the model's columns, then first-order lags.
     pub(super) states: Vec<State>,
     /// Columns that are read and not advanced, in the order of the model's columns.
     pub(super) inputs: Vec<Signal>,
@@ -31,7 +31,16 @@ pub(super) struct Plan<'a> {
 
 pub(super) struct State {
     pub(super) signal: Signal,
-    pub(super) prediction: Prediction,
+    pub(super) advance: Advance,
+}
+
+/// How a state advances.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Advance {
+    /// As an equation of the model says.
+    Equation(Prediction),
+    /// As a first-order lag of its right side, with this time constant in seconds.
+    Lag(f64),
 }
 
 pub(super) struct Signal {
@@ -56,9 +65,15 @@ pub(super) enum Source {
 }
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(model: &'a Model) -> Result<Self, ExportError> {
-        model.validate().map_err(ExportError::Inconsistent)?;
-        let (columns, advancing) = advanced(model)?;
+    pub(super) fn new(closed: &'a Closed) -> Result<Self, ExportError> {
+        let model = &closed.model;
+        let (mut columns, mut advancing) = advanced(model)?;
+        let mut advances: Vec<Advance> = advancing.iter().map(|e| Advance::Equation(e.prediction)).collect();
+        for lag in &closed.lags {
+            columns.push(lag.column);
+            advancing.push(&lag.equation);
+            advances.push(Advance::Lag(lag.constant));
+        }
         let predicting: Vec<&Equation> =
             model.equations.iter().filter(|equation| equation.prediction == Prediction::Value).collect();
         if advancing.is_empty() && predicting.is_empty() {
@@ -108,8 +123,8 @@ impl<'a> Plan<'a> {
         Ok(Self {
             states: columns
                 .iter()
-                .zip(&advancing)
-                .map(|(&column, equation)| State { signal: signal(column), prediction: equation.prediction })
+                .zip(advances)
+                .map(|(&column, advance)| State { signal: signal(column), advance })
                 .collect(),
             inputs: inputs.iter().map(|&column| signal(column)).collect(),
             outputs: predicting
@@ -136,7 +151,12 @@ impl<'a> Plan<'a> {
 
     /// Whether a derivative is integrated.
     pub(super) fn continuous(&self) -> bool {
-        self.states.iter().any(|state| state.prediction == Prediction::Derivative)
+        self.states.iter().any(|state| state.advance == Advance::Equation(Prediction::Derivative))
+    }
+
+    /// Whether there are first-order lags among the states.
+    pub(super) fn lags(&self) -> bool {
+        self.states.iter().any(|state| matches!(state.advance, Advance::Lag(_)))
     }
 
     /// Whether values of the present row are not all that the right sides read.

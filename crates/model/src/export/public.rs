@@ -3,7 +3,7 @@
 use super::{
     assemble::Assembled,
     code::{Function, Kind},
-    plan::{Plan, Signal, Source},
+    plan::{Advance, Plan, Signal, Source},
 };
 use crate::Prediction;
 
@@ -46,9 +46,13 @@ impl Assembled<'_> {
     }
 
     fn right_sides_doc(&self) -> String {
-        let mixed = self.plan.states.iter().any(|state| state.prediction != Prediction::Derivative);
+        let derivative = Advance::Equation(Prediction::Derivative);
+        let mixed = self.plan.states.iter().any(|state| state.advance != derivative);
         if mixed {
-            "The right sides of the states' equations: derivatives, per second, next values or changes.".into()
+            format!(
+                "The right sides of the states' equations: derivatives, per second, next values or changes{}.",
+                if self.plan.lags() { "; of a first-order lag what it follows" } else { "" }
+            )
         } else {
             "The derivatives of the states, per second.".into()
         }
@@ -91,7 +95,7 @@ impl Assembled<'_> {
     pub(super) fn about(&self) -> Vec<String> {
         let model = self.plan.model;
         let mut lines = vec![
-            format!("{} model {}, exported by fleetfoot {}.", model.method, model.hash(), env!("CARGO_PKG_VERSION")),
+            format!("{} model {}, exported by fleetfoot {}.", model.method, self.own.hash(), env!("CARGO_PKG_VERSION")),
             format!(
                 "Fitted to {} rows of {} episodes with fleetfoot {}; sampling period {:?} s.",
                 model.training.rows,
@@ -116,9 +120,10 @@ impl Assembled<'_> {
             };
             format!("  past[{}..{}] {what}, oldest first", delay.offset, delay.offset + delay.depth)
         }));
+        lines.extend(self.lags_doc());
         lines.push(String::new());
         lines.push("Equations:".into());
-        for equation in &model.equations {
+        for equation in &self.own.equations {
             let right = equation.right.to_string();
             let right: String =
                 if right.len() > 400 { right.chars().take(400).chain("...".chars()).collect() } else { right };
@@ -127,6 +132,21 @@ impl Assembled<'_> {
         lines.push(String::new());
         lines.extend(self.codes());
         lines
+    }
+
+    /// What the first-order lags among the states are, and where they start.
+    fn lags_doc(&self) -> Vec<String> {
+        if !self.plan.lags() {
+            return Vec::new();
+        }
+        let states = self.plan.states.iter().enumerate();
+        let lags = states.filter(|(_, state)| matches!(state.advance, Advance::Lag(_)));
+        let names: Vec<String> = lags.map(|(i, state)| format!("x[{i}] {}", state.signal.name)).collect();
+        let text = format!(
+            "First-order lags are states: {}. Where nothing else is known, start each at the value of what it follows, as it is at rest.",
+            names.join(", ")
+        );
+        [vec![String::new()], fold(&text, 112)].concat()
     }
 
     fn codes(&self) -> Vec<String> {

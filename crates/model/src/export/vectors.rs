@@ -4,7 +4,7 @@ use fleetfoot_data::mix;
 
 use super::{
     ExportError, ExportOptions,
-    assemble::{Assembled, assemble},
+    assemble::{Assembled, assemble, closed},
     code::Kind,
     interpret::{Interpreter, NOT_FINITE, Run},
     lower::NEXT_INPUTS,
@@ -67,7 +67,8 @@ const ROOM: f64 = 8.0;
 /// # Errors
 /// [`ExportError`].
 pub fn signals(model: &Model, options: &ExportOptions) -> Result<Signals, ExportError> {
-    let assembled = assemble(model, options, options.precision)?;
+    let closed = closed(model, options)?;
+    let assembled = assemble(model, &closed, options, options.precision)?;
     let plan = &assembled.plan;
     let name = |source| match source {
         super::plan::Source::State(i) => plan.states.get(i).map(|state| state.signal.name.clone()),
@@ -95,7 +96,8 @@ pub fn test_vectors(
     count: usize,
     seed: u64,
 ) -> Result<Vec<TestVector>, ExportError> {
-    let assembled = assemble(model, options, options.precision)?;
+    let closed = closed(model, options)?;
+    let assembled = assemble(model, &closed, options, options.precision)?;
     let mut vectors = Vec::with_capacity(count);
     let mut interpreter = Interpreter::new(&assembled.code, options.precision.roundoff());
     for attempt in 0..(40 * count as u64) {
@@ -119,7 +121,8 @@ pub fn evaluate_at(
     options: &ExportOptions,
     mut points: Vec<TestVector>,
 ) -> Result<Vec<TestVector>, ExportError> {
-    let assembled = assemble(model, options, options.precision)?;
+    let closed = closed(model, options)?;
+    let assembled = assemble(model, &closed, options, options.precision)?;
     let mut interpreter = Interpreter::new(&assembled.code, options.precision.roundoff());
     for point in &mut points {
         point.results.clear();

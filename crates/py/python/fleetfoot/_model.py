@@ -37,9 +37,11 @@ class Model(OnRecordings):
     Attributes
     ----------
     states : tuple of str
-        What the equations advance.
+        What the equations advance; behind it first-order lags (``lag1``) of what is computed, which are states too: where
+        nothing else is known, start each at the value of what it follows.
     inputs : tuple of str
-        What is given from outside, and whatever else the equations read.
+        What is given from outside, and whatever else the equations read. What follows from states, inputs and time is
+        computed, and is no input.
     outputs : tuple of str
         Left sides of the fitted equations: ``d(x)/dt``, ``next(y)``, ``force``.
     regions : tuple of str

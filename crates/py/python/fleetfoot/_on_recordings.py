@@ -189,7 +189,8 @@ class OnRecordings:
         Returns
         -------
         dict
-            ``time`` (horizon), ``states``, ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
+            ``time`` (horizon), ``states``, ``replayed`` (columns that came from the recording after a start: inputs
+            that nothing drives, and what does not follow from states and inputs), ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
             ``mahalanobis`` with intervals),
             ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
             model is the better one), ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each

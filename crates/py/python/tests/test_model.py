@@ -329,3 +329,25 @@ def test_inputs_are_read_not_kept(sindy):
     before = sys.getrefcount(x)
     sindy.step(x, u)
     assert sys.getrefcount(x) == before
+
+
+def test_an_alias_is_simulated_as_its_text_is():
+    """What follows from states and inputs is computed from the simulated ones, and is no input."""
+    t, x, u = pendulum()
+    data = {"t": t, "angle": x[:, 0], "rate": x[:, 1], "torque": u}
+    recipe = {
+        "columns": {"q": "angle", "v": "rate", "drag": "rate*abs(rate)", "pull": "sin(angle) - 0.1*torque"},
+        "states": {"q": {"known": "v"}, "v": {"derivative": "forward"}},
+        "inputs": {"u": "torque"},
+    }
+    opened = ff.open(data, recipe=recipe)
+    libraries = ["v", "drag", "pull", "u"], ["v", "v*abs(v)", "sin(q) - 0.1*u", "u"]
+    aliased, inlined = (ff.SINDy(library=library, terms=3).fit(opened).model_ for library in libraries)
+    assert aliased.inputs == inlined.inputs == ("u",)
+    found = [model.simulate(x[0], t[:400], u[:400]) for model in (aliased, inlined)]
+    assert found[0].tobytes() == found[1].tobytes()
+    for model in (aliased, inlined):
+        report = model.rollout(opened, 50, starts=20)
+        assert report["replayed"] == ["u"]
+    own = [model.rollout(opened, 50, starts=20)["model"] for model in (aliased, inlined)]
+    assert own[0] == own[1]

@@ -1,0 +1,40 @@
+//! Why a model cannot be simulated by itself.
+
+/// Why a model cannot be simulated by itself.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClosedError {
+    /// A column would be needed before what it is computed from is known.
+    #[error(
+        "`{column}` = {definition} looks at `{state}` {ahead} row{} ahead, which a simulation does not know yet; use earlier rows of it (for example `lag({column}, {ahead})`), \
+         or fit without it", if *.ahead == 1 { "" } else { "s" }
+    )]
+    Ahead {
+        /// The column.
+        column: String,
+        /// What it is.
+        definition: String,
+        /// The simulated column that it reads.
+        state: String,
+        /// Rows ahead.
+        ahead: i32,
+    },
+    /// A filter without a recursion, or with a constant that is none.
+    #[error(
+        "`{filter}` of simulated values cannot be simulated: lags (`lag1`) and delays (`delay`) of a number of seconds can; fit without it"
+    )]
+    Filter {
+        /// The filter.
+        filter: String,
+    },
+    /// A delay of no number of rows.
+    #[error(
+        "`{filter}`: in steps of {step} s this is no number of rows up to a million; give a delay and a sampling period that go together"
+    )]
+    Delay {
+        /// The filter.
+        filter: String,
+        /// The step, seconds.
+        step: f64,
+    },
+}
