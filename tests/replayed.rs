@@ -193,7 +193,8 @@ fn a_function_of_an_output_is_computed_from_the_simulated_output() {
     let fit = |more: &[&str]| fleetfoot(folder.path(), &[&NARX[..], more].concat());
     let alias = ["--inputs", "u,s", "--alias", "s=sqrt(max(y,0))", "--free-run", "test.csv", "-o", "narx.json"];
     let found = fit(&[&alias[..], &["--terms", "all"]].concat()).ok().json();
-    assert_eq!(found["files"]["replayed"], serde_json::json!(["u"]));
+    let files = &found["files"]["by_file"][0];
+    assert_eq!(files["replayed"], serde_json::json!(["u"]));
     // The recursion by hand, from the first row.
     let terms = &found["regions"][0]["equations"][0]["terms"];
     let of = |name: &str| {
@@ -211,7 +212,7 @@ fn a_function_of_an_output_is_computed_from_the_simulated_output() {
         square += (y - pair[1][1]).powi(2);
     }
     let rmse = (square / (rows.len() - 1) as f64).sqrt();
-    let told = found["files"]["free_run"][0]["rmse"].as_f64().unwrap();
+    let told = files["free_run"][0]["rmse"].as_f64().unwrap();
     assert!((told - rmse).abs() < 1e-9 * rmse && of("s") != 0.0, "{told} by the engine, {rmse} by the recursion");
     let table = fleetfoot(folder.path(), &[&NARX[..11], &alias[..]].concat()).ok().out;
     assert!(table.contains("free run: replayed from the recording: u"), "{table}");
