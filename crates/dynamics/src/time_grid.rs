@@ -97,8 +97,11 @@ impl Stepper {
 
     /// Why an interval must be a row, where it must.
     fn goes_by_rows(&self) -> Option<&'static str> {
-        if self.states.iter().any(|state| !state.advance.continuous) {
-            return Some("its equations give the next row");
+        let mut by_rows = self.states.iter().filter(|state| !state.advance.continuous);
+        if let Some(state) = by_rows.next() {
+            // Filters stand behind what equations advance.
+            let filter = state.advance.lag.is_some();
+            return Some(if filter { "its filters go from row to row" } else { "its equations give the next row" });
         }
         (self.history() > 0).then_some("its equations look back by rows")
     }
