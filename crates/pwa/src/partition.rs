@@ -72,14 +72,16 @@ pub(crate) fn prepare(
     let bytes = gram_bytes(rows.dimension());
     Grid::check(source.episodes(), 1, bytes)?;
     let grid = Grid { chunk_rows: Grid::for_budget(source.rows(), regions, bytes, STATS_BUDGET, COARSE) };
-    let folds = fold_layout(options, rows.halo().before + rows.halo().after, source)?;
+    let folds = fold_layout(options, rows.halo().before + rows.halo().after, source);
     let chunks = match &folds {
-        Some(folds) => grid.chunks_in(folds, source.episodes()),
-        None => grid.chunks(source.episodes()),
+        Ok(Some(folds)) => grid.chunks_in(folds, source.episodes()),
+        _ => grid.chunks(source.episodes()),
     };
     progress.stage("survey");
     let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
     check(problem, &rows, &survey)?;
+    // Rows that are too few for a model are too few for folds: the former is said first.
+    let folds = folds?;
     progress.stage("partition");
     let segmentation = segment(problem, options, &rows, &survey, progress)?;
     Ok(Prepared { rows, grid, folds, chunks, survey, segmentation })

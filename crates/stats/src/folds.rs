@@ -209,7 +209,7 @@ impl FoldLayout {
         let inner = self.gap(spans, at);
         // What was summed in one piece is purged in one piece, if it is no more than a gap may be.
         let small = |gap: usize| match self.purge {
-            Purge::Exactly(_) => true,
+            Purge::Exactly(_) => gap > 0,
             Purge::Correlated(_) => gap > 0 && unit.len() <= (span.len() / TENTH).max(1),
         };
         let previous = unit.start < inner.start && small(inner.start - span.start) && at > 0;

@@ -3,13 +3,13 @@
 use faer::Mat;
 use fleetfoot::{
     Silent,
-    data::mix,
-    library::{Expr, central_difference},
+    data::{Source, mix},
+    library::{CentralDifference, Expr, Spacing, central_difference},
     sparse::{
         EnsembleOptions, FoldProblem, Folds, Optimizer, Stlsq, SweepOptions, System, SystemPlan, SystemScan, Terms,
-        Thresholds, Unit, ensemble, optimize, sweep,
+        Thresholds, Unit, ensemble, optimize, sampled_mean_squares, sweep,
     },
-    stats::{Compressed, Fold, FoldRule, Key, Purge},
+    stats::{Compressed, Fold, FoldRule, Key, Purge, blocks},
 };
 
 use super::{Failure, candidates::Candidates, recordings::Recorded};
@@ -39,9 +39,14 @@ impl Prepared {
         };
         let targets = names[..recorded.targets()].iter().map(target).collect();
         let system = System::new(candidates.functions.clone(), targets);
+        let resolution = match recorded.derivatives {
+            Some(_) => vec![0.0; recorded.targets()],
+            None => resolution(&names[..recorded.targets()], &source)?,
+        };
         let scan = SystemPlan::new(system, None, &source)?.scan(&source, &Silent)?;
-        let folds = if recorded.states.len() < FOLDS { Vec::new() } else { folds(&scan, candidates.constant)? };
-        Ok(Self { rows: scan.root(0).compressed(candidates.constant), folds, scan, constant: candidates.constant })
+        let constant = candidates.constant;
+        let folds = if recorded.states.len() < FOLDS { Vec::new() } else { folds(&scan, constant, &resolution)? };
+        Ok(Self { rows: scan.root(0).compressed(constant).known_to(&resolution), folds, scan, constant })
     }
 
     /// Sequentially thresholded least squares with pysindy's options, at every threshold: coefficients of every equation.
@@ -69,16 +74,18 @@ impl Prepared {
         Ok(found.iter().map(|sweep| sweep.choice().coefficients.clone()).collect())
     }
 
-    /// STLSQ at one threshold on bootstrap replicates of the chunks of rows; the terms of most of the models, refitted on all rows.
+    /// STLSQ at one threshold on bootstrap replicates of blocks of rows; the terms of most of the models, refitted on all rows.
     pub(crate) fn ensemble(&self, threshold: f64, ridge: f64, seed: u64) -> Result<Vec<Vec<f64>>, Failure> {
-        let units = self.scan.units().len();
-        let mut weights = Mat::<f64>::zeros(units, REPLICATES);
+        let blocks = blocks(self.scan.units().iter().map(|unit| (unit.episode, unit.rows)));
+        let count = blocks.last().map_or(0, |last| last + 1);
+        let mut weights = Mat::<f64>::zeros(blocks.len(), REPLICATES);
         for replicate in 0..REPLICATES {
             let start = mix(mix(seed).wrapping_add(replicate as u64));
-            for draw in 0..units {
+            for draw in 0..count {
                 let random = mix(start.wrapping_add(draw as u64));
-                let unit = (u128::from(random) * units as u128) >> 64;
-                weights[(unit as usize, replicate)] += 1.0;
+                let block = ((u128::from(random) * count as u128) >> 64) as usize;
+                let own = (0..blocks.len()).filter(|&unit| blocks[unit] == block);
+                own.for_each(|unit| weights[(unit, replicate)] += 1.0);
             }
         }
         let replicates = self.scan.roots(0, weights.as_ref());
@@ -98,8 +105,18 @@ impl Prepared {
     }
 }
 
+/// Mean squared error of the central differences of some states, twice as large as it is estimated: below it no model is better than another.
+fn resolution(names: &[&str], source: &dyn Source) -> Result<Vec<f64>, Failure> {
+    let error = |name: &&str| {
+        let of = Expr::column(*name);
+        CentralDifference { of, angle: false, reach: 1, spacing: Spacing::Stamps }.truncation()
+    };
+    let squares = sampled_mean_squares(&names.iter().map(error).collect::<Vec<_>>(), source)?;
+    Ok(squares.into_iter().map(|square| 4.0 * square).collect())
+}
+
 /// Training and held-out rows of every fold.
-fn folds(scan: &SystemScan, constant: bool) -> Result<Vec<FoldProblem>, Failure> {
+fn folds(scan: &SystemScan, constant: bool, resolution: &[f64]) -> Result<Vec<FoldProblem>, Failure> {
     let key =
         |unit: &Unit| Key { episode: unit.episode, chunk: unit.chunk, fold: Fold::default(), partition: 0, region: 0 };
     let keys: Vec<Key> = scan.units().iter().map(key).collect();
@@ -107,6 +124,9 @@ fn folds(scan: &SystemScan, constant: bool) -> Result<Vec<FoldProblem>, Failure>
     let split = Folds::of(&keys, &rows, FoldRule::Count(FOLDS), Purge::TENTH)?;
     let sides = scan.roots(0, split.train()).into_iter().zip(scan.roots(0, split.test()));
     Ok(sides
-        .map(|(train, test)| FoldProblem { train: train.compressed(constant), test: test.compressed(constant) })
+        .map(|(train, test)| FoldProblem {
+            train: train.compressed(constant),
+            test: test.compressed(constant).known_to(resolution),
+        })
         .collect())
 }

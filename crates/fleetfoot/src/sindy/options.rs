@@ -361,7 +361,7 @@ mod tests {
             ("normalize = \"long\"", ["normalize = long", "length"]),
             ("max_iterations = 0", ["max_iterations = 0", "from 1 on"]),
             ("max_iterations = 5\noptimizer = \"frols\"", ["max_iterations = 5", "frols"]),
-            ("kappa = 0.1", ["kappa = 0.1", "stlsq"]),
+            ("kappa = 0.1", ["kappa = 0.1", "the optimizer is auto"]),
             ("kappa = -0.1\noptimizer = \"frols\"", ["kappa = -0.1", "zero or more"]),
         ] {
             let message = options(text).expect_err(text);

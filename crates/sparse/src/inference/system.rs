@@ -123,20 +123,12 @@ fn identified(own: &Compressed) -> bool {
 pub fn system_effective_rows(scan: &SystemScan, region: usize, constant: bool, coefficients: MatRef<'_, f64>) -> f64 {
     let first = usize::from(constant);
     let total = scan.root(region).compressed(constant);
-    assert_eq!((coefficients.nrows(), coefficients.ncols()), (total.columns(), total.targets()), "p x q coefficients");
-    let mut means = BatchMeans::new(total.targets());
-    let count = scan.units().len();
-    for from in (0..count).step_by(BATCH) {
-        let width = BATCH.min(count - from);
-        let weights = Mat::from_fn(count, width, |unit, b| f64::from(u8::from(unit == from + b)));
-        let roots = scan.roots(region, weights.as_ref());
-        for (root, unit) in roots.iter().zip(&scan.units()[from..]).filter(|(root, _)| root.rows > 0) {
-            let residual = |t: usize| {
-                let terms = root.mean_x.iter().enumerate().map(|(j, mean)| mean * coefficients[(first + j, t)]);
-                root.mean_y[t] - terms.sum::<f64>() - if constant { coefficients[(0, t)] } else { 0.0 }
-            };
-            means.add(unit.episode, root.weight, &(0..total.targets()).map(residual).collect::<Vec<_>>());
-        }
+    let (p, q) = (total.columns(), total.targets());
+    assert_eq!((coefficients.nrows(), coefficients.ncols()), (p, q), "p x q coefficients");
+    let constants: Vec<f64> = (0..q).map(|t| if constant { coefficients[(0, t)] } else { 0.0 }).collect();
+    let mut means = BatchMeans::new(q);
+    for (unit, weight, errors) in scan.mean_errors(region, coefficients.subrows(first, p - first), &constants) {
+        means.add(scan.units()[unit].episode, weight, &errors);
     }
     means.effective_weight(total.weight, &total.error(coefficients)).max(1.0)
 }

@@ -326,7 +326,7 @@ mod tests {
         assert_eq!(of(10), Err(SelectError::EmptyFold { fold: 0, side: "test" }));
         assert_eq!(
             Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH),
-            Err(SelectError::EmptyFold { fold: 0, side: "test" })
+            Err(SelectError::EmptyFold { fold: 1, side: "test" })
         );
         assert!(matches!(of(40), Err(SelectError::Folds(FoldError::Rows { .. }))));
         let episodes = Folds::of(&keys, &rows, FoldRule::Episodes, Purge::TENTH);

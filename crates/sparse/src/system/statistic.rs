@@ -158,22 +158,11 @@ impl SystemScan {
     /// # Panics
     /// When the shapes disagree.
     pub fn residual_covariance(&self, region: usize, coefficients: MatRef<'_, f64>, constant: &[f64]) -> Vec<f64> {
-        let (p, q) = (self.functions, self.targets());
-        let kept = self.kept();
-        assert_eq!((coefficients.nrows(), coefficients.ncols(), constant.len()), (kept.len(), q, q), "p x q");
+        let q = self.targets();
         let gram = self.total(region);
-        let (centre, map) = self.preconditioner.raw_map();
-        // Errors are `mean + (z - mean z) e` for preconditioned rows z.
-        let mut errors = Mat::from_fn(p + q, q, |i, t| map[(i, p + t)]);
-        let mut means: Vec<f64> = (0..q).map(|t| centre[p + t] - constant[t]).collect();
-        for t in 0..q {
-            for (j, &function) in kept.iter().enumerate() {
-                let b = coefficients[(j, t)];
-                means[t] -= b * centre[function];
-                let (error, column) = (errors.col_as_slice_mut(t), map.col_as_slice(function));
-                error.iter_mut().zip(column).for_each(|(error, a)| *error -= b * a);
-            }
-            means[t] += gram.mean.iter().zip(errors.col_as_slice(t)).map(|(mean, e)| mean * e).sum::<f64>();
+        let (errors, mut means) = self.error_map(coefficients, constant);
+        for (t, mean) in means.iter_mut().enumerate() {
+            *mean += gram.mean.iter().zip(errors.col_as_slice(t)).map(|(mean, e)| mean * e).sum::<f64>();
         }
         let product = |a: &[f64], b: &[f64]| {
             let mut sum = 0.0;
@@ -192,6 +181,54 @@ impl SystemScan {
             }
         }
         covariance
+    }
+
+    /// For every unit that has rows in a region: its place, the sum of its weights, and the weighted mean of the errors of a model (q).
+    ///
+    /// `coefficients` is p x q in raw units, `constant` has q entries.
+    ///
+    /// # Panics
+    /// When the shapes disagree.
+    pub fn mean_errors(
+        &self,
+        region: usize,
+        coefficients: MatRef<'_, f64>,
+        constant: &[f64],
+    ) -> Vec<(usize, f64, Vec<f64>)> {
+        let (errors, means) = self.error_map(coefficients, constant);
+        let Region { members, sums, .. } = &self.regions[region];
+        let mut found = Vec::with_capacity(members.len());
+        for first in (0..members.len()).step_by(BATCH) {
+            let count = BATCH.min(members.len() - first);
+            let one = Mat::from_fn(members.len(), count, |k, b| f64::from(u8::from(k == first + b)));
+            let grams = sums.combine(one.as_ref(), self.preconditioner.dimension());
+            for (gram, &unit) in grams.iter().zip(&members[first..]).filter(|(gram, _)| gram.weight > 0.0) {
+                let of = |t: usize| {
+                    means[t] + gram.mean.iter().zip(errors.col_as_slice(t)).map(|(mean, e)| mean * e).sum::<f64>()
+                };
+                found.push((unit, gram.weight, (0..means.len()).map(of).collect()));
+            }
+        }
+        found
+    }
+
+    /// The errors of a model as `means + z e` of preconditioned rows z: e (d x q) and the means (q).
+    fn error_map(&self, coefficients: MatRef<'_, f64>, constant: &[f64]) -> (Mat<f64>, Vec<f64>) {
+        let (p, q) = (self.functions, self.targets());
+        let kept = self.kept();
+        assert_eq!((coefficients.nrows(), coefficients.ncols(), constant.len()), (kept.len(), q, q), "p x q");
+        let (centre, map) = self.preconditioner.raw_map();
+        let mut errors = Mat::from_fn(p + q, q, |i, t| map[(i, p + t)]);
+        let mut means: Vec<f64> = (0..q).map(|t| centre[p + t] - constant[t]).collect();
+        for t in 0..q {
+            for (j, &function) in kept.iter().enumerate() {
+                let b = coefficients[(j, t)];
+                means[t] -= b * centre[function];
+                let (error, column) = (errors.col_as_slice_mut(t), map.col_as_slice(function));
+                error.iter_mut().zip(column).for_each(|(error, a)| *error -= b * a);
+            }
+        }
+        (errors, means)
     }
 
     /// A region of a model with these coefficients (p x q) and constants (q), as its rows were.

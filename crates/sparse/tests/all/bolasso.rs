@@ -177,11 +177,14 @@ fn a_block_replicate_is_the_lasso_of_its_reweighted_statistic() {
         let keys = banks.keys();
         let mut unit_of = vec![0; keys.len()];
         for k in 1..keys.len() {
-            let same = unit == BootstrapUnit::Episode && keys[k].episode == keys[k - 1].episode;
+            let whole = unit == BootstrapUnit::Episode;
+            // The last chunks of the 5th, 6th and 7th episode have fewer rows than a fortieth of all, and are one unit with their neighbour.
+            let short = banks.rows()[k] < 13;
+            let same = keys[k].episode == keys[k - 1].episode && (whole || short);
             unit_of[k] = unit_of[k - 1] + usize::from(!same);
         }
         let units = unit_of.last().map_or(0, |last| last + 1);
-        assert_eq!(units, if unit == BootstrapUnit::Episode { 8 } else { keys.len() });
+        assert_eq!(units, if unit == BootstrapUnit::Episode { 8 } else { keys.len() - 3 });
         for replicate in 0..40 {
             let counts = multinomial_counts(11, replicate, units);
             let weights = Mat::from_fn(keys.len(), 1, |k, _| counts[unit_of[k]]);

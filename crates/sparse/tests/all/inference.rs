@@ -2,14 +2,14 @@
 
 use crate::common::gaussian;
 use faer::{Mat, Side, linalg::solvers::Solve};
-use fleetfoot_data::{Column, MemorySource, Silent, Source, with_threads};
+use fleetfoot_data::{Column, EpisodeId, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
 use fleetfoot_sparse::{
     Assembled, Assembly, Banks, Candidates, Clusters, InferenceError, LarsOptions, Plan, Regression, Structure, Task,
     Term, Tikhonov, bootstrap_intervals, clustered_covariance, confounded, influence, lars, least_squares_on,
 };
-use fleetfoot_stats::student_t_95;
+use fleetfoot_stats::{blocks, student_t_95};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -160,7 +160,16 @@ fn tikhonov() -> Tikhonov {
 fn the_covariance_is_the_sandwich_of_the_rows() {
     let episodes = episodes();
     let (banks, structure) = banks(&source(&episodes));
-    let chunks: Vec<Vec<[f64; 8]>> = episodes.iter().flat_map(|rows| rows.chunks(CHUNK).map(<[_]>::to_vec)).collect();
+    // Short chunks are one cluster with their neighbour.
+    let pieces: Vec<(EpisodeId, &[[f64; 8]])> = episodes
+        .iter()
+        .enumerate()
+        .flat_map(|(e, rows)| rows.chunks(CHUNK).map(move |piece| (EpisodeId(e as u128), piece)))
+        .collect();
+    let of = blocks(pieces.iter().map(|(episode, piece)| (*episode, piece.len() as u64)));
+    let mut chunks: Vec<Vec<[f64; 8]>> = vec![Vec::new(); of.last().map_or(0, |last| last + 1)];
+    pieces.iter().zip(&of).for_each(|((_, piece), &block)| chunks[block].extend_from_slice(piece));
+    assert!(chunks.len() > 20 && chunks.len() < pieces.len());
     let mut compared = 0;
     for prior in [None, Some(tikhonov())] {
         let assembly = Assembly { tikhonov: prior.clone(), ..assembly() };
