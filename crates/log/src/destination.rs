@@ -151,8 +151,8 @@ mod tests {
         assert_eq!(Destination::of(&at("dangling.json")).unwrap(), Destination::File(at("gone.json")));
         assert!(Destination::of(&at("loop.json")).is_err());
         assert!(Destination::of(folder.path()).is_err());
-        let null = Path::new("/dev/null");
-        assert_eq!(Destination::of(null).unwrap(), Destination::Stream(null.into()));
+        let zero = Path::new("/dev/zero");
+        assert_eq!(Destination::of(zero).unwrap(), Destination::Stream(zero.into()));
         #[cfg(target_os = "linux")]
         assert!(matches!(Destination::of(Path::new("/dev/stdout")).unwrap(), Destination::Stream(_)));
     }
@@ -177,7 +177,7 @@ mod tests {
         // A folder is the recording in it.
         assert!(check_outputs(&[at("log.csv")], &[folder.path()]).is_err());
         check_outputs::<_, &Path>(&[at("a.json"), at("b.json")], &[&at("log.csv")]).unwrap();
-        check_outputs(&["/dev/null", "/dev/null"], &["/dev/null"]).unwrap();
+        check_outputs(&["/dev/zero", "/dev/zero"], &["/dev/zero"]).unwrap();
     }
 
     #[test]

@@ -45,7 +45,7 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
         let problem = format!("two values of the label would both be written to {}; rename one", twice.display());
         return Err(Error::Request(problem));
     }
-    context.claim(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read, false)?;
+    fleetfoot::log::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
     for (found, path) in fitted.iter().zip(&written) {
         write_model(&found.model, path)?;
     }
