@@ -124,8 +124,12 @@ fn lags_reach_the_leaves() {
     assert_eq!(parse("lag(x, -1)"), parse("lead(x, 1)"));
     assert_eq!(parse("lag(lead(x, 2), 2)"), parse("x"));
     // x falls by one a row and the stamps by half a second.
-    for difference in ["forward(x)", "backward(x)", "central(x)", "central4(x)", "central6(x)"] {
+    for difference in ["forward(x)", "backward(x)", "central(x)"] {
         assert_eq!(value(difference), 2.0, "{difference}");
+    }
+    // Their weights are quotients of stamps, which add up to one but for rounding.
+    for difference in ["central4(x)", "central6(x)"] {
+        assert!((value(difference) - 2.0).abs() < 1e-14, "{difference}");
     }
     assert_eq!(parse("central(y)"), parse("(lead(y, 1) - lag(y, 1))/(lead(time(), 1) - lag(time(), 1))"));
     assert_eq!(parse("forward(y)"), parse("(lead(y, 1) - y)/(lead(time(), 1) - time())"));
