@@ -167,7 +167,7 @@ mod tests {
         fs::create_dir(at("sub")).unwrap();
         for name in ["log.csv", "symbolic.csv", "hard.csv", "sub/../log.csv"] {
             let message = check_outputs(&[at(name)], &[at("log.csv")]).unwrap_err().to_string();
-            assert!(message.contains("is an input"), "{message}");
+            assert!(message.contains("one of the inputs"), "{message}");
         }
         let message = check_outputs(&[at("a.json"), at("sub/../a.json")], &[at("log.csv")]).unwrap_err().to_string();
         assert!(message.contains("one file") && message.contains("sub/../a.json"), "{message}");

@@ -215,7 +215,7 @@ pub enum Error {
         second: String,
     },
     /// An output that is also an input.
-    #[error("{} is an input of this very command: choose another output file", path.display())]
+    #[error("{} is one of the inputs of this command: choose another output file", path.display())]
     OverwritesInput {
         /// The file.
         path: PathBuf,
