@@ -101,8 +101,11 @@ fn hand_over(mut temporary: File, target: &Path) -> io::Result<()> {
     temporary.seek(SeekFrom::Start(0))?;
     // Neither created nor cut: a redirected standard output may be a file, with something in it.
     let mut stream = File::options().append(true).open(target)?;
-    io::copy(&mut temporary, &mut stream)?;
-    stream.flush()
+    match io::copy(&mut temporary, &mut stream).and_then(|_| stream.flush()) {
+        // A reader that closes its end early (`| head`) wants no more.
+        Err(problem) if problem.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        done => done,
+    }
 }
 
 impl Write for AtomicFile {
