@@ -1,7 +1,7 @@
 //! How well coefficients fit every task, from the tasks' statistics.
 
 use faer::Mat;
-use fleetfoot_stats::{SquareRoot, explained_share};
+use fleetfoot_stats::SquareRoot;
 
 use super::Structure;
 
@@ -20,9 +20,9 @@ impl TaskError {
         self.mse.sqrt()
     }
 
-    /// Share of the target's variance that is explained; of a target that does not vary 1 without error, else 0, as in scikit-learn.
+    /// Share of the target's variance that is explained; NaN for a target that does not vary: its equation is a balance, and has nothing to explain.
     pub fn r2(&self) -> f64 {
-        explained_share(self.mse, self.variance, 0.0)
+        if self.variance > 0.0 { 1.0 - self.mse / self.variance } else { f64::NAN }
     }
 }
 
