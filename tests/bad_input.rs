@@ -217,8 +217,11 @@ fn folds_that_leave_nothing_to_train_on_are_refused() {
 fn results_are_not_written_under_a_misleading_name() {
     let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);
     fit(folder.path(), &[]).ok();
-    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "pred.xlsx"])
-        .fails(&["pred.xlsx", "*.parquet", "*.csv"]);
+    fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "pred.xlsx"]).fails(&[
+        "pred.xlsx",
+        "*.parquet",
+        "*.csv",
+    ]);
     fleetfoot(folder.path(), &["rollout", "model.json", "log.csv", "--horizon", "5", "-o", "r.db3"])
         .fails(&["r.db3", "*.parquet"]);
     assert!(!folder.path().join("pred.xlsx").exists());
