@@ -65,7 +65,7 @@ def test_a_coarse_grid_is_simulated_as_exactly_as_a_fine_one(exact):
     assert np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, method="rk4") - truth).max() < 1e-3
     assert np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, method="rk4", substeps=1) - truth).max() > 1.0
     loose = np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, rtol=1e-4) - truth).max()
-    assert 1e-5 < loose < 1.0
+    assert np.abs(found - truth).max() < loose < 0.1
     many = exact.simulate([[-8.0, 8.0, 27.0], [1.0, 1.0, 1.0]], coarse)
     assert np.array_equal(many[0], found)
     assert np.array_equal(exact.model_.simulate([1.0, 1.0, 1.0], coarse), many[1])
@@ -93,7 +93,7 @@ def test_what_goes_by_rows_is_simulated_on_its_own_grid_only():
         discrete.simulate([1.0, 0.0], np.arange(10) * 0.1)
     with pytest.raises(ModelError, match=r"t\[3\] comes 0\.04"):
         discrete.simulate([1.0, 0.0], [0.0, 0.02, 0.04, 0.08])
-    narx = ff.NARX(2, 1, 1, terms=2).fit(x, t).model_
+    narx = ff.NARX(lags_out=2, degree=1, terms=2).fit(x, t).model_
     with pytest.raises(ModelError, match="sampling|apart"):
         narx.simulate([1.0], [0.0, 1.0], history=([[1.0]], np.zeros((1, 0))))
 
@@ -187,7 +187,7 @@ def test_what_an_optimiser_object_says_is_not_dropped(arguments, words):
 
 
 def estimators():
-    return [ff.SINDy(), ff.PWA(), ff.NARX(), ff.BlockSparse()]
+    return [ff.SINDy(), ff.PWA(), ff.NARX(lags_out=2, degree=1, terms=3), ff.BlockSparse()]
 
 
 @pytest.mark.parametrize("estimator", estimators(), ids=lambda one: type(one).__name__)
@@ -277,8 +277,7 @@ def test_a_constant_output_is_no_divergence():
     rows = np.column_stack([y, np.full(2000, 0.1)])
     fit = ff.NARX(2, 2, 1).fit(rows, 0.01, u=u)
     assert fit.score(rows, 0.01, u=u) == pytest.approx(1.0, abs=1e-9)
-    train = fit.report_["train"]["free_run"]
-    assert all(np.isfinite(output["rrse"]) for output in train["outputs"])
+    assert all(np.isfinite(output["rrse"]) for output in fit.report_["train"]["free_run"])
     # An output that rests in one of the spans.
     y[:800] = 0.0
     u[:800] = 0.0
