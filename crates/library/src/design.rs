@@ -88,15 +88,12 @@ impl Design {
         self.evaluate(block, rows, out);
         let count = out.index.len().max(1);
         let largest = |column: &[f64]| column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-        let sizes = out.values.chunks_exact(count).map(largest);
-        let widest = sizes.enumerate().fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
-        if widest.1 <= LARGEST {
-            return Ok(());
-        }
-        let column = out.output(widest.0);
-        let at = column.iter().position(|value| value.abs() == widest.1).unwrap_or_default();
+        // The first: what others are made of stands before them.
+        let found = out.values.chunks_exact(count).zip(&self.expressions).find(|(column, _)| largest(column) > LARGEST);
+        let Some((column, expression)) = found else { return Ok(()) };
+        let at = column.iter().position(|value| value.abs() > LARGEST).unwrap_or_default();
         Err(TooLarge {
-            expression: self.expressions[widest.0].to_string(),
+            expression: expression.to_string(),
             episode: episode.to_owned(),
             row: block.first + out.index[at],
             value: column[at],

@@ -13,6 +13,12 @@ pub(super) struct FieldClock {
     pub unit: TimeUnit,
 }
 
+/// Whether a column may be a field that is the clock. The seconds of a header's stamp are half a clock: the whole is `stamp = "header"`.
+pub(super) fn is_clock(column: &str) -> bool {
+    let parts = [".sec", ".nanosec", ".secs", ".nsecs"];
+    column.starts_with('/') && !parts.iter().any(|part| column.ends_with(part))
+}
+
 /// The stamp of a message whose clock says this.
 pub(super) fn stamp_of(value: f64, unit: TimeUnit) -> i64 {
     if value.is_nan() { MISSING } else { stamp::from_f64(value, unit) }

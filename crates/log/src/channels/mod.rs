@@ -159,8 +159,7 @@ fn refuse_other_clocks(path: &Path, selection: &Selection) -> Result<(), Error> 
     }
     match &selection.time {
         TimeSpec::Auto | TimeSpec::Dispensable { .. } => Ok(()),
-        // A field of the messages.
-        TimeSpec::Column { name, .. } if name.starts_with('/') && selection.join.stamp.is_none() => Ok(()),
+        TimeSpec::Column { name, .. } if clock::is_clock(name) && selection.join.stamp.is_none() => Ok(()),
         TimeSpec::Column { name, .. } => {
             Err(Error::NoSuchClock { path: path.into(), asked: format!("the column `{name}`") })
         }
