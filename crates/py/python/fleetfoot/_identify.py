@@ -36,7 +36,7 @@ COMMON = """states : list of str, or dict, optional
         States and inputs that are angles (radians): their differences wrap, libraries and partitions see their cosine
         and sine.
     derivative : str, dict or callable, optional
-        How derivatives are measured: ``"auto"`` (as when not given: central differences, their order chosen by the data in
+        How derivatives are measured: ``"auto"`` (as when not given: central differences, their order chosen by data in
         `SINDy`), ``"central"``, ``"central4"``, ``"central6"``, ``"forward"``, ``"backward"``, or a column; a
         dict says it state by state. A function
         ``(x, t) -> x_dot``, such as pysindy's differentiation objects, is called for every run of arrays.
