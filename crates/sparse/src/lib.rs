@@ -78,7 +78,9 @@ pub use structured::{
     Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
     TaskError, TaskShape, TaskStats, Term, Tikhonov,
 };
-pub use system::{System, SystemError, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
+pub use system::{
+    SampledChunks, System, SystemError, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares,
+};
 pub use threshold::{
     Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
     FrolsChoice, Joint, LassoPath, Optimizer, Regularizer, Removal, Rivals, Scaling, Sr3, Ssr, Status, Step,

@@ -21,7 +21,7 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Partition;
 
 pub use plan::SystemPlan;
-pub use sampled::{sampled_by_chunk, sampled_mean_squares};
+pub use sampled::{SampledChunks, sampled_by_chunk, sampled_mean_squares};
 pub use statistic::SystemScan;
 
 /// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.

@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use faer::ColRef;
-use fleetfoot_data::{Episode, EpisodeId, Progress, Source};
+use fleetfoot_data::{Episode, Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::{System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
+use fleetfoot_sparse::{SampledChunks, System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
 use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
@@ -164,14 +164,10 @@ impl EquationTask {
     }
 
     /// The same chunk by chunk, with the rows that were sampled.
-    fn resolution_by_chunk(
-        &self,
-        source: &dyn Source,
-        chunk_rows: usize,
-    ) -> Result<BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)>, Error> {
+    fn resolution_by_chunk(&self, source: &dyn Source, chunk_rows: usize) -> Result<SampledChunks, Error> {
         let errors: Vec<_> = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
         if errors.is_empty() {
-            return Ok(BTreeMap::new());
+            return Ok(SampledChunks::new());
         }
         let mut by_chunk = sampled_by_chunk(&errors, source, chunk_rows)?;
         for (_, squares) in by_chunk.values_mut() {

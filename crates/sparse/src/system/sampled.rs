@@ -37,6 +37,9 @@ pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result
     Ok(sums.into_iter().map(|sum| sum / (count as f64).max(1.0)).collect())
 }
 
+/// Of chunks, by episode and number: how many of their rows were sampled, and the mean square of every expression over these.
+pub type SampledChunks = BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)>;
+
 /// Sampled rows of every chunk of a scan in chunks of `chunk_rows` rows, and the mean square of every expression over them; chunks without sampled rows are
 /// missing.
 ///
@@ -46,10 +49,10 @@ pub fn sampled_by_chunk(
     expressions: &[Expr],
     source: &dyn Source,
     chunk_rows: usize,
-) -> Result<BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)>, SystemError> {
+) -> Result<SampledChunks, SystemError> {
     let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
     let design = Design::compile(expressions, &names)?;
-    let mut found: BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)> = BTreeMap::new();
+    let mut found = SampledChunks::new();
     let mut rows = DesignRows::default();
     for (episode, range) in sample_ranges(source.episodes(), ROWS, RUNS) {
         let id = source.episodes()[episode].id;
