@@ -14,7 +14,7 @@ use super::{
     fit::Fit,
     look::Look,
     options::USUAL,
-    select::{Choice, Job, Selection, Tried, best},
+    select::{Choice, Job, Selection, Tried, best, best_within_one_standard_error},
     spans::Spans,
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},
@@ -150,7 +150,11 @@ impl Fit<'_> {
                 (selection.run(&jobs, progress)?, None)
             }
         };
-        let Some(at) = best(tried.iter().map(|tried| &tried.candidate)) else {
+        let candidates = tried.iter().map(|tried| &tried.candidate);
+        // Who names the orders compares a few; a search looks at hundreds.
+        let looked = search.is_some();
+        let chosen = if looked { best_within_one_standard_error(candidates) } else { best(candidates) };
+        let Some(at) = chosen else {
             return Err(Error::Request(format!(
                 "none of {} models can be simulated through the spans that did not train: all diverge, or the spans are shorter than the lags; choose by --select \
                  bic, or try other lags, fewer terms or fewer --folds",
@@ -159,9 +163,14 @@ impl Fit<'_> {
         };
         let how = How {
             text: Some(format!(
-                "free runs of {} spans that did not train, of {} models: the least error, and of those within 0.1 % of it the fewest terms",
+                "free runs of {} spans that did not train, of {} models: {}",
                 self.options.folds,
-                tried.len()
+                tried.len(),
+                if looked {
+                    "the fewest terms within one standard error of the least error"
+                } else {
+                    "the least error, and of those within 0.1 % of it the fewest terms"
+                }
             )),
             held_out: Some(tried[at].candidate.clone()),
             search,

@@ -53,13 +53,34 @@ const ROUNDING: f64 = 1e-9;
 
 /// The least error; of errors that are the same the model with the fewest terms, then the lowest order. `None` when all diverge.
 pub(crate) fn best<'a>(tried: impl Iterator<Item = &'a NarxCandidate> + Clone) -> Option<usize> {
+    simplest(tried, |_| 0.0)
+}
+
+/// The fewest terms within one standard error of the least error, then the lowest order: of hundreds of models that were looked at, the least error alone would take
+/// one that suits these very spans. `None` when all diverge.
+pub(crate) fn best_within_one_standard_error<'a>(
+    tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
+) -> Option<usize> {
+    simplest(tried, |least| {
+        let count = least.folds.len() as f64;
+        let scatter: f64 = least.folds.iter().map(|error| (error - least.rrse).powi(2)).sum();
+        if count > 1.0 { (scatter / (count - 1.0) / count).sqrt() } else { 0.0 }
+    })
+}
+
+/// The simplest of the models whose error is that of the best one, or larger by no more than what is allowed; of equally simple ones the best.
+fn simplest<'a>(
+    tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
+    allowed: impl Fn(&NarxCandidate) -> f64,
+) -> Option<usize> {
     let finite = || tried.clone().enumerate().filter(|(_, candidate)| candidate.rrse.is_finite());
-    let least = finite().map(|(_, candidate)| candidate.rrse).min_by(f64::total_cmp)?;
-    let limit = least * (1.0 + SAME) + ROUNDING;
-    let size = |(_, c): &(usize, &NarxCandidate)| {
-        (c.regions * c.terms, c.order.degree, c.order.outputs + c.order.inputs, c.order.direct)
-    };
-    finite().filter(|(_, candidate)| candidate.rrse <= limit).min_by_key(size).map(|(index, _)| index)
+    let (_, least) = finite().min_by(|a, b| a.1.rrse.total_cmp(&b.1.rrse))?;
+    let limit = least.rrse + (least.rrse * SAME + ROUNDING).max(allowed(least));
+    let size =
+        |c: &NarxCandidate| (c.regions * c.terms, c.order.degree, c.order.outputs + c.order.inputs, c.order.direct);
+    let within = finite().filter(|(_, candidate)| candidate.rrse <= limit);
+    let simpler = |a: &NarxCandidate, b: &NarxCandidate| size(a).cmp(&size(b)).then(a.rrse.total_cmp(&b.rrse));
+    within.min_by(|a, b| simpler(a.1, b.1)).map(|(index, _)| index)
 }
 
 /// An order to try.
@@ -306,5 +327,28 @@ mod tests {
             assert!((error - exact).abs() < 1e-10, "{fold}: {error} {exact}");
         }
         assert!((two.candidate.rrse - two.candidate.folds.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_simplest_within_one_standard_error_or_the_least_error() {
+        let of = |terms: usize, folds: [f64; 2]| NarxCandidate {
+            partition: 0,
+            specification: "average".into(),
+            seed: 0,
+            regions: 1,
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 2, direct: false },
+            terms,
+            rrse: (folds[0] + folds[1]) / 2.0,
+            folds: folds.to_vec(),
+        };
+        // The best has 0.2 with a standard error of 0.05.
+        let tried =
+            [of(3, [0.3, 0.5]), of(5, [0.24, 0.2]), of(5, [0.2, 0.26]), of(9, [0.15, 0.25]), of(1, [f64::INFINITY; 2])];
+        assert_eq!(best(tried.iter()), Some(3));
+        assert_eq!(best_within_one_standard_error(tried.iter()), Some(1), "the better of two that are as simple");
+        assert_eq!(best_within_one_standard_error(tried[4..].iter()), None);
+        // Errors of rounding are the same.
+        let exact = [of(4, [1e-13, 3e-13]), of(3, [2e-12, 1e-11])];
+        assert_eq!((best(exact.iter()), best_within_one_standard_error(exact.iter())), (Some(1), Some(1)));
     }
 }
