@@ -420,12 +420,13 @@ class Model(OnRecordings):
             found = found[..., places, :]
         else:
             found, missed = _core.simulate(self._core, x0, grid, u, how, history)
-        if missed > _MISSED:
+        bad = ~np.isfinite(found)
+        # What diverges is told below.
+        if missed > _MISSED and not bad.any():
             warn(
                 f"the shortest steps of the integration leave an error of {missed:.1g} times the size of a state: "
                 "the right sides jump, or are stiff; compare with method='rk4' and substeps=, or fit a discrete model"
             )
-        bad = ~np.isfinite(found)
         if bad.any():
             found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
             warn("the simulation is no finite number from some time on: it diverges, or no region holds")
