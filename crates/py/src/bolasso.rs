@@ -32,9 +32,7 @@ pub(crate) struct BolassoRequest {
     seed: u64,
     /// What a replicate draws: rows, blocks of rows, or groups.
     unit: String,
-    /// Rows of a block.
-    block_length: usize,
-    /// Rows of every group, one after the other.
+    /// Rows of every block or group, one after the other; of rows the whole.
     lengths: Vec<usize>,
 }
 
@@ -88,9 +86,9 @@ pub(crate) fn bolasso<'py>(
                 row_bootstrap(&plan, &assembly, &source, &options, progress)
             }
             _ => {
-                let unit = if request.unit == "blocks" { BootstrapUnit::Chunk } else { BootstrapUnit::Episode };
-                let rows = if request.unit == "blocks" { request.block_length } else { ROWS_OF_CHUNK };
-                let plan = Plan::new(regression, Vec::new(), rows, &source).map_err(BolassoError::from);
+                // A block is an episode of its own: its length was asked for, and chunks would be joined.
+                let unit = BootstrapUnit::Episode;
+                let plan = Plan::new(regression, Vec::new(), ROWS_OF_CHUNK, &source).map_err(BolassoError::from);
                 plan.and_then(|plan| {
                     let banks = Banks::new(&plan.scan(&source, progress)?, |_| true);
                     block_bootstrap(&plan.regression.structure(), &banks, &assembly, unit, &options, progress)

@@ -33,7 +33,6 @@ class BolassoRequest(TypedDict):
     replicates: int
     seed: int
     unit: str
-    block_length: int
     lengths: list[int]
 
 
@@ -193,8 +192,7 @@ class Bolasso(MultiOutputMixin, LinearModel):
             "replicates": int(self.n_estimators),
             "seed": self._seed,
             "unit": self.bootstrap,
-            "block_length": self._lengths[0],
-            "lengths": [len(X)] if self.bootstrap == "blocks" else self._lengths,
+            "lengths": self._lengths,
         }
         frequency, sign, coefs, intercepts, self.kkt_, missed, _ = _core.bolasso(X, y, weight, request)
         if missed:
