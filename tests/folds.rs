@@ -159,7 +159,7 @@ fn the_held_out_error_is_that_of_the_written_model() {
     let coefficient = number(&kept["terms"][0]["coefficient"]);
     let dropped = fit(&format!("{}", coefficient * (1.0 + 1e-9)));
     assert_eq!(dropped["terms"].as_array().map(Vec::len), Some(0), "{dropped}");
-    let rms: f64 = (square / rows as f64).sqrt();
+    let rms: f64 = (square / rows).sqrt();
     assert!((number(&dropped["held_out_rms"]) / rms - 1.0).abs() < 1e-9, "{dropped}");
     assert!(number(&dropped["held_out_r2"]) < 0.01, "{dropped}");
 }

@@ -175,7 +175,7 @@ mod tests {
         let path = folder.path().join("in.csv");
         std::fs::write(&path, "t,x\n0,1\n").unwrap();
         let column = || WriteColumn::new("x", WriteKind::Float);
-        let message = CsvWriter::create(&path, vec![column()], &[path.clone()]).unwrap_err().to_string();
+        let message = CsvWriter::create(&path, vec![column()], std::slice::from_ref(&path)).unwrap_err().to_string();
         assert!(message.contains("in.csv"), "{message}");
         let other = folder.path().join("out.csv");
         let message = CsvWriter::create(&other, vec![column(), column()], &[]).unwrap_err().to_string();

@@ -6,7 +6,7 @@ use fleetfoot_data::EpisodeId;
 ///
 /// Rows of a log are correlated over tau of them, so that n rows say as much as n / tau. In blocks much longer than that, the expected square of a block's
 /// sum of residuals is `tau` times the sum of their squares; the ratio of the two, over all blocks, estimates tau. Chunks may be shorter, so neighbours are
-/// joined two by two, as long as there are [`LEAST`] blocks and the ratio still grows by more than two of its own standard errors (blocking: Flyvbjerg and
+/// joined two by two, as long as there are `LEAST` blocks and the ratio still grows by more than two of its own standard errors (blocking: Flyvbjerg and
 /// Petersen 1989).
 #[derive(Debug, Clone, PartialEq)]
 pub struct BatchMeans {

@@ -103,8 +103,8 @@ impl ErrorSum {
             return f64::NAN;
         }
         let square = self.square_deviation - self.deviation * self.deviation / self.weight;
-        // Of a constant y far from the reference, rounding is left.
-        let rounding = (16.0 + (self.rows as f64).sqrt()) * f64::EPSILON * self.square_deviation;
+        // Of a constant y far from the reference, rounding is left: equal summands err in one direction, so that it grows with the rows.
+        let rounding = (16.0 + 0.5 * self.rows as f64) * f64::EPSILON * self.square_deviation;
         if square > rounding { square } else { 0.0 }
     }
 }

@@ -86,8 +86,9 @@ impl Shared {
         let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
         let stage = if stage.is_empty() { "working" } else { stage.as_str() };
-        let share =
-            if total > 0 { format!(", {} % of this stage", 100 * done.min(total) / total) } else { String::new() };
+        let share = (100 * done.min(total))
+            .checked_div(total)
+            .map_or_else(String::new, |share| format!(", {share} % of this stage"));
         format!("{stage}{share} ({:.0} s so far)", since.as_secs_f64())
     }
 }
