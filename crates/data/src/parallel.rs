@@ -2,6 +2,11 @@
 //!
 //! Results come back in the order of the pieces, whoever computed them, so that nothing downstream can depend on the number of threads.
 
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicUsize, Ordering},
+};
+
 /// The user stopped the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
@@ -123,40 +128,61 @@ where
     R: Send,
     E: Send + From<Cancelled>,
 {
-    use std::sync::atomic::{AtomicUsize, Ordering};
+    let wave = wave(count);
+    // A wave is computed into one half while the other half is folded.
+    let slots: Vec<Mutex<Option<Result<R, E>>>> = (0..(2 * wave).min(count)).map(|_| Mutex::new(None)).collect();
+    let slot = |i: usize| slots[i % (2 * wave)].lock().unwrap_or_else(PoisonError::into_inner);
+    let mut outcome = Ok(());
+    in_waves(
+        count,
+        wave,
+        &|i| {
+            let result = if progress.cancelled() {
+                Err(Cancelled.into())
+            } else {
+                let result = work(i);
+                progress.advance(1, count);
+                result
+            };
+            *slot(i) = Some(result);
+        },
+        &mut |i| {
+            if let Some(result) = slot(i).take() {
+                outcome = result.and_then(&mut fold);
+            }
+            outcome.is_ok()
+        },
+    );
+    outcome
+}
 
+/// Pieces that are computed before the first of them is folded: several a thread, as they differ in work.
+fn wave(count: usize) -> usize {
+    if count <= 4096 { 2 * rayon::current_num_threads() } else { 8 * rayon::current_num_threads() }
+}
+
+/// Calls `compute` with every number below `count` on all threads, and `fold` with each in order, a wave behind, until it says false.
+///
+/// Not generic, so that the threads' machinery is compiled here once and not with each of its hundred uses.
+fn in_waves(count: usize, wave: usize, compute: &(dyn Fn(usize) + Sync), fold: &mut (dyn FnMut(usize) -> bool + Send)) {
     use rayon::prelude::*;
-    let wave = if count <= 4096 { 2 * rayon::current_num_threads() } else { 8 * rayon::current_num_threads() };
-    let compute = |from: usize| -> Vec<Result<R, E>> {
+    let run = |from: usize| {
         // Pieces begin in their order, whichever thread is free, so that those under way are neighbours:
         // a reader that goes on where the piece before ended finds its decoder there.
         let next = AtomicUsize::new(from);
-        let mut wave: Vec<(usize, Result<R, E>)> = (from..(from + wave).min(count))
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|_| {
-                let i = next.fetch_add(1, Ordering::Relaxed);
-                if progress.cancelled() {
-                    return (i, Err(Cancelled.into()));
-                }
-                let result = work(i);
-                progress.advance(1, count);
-                (i, result)
-            })
-            .collect();
-        wave.sort_unstable_by_key(|(i, _)| *i);
-        wave.into_iter().map(|(_, result)| result).collect()
+        let pieces = from..(from + wave).min(count);
+        pieces.into_par_iter().with_max_len(1).for_each(|_| compute(next.fetch_add(1, Ordering::Relaxed)));
     };
-    let mut ready = compute(0);
-    let mut next = wave;
-    while !ready.is_empty() {
-        let (folded, following) =
-            rayon::join(|| ready.into_iter().try_for_each(|result| fold(result?)), || compute(next));
-        folded?;
-        ready = following;
-        next += wave;
+    run(0);
+    let mut from = 0;
+    while from < count {
+        let following = (from + wave).min(count);
+        let (goes_on, ()) = rayon::join(|| (from..following).all(&mut *fold), || run(following));
+        if !goes_on {
+            return;
+        }
+        from = following;
     }
-    Ok(())
 }
 
 #[cfg(test)]

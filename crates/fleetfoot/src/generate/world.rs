@@ -111,16 +111,21 @@ impl<P: Serialize + DeserializeOwned + Default + 'static> Robot for Kind<P> {
     }
 
     fn build(&self, table: &Table) -> Result<(Table, Box<dyn Scenario>), String> {
-        let parameters: P = table.clone().try_into().map_err(|error: toml::de::Error| error.to_string())?;
-        self.checked(parameters)
+        self.checked(parameters_of(table)?)
     }
 
     fn excite(&self, table: &Table, kind: &str) -> Result<Table, String> {
-        let mut parameters: P = table.clone().try_into().map_err(|error: toml::de::Error| error.to_string())?;
+        let mut parameters: P = parameters_of(table)?;
         let Some(excite) = self.excite else { return Err("this robot has no excitation that could be chosen".into()) };
         excite(&mut parameters, kind).map_err(|error| error.to_string())?;
         Ok(self.checked(parameters)?.0)
     }
+}
+
+/// Parameters from a table, by its text: every robot's parameters are then read by one deserializer, where reading the table itself would compile
+/// a second one for each of them.
+fn parameters_of<P: DeserializeOwned>(table: &Table) -> Result<P, String> {
+    toml::from_str(&table.to_string()).map_err(|error| error.message().to_owned())
 }
 
 /// The names of the robots that can be simulated.
