@@ -32,9 +32,10 @@ const MODEL: &str = "model.json";
 const FINEST: &str = "kmeans:50";
 /// Seconds around a held-out span that do not train: strides repeat.
 const PURGE: f64 = 0.1;
-/// Fig. 8: steps of 1 ms, and starts.
+/// Fig. 8: steps of 1 ms, and starts; fewer where the runs are short, as simulations that overlap more than these tell little more.
 const HORIZON: usize = 200;
-const STARTS: usize = 1000;
+const STARTS: u64 = 1000;
+const ROWS_PER_START: u64 = 40;
 /// Fig. 9: the plane, and cells along each axis.
 const PLANE: [&str; 2] = ["alpha_l", "alpha_r"];
 const BINS: usize = 36;
@@ -176,6 +177,8 @@ impl Demo<'_> {
         let files = logs.held_out_files();
         let changes = self.cached(Recipe::default());
         let data = self.data("test", &logs.held_out.runs, &files);
+        let rows: u64 = logs.held_out.runs.iter().map(|run| run.rows).sum();
+        let starts = (rows / ROWS_PER_START).clamp(1, STARTS) as usize;
         for (key, name, closed) in
             [("figure_8", "closed loop", true), ("figure_8_open_loop", "open loop (recorded inputs)", false)]
         {
@@ -184,7 +187,7 @@ impl Demo<'_> {
             for (model, path) in self.models()? {
                 if model == FINEST {
                     let model = quoted(&path.display().to_string());
-                    let (horizon, starts) = (HORIZON.to_string(), STARTS.to_string());
+                    let (horizon, starts) = (HORIZON.to_string(), starts.to_string());
                     let flags: &[&str] = &["rollout", &model, &data, "--horizon", &horizon, "--starts", &starts];
                     let closing: &[&str] = if closed { &["--controller", "treadmill"] } else { &[] };
                     self.command(&words(&[flags, closing].concat()));
@@ -194,7 +197,7 @@ impl Demo<'_> {
                     &Model::read(&path)?,
                     &changes,
                     &files,
-                    &Starts::Even(STARTS),
+                    &Starts::Even(starts),
                     &RolloutOptions::new(HORIZON),
                     controller.as_ref(),
                     None,

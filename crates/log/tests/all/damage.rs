@@ -69,11 +69,17 @@ fn a_parquet_file_cut_anywhere_is_an_error() {
     assert_eq!(exercise(&path, TimeSpec::Auto).unwrap(), (0..ROWS).map(|row| row as f64).collect::<Vec<_>>());
 }
 
+/// Whether the sweeps are to have their full size (`make test-all`).
+fn full() -> bool {
+    std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
+}
+
 #[test]
 fn flipped_bytes_of_a_parquet_file_do_no_harm() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hostile.parquet");
     let (mut refused, mut read) = (0, 0);
+    let rounds = if full() { 1_500 } else { 250 };
     for compress in [true, false] {
         let bytes = parquet(compress);
         // A fixed linear congruential sequence: the same damage every time.
@@ -82,7 +88,7 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize
         };
-        for round in 0..1_500 {
+        for round in 0..rounds {
             let mut damaged = bytes.clone();
             // Half of the damage falls on the footer, where lengths and counts are.
             let from = if round % 2 == 0 { bytes.len().saturating_sub(1_200) } else { 0 };
@@ -104,7 +110,7 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
         }
     }
     // Flips in values and statistics go unnoticed, those in structure do not.
-    assert!(refused > 500 && read > 500, "{refused} refused, {read} read");
+    assert!(refused > rounds / 3 && read > rounds / 3, "{refused} refused, {read} read");
 }
 
 #[test]
@@ -146,7 +152,8 @@ fn a_compressed_text_cut_anywhere_is_an_error() {
     let zst = zstd::encode_all(text.as_bytes(), 3).unwrap();
     for (name, bytes) in [("hostile.csv.gz", gz), ("hostile.csv.zst", zst)] {
         let path = folder.path().join(name);
-        for end in 0..bytes.len() {
+        let near = |end: &usize| *end < 64 || end + 64 > bytes.len();
+        for end in (0..bytes.len()).filter(|end| full() || near(end) || end % 7 == 0) {
             std::fs::write(&path, &bytes[..end]).unwrap();
             assert!(exercise(&path, TimeSpec::Auto).is_err(), "{name} cut at {end}");
         }

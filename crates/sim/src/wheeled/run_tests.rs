@@ -24,6 +24,11 @@ impl Sink for Record {
     }
 }
 
+/// Whether the sweeps are to have their full size (`make test-all`).
+fn full() -> bool {
+    std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
+}
+
 fn record(robot: &Wheeled, seconds: f64, seed: u64) -> (Record, End) {
     robot.validate().unwrap();
     let mut record = Record::default();
@@ -146,8 +151,9 @@ fn inverse_sampling_visits_speeds_more_uniformly_than_random_references() {
         robot.arena.walls = false;
         robot.commands.v_limit = 2.0;
         robot.commands.v = commands;
+        let seconds = if full() { 200.0 } else { 70.0 };
         let seeds = [0, 1].map(|seed| {
-            let (record, _) = record(&robot, 200.0, seed);
+            let (record, _) = record(&robot, seconds, seed);
             let mut visits = Histogram::new([Axis { low: -1.0, high: 1.0, bins: 20 }]);
             record.column(&robot, "v").into_iter().for_each(|v| visits.add(&[v]));
             visits.nonuniformity()

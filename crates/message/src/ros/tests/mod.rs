@@ -93,8 +93,13 @@ fn an_earlier_elements_text_does_not_shine_through() {
     decoded_as_written(16284606466296353364, Wire::Ros1, false).unwrap();
 }
 
+/// Messages to try; the size of sweeps is told as everywhere (`make test-all`).
+fn cases() -> u32 {
+    if std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full") { 4000 } else { 600 }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(4000))]
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
 
     #[test]
     fn random_messages_are_decoded_as_they_were_written(seed: u64, (wire, big) in wires()) {
