@@ -5,9 +5,13 @@ VENV := target/python
 WHEELS := target/wheels
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-rust test-python wheel bench-python lint lint-python docs bench
+.PHONY: test test-all test-rust test-python wheel bench-python lint format clippy doc lint-python docs bench
 
 test: test-rust test-python
+
+# The same with the sweeps over damaged and random input, and the demonstrations, in their full size: minutes more.
+test-all: export FLEETFOOT_SWEEPS := full
+test-all: test
 
 test-rust:
 	cargo test --workspace --locked
@@ -37,9 +41,15 @@ target/maturin/bin/maturin:
 	$(PYTHON) -m venv target/maturin
 	target/maturin/bin/pip install --quiet 'maturin>=1.9,<2'
 
-lint:
+lint: format clippy doc
+
+format:
 	cargo fmt --all --check
+
+clippy:
 	cargo clippy --workspace --all-targets --locked -- -D warnings
+
+doc:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 
 docs:
@@ -47,7 +57,7 @@ docs:
 
 # Timings beside the peers: pip install numpy scikit-learn pysindy faiss-cpu pyarrow mujoco adelie, and FLEETFOOT_PYTHON=that python.
 bench:
-	cargo bench -p fleetfoot-benches
+	cargo bench -p fleetfoot-benches --features arrow-reader
 
 # The package's estimators beside their peers, the wheel optimised: time, memory, difference of the answers.
 bench-python: wheel

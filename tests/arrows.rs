@@ -3,13 +3,15 @@
 use std::{collections::BTreeSet, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 14] = [
-    ("fleetfoot-data", &[]),
+const ARROWS: [(&str, &[&str]); 15] = [
+    // No code: the features of third-party crates.
+    ("fleetfoot-features", &[]),
+    ("fleetfoot-data", &["features"]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data"]),
     ("fleetfoot-model", &["data", "library"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
-    ("fleetfoot-message", &[]),
+    ("fleetfoot-message", &["features"]),
     ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use serde::Deserialize;
+use granit_parser::{Event, Parser, ScalarStyle};
 
 use crate::{Compression, Error, Format, format::CONVERT_DB3};
 
@@ -19,19 +19,99 @@ const KEY: &[u8] = b"rosbag2_bagfile_information";
 /// Bytes of metadata that are read; real ones have a few kilobytes per topic.
 const MAX_METADATA: u64 = 16 << 20;
 
-#[derive(Deserialize)]
-struct Metadata {
-    rosbag2_bagfile_information: Information,
+/// What is wanted of the metadata.
+#[derive(Default)]
+struct Information {
+    storage_identifier: String,
+    relative_file_paths: Vec<String>,
+    compression_mode: String,
 }
 
-#[derive(Deserialize)]
-struct Information {
-    #[serde(default)]
-    storage_identifier: String,
-    #[serde(default)]
-    relative_file_paths: Vec<String>,
-    #[serde(default)]
-    compression_mode: Option<String>,
+/// A mapping with the key whose value comes next, or a sequence.
+enum Open {
+    Mapping(Option<String>),
+    Sequence,
+}
+
+/// Where the next node stands.
+enum Place {
+    Key,
+    /// The value of one of the wanted keys, or an item of it.
+    Wanted(&'static str),
+    Item(&'static str),
+    Elsewhere,
+}
+
+const WANTED: [&str; 3] = ["storage_identifier", "relative_file_paths", "compression_mode"];
+
+fn place(open: &[Open]) -> Place {
+    let wanted = |bag: &str, key: &str| match bag.as_bytes() == KEY {
+        true => WANTED.into_iter().find(|wanted| *wanted == key),
+        false => None,
+    };
+    match open {
+        [.., Open::Mapping(None)] => Place::Key,
+        [Open::Mapping(Some(bag)), Open::Mapping(Some(key))] => {
+            wanted(bag, key).map_or(Place::Elsewhere, Place::Wanted)
+        }
+        [Open::Mapping(Some(bag)), Open::Mapping(Some(key)), Open::Sequence] => {
+            wanted(bag, key).map_or(Place::Elsewhere, Place::Item)
+        }
+        _ => Place::Elsewhere,
+    }
+}
+
+impl Information {
+    /// The wanted values of a text, event by event: three of them need no tree, and nothing that a hostile text nests or repeats is built.
+    fn parse(text: &str) -> Result<Self, String> {
+        let (mut own, mut open) = (Self::default(), Vec::new());
+        let mut found = false;
+        for event in Parser::new_from_str(text) {
+            let (event, span) = event.map_err(|error| error.to_string())?;
+            let line = span.start.line();
+            let unexpected = |what: &str| Err(format!("line {line}: {what}"));
+            match event {
+                Event::Scalar(value, style, ..) => match place(&open) {
+                    Place::Key => {
+                        found |= open.len() == 1 && value.as_bytes() == KEY;
+                        if let Some(Open::Mapping(key)) = open.last_mut() {
+                            *key = Some(value.into_owned());
+                        }
+                        continue;
+                    }
+                    Place::Wanted(_) if style == ScalarStyle::Plain && matches!(&*value, "" | "~" | "null") => {}
+                    Place::Wanted("storage_identifier") => own.storage_identifier = value.into_owned(),
+                    Place::Wanted("compression_mode") => own.compression_mode = value.into_owned(),
+                    Place::Item("relative_file_paths") => own.relative_file_paths.push(value.into_owned()),
+                    Place::Wanted(key) | Place::Item(key) => return unexpected(&format!("`{key}` is something else")),
+                    Place::Elsewhere => {}
+                },
+                Event::MappingStart(..) | Event::SequenceStart(..) => {
+                    let next = match event {
+                        Event::MappingStart(..) => Open::Mapping(None),
+                        _ => Open::Sequence,
+                    };
+                    match (place(&open), &next) {
+                        (Place::Key, _) => return unexpected("a key that is no text"),
+                        (Place::Wanted("relative_file_paths"), Open::Sequence) | (Place::Elsewhere, _) => {}
+                        (Place::Wanted(key) | Place::Item(key), _) => {
+                            return unexpected(&format!("`{key}` is something else"));
+                        }
+                    }
+                    open.push(next);
+                    continue;
+                }
+                Event::MappingEnd | Event::SequenceEnd => drop(open.pop()),
+                Event::Alias(..) => return unexpected("an alias, which rosbag2 does not write"),
+                _ => continue,
+            }
+            // A node has ended: in a mapping a key comes next.
+            if let Some(Open::Mapping(key)) = open.last_mut() {
+                *key = None;
+            }
+        }
+        if found { Ok(own) } else { Err("`rosbag2_bagfile_information` is no key of it".into()) }
+    }
 }
 
 /// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
@@ -53,20 +133,15 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error>
     let io = |source| Error::Io { path: path.clone(), action: "read", source };
     let mut text = String::new();
     File::open(&path).map_err(io)?.take(MAX_METADATA).read_to_string(&mut text).map_err(io)?;
-    let metadata: Metadata = serde_saphyr::from_str(&text).map_err(|error| {
-        let problem = error.to_string().lines().next().unwrap_or_default().to_owned();
-        damaged(
-            "the text",
-            problem,
-            "mend it, remove it (the files are then read one by one), or make it anew with `ros2 bag reindex`",
-        )
+    let information = Information::parse(&text).map_err(|problem| {
+        let mend = "mend it, remove it (the files are then read one by one), or make it anew with `ros2 bag reindex`";
+        damaged("the text", problem, mend)
     })?;
-    let information = metadata.rosbag2_bagfile_information;
     if !matches!(information.storage_identifier.as_str(), "mcap" | "") {
         let problem = format!("a rosbag2 recording stored as {}, which is not read", information.storage_identifier);
         return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
     }
-    if information.compression_mode.is_some_and(|mode| mode.eq_ignore_ascii_case("message")) {
+    if information.compression_mode.eq_ignore_ascii_case("message") {
         let problem = "each of its messages is compressed by itself, which is not read".into();
         return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
     }
@@ -153,6 +228,18 @@ mod tests {
         );
         assert!(message(&folder).contains("by itself"));
         assert!(message(&bag(&[], "  storage_identifier: mcap\n")).contains("names no file"));
+        for nested in [
+            "  other: {a: {storage_identifier: db}, [x]: 1}\n",
+            "  relative_file_paths: [[a.mcap]]\n",
+            "  b: &b c\n  a: *b\n",
+        ] {
+            assert!(matches!(files(bag(&[], nested).path()), Err(Error::Damaged { .. })), "{nested}");
+        }
+        let deep = format!("  other: {}\n  relative_file_paths: [a.mcap]\n", "[".repeat(200_000));
+        assert!(matches!(files(bag(&[], &deep).path()), Err(Error::Damaged { .. })));
+        let elsewhere =
+            "  topics: [{storage_identifier: db, relative_file_paths: x}]\n  relative_file_paths: [a.mcap]\n";
+        assert_eq!(files(bag(&["a.mcap"], elsewhere).path()).unwrap().len(), 1);
         for broken in ["  relative_file_paths: [a\n", "  relative_file_paths: {a: 1}\n", "\t- x", "  a: *b\n"] {
             assert!(matches!(files(bag(&[], broken).path()), Err(Error::Damaged { .. })), "{broken}");
         }

@@ -1,25 +1,25 @@
 //! Columns into Parquet files, streamed row group by row group; the file appears whole or not at all.
 
 use std::{
-    collections::{BTreeMap, HashMap},
-    io,
+    collections::BTreeMap,
+    fmt, io,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-use arrow_array::{
-    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
-};
-use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 use parquet::{
-    arrow::ArrowWriter,
-    basic::{Compression, ZstdLevel},
+    basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical, ZstdLevel},
+    data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type},
     errors::ParquetError,
-    file::{metadata::KeyValue, properties::WriterProperties},
-    schema::types::ColumnPath,
+    file::{
+        metadata::KeyValue,
+        properties::WriterProperties,
+        writer::{SerializedColumnWriter, SerializedFileWriter},
+    },
+    schema::types::{ColumnPath, Type},
 };
 
-use crate::{AtomicFile, Error, check_outputs};
+use crate::{AtomicFile, Error, check_outputs, parquet::arrow_schema};
 
 /// A column to be written.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +83,7 @@ pub struct WriteOptions {
     pub inputs: Vec<PathBuf>,
     /// Compress with Zstandard.
     pub compress: bool,
-    /// Rows of a row group; also what is held in memory, encoded, at any time.
+    /// Rows of a row group; also what is held in memory at any time.
     pub row_group_rows: usize,
 }
 
@@ -94,12 +94,82 @@ impl Default for WriteOptions {
 }
 
 /// Writes a Parquet file. Dropping it before [`ParquetWriter::finish`] leaves nothing behind.
-#[derive(Debug)]
 pub struct ParquetWriter {
     path: PathBuf,
     columns: Vec<WriteColumn>,
-    schema: SchemaRef,
-    writer: ArrowWriter<AtomicFile>,
+    /// Values of the row group to come, one buffer a column, and their number.
+    buffers: Vec<Buffer>,
+    rows: usize,
+    row_group_rows: usize,
+    writer: SerializedFileWriter<AtomicFile>,
+}
+
+impl fmt::Debug for ParquetWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ParquetWriter")
+            .field("path", &self.path)
+            .field("columns", &self.columns)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Values of a column until there are enough for a row group.
+enum Buffer {
+    Float(Vec<f64>),
+    Integer(Vec<i64>),
+    Boolean(Vec<bool>),
+    Text(Vec<ByteArray>),
+}
+
+impl Buffer {
+    fn of(kind: WriteKind) -> Self {
+        match kind {
+            WriteKind::Float => Self::Float(Vec::new()),
+            WriteKind::Integer | WriteKind::Stamp => Self::Integer(Vec::new()),
+            WriteKind::Boolean => Self::Boolean(Vec::new()),
+            WriteKind::Text => Self::Text(Vec::new()),
+        }
+    }
+
+    /// Takes the rows in `from..to` over; `false` for values of another kind.
+    fn append(&mut self, values: &Values<'_>, from: usize, to: usize) -> bool {
+        match (self, values) {
+            (Self::Float(own), Values::Float(values)) => own.extend_from_slice(&values[from..to]),
+            (Self::Integer(own), Values::Integer(values)) => own.extend_from_slice(&values[from..to]),
+            (Self::Boolean(own), Values::Boolean(values)) => own.extend_from_slice(&values[from..to]),
+            (Self::Text(own), Values::Text(values)) => own.extend(values[from..to].iter().map(|&text| text.into())),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Encodes the values, and forgets them.
+    fn flush(&mut self, column: &mut SerializedColumnWriter<'_>) -> Result<(), ParquetError> {
+        match self {
+            Self::Float(values) => column.typed::<DoubleType>().write_batch(values, None, None)?,
+            Self::Integer(values) => column.typed::<Int64Type>().write_batch(values, None, None)?,
+            Self::Boolean(values) => column.typed::<BoolType>().write_batch(values, None, None)?,
+            Self::Text(values) => column.typed::<ByteArrayType>().write_batch(values, None, None)?,
+        };
+        match self {
+            Self::Float(values) => values.clear(),
+            Self::Integer(values) => values.clear(),
+            Self::Boolean(values) => values.clear(),
+            Self::Text(values) => values.clear(),
+        }
+        Ok(())
+    }
+}
+
+impl Values<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Float(values) => values.len(),
+            Self::Integer(values) => values.len(),
+            Self::Boolean(values) => values.len(),
+            Self::Text(values) => values.len(),
+        }
+    }
 }
 
 impl ParquetWriter {
@@ -111,33 +181,68 @@ impl ParquetWriter {
         let path = path.into();
         check_outputs(&[&path], &options.inputs)?;
         check_names(&path, &columns)?;
-        let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
         let file = AtomicFile::create(&path)?;
-        let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties(&columns, options)))
+        let writer = schema(&columns)
+            .and_then(|schema| {
+                SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties(&columns, options)))
+            })
             .map_err(|problem| write_error(&path, problem))?;
-        Ok(Self { path, columns, schema, writer })
+        let buffers = columns.iter().map(|column| Buffer::of(column.kind)).collect();
+        Ok(Self { path, columns, buffers, rows: 0, row_group_rows: options.row_group_rows.max(1), writer })
     }
 
     /// Appends rows: one slice a column, in the order of the columns, all of one length.
     pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
+        let bad = |problem| Error::BadBatch { path: self.path.clone(), problem };
         if values.len() != self.columns.len() {
-            let problem = format!("{} columns of values for {} columns", values.len(), self.columns.len());
-            return Err(Error::BadBatch { path: self.path.clone(), problem });
+            return Err(bad(format!("{} columns of values for {} columns", values.len(), self.columns.len())));
         }
-        let mut arrays: Vec<ArrayRef> = Vec::with_capacity(values.len());
-        for (column, values) in self.columns.iter().zip(values) {
-            arrays.push(array(column, values).map_err(|problem| Error::BadBatch { path: self.path.clone(), problem })?);
+        let Some(count) = values.first().map(Values::len) else { return Ok(()) };
+        for ((column, buffer), values) in self.columns.iter().zip(&mut self.buffers).zip(values) {
+            let (name, kind) = (&column.name, column.kind);
+            if !buffer.append(values, 0, 0) {
+                return Err(bad(format!("column `{name}` is {kind:?}, the values are of another kind")));
+            }
+            if values.len() != count {
+                return Err(bad(format!("{} values of column `{name}`, {count} of the first", values.len())));
+            }
         }
-        if arrays.is_empty() {
-            return Ok(());
+        let mut from = 0;
+        while from < count {
+            let to = count.min(from + self.row_group_rows - self.rows);
+            for (buffer, values) in self.buffers.iter_mut().zip(values) {
+                buffer.append(values, from, to);
+            }
+            self.rows += to - from;
+            from = to;
+            if self.rows == self.row_group_rows {
+                self.flush()?;
+            }
         }
-        let batch = RecordBatch::try_new(self.schema.clone(), arrays)
-            .map_err(|problem| Error::BadBatch { path: self.path.clone(), problem: problem.to_string() })?;
-        self.writer.write(&batch).map_err(|problem| write_error(&self.path, problem))
+        Ok(())
+    }
+
+    /// Writes the row group that is held.
+    fn flush(&mut self) -> Result<(), Error> {
+        let mut write = || {
+            let mut group = self.writer.next_row_group()?;
+            for buffer in &mut self.buffers {
+                let Some(mut column) = group.next_column()? else { break };
+                buffer.flush(&mut column)?;
+                column.close()?;
+            }
+            group.close()
+        };
+        write().map_err(|problem| write_error(&self.path, problem))?;
+        self.rows = 0;
+        Ok(())
     }
 
     /// Completes the file and gives it its name.
-    pub fn finish(self) -> Result<(), Error> {
+    pub fn finish(mut self) -> Result<(), Error> {
+        if self.rows > 0 {
+            self.flush()?;
+        }
         let Self { path, writer, .. } = self;
         let file = writer.into_inner().map_err(|problem| write_error(&path, problem))?;
         file.commit()
@@ -155,22 +260,30 @@ pub(crate) fn check_names(path: &Path, columns: &[WriteColumn]) -> Result<(), Er
     }
 }
 
-fn field(column: &WriteColumn) -> Field {
-    let kind = match column.kind {
-        WriteKind::Float => DataType::Float64,
-        WriteKind::Integer => DataType::Int64,
-        WriteKind::Stamp => DataType::Timestamp(TimeUnit::Nanosecond, None),
-        WriteKind::Boolean => DataType::Boolean,
-        WriteKind::Text => DataType::Utf8,
+fn schema(columns: &[WriteColumn]) -> Result<Type, ParquetError> {
+    let field = |column: &WriteColumn| {
+        let nanoseconds = || LogicalType::timestamp(false, TimeUnit::NANOS);
+        let (physical, logical) = match column.kind {
+            WriteKind::Float => (Physical::DOUBLE, None),
+            WriteKind::Integer => (Physical::INT64, None),
+            WriteKind::Stamp => (Physical::INT64, Some(nanoseconds())),
+            WriteKind::Boolean => (Physical::BOOLEAN, None),
+            WriteKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        };
+        let builder = Type::primitive_type_builder(&column.name, physical);
+        builder.with_repetition(Repetition::REQUIRED).with_logical_type(logical).build().map(Arc::new)
     };
-    let unit: HashMap<String, String> = column.unit.iter().map(|unit| ("unit".to_owned(), unit.clone())).collect();
-    Field::new(&column.name, kind, false).with_metadata(unit)
+    let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
+    Type::group_type_builder("schema").with_fields(fields).build()
 }
 
 fn properties(columns: &[WriteColumn], options: &WriteOptions) -> WriterProperties {
     let compression =
         if options.compress { Compression::ZSTD(ZstdLevel::default()) } else { Compression::UNCOMPRESSED };
-    let pairs = options.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
+    // Where other readers, too, find the units.
+    let arrow = KeyValue::new(arrow_schema::KEY.to_owned(), arrow_schema::encode(columns));
+    let pairs = options.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
+    let pairs = [arrow].into_iter().chain(pairs).collect();
     let mut builder = WriterProperties::builder()
         .set_compression(compression)
         .set_max_row_group_row_count(Some(options.row_group_rows.max(1)))
@@ -180,21 +293,6 @@ fn properties(columns: &[WriteColumn], options: &WriteOptions) -> WriterProperti
         builder = builder.set_column_dictionary_enabled(ColumnPath::from(vec![column.name.clone()]), false);
     }
     builder.build()
-}
-
-fn array(column: &WriteColumn, values: &Values<'_>) -> Result<ArrayRef, String> {
-    Ok(match (column.kind, values) {
-        (WriteKind::Float, Values::Float(values)) => Arc::new(Float64Array::from_iter_values(values.iter().copied())),
-        (WriteKind::Integer, Values::Integer(values)) => Arc::new(Int64Array::from_iter_values(values.iter().copied())),
-        (WriteKind::Stamp, Values::Integer(values)) => {
-            Arc::new(TimestampNanosecondArray::from_iter_values(values.iter().copied()))
-        }
-        (WriteKind::Boolean, Values::Boolean(values)) => Arc::new(BooleanArray::from(values.to_vec())),
-        (WriteKind::Text, Values::Text(values)) => Arc::new(StringArray::from_iter_values(values.iter())),
-        (kind, _) => {
-            return Err(format!("column `{}` is {kind:?}, the values are of another kind", column.name));
-        }
-    })
 }
 
 fn write_error(path: &Path, problem: ParquetError) -> Error {

@@ -11,10 +11,10 @@ use fleetfoot::{
     log::{Error, MemoryTable, TimeUnit},
 };
 use pyo3::prelude::*;
-use pyo3_arrow::input::AnyRecordBatch;
 
 use crate::{
     arrow_column::{ArrowColumn, leaves},
+    capsule,
     error::Kind,
 };
 
@@ -56,7 +56,7 @@ impl ArrowTable {
 pub(crate) fn collect(name: &str, parts: &[Bound<'_, PyAny>]) -> PyResult<(SchemaRef, Vec<RecordBatch>)> {
     let (mut schema, mut batches): (Option<SchemaRef>, Vec<RecordBatch>) = (None, Vec::new());
     for (at, part) in parts.iter().enumerate() {
-        let reader = part.extract::<AnyRecordBatch>()?.into_reader()?;
+        let reader = capsule::batches(part)?;
         let own = reader.schema();
         if let Some(first) = &schema {
             agree(name, at, first, &own)?;

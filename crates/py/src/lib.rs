@@ -35,6 +35,7 @@ mod statistic;
 // -- tables
 mod arrow;
 mod arrow_column;
+mod capsule;
 mod generate;
 mod read;
 mod recipe;

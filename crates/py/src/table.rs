@@ -15,9 +15,8 @@ use pyo3::{
     prelude::*,
     types::{PyCapsule, PyDict, PySlice, PyTuple},
 };
-use pyo3_arrow::{PyRecordBatchReader, ffi::to_schema_pycapsule};
 
-use crate::{error::Kind, run::guard};
+use crate::{capsule, error::Kind, run::guard};
 
 /// A stamp that is missing, and numpy's "not a time".
 const MISSING: i64 = i64::MIN;
@@ -172,19 +171,19 @@ impl Table {
 
     /// The schema as a capsule of Arrow's C interface.
     fn __arrow_c_schema__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {
-        Ok(to_schema_pycapsule(py, self.schema().as_ref())?)
+        capsule::of_schema(py, &self.schema())
     }
 
-    /// The rows as a capsule of Arrow's C interface; nothing is copied.
+    /// The rows as a capsule of Arrow's C interface; nothing is copied. They come in the table's own schema: another one that is asked for is
+    /// the consumer's to cast to, as the interface allows.
     #[pyo3(signature = (requested_schema = None))]
     fn __arrow_c_stream__<'py>(
         &self,
         py: Python<'py>,
-        requested_schema: Option<Bound<'py, PyCapsule>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let batches = RecordBatchIterator::new([Ok(self.batch.clone())], self.schema());
-        let reader = Bound::new(py, PyRecordBatchReader::new(Box::new(batches)))?;
-        reader.call_method1("__arrow_c_stream__", (requested_schema,))
+        requested_schema: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let _ = requested_schema;
+        capsule::of_batches(py, Box::new(RecordBatchIterator::new([Ok(self.batch.clone())], self.schema())))
     }
 
     /// The table as a ``pyarrow.Table``, without a copy.

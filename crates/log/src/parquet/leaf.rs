@@ -1,6 +1,7 @@
 //! Leaf columns of a Parquet schema: how their values become numbers, stamps or texts.
 
-use arrow_schema::{DataType, Fields};
+use std::collections::BTreeMap;
+
 use fleetfoot_data::ColumnKind;
 use parquet::{
     basic::{ConvertedType, LogicalType, TimeUnit as ParquetTimeUnit, Type as Physical},
@@ -52,25 +53,15 @@ impl Leaf {
     }
 }
 
-/// All leaves, with the units of the Arrow schema's field metadata (`unit` or `units`).
-pub(super) fn leaves(schema: &SchemaDescriptor, arrow: Option<&Fields>) -> Vec<Leaf> {
+/// All leaves, with the units by their paths.
+pub(super) fn leaves(schema: &SchemaDescriptor, units: &BTreeMap<Vec<String>, String>) -> Vec<Leaf> {
     (0..schema.num_columns())
         .map(|index| {
             let descriptor = schema.column(index);
-            let unit = arrow.and_then(|fields| unit(fields, descriptor.path().parts()));
+            let unit = units.get(descriptor.path().parts()).cloned();
             Leaf { index, name: descriptor.path().string(), unit, meaning: meaning(&descriptor) }
         })
         .collect()
-}
-
-fn unit(fields: &Fields, path: &[String]) -> Option<String> {
-    let (first, rest) = path.split_first()?;
-    let field = fields.iter().find(|field| field.name() == first)?;
-    match (rest.is_empty(), field.data_type()) {
-        (true, _) => field.metadata().get("unit").or_else(|| field.metadata().get("units")).cloned(),
-        (false, DataType::Struct(children)) => unit(children, rest),
-        _ => None,
-    }
 }
 
 fn meaning(descriptor: &ColumnDescriptor) -> Meaning {

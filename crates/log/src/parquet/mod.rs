@@ -1,5 +1,6 @@
 //! Parquet files, read in place.
 
+pub(crate) mod arrow_schema;
 mod buffers;
 mod chunk;
 mod clock;

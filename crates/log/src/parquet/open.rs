@@ -10,7 +10,6 @@ use std::{
 
 use fleetfoot_data::{Column, ColumnKind, Silent, parallel_map};
 use parquet::{
-    arrow::parquet_to_arrow_schema,
     errors::ParquetError,
     file::{
         metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
@@ -19,7 +18,7 @@ use parquet::{
 };
 
 use super::{
-    Cursors, ParquetFile, ParquetTable,
+    Cursors, ParquetFile, ParquetTable, arrow_schema,
     buffers::Buffers,
     chunk::FileBytes,
     clock::find_clock,
@@ -173,8 +172,9 @@ fn load(path: &Path, buffers: &Arc<Buffers>) -> Result<(ParquetFile, Vec<Leaf>),
         Arc::new(with_pages(metadata, &FileBytes { file: Arc::new(file), length, buffers: buffers.clone() }));
     let schema = metadata.file_metadata();
     // The Arrow schema only adds units; a file without a valid one is read without them.
-    let arrow = caught(|| parquet_to_arrow_schema(schema.schema_descr(), schema.key_value_metadata())).ok();
-    let leaves = leaves(schema.schema_descr(), arrow.as_ref().map(|schema| schema.fields()));
+    let pairs = schema.key_value_metadata().into_iter().flatten();
+    let text = pairs.filter(|pair| pair.key == arrow_schema::KEY).find_map(|pair| pair.value.as_deref());
+    let leaves = leaves(schema.schema_descr(), &text.map(arrow_schema::units).unwrap_or_default());
     let file = ParquetFile {
         path: path.into(),
         metadata: metadata.clone(),

@@ -1,0 +1,242 @@
+//! The Arrow schema that Parquet files carry in their key-value metadata: it tells readers the fields' own metadata, which is where units are.
+//!
+//! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64. Of a schema that is read
+//! only names and units are wanted, so that the Arrow libraries, half of the time that compiling a reader of Parquet takes, are not needed. The numbers
+//! below are the places of the fields in the format's tables.
+
+use std::collections::BTreeMap;
+
+use base64::{Engine, prelude::BASE64_STANDARD};
+use flatbuffers::{FlatBufferBuilder, TableFinishedWIPOffset, VOffsetT, WIPOffset};
+
+use crate::{WriteColumn, WriteKind};
+
+/// The key of the file's metadata under which it stands.
+pub(crate) const KEY: &str = "ARROW:schema";
+
+/// What comes before a message that has a length: a continuation marker.
+const CONTINUES: [u8; 4] = [255; 4];
+
+/// The kind of a `Message`, and the version of the format that has been written since Arrow 1.0.
+const IS_SCHEMA: u8 = 1;
+const VERSION_5: i16 = 4;
+
+/// Kinds of the `Type` union.
+const INT: u8 = 2;
+const FLOATING_POINT: u8 = 3;
+const UTF8: u8 = 5;
+const BOOL: u8 = 6;
+const TIMESTAMP: u8 = 10;
+const STRUCT: u8 = 13;
+
+/// Structs in structs; deeper ones have no units.
+const DEEPEST: usize = 64;
+
+/// Where a table's entry for its field number `place` stands in its layout.
+const fn slot(place: VOffsetT) -> VOffsetT {
+    4 + 2 * place
+}
+
+/// The schema of columns that are to be written.
+pub(crate) fn encode(columns: &[WriteColumn]) -> String {
+    let mut builder = FlatBufferBuilder::new();
+    let fields: Vec<_> = columns.iter().map(|column| field(&mut builder, column)).collect();
+    let fields = builder.create_vector(&fields);
+    let schema = table(&mut builder, |builder| builder.push_slot_always(slot(1), fields));
+    let message = table(&mut builder, |builder| {
+        builder.push_slot_always(slot(2), schema);
+        builder.push_slot_always(slot(0), VERSION_5);
+        builder.push_slot_always(slot(1), IS_SCHEMA);
+    });
+    builder.finish_minimal(message);
+    let message = builder.finished_data();
+    let length = (message.len() as u32).to_le_bytes();
+    BASE64_STANDARD.encode([&CONTINUES, &length, message].concat())
+}
+
+type Finished = WIPOffset<TableFinishedWIPOffset>;
+
+fn table<'a>(builder: &mut FlatBufferBuilder<'a>, fill: impl FnOnce(&mut FlatBufferBuilder<'a>)) -> Finished {
+    let begun = builder.start_table();
+    fill(builder);
+    builder.end_table(begun)
+}
+
+fn field(builder: &mut FlatBufferBuilder<'_>, column: &WriteColumn) -> Finished {
+    let name = builder.create_string(&column.name);
+    let (kind, detail) = match column.kind {
+        // A double.
+        WriteKind::Float => (FLOATING_POINT, table(builder, |builder| builder.push_slot_always(slot(0), 2_i16))),
+        WriteKind::Integer => {
+            let signed_of_64_bits = |builder: &mut FlatBufferBuilder<'_>| {
+                builder.push_slot_always(slot(0), 64_i32);
+                builder.push_slot_always(slot(1), true);
+            };
+            (INT, table(builder, signed_of_64_bits))
+        }
+        // Nanoseconds.
+        WriteKind::Stamp => (TIMESTAMP, table(builder, |builder| builder.push_slot_always(slot(0), 3_i16))),
+        WriteKind::Boolean => (BOOL, table(builder, |_| ())),
+        WriteKind::Text => (UTF8, table(builder, |_| ())),
+    };
+    let children = builder.create_vector::<Finished>(&[]);
+    let unit = column.unit.as_ref().map(|unit| {
+        let (key, value) = (builder.create_string("unit"), builder.create_string(unit));
+        let pair = table(builder, |builder| {
+            builder.push_slot_always(slot(0), key);
+            builder.push_slot_always(slot(1), value);
+        });
+        builder.create_vector(&[pair])
+    });
+    table(builder, |builder| {
+        builder.push_slot_always(slot(0), name);
+        builder.push_slot_always(slot(2), kind);
+        builder.push_slot_always(slot(3), detail);
+        builder.push_slot_always(slot(5), children);
+        if let Some(unit) = unit {
+            builder.push_slot_always(slot(6), unit);
+        }
+    })
+}
+
+/// The units (`unit` or `units`) of the fields of a schema, by their paths. What is damaged or of another kind has none.
+pub(crate) fn units(text: &str) -> BTreeMap<Vec<String>, String> {
+    let mut units = BTreeMap::new();
+    if let Ok(bytes) = BASE64_STANDARD.decode(text) {
+        let message = bytes.strip_prefix(&CONTINUES).map_or(&*bytes, |rest| rest.get(4..).unwrap_or_default());
+        if let Some(schema) = root(message).and_then(|message| message.table(2)) {
+            // Every field and every pair takes some bytes of its own, unless the offsets lie.
+            let mut left = message.len();
+            collect(&schema.tables(1), &mut Vec::new(), &mut left, &mut units);
+        }
+    }
+    units
+}
+
+fn collect(fields: &[Table<'_>], path: &mut Vec<String>, left: &mut usize, units: &mut BTreeMap<Vec<String>, String>) {
+    for field in fields {
+        let pairs = field.tables(6);
+        let Some(rest) = left.checked_sub(1 + pairs.len()) else { return };
+        *left = rest;
+        let Some(name) = field.text(0) else { continue };
+        path.push(name.to_owned());
+        let find = |key| pairs.iter().find(|pair| pair.text(0) == Some(key)).and_then(|pair| pair.text(1));
+        if let Some(unit) = find("unit").or_else(|| find("units")) {
+            units.insert(path.clone(), unit.to_owned());
+        }
+        if field.byte(2) == Some(STRUCT) && path.len() < DEEPEST {
+            collect(&field.tables(5), path, left, units);
+        }
+        path.pop();
+    }
+}
+
+/// A table of a flatbuffer, read with every offset checked.
+#[derive(Clone, Copy)]
+struct Table<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<usize> {
+    let word = bytes.get(at..at.checked_add(4)?)?;
+    Some(u32::from_le_bytes(word.try_into().ok()?) as usize)
+}
+
+fn half_word(bytes: &[u8], at: usize) -> Option<usize> {
+    let word = bytes.get(at..at.checked_add(2)?)?;
+    Some(usize::from(u16::from_le_bytes(word.try_into().ok()?)))
+}
+
+fn root(bytes: &[u8]) -> Option<Table<'_>> {
+    Some(Table { bytes, at: word(bytes, 0)? })
+}
+
+impl<'a> Table<'a> {
+    /// Where the value of a field stands, if the table has one.
+    fn place(&self, field: VOffsetT) -> Option<usize> {
+        // The layout stands at a signed distance before (or after) the table.
+        let distance = word(self.bytes, self.at)? as u32 as i32;
+        let layout = usize::try_from(i64::try_from(self.at).ok()? - i64::from(distance)).ok()?;
+        let entry = usize::from(slot(field));
+        let known = half_word(self.bytes, layout)? >= entry + 2;
+        let offset = if known { half_word(self.bytes, layout.checked_add(entry)?)? } else { 0 };
+        if offset == 0 { None } else { self.at.checked_add(offset) }
+    }
+
+    /// What the offset in a field points to.
+    fn target(&self, field: VOffsetT) -> Option<usize> {
+        let place = self.place(field)?;
+        place.checked_add(word(self.bytes, place)?)
+    }
+
+    fn byte(&self, field: VOffsetT) -> Option<u8> {
+        self.bytes.get(self.place(field)?).copied()
+    }
+
+    fn table(&self, field: VOffsetT) -> Option<Table<'a>> {
+        Some(Self { at: self.target(field)?, ..*self })
+    }
+
+    fn text(&self, field: VOffsetT) -> Option<&'a str> {
+        let at = self.target(field)?;
+        let begin = at.checked_add(4)?;
+        std::str::from_utf8(self.bytes.get(begin..begin.checked_add(word(self.bytes, at)?)?)?).ok()
+    }
+
+    /// The tables of a vector, as many as the buffer has room for.
+    fn tables(&self, field: VOffsetT) -> Vec<Table<'a>> {
+        let Some(at) = self.target(field) else { return Vec::new() };
+        let count = word(self.bytes, at).unwrap_or(0);
+        let item = |i: usize| {
+            let place = at.checked_add(4)?.checked_add(i.checked_mul(4)?)?;
+            Some(Self { at: place.checked_add(word(self.bytes, place)?)?, ..*self })
+        };
+        (0..count).map_while(item).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns() -> Vec<WriteColumn> {
+        vec![
+            WriteColumn::new("x", WriteKind::Float).with_unit("m"),
+            WriteColumn::new("t", WriteKind::Stamp),
+            WriteColumn::new("n", WriteKind::Integer).with_unit("1/s"),
+            WriteColumn::new("on", WriteKind::Boolean),
+            WriteColumn::new("mode", WriteKind::Text).with_unit(""),
+        ]
+    }
+
+    #[test]
+    fn units_come_back_by_name() {
+        let found = units(&encode(&columns()));
+        let expected = [("x", "m"), ("n", "1/s"), ("mode", "")];
+        assert_eq!(found, expected.into_iter().map(|(name, unit)| (vec![name.to_owned()], unit.to_owned())).collect());
+        assert!(units(&encode(&[])).is_empty());
+    }
+
+    /// `{a: struct<v: double {units: m/s}>, l: list<v: double {unit: no}>}`, as pyarrow 26 writes it.
+    #[test]
+    fn fields_of_structs_have_units() {
+        let text = include_str!("arrow_schema_nested.txt").trim();
+        let expected = BTreeMap::from([(vec!["a".to_owned(), "v".to_owned()], "m/s".to_owned())]);
+        assert_eq!(units(text), expected);
+    }
+
+    #[test]
+    fn changed_bytes_do_no_harm() {
+        let bytes = BASE64_STANDARD.decode(encode(&columns())).unwrap();
+        for at in 0..bytes.len() {
+            for value in [0, 1, 4, 127, 128, 255, bytes[at] ^ 1] {
+                let mut damaged = bytes.clone();
+                damaged[at] = value;
+                assert!(units(&BASE64_STANDARD.encode(&damaged)).len() <= 5);
+            }
+            units(&BASE64_STANDARD.encode(&bytes[..at]));
+        }
+        assert!(units("no base64").is_empty());
+    }
+}
