@@ -140,6 +140,15 @@ fn a_plain_regression_of_several_columns_needs_no_clock() {
         })
         .collect();
     assert_eq!(terms, [vec!["1", "a", "b"], vec!["b"], vec!["a*b"]]);
+    // The structured lasso, of the logs and of their statistic.
+    let options = ["--inputs", "a,b", "--predict", "x,y,z", "--library", "poly(2)", "--force"];
+    let sparse = run(&[&["fit", "sparse", "rows.csv", "-o", "logs.json"], &options[..]].concat()).ok();
+    assert!(sparse.err.contains("no time stamps"), "{}", sparse.err);
+    assert!(run(&["show", "logs.json"]).ok().out.contains("a*b"));
+    run(&[&["scan", "rows.csv", "-o", "rows.stats"], &options[..]].concat()).ok();
+    run(&["fit", "sparse", "rows.stats", "-o", "statistic.json"]).ok();
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("logs.json") == bytes("statistic.json"), "the statistic gives another model");
     // Lags are of the order of the rows; rates need seconds.
     run(&["fit", "pwa", "rows.csv", "--inputs", "a,b", "--predict", "x", "--lags", "1"]).ok();
     run(&["fit", "pwa", "rows.csv", "--states", "a", "--inputs", "b"]).fails(&["no time column", "--dt"]);

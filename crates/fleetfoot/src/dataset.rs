@@ -341,7 +341,8 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<OpenedStructure, Error> {
         let (recipe, fields, task) = Self::structure(recipe, logs)?;
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, Clock::Needed, logs, progress)?;
+        let clock = clock(&task.equations, task.expressions());
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields })
     }
 

@@ -109,6 +109,15 @@ impl StructuredTask {
         self.equations.iter().filter(|equation| equation.target.is_some()).count()
     }
 
+    /// All expressions that rows are evaluated for.
+    pub(crate) fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        let regression = &self.regression;
+        let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
+        let factors = regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient));
+        let targets = regression.tasks.iter().map(|task| &task.target);
+        functions.chain(factors).chain(targets).chain(&regression.weight).chain(&self.also)
+    }
+
     /// The model's states: the columns of [`StructuredTask::also`] behind the targets.
     pub fn states(&self) -> usize {
         self.columns.iter().filter(|column| column.role == Role::State).count()
