@@ -147,8 +147,21 @@ fn the_span_of_an_angle_wraps_its_steps() {
 fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("log.csv"), robot_csv(3000, 0.3)).expect("a file");
-    let fixed =
-        ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--select", "rollout", "--horizon", "20"];
+    let fixed = [
+        "fit",
+        "pwa",
+        "log.csv",
+        "--alias",
+        "v=`v [m/s]`",
+        "--states",
+        "v",
+        "--inputs",
+        "u",
+        "--select",
+        "rollout",
+        "--horizon",
+        "20",
+    ];
     let with = |more: &[&'static str]| fixed.into_iter().chain(more.iter().copied()).collect::<Vec<_>>();
     let all = with(&["--partition", "average,kmeans:2,6", "--json"]);
     let found = fleetfoot(folder.path(), &all).ok().json();
@@ -171,12 +184,14 @@ fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
         "fit",
         "pwa",
         "log.csv",
+        "--alias",
+        "v=`v [m/s]`",
         "--states",
-        "v [m/s]",
+        "v",
         "--inputs",
         "u",
         "--derivative",
-        "v [m/s]=over:auto",
+        "v=over:auto",
         "--horizon",
         "20",
     ];
@@ -186,15 +201,54 @@ fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
         "{}",
         said.out
     );
+    let open = [
+        "fit",
+        "sindy",
+        "log.csv",
+        "--alias",
+        "v=`v [m/s]`",
+        "--states",
+        "v",
+        "--inputs",
+        "u",
+        "--degree",
+        "1",
+        "--derivative",
+        "v=over:auto",
+    ];
+    let open: Vec<&str> = open.into_iter().chain(["--horizon", "20", "--json"]).collect();
+    let found = fleetfoot(folder.path(), &open).ok().json();
+    let candidates = found["rollouts"]["candidates"].as_array().expect("candidates");
+    assert_eq!(candidates.len(), 6, "{found}");
+    let chosen = &candidates[found["rollouts"]["chosen"].as_u64().expect("an index") as usize];
+    let label = found["regions"][0]["equations"][0]["label"].as_str().expect("a label");
+    match chosen["over"].as_u64() {
+        Some(rows) => assert!(label.ends_with(&format!("over {rows} rows")), "{label}"),
+        None => assert!(label.ends_with("/dt"), "{label}"),
+    }
     let planned = fleetfoot(folder.path(), &with(&["--partition", "average,kmeans:2", "--dry-run"])).ok();
     assert!(
         planned.out.contains("18 passes") && planned.out.contains("2 x 5 x 50 rollouts of 20 steps"),
         "{}",
         planned.out
     );
-    let alone = ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--horizon", "20"];
+    let alone =
+        ["fit", "pwa", "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "--horizon", "20"];
     fleetfoot(folder.path(), &alone).fails(&["--horizon 20", "--select rollout"]);
-    let long =
-        ["fit", "pwa", "log.csv", "--states", "v [m/s]", "--inputs", "u", "--select", "rollout", "--horizon", "900"];
+    let long = [
+        "fit",
+        "pwa",
+        "log.csv",
+        "--alias",
+        "v=`v [m/s]`",
+        "--states",
+        "v",
+        "--inputs",
+        "u",
+        "--select",
+        "rollout",
+        "--horizon",
+        "900",
+    ];
     fleetfoot(folder.path(), &long).fails(&["900 steps", "shorter --horizon"]);
 }

@@ -13,6 +13,7 @@ mod parameters;
 mod plan;
 mod report;
 mod solve;
+mod spans;
 mod statistic;
 mod task;
 mod units;
@@ -25,8 +26,9 @@ use fleetfoot_model::Model;
 use fleetfoot_sparse::{Clusters, system_errors};
 
 use crate::{
-    Error, Logs, Recipe,
+    Error, HORIZON, Logs, Recipe, RolloutRule,
     output::{refuse_not_finite, write_model},
+    rollout_choice::{open_spans, settled},
 };
 pub use differences::{Difference, DifferenceErrors};
 pub use evidence::Evidence;
@@ -46,6 +48,8 @@ const ENOUGH_EPISODES: usize = 10;
 pub struct SindyRequest {
     /// The models of other numbers of terms.
     pub front: bool,
+    /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`); [`HORIZON`] when not given.
+    pub horizon: Option<usize>,
 }
 
 /// Equations, and how they came about.
@@ -93,10 +97,16 @@ pub fn fit_sindy(
     let logs = &logs.into();
     // What is wrong with the options is said before the pass.
     let options = SindyOptions::new(&recipe.sindy)?;
-    let (mut evidence, recipe) = if logs.is_statistic() {
-        Evidence::of_statistic(recipe, logs)?
+    let (mut evidence, recipe, rollouts) = if logs.is_statistic() {
+        let (evidence, recipe) = Evidence::of_statistic(recipe, logs)?;
+        (evidence, recipe, None)
+    } else if open_spans(recipe).is_empty() {
+        (Evidence::of_logs(recipe, options.seed, logs, progress)?, recipe.clone(), None)
     } else {
-        (Evidence::of_logs(recipe, options.seed, logs, progress)?, recipe.clone())
+        let rule = RolloutRule::new(request.horizon.unwrap_or(HORIZON));
+        let choice = spans::by_rollouts(recipe, &options, rule, logs, progress)?;
+        let recipe = settled(recipe, choice.candidates[choice.chosen].over);
+        (Evidence::of_logs(&recipe, options.seed, logs, progress)?, recipe, Some(choice))
     };
     let mut notes = std::mem::take(&mut evidence.notes);
     let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
@@ -117,7 +127,8 @@ pub fn fit_sindy(
         Vec::new()
     };
     let folds = (solver.folds(), solver.fold_rule());
-    let report = report(&evidence, &options, folds, &regions, &chosen, notes);
+    let mut report = report(&evidence, &options, folds, &regions, &chosen, notes);
+    report.rollouts = rollouts;
     Ok(SindyFitted { model, report, front })
 }
 
@@ -181,6 +192,7 @@ fn report(
         parameters: evidence.parameters.clone(),
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         regions,
+        rollouts: None,
         notes,
     }
 }

@@ -124,7 +124,7 @@ pub(crate) fn fit_sindy(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, String, Front)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
-    let request = SindyRequest { front };
+    let request = SindyRequest { front, horizon: None };
     let fitted = run(py, progress, |progress| fleetfoot::fit_sindy(&recipe, request, &data.logs, progress))?;
     let front = fitted.front.into_iter().map(|(terms, model)| Ok((terms, Model::new(model)?)));
     Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string(), front.collect::<PyResult<_>>()?))

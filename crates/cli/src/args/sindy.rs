@@ -27,6 +27,9 @@ pub(crate) struct FitSindy {
     /// Write the models of the Pareto front beside the chosen one: model_terms3.json, model_terms4.json, ...
     #[arg(long)]
     pub(crate) keep_front: bool,
+    /// Steps of the rollouts that choose the span of `--derivative STATE=over:auto` (default: 50).
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) horizon: Option<u32>,
     /// Tell what the job would read and keep, and stop.
     #[arg(long)]
     pub(crate) dry_run: bool,

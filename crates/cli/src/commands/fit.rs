@@ -61,6 +61,17 @@ fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf
     Ok(outputs)
 }
 
+/// Steps of the rollouts that choose open spans; refused where none is open.
+pub(crate) fn horizon(recipe: &Recipe, steps: Option<u32>) -> Result<Option<usize>, Error> {
+    let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
+    match steps {
+        Some(steps) if !open => Err(Error::Request(format!(
+            "--horizon {steps}: nothing is chosen by rollouts; add --derivative STATE=over:auto, or leave it away"
+        ))),
+        _ => Ok(steps.map(|steps| steps as usize)),
+    }
+}
+
 /// How partitions and open spans are compared by rollouts, where they are.
 fn rule(arguments: &FitPwa, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
     let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
@@ -207,7 +218,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
 }
 
 /// What rollouts said of the candidates.
-fn by_rollouts(choice: &RolloutChoice) -> String {
+pub(crate) fn by_rollouts(choice: &RolloutChoice) -> String {
     let over = choice.candidates.iter().any(|candidate| candidate.over.is_some());
     let mut header = vec!["partition", "terms", "rollouts over persistence", "worst fold", ""];
     if over {

@@ -33,7 +33,8 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
         return dry_run(&recipe, &files, context);
     }
     let bar = context.bar();
-    let request = SindyRequest { front: arguments.front || arguments.keep_front };
+    let horizon = fit::horizon(&recipe, arguments.horizon)?;
+    let request = SindyRequest { front: arguments.front || arguments.keep_front, horizon };
     let fitted = fit_sindy(&recipe, request, &files, &bar);
     bar.finish();
     let fitted = fitted?;
@@ -176,6 +177,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     );
     if let Some(ensemble) = &report.ensemble {
         text.push_str(&format!("{ensemble}\n"));
+    }
+    if let Some(choice) = &report.rollouts {
+        text.push_str(&format!("{}\n", fit::by_rollouts(choice)));
     }
     for parameter in &report.parameters {
         text.push_str(&format!("{}\n", parameter_text(parameter)));

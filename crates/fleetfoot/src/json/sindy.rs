@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::real;
-use crate::{EquationReport, SindyReport};
+use crate::{EquationReport, RolloutChoice, SindyReport};
 
 impl SindyReport {
     /// Equations, scores and terms for programs.
@@ -21,6 +21,7 @@ impl SindyReport {
                 "name": region.name, "rows": region.rows,
                 "equations": region.equations.iter().map(equation_json).collect::<Vec<_>>(),
             })).collect::<Vec<_>>(),
+            "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
         })
     }

@@ -110,7 +110,7 @@ impl SpanDerivative {
                 "{place} derivative = {{ over = {rows} }}: write 1 to {MOST_ROWS} rows, or \"auto\""
             ))),
             Over::Word(word) if word == "auto" => Err(Error::Request(format!(
-                "{place} derivative = {{ over = \"auto\" }}: it is `fit pwa` that chooses a span; write a number of rows here"
+                "{place} derivative = {{ over = \"auto\" }}: `fit pwa` and `fit sindy` choose a span, from logs; write a number of rows here"
             ))),
             Over::Word(word) => Err(Error::Request(format!(
                 "{place} derivative = {{ over = \"{word}\" }}: write a number of rows, or \"auto\""

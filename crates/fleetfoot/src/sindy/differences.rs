@@ -73,7 +73,7 @@ impl Difference {
 
 impl FittedEquation {
     /// Measures the left side by another expression.
-    fn measure(&mut self, measured: Expr) {
+    pub(super) fn measure(&mut self, measured: Expr) {
         self.target = match &self.nominal {
             Some(nominal) => (&measured - nominal).simplified(),
             None => measured.clone(),

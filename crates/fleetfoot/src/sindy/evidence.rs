@@ -56,35 +56,50 @@ impl Evidence {
             dataset.see(&task.aliases);
             parameters = found;
         }
-        let view = dataset.view()?;
-        let partition = partition(recipe, &task, seed, dataset.step(), &view, &mut notes, progress)?;
+        let mut found = Self::of_rows(recipe, seed, task, dataset.step(), &dataset.view()?, progress)?;
+        found.parameters = parameters;
+        notes.append(&mut found.notes);
+        found.notes = notes;
+        found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
+        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
+        Ok(found)
+    }
+
+    /// The evidence of rows, for a task without parameters; whether they are enough is for the caller to look at ([`Evidence::check`]).
+    pub(super) fn of_rows(
+        recipe: &Recipe,
+        seed: u64,
+        task: EquationTask,
+        step: f64,
+        view: &dyn Source,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let mut notes = Vec::new();
+        let partition = partition(recipe, &task, seed, step, view, &mut notes, progress)?;
         progress.stage("scan");
         let system = System { partition: partition.clone(), ..task.system() };
-        let plan = SystemPlan::new(system, None, &view)?;
-        let scan = plan.scan(&view, progress)?;
+        let plan = SystemPlan::new(system, None, view)?;
+        let scan = plan.scan(view, progress)?;
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
         let mut seen = BTreeSet::new();
         let name = |episode: &Episode| (episode.id.to_string(), episode.name.clone());
         let episodes = view.episodes().iter().filter(|episode| used.contains(&episode.id) && seen.insert(episode.id));
         let episodes = episodes.map(name).collect();
-        let resolution = task.resolution(&view)?;
-        let mut by_chunk = task.resolution_by_chunk(&view, plan.chunk_rows)?;
+        let resolution = task.resolution(view)?;
+        let mut by_chunk = task.resolution_by_chunk(view, plan.chunk_rows)?;
         let of = |unit: &Unit| by_chunk.remove(&(unit.episode, unit.chunk));
         let resolution_by_unit = scan.units().iter().map(of).collect();
-        let mut found = Self {
+        Ok(Self {
             task,
             partition,
             scan,
             resolution,
             resolution_by_unit,
-            parameters,
-            step: dataset.step(),
+            parameters: Vec::new(),
+            step,
             episodes,
             notes,
-        };
-        found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
-        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
-        Ok(found)
+        })
     }
 
     /// Mean squared error of the differences on the units of positive weight; that on all rows where none of theirs was sampled.

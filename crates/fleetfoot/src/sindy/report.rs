@@ -4,6 +4,7 @@ use fleetfoot_model::factor;
 use fleetfoot_stats::explained_share;
 
 use super::{DifferenceErrors, EquationTask, solve::Solved};
+use crate::RolloutChoice;
 
 /// What a fit of equations found.
 #[derive(Debug, Clone)]
@@ -31,6 +32,8 @@ pub struct SindyReport {
     pub candidates: Vec<String>,
     /// The regions; one where there is no partition.
     pub regions: Vec<RegionReport>,
+    /// How open spans of derivatives were chosen by rollouts, where there were any.
+    pub rollouts: Option<RolloutChoice>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
