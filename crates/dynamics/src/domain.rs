@@ -1,6 +1,7 @@
 //! The training domain: how far a row is from what its region saw.
 
-use fleetfoot_model::{Model, Region, packed};
+use fleetfoot_data::{packed, packed_row};
+use fleetfoot_model::{Model, Region};
 
 use crate::{
     Mahalanobis,
@@ -142,7 +143,7 @@ fn restricted(region: &Region, kept: &[usize]) -> Region {
 fn overall_covariance(regions: &[Region], functions: usize) -> Vec<f64> {
     let total: f64 = regions.iter().map(|region| region.rows as f64).sum();
     let mut mean = vec![0.0; functions];
-    let mut covariance = vec![0.0; functions * (functions + 1) / 2];
+    let mut covariance = vec![0.0; packed_row(functions)];
     if total == 0.0 {
         return covariance;
     }

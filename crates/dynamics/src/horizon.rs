@@ -1,6 +1,7 @@
 //! Errors of rollouts by horizon, beside the baselines on the same starts.
 
-use fleetfoot_model::{Model, packed};
+use fleetfoot_data::packed;
+use fleetfoot_model::Model;
 
 use crate::{Baseline, Basis, End, Estimate, Mahalanobis, Simulator, Trajectory, angle::wrap, window::Window};
 

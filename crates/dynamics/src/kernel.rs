@@ -1,68 +1,11 @@
-//! Small padded kernels. They are inlined into the callers' [`pulp::WithSimd::with_simd`], so that they use the widest vectors of the machine.
+//! Small kernels beside those of [`fleetfoot_stats::kernel`]. They are inlined into the callers' [`pulp::WithSimd::with_simd`], so that they use the widest vectors of the machine.
 //! (A closure would not do: nothing forces the compiler to inline it into the function that has the wide vectors.)
 //!
 //! Every element is computed by the same chain of fused multiply-adds on every machine and whatever stands beside it: the
 //! same bits follow from any vector width, any batch and any tile.
 
+pub(crate) use fleetfoot_stats::kernel::{LANES, affine, load, padded};
 use pulp::Simd;
-
-/// Rows of coefficients are padded to a multiple of this many values.
-pub(crate) const LANES: usize = 8;
-
-/// `length` rounded up to whole vectors.
-pub(crate) fn padded(length: usize) -> usize {
-    length.next_multiple_of(LANES)
-}
-
-/// `out = constants + sum_j matrix[j, ..] * features[j]`, summed in the order of j.
-///
-/// `matrix` holds one row of `out.len()` values per feature; `out.len()` is a multiple of [`LANES`].
-#[inline(always)]
-pub(crate) fn affine(matrix: &[f64], constants: &[f64], features: &[f64], out: &mut [f64]) {
-    assert!(
-        out.len().is_multiple_of(LANES) && constants.len() == out.len() && matrix.len() >= features.len() * out.len(),
-        "a row of coefficients for every feature"
-    );
-    let mut from = 0;
-    while from < out.len() {
-        // As many sums side by side as there are: every feature is fetched once, and the additions overlap.
-        from += match (out.len() - from) / LANES {
-            1 => panel::<{ LANES }>(matrix, constants, features, from, out),
-            2 => panel::<{ 2 * LANES }>(matrix, constants, features, from, out),
-            3 => panel::<{ 3 * LANES }>(matrix, constants, features, from, out),
-            4 => panel::<{ 4 * LANES }>(matrix, constants, features, from, out),
-            5 => panel::<{ 5 * LANES }>(matrix, constants, features, from, out),
-            6 => panel::<{ 6 * LANES }>(matrix, constants, features, from, out),
-            _ => panel::<{ 7 * LANES }>(matrix, constants, features, from, out),
-        };
-    }
-}
-
-/// The outputs `from..from + N` of [`affine`], which has checked the lengths; gives N.
-#[inline(always)]
-fn panel<const N: usize>(matrix: &[f64], constants: &[f64], features: &[f64], from: usize, out: &mut [f64]) -> usize {
-    let width = out.len();
-    let mut sum = load::<N>(&constants[from..from + N]);
-    for (j, &feature) in features.iter().enumerate() {
-        debug_assert!(j * width + from + N <= matrix.len());
-        // SAFETY: the matrix has at least `features.len() * width` values (asserted by the only caller), j is below `features.len()`, and
-        // `from + N <= width` (the constants, of that length, were sliced to it above). An array of N values needs no more alignment than one.
-        let row = unsafe { &*matrix.as_ptr().add(j * width + from).cast::<[f64; N]>() };
-        for i in 0..N {
-            sum[i] = row[i].mul_add(feature, sum[i]);
-        }
-    }
-    out[from..from + N].copy_from_slice(&sum);
-    N
-}
-
-/// The first `N` values of a slice of at least that length.
-#[inline(always)]
-pub(crate) fn load<const N: usize>(values: &[f64]) -> [f64; N] {
-    let mut loaded = [0.0; N];
-    loaded.copy_from_slice(&values[..N]);
-    loaded
-}
 
 /// Copies values of a padded length, a vector at a time.
 #[inline(always)]
@@ -155,21 +98,6 @@ pub(crate) fn smallest_lead<S: Simd>(simd: S, top: f64, rounding: f64, values: &
 mod tests {
     use super::*;
     use pulp::WithSimd;
-
-    #[test]
-    fn affine_is_the_plain_sum_at_every_width() {
-        for width in [8, 16, 24, 32, 40, 48, 56, 64, 104, 120] {
-            let features: Vec<f64> = (0..5).map(|j| f64::from(j) * 0.7 - 1.1).collect();
-            let matrix: Vec<f64> = (0..5 * width).map(|i| (i as f64 * 0.37).sin()).collect();
-            let constants: Vec<f64> = (0..width).map(|i| i as f64).collect();
-            let mut out = vec![0.0; width];
-            affine(&matrix, &constants, &features, &mut out);
-            for o in 0..width {
-                let expected = (0..5).fold(constants[o], |sum, j| matrix[j * width + o].mul_add(features[j], sum));
-                assert_eq!(out[o].to_bits(), expected.to_bits());
-            }
-        }
-    }
 
     #[test]
     fn bounds_distances_and_leads() {

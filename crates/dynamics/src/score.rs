@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::{Block, Halo, Progress, Source};
-use fleetfoot_model::{Model, packed};
+use fleetfoot_data::{Block, Halo, Progress, Source, packed};
+use fleetfoot_model::Model;
 use fleetfoot_stats::{Chunk, ErrorSum, Gram, Grid, TILE_ROWS, reduce};
 
 use crate::{

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
+use fleetfoot_data::{Block, Halo, Progress, Source, packed, parallel_map};
 use fleetfoot_library::{Expr, Leaf, UnknownColumn, nearest};
-use fleetfoot_model::{Closed, Equation, Model, Role, packed};
+use fleetfoot_model::{Closed, Equation, Model, Role};
 
 use crate::{
     Error, Method, Start, Step, Trajectory,

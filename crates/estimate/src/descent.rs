@@ -1,5 +1,7 @@
 //! Levenberg-Marquardt with a region of trust (More, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
 
+use fleetfoot_stats::kernel::norm;
+
 use crate::{
     EstimateError,
     evaluate::{Evaluation, Objective, Pass},
@@ -245,12 +247,4 @@ impl<'a> Descent<'a> {
 fn norm_slope(descent: &Descent<'_>, trial: &Step) -> f64 {
     let along: f64 = trial.step.iter().enumerate().map(|(j, s)| s * descent.slope(&descent.at, j)).sum();
     (along / descent.at.cost).min(0.0)
-}
-
-pub(crate) fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = values.clone().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    if largest == 0.0 || !largest.is_finite() {
-        return largest;
-    }
-    largest * values.map(|value| (value / largest).powi(2)).sum::<f64>().sqrt()
 }

@@ -3,11 +3,12 @@
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
+use fleetfoot_stats::kernel::norm;
 
 use crate::{
     EstimateError, Options, Parameter, Residual, Status, Uncertain,
     covariance::Inverse,
-    descent::{Descent, norm},
+    descent::Descent,
     evaluate::{Nonlinear, Objective},
     problem::{Problem, substitute},
 };

@@ -29,7 +29,7 @@ pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use partition::{Partition, Rule, UnseenLabel};
 pub use print::{describe, factor};
-pub use region::{Region, Training, packed};
+pub use region::{Region, Training};
 
 use fleetfoot_library::Expr;
 

@@ -48,9 +48,3 @@ pub struct Training {
     /// Covariance of the states (divisor: rows), packed lower triangle, in the order of the columns with role State.
     pub state_covariance: Vec<f64>,
 }
-
-/// Index of entry (i, j) of a symmetric matrix stored as a packed lower triangle by rows.
-pub fn packed(i: usize, j: usize) -> usize {
-    let (i, j) = if i >= j { (i, j) } else { (j, i) };
-    i * (i + 1) / 2 + j
-}

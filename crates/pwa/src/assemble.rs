@@ -2,18 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::Source;
+use fleetfoot_data::{Source, packed, packed_row};
 use fleetfoot_model::{Latent, Model, Region, Training};
 use fleetfoot_stats::SquareRoot;
 
-use crate::{
-    Specification,
-    errors::Errors,
-    fit::RegionModel,
-    identify::{Fit, leading},
-    residual::Scatter,
-    select::Order,
-};
+use crate::{Specification, errors::Errors, fit::RegionModel, identify::Fit, residual::Scatter, select::Order};
 
 impl Fit<'_> {
     /// Assembles the model of a candidate.
@@ -57,9 +50,9 @@ impl Fit<'_> {
             rows: self.survey.complete,
             episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
             target_mean: self.survey.scales.mean[..q].to_vec(),
-            target_covariance: leading(&self.survey.scales, 0..q),
+            target_covariance: self.survey.scales.covariance(0..q),
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
-            state_covariance: leading(&self.survey.scales, q..q + s),
+            state_covariance: self.survey.scales.covariance(q..q + s),
         };
         let mut model = Model::new(
             format!("pwa {}", candidate.specification),
@@ -102,12 +95,12 @@ impl Fit<'_> {
         null: bool,
     ) -> Region {
         let p = if null { 0 } else { self.rows.regressors };
-        let mut covariance = vec![f64::NAN; p * (p + 1) / 2];
+        let mut covariance = vec![f64::NAN; packed_row(p)];
         if let Some(root) = root {
             for i in 0..p {
                 for j in 0..=i {
                     let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
-                    covariance[i * (i + 1) / 2 + j] = product / root.weight;
+                    covariance[packed(i, j)] = product / root.weight;
                 }
             }
         }

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Basis, Chunk, reduce};
+use fleetfoot_stats::{Basis, Chunk, kernel::padded, reduce};
 
 use crate::{
     Error,
     fit::RegionModel,
     regions::Segmentation,
-    residual::{Maps, Scatter, Sums, by_rows, padded},
+    residual::{Maps, Scatter, Sums, by_rows},
     rows::{Rows, Tile},
     scan::Assigner,
     select::Order,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Model;
-use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Gram, Grid, Preconditioner, SquareRoot};
+use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Preconditioner, SquareRoot, kernel::padded};
 
 use crate::{
     Error, Options, Problem, Specification,
@@ -12,7 +12,6 @@ use crate::{
     fit::{Base, Solver, region_models},
     partition::{Prepared, prepare},
     regions::Segmentation,
-    residual::padded,
     rows::Rows,
     scan::{Scan, pilot, scan},
     select::{Order, choose, effective_rows, evaluate},
@@ -300,7 +299,7 @@ impl Fit<'_> {
             .map(|fold| solver.base(Some(fold)).map_or_else(|| base.root.mean_y.clone(), |base| base.root.mean_y))
             .collect();
         let q = self.rows.targets;
-        let covariance = leading(&self.survey.scales, 0..q);
+        let covariance = self.survey.scales.covariance(0..q);
         MeasureInput {
             fit: self,
             orders,
@@ -362,17 +361,6 @@ impl MeasureInput<'_> {
         }
         .run(source, chunks, progress)
     }
-}
-
-/// Covariance (divisor: weight) of a range of columns, packed lower triangle.
-pub(crate) fn leading(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
-    let mut packed = Vec::new();
-    for i in columns.clone() {
-        for j in columns.start..=i {
-            packed.push(gram.get(i, j) / gram.weight);
-        }
-    }
-    packed
 }
 
 /// Inverse of the Cholesky factor of a packed covariance: q columns of padded length. A direction without variance of its own counts as the

@@ -3,16 +3,10 @@
 //! Targets are padded to whole vectors; what is padded stays zero. `mul_add` gives the same bits on every machine, and the kernels are structs
 //! because only what is inlined into the dispatched function gets its vector instructions.
 
+use fleetfoot_stats::kernel::{LANES, padded};
 use pulp::NullaryFnOnce;
 
 use crate::fit::RegionModel;
-
-const LANES: usize = 8;
-
-/// The padded number of targets.
-pub(crate) fn padded(targets: usize) -> usize {
-    targets.next_multiple_of(LANES)
-}
 
 /// Affine maps of regions: for each a row of constants, then one row a regressor.
 pub(crate) struct Maps {

@@ -27,7 +27,6 @@ mod error;
 mod factor;
 mod homotopy;
 mod inference;
-mod kernel;
 mod lars;
 mod moments;
 mod narx;
@@ -40,6 +39,8 @@ mod structured;
 mod system;
 mod threshold;
 mod warm;
+
+use fleetfoot_stats::kernel;
 
 pub use adaptive::{Initial, adaptive, degrees_of_freedom};
 pub use bolasso::{

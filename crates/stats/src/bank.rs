@@ -1,8 +1,9 @@
 //! Statistics side by side: every reweighting of them is one matrix product.
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
+use fleetfoot_data::packed_row;
 
-use crate::{Gram, gram::packed};
+use crate::Gram;
 
 /// Gram matrices of the same columns as the columns of one matrix of moments, so that folds, leave-one-out totals and bootstrap replicates
 /// of all of them are the product of that matrix and a matrix of weights.
@@ -31,7 +32,7 @@ impl Bank {
             let share = if total > 0.0 { gram.weight / total } else { 0.0 };
             centre.iter_mut().zip(&gram.mean).for_each(|(centre, mean)| *centre += share * mean);
         }
-        let mut moments = Mat::zeros(1 + d + packed(d), grams.len());
+        let mut moments = Mat::zeros(1 + d + packed_row(d), grams.len());
         for (k, gram) in grams.iter().enumerate() {
             let (w, column) = (gram.weight, moments.col_as_slice_mut(k));
             column[0] = w;
@@ -39,7 +40,7 @@ impl Bank {
             column[1..=d].iter_mut().zip(&shift).for_each(|(sum, shift)| *sum = w * shift);
             for i in 0..d {
                 for j in 0..=i {
-                    column[1 + d + packed(i) + j] = gram.scatter[packed(i) + j] + w * shift[i] * shift[j];
+                    column[1 + d + packed_row(i) + j] = gram.scatter[packed_row(i) + j] + w * shift[i] * shift[j];
                 }
             }
         }

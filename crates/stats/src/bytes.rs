@@ -1,8 +1,8 @@
 //! Statistics as bytes, bit for bit.
 
-use fleetfoot_data::EpisodeId;
+use fleetfoot_data::{EpisodeId, packed_row};
 
-use crate::{Fold, Gram, Key, MergeError, Stats, gram::packed};
+use crate::{Fold, Gram, Key, MergeError, Stats};
 
 /// Version of the bytes.
 const FORMAT: u64 = 1;
@@ -117,7 +117,7 @@ impl Reader<'_> {
         let region = u32::from_le_bytes(self.take()?);
         let rows = u64::from_le_bytes(self.take()?);
         let weight = f64::from_le_bytes(self.take()?);
-        let gram = Gram { rows, weight, mean: self.numbers(d)?, scatter: self.numbers(packed(d))? };
+        let gram = Gram { rows, weight, mean: self.numbers(d)?, scatter: self.numbers(packed_row(d))? };
         Some((Key { episode, chunk, fold, partition, region }, gram))
     }
 }
@@ -144,7 +144,7 @@ mod tests {
     fn statistics() -> impl Strategy<Value = Stats> {
         (0_usize..5).prop_flat_map(|d| {
             let numbers = |count| prop::collection::vec(any::<f64>(), count);
-            let gram = (any::<u64>(), any::<f64>(), numbers(d), numbers(packed(d)))
+            let gram = (any::<u64>(), any::<f64>(), numbers(d), numbers(packed_row(d)))
                 .prop_map(|(rows, weight, mean, scatter)| Gram { rows, weight, mean, scatter });
             prop::collection::btree_map(keys(), gram, 0..6).prop_map(|grams| {
                 let mut stats = Stats::new("plan");

@@ -2,11 +2,7 @@
 
 use faer::{Mat, MatRef};
 
-use crate::{
-    SquareRoot,
-    householder::{Rows, fold_rows},
-    square_root::sum_of_squares,
-};
+use crate::{SquareRoot, householder::fold_rows, kernel::Slab, square_root::sum_of_squares};
 
 /// Least squares of q targets on p columns without an intercept of its own: for coefficients b (p) of one target,
 /// `rss = |R b - z|^2 + residual`.
@@ -40,7 +36,7 @@ impl SquareRoot {
     pub fn compressed(&self, constant: bool) -> Compressed {
         let (p, q, first) = (self.regressors(), self.targets(), usize::from(constant));
         let size = self.weight.sqrt();
-        let mut stack = Rows::zeros(p + 1, first + p + q);
+        let mut stack = Slab::zeros(p + 1, first + p + q);
         if constant {
             stack.column_mut(0)[0] = size;
         }
@@ -62,7 +58,7 @@ impl Compressed {
     fn triangular(
         (rows, weight): (u64, f64),
         p: usize,
-        stack: &mut Rows,
+        stack: &mut Slab,
         residual: &[f64],
         total: Vec<f64>,
         noise: Vec<f64>,
@@ -109,7 +105,7 @@ impl Compressed {
     /// When a column does not exist.
     pub fn select(&self, columns: &[usize]) -> Self {
         let (k, q, p) = (columns.len(), self.targets(), self.columns());
-        let mut stack = Rows::zeros(p, k + q);
+        let mut stack = Slab::zeros(p, k + q);
         for (to, &column) in columns.iter().enumerate() {
             stack.column_mut(to)[..p].copy_from_slice(self.r.col_as_slice(column));
         }

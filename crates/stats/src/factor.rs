@@ -4,7 +4,8 @@ use faer::{Mat, MatRef};
 
 use crate::{
     SquareRoot,
-    householder::{Rows, fold_rows, norm},
+    householder::{fold_rows, norm},
+    kernel::Slab,
     square_root::{noise_level, sum_of_squares},
 };
 
@@ -52,7 +53,7 @@ impl Factor {
                 let mean = |j: usize| chunk.iter().map(|&row| weight(row) / sum * rows[(row, j)]).sum();
                 self.shift = (0..d).map(mean).collect();
             }
-            let mut tile = Rows::zeros(chunk.len(), d + 1);
+            let mut tile = Slab::zeros(chunk.len(), d + 1);
             tile.column_mut(0).iter_mut().zip(chunk).for_each(|(value, &row)| *value = weight(row).sqrt());
             for j in 0..d {
                 for (value, &row) in tile.column_mut(j + 1).iter_mut().zip(chunk) {
@@ -79,7 +80,7 @@ impl Factor {
             return;
         }
         let d = self.shift.len();
-        let mut stack = Rows::zeros(d + 1, d + 1);
+        let mut stack = Slab::zeros(d + 1, d + 1);
         for j in 0..=d {
             stack.column_mut(j)[..=j].copy_from_slice(&other.r.col_as_slice(j)[..=j]);
         }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use faer::MatRef;
+use fleetfoot_data::{packed, packed_row};
 
 use crate::tile::{Columns, TILE, Tile};
 
@@ -25,7 +26,7 @@ pub struct Gram {
 impl Gram {
     /// The Gram matrix of no rows.
     pub fn new(dimension: usize) -> Self {
-        Self { rows: 0, weight: 0.0, mean: vec![0.0; dimension], scatter: vec![0.0; packed(dimension)] }
+        Self { rows: 0, weight: 0.0, mean: vec![0.0; dimension], scatter: vec![0.0; packed_row(dimension)] }
     }
 
     /// From plain moments about `centre` (d): the sum of the weights, `sum w (z - centre)` (d), and `sum w (z - centre)(z - centre)'` (packed).
@@ -37,7 +38,7 @@ impl Gram {
     /// When the lengths disagree.
     pub fn from_moments(rows: u64, weight: f64, centre: &[f64], first: &[f64], second: &[f64]) -> Self {
         let d = centre.len();
-        assert_eq!((first.len(), second.len()), (d, packed(d)), "moments of the same columns");
+        assert_eq!((first.len(), second.len()), (d, packed_row(d)), "moments of the same columns");
         let mut gram = Self::new(d);
         if weight > 0.0 {
             (gram.rows, gram.weight) = (rows, weight);
@@ -45,14 +46,14 @@ impl Gram {
             gram.mean = centre.iter().zip(&shift).map(|(centre, shift)| centre + shift).collect();
             for i in 0..d {
                 for j in 0..=i {
-                    gram.scatter[packed(i) + j] = second[packed(i) + j] - weight * shift[i] * shift[j];
+                    gram.scatter[packed_row(i) + j] = second[packed_row(i) + j] - weight * shift[i] * shift[j];
                 }
-                gram.scatter[packed(i) + i] = gram.scatter[packed(i) + i].max(0.0);
+                gram.scatter[packed_row(i) + i] = gram.scatter[packed_row(i) + i].max(0.0);
             }
             // What the shift leaves of a column that does not vary is rounding, and no direction of its own.
             for i in 0..d {
-                if gram.scatter[packed(i) + i] <= ROUNDING * second[packed(i) + i] {
-                    (0..d).for_each(|j| gram.scatter[packed(i.max(j)) + i.min(j)] = 0.0);
+                if gram.scatter[packed_row(i) + i] <= ROUNDING * second[packed_row(i) + i] {
+                    (0..d).for_each(|j| gram.scatter[packed_row(i.max(j)) + i.min(j)] = 0.0);
                 }
             }
         }
@@ -66,8 +67,7 @@ impl Gram {
 
     /// The centred second moment of two columns.
     pub fn get(&self, i: usize, j: usize) -> f64 {
-        let (i, j) = if i >= j { (i, j) } else { (j, i) };
-        self.scatter[packed(i) + j]
+        self.scatter[packed(i, j)]
     }
 
     /// The statistic of the rows of `z` (n x d; fastest column-major) with weights (n; finite, not negative; `None`: all 1).
@@ -188,7 +188,7 @@ impl Gram {
     /// When the dimensions differ.
     pub fn merge(&mut self, other: &Self) {
         assert_eq!(self.dimension(), other.dimension(), "statistics of the same columns");
-        self.add(other.rows, other.weight, |i| other.mean[i], |i, j| other.scatter[packed(i) + j]);
+        self.add(other.rows, other.weight, |i| other.mean[i], |i, j| other.scatter[packed_row(i) + j]);
     }
 
     #[inline(always)]
@@ -225,10 +225,19 @@ impl Gram {
         for (i, &column) in columns.iter().enumerate() {
             selected.mean[i] = self.mean[column];
             for (j, &other) in columns[..=i].iter().enumerate() {
-                selected.scatter[packed(i) + j] = self.get(column, other);
+                selected.scatter[packed(i, j)] = self.get(column, other);
             }
         }
         selected
+    }
+
+    /// Covariance of some columns (divisor: the weight), packed lower triangle.
+    ///
+    /// # Panics
+    /// When a column does not exist.
+    pub fn covariance(&self, columns: Range<usize>) -> Vec<f64> {
+        let first = columns.start;
+        columns.flat_map(|i| (first..=i).map(move |j| self.get(i, j) / self.weight)).collect()
     }
 }
 
@@ -266,9 +275,4 @@ impl Sorted {
         };
         Columns { columns, weights: self.weights.as_deref() }
     }
-}
-
-/// Length of a packed triangle, and index of the first entry of row `i`.
-pub(crate) fn packed(i: usize) -> usize {
-    i * (i + 1) / 2
 }

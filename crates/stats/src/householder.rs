@@ -6,6 +6,8 @@
 use faer::Mat;
 use pulp::{Simd, WithSimd};
 
+use crate::kernel::{self, LANES, Slab, add_scaled_in, dot_in, padded};
+
 /// Euclidean norm, safe against overflow and underflow of the squares.
 pub(crate) fn norm(values: &[f64]) -> f64 {
     let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
@@ -18,44 +20,50 @@ pub(crate) fn norm(values: &[f64]) -> f64 {
     largest * values.iter().map(|value| (value / largest) * (value / largest)).sum::<f64>().sqrt()
 }
 
+/// The reflector `I - beta u u'`, `u = (1, v / first)`, that sends (alpha, v) to (-sign(alpha) length, 0).
+struct Reflection {
+    length: f64,
+    first: f64,
+    beta: f64,
+}
+
+impl Reflection {
+    /// `below` is the length of v. `I - u u' / (u'u / 2)` with u = (alpha + sign(alpha) length, v), divided through by its first entry.
+    fn of(alpha: f64, below: f64) -> Self {
+        let length = alpha.hypot(below);
+        let first = alpha + length.copysign(alpha);
+        let ratio = below / first;
+        Self { length, first, beta: 2.0 / (1.0 + ratio * ratio) }
+    }
+}
+
+/// Replaces x by the vector u, `u_0 = 1`, of the Householder reflector `I - beta u u'` that sends x to a multiple of the first unit vector; that multiple,
+/// and beta. `None` where x has nothing but its first entry.
+pub fn reflector(x: &mut [f64]) -> Option<(f64, f64)> {
+    let (alpha, below) = (*x.first()?, kernel::norm(x[1..].iter().copied()));
+    if below == 0.0 {
+        return None;
+    }
+    let Reflection { length, first, beta } = Reflection::of(alpha, below);
+    x.iter_mut().for_each(|value| *value /= first);
+    x[0] = 1.0;
+    Some((-length.copysign(alpha), beta))
+}
+
 /// Folds the rows of `rows` (m x d) into the triangle `r` (k x d, its first k columns upper triangular): afterwards `r` is the first
 /// k rows of `Q' [r; rows]`, and `rows` holds zeros in its first k columns and the remaining rows of `Q'[r; rows]` in the others.
 ///
 /// Columns beyond k are right-hand sides. One Householder reflector per column, applied to the triangle's row k and to all rows
 /// (the "triangle on top of a rectangle" step of TSQR): the backward error of every column is of the order of eps times its norm.
 /// Diagonal entries come out not negative.
-pub(crate) fn fold_rows(r: &mut Mat<f64>, rows: &mut Rows) {
-    assert_eq!(r.ncols(), rows.columns, "the same columns");
+pub fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
+    assert_eq!(r.ncols(), rows.columns(), "the same columns");
     pulp::Arch::new().dispatch(Fold { r, rows });
-}
-
-/// Rows in column-major order, each column padded with zeros to whole vectors.
-pub(crate) struct Rows {
-    columns: usize,
-    stride: usize,
-    values: Vec<f64>,
-}
-
-impl Rows {
-    pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
-        let stride = rows.next_multiple_of(8).max(8);
-        Self { columns, stride, values: vec![0.0; stride * columns] }
-    }
-
-    /// Column `j`, padding included.
-    pub(crate) fn column(&self, j: usize) -> &[f64] {
-        &self.values[j * self.stride..(j + 1) * self.stride]
-    }
-
-    /// Column `j`, padding included: what is written there takes part.
-    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
-        &mut self.values[j * self.stride..(j + 1) * self.stride]
-    }
 }
 
 struct Fold<'a> {
     r: &'a mut Mat<f64>,
-    rows: &'a mut Rows,
+    rows: &'a mut Slab,
 }
 
 impl WithSimd for Fold<'_> {
@@ -64,12 +72,11 @@ impl WithSimd for Fold<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { r, rows } = self;
-        let (stride, d) = (rows.stride, rows.columns);
+        let (stride, d) = (rows.stride, rows.columns());
         for k in 0..r.nrows() {
             let (head, tail) = rows.values.split_at_mut((k + 1) * stride);
             let v = &mut head[k * stride..];
-            let vectors = S::as_simd_f64s(v).0;
-            let squares = dot(simd, vectors, vectors);
+            let squares = dot_in(simd, v, v);
             let below = if (1e-280..1e280).contains(&squares) { squares.sqrt() } else { norm(v) };
             if below == 0.0 {
                 if r[(k, k)] < 0.0 {
@@ -77,46 +84,59 @@ impl WithSimd for Fold<'_> {
                 }
                 continue;
             }
-            // Reflector I - u u' / (u'u / 2) with u = (alpha + sign(alpha) length, v), divided through by its first entry.
             let alpha = r[(k, k)];
-            let length = alpha.hypot(below);
-            let first = alpha + length.copysign(alpha);
+            let Reflection { length, first, beta } = Reflection::of(alpha, below);
             v.iter_mut().for_each(|value| *value /= first);
-            let ratio = below / first;
-            let beta = 2.0 / (1.0 + ratio * ratio);
             // The reflector sends the column to -sign(alpha) length; the whole row changes sign where that would be negative.
             let sign = if alpha.is_sign_negative() { 1.0 } else { -1.0 };
             r[(k, k)] = length;
-            let (v, _) = S::as_simd_f64s(v);
             for (j, column) in (k + 1..d).zip(tail.chunks_exact_mut(stride)) {
-                let (x, _) = S::as_mut_simd_f64s(column);
-                let step = beta * (r[(k, j)] + dot(simd, v, x));
+                let step = beta * (r[(k, j)] + dot_in(simd, v, column));
                 r[(k, j)] = sign * (r[(k, j)] - step);
-                let step = simd.splat_f64s(-step);
-                for (x, v) in x.iter_mut().zip(v) {
-                    *x = simd.mul_add_f64s(*v, step, *x);
-                }
+                add_scaled_in(simd, -step, v, column);
             }
             head[k * stride..].fill(0.0);
         }
     }
 }
 
-#[inline(always)]
-fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
-    let mut sums = [simd.splat_f64s(0.0); 4];
-    let (a4, a1) = pulp::as_arrays::<4, _>(a);
-    let (b4, b1) = pulp::as_arrays::<4, _>(b);
-    for (a, b) in a4.iter().zip(b4) {
-        for k in 0..4 {
-            sums[k] = simd.mul_add_f64s(a[k], b[k], sums[k]);
+/// Reduces a matrix whose column i ends at the row `last[i]` (ascending) to an upper triangle, in place, by one Householder reflector a column;
+/// what stands behind these columns are right-hand sides. Diagonal entries have either sign.
+///
+/// A staircase has few rows to reflect: columns taken out of a triangle, or rows of a diagonal between those of a triangle.
+pub fn reduce_columns(values: &mut Slab, last: &[usize]) {
+    pulp::Arch::new().dispatch(Reduce { values, last });
+}
+
+struct Reduce<'a> {
+    values: &'a mut Slab,
+    last: &'a [usize],
+}
+
+impl WithSimd for Reduce<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { values, last } = self;
+        let (columns, stride) = (values.columns(), values.stride());
+        let mut v = vec![0.0; stride];
+        for (i, &last) in last.iter().enumerate().filter(|&(i, &last)| last > i) {
+            // Whole vectors around the rows of the reflector; it is zero in the others.
+            let (from, to) = (i / LANES * LANES, padded(last + 1));
+            v[from..to].fill(0.0);
+            v[i..=last].copy_from_slice(&values.column(i)[i..=last]);
+            let Some((diagonal, beta)) = reflector(&mut v[i..=last]) else { continue };
+            let column = values.column_mut(i);
+            column[i..=last].fill(0.0);
+            column[i] = diagonal;
+            for j in i + 1..columns {
+                let column = &mut values.column_mut(j)[from..to];
+                let step = beta * dot_in(simd, &v[from..to], column);
+                add_scaled_in(simd, -step, &v[from..to], column);
+            }
         }
     }
-    for (a, b) in a1.iter().zip(b1) {
-        sums[0] = simd.mul_add_f64s(*a, *b, sums[0]);
-    }
-    let pairs = (simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
-    simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1))
 }
 
 /// What a column-pivoted QR found: `A[:, order] = Q [R11 R12; 0 R22]` with R22 below the noise.
@@ -182,25 +202,12 @@ fn reflect(u: &[f64], beta: f64, x: &mut [f64]) {
 
 /// Solves `R x = b` in place for the leading `n x n` upper triangle of `r`; every column of `b` is a right-hand side.
 pub(crate) fn solve_upper(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
-    for t in 0..b.ncols() {
-        let x = b.col_as_slice_mut(t);
-        for k in (0..n).rev() {
-            x[k] /= r[(k, k)];
-            let known = x[k];
-            x[..k].iter_mut().zip(r.col_as_slice(k)).for_each(|(x, r)| *x -= r * known);
-        }
-    }
+    (0..b.ncols()).for_each(|t| kernel::solve_upper(|k| r.col_as_slice(k), &mut b.col_as_slice_mut(t)[..n]));
 }
 
 /// Solves `R'x = b` in place for the leading `n x n` upper triangle of `r`.
 pub(crate) fn solve_upper_transposed(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
-    for t in 0..b.ncols() {
-        let x = b.col_as_slice_mut(t);
-        for k in 0..n {
-            let known: f64 = x[..k].iter().zip(r.col_as_slice(k)).map(|(x, r)| x * r).sum();
-            x[k] = (x[k] - known) / r[(k, k)];
-        }
-    }
+    (0..b.ncols()).for_each(|t| kernel::solve_upper_transposed(|k| r.col_as_slice(k), &mut b.col_as_slice_mut(t)[..n]));
 }
 
 /// Estimate, from below and usually within a few per cent, of the condition number (2-norm) of the leading `n x n` upper triangle of
@@ -257,7 +264,7 @@ mod tests {
         let mut left = vec![0.0; d - p];
         for first in (0..n).step_by(10) {
             let rows = 10.min(n - first);
-            let mut tile = Rows::zeros(rows, d);
+            let mut tile = Slab::zeros(rows, d);
             for j in 0..d {
                 (0..rows).for_each(|i| tile.column_mut(j)[i] = value(first + i, j));
             }

@@ -1,6 +1,8 @@
 //! How much a set of rows tells about an affine model: the log-determinant of its regressors' Gram matrix (D-optimality).
 
-use crate::{Gram, gram::packed};
+use fleetfoot_data::{packed, packed_row};
+
+use crate::Gram;
 
 /// Share of a column's variance that the columns before it must leave unexplained for it to count as independent.
 const LEAST_PIVOT: f64 = 1e-12;
@@ -30,13 +32,13 @@ impl Gram {
         // NaN compares false: such a column is dependent too.
         let moves = |j: usize| deviation[j] > ROUNDING * self.mean[j].abs() && deviation[j].is_finite();
         let (mut left, mut dependent): (Vec<usize>, Vec<usize>) = (0..d).partition(|&j| moves(j));
-        let mut residual = vec![0.0; packed(d)];
+        let mut residual = vec![0.0; packed_row(d)];
         for &i in &left {
             for &j in left.iter().filter(|&&j| j <= i) {
-                residual[packed(i) + j] = self.get(i, j) / self.weight / (deviation[i] * deviation[j]);
+                residual[packed_row(i) + j] = self.get(i, j) / self.weight / (deviation[i] * deviation[j]);
             }
         }
-        let at = |i: usize, j: usize| if i >= j { packed(i) + j } else { packed(j) + i };
+        let at = packed;
         let mut value: f64 = left.iter().map(|&j| 2.0 * deviation[j].ln()).sum();
         while let Some(position) = (0..left.len()).max_by(|&a, &b| {
             let diagonal = |k: usize| residual[at(left[k], left[k])];

@@ -46,6 +46,7 @@ mod tiling;
 mod tests;
 
 use faer::{Mat, MatRef};
+use fleetfoot_data::packed;
 
 use crate::{Gram, Preconditioner};
 use affine::AffineMap;
@@ -299,7 +300,7 @@ impl PolynomialPlan {
             for j in 0..=i {
                 let value = second(i, j) - firsts[i] * (firsts[j] / weight);
                 // A sum of squares: below zero is rounding.
-                gram.scatter[i * (i + 1) / 2 + j] = if i == j { value.max(0.0) } else { value };
+                gram.scatter[packed(i, j)] = if i == j { value.max(0.0) } else { value };
             }
         }
         gram

@@ -8,10 +8,11 @@ use faer::{
     Mat, MatMut, MatRef,
     reborrow::{Reborrow, ReborrowMut},
 };
+use fleetfoot_data::packed_row;
 
 use crate::{
-    gram::packed,
-    householder::{Rows, fold_rows, norm},
+    householder::{fold_rows, norm},
+    kernel::Slab,
     separation::{Separation, separate},
     square_root::noise_level,
     triangle::{PANEL, Triangle},
@@ -109,8 +110,8 @@ impl Preconditioner {
     /// The same coordinates up to a product from the right: T diagonal (the columns' sizes), B in terms of the scaled columns.
     fn diagonal(mut self, sizes: &[f64]) -> Self {
         let (p, d) = (self.regressors, self.dimension());
-        let mut triangle = vec![0.0; packed(d)];
-        (0..p).for_each(|j| triangle[packed(j) + j] = sizes[j]);
+        let mut triangle = vec![0.0; packed_row(d)];
+        (0..p).for_each(|j| triangle[packed_row(j) + j] = sizes[j]);
         for target in p..d {
             // y - c = (x - c) P T^-1 B: the coefficients of x - c by substitution.
             let mut b = self.column(target)[..p].to_vec();
@@ -120,9 +121,9 @@ impl Preconditioner {
                 b[..k].iter_mut().zip(column).for_each(|(b, t)| *b -= value * t);
             }
             for (k, &column) in self.order.iter().enumerate() {
-                triangle[packed(target) + column] = b[k] * sizes[column];
+                triangle[packed_row(target) + column] = b[k] * sizes[column];
             }
-            triangle[packed(target) + target] = self.column(target)[target];
+            triangle[packed_row(target) + target] = self.column(target)[target];
         }
         (self.triangle, self.order) = (triangle, (0..p).collect());
         self
@@ -131,8 +132,8 @@ impl Preconditioner {
     /// The preconditioner that changes nothing.
     pub fn identity(p: usize, q: usize) -> Self {
         let d = p + q;
-        let mut triangle = vec![0.0; packed(d)];
-        (0..d).for_each(|j| triangle[packed(j) + j] = 1.0);
+        let mut triangle = vec![0.0; packed_row(d)];
+        (0..d).for_each(|j| triangle[packed_row(j) + j] = 1.0);
         Self {
             regressors: p,
             targets: q,
@@ -156,7 +157,7 @@ impl Preconditioner {
         let mut found = Self { order: order.to_vec(), condition, ..Self::identity(p, targets) };
         for (k, (constant, factors)) in columns.into_iter().enumerate() {
             found.centre[order[k]] = constant;
-            found.triangle[packed(k)..packed(k + 1)].copy_from_slice(&factors);
+            found.triangle[packed_row(k)..packed_row(k + 1)].copy_from_slice(&factors);
         }
         let mut sorted = order.to_vec();
         sorted.sort_unstable();
@@ -171,7 +172,7 @@ impl Preconditioner {
         let same = |part: &Self| {
             (part.regressors, &part.order, part.is_native()) == (p, &first.order, first.is_native())
                 && part.centre[..p] == first.centre[..p]
-                && part.triangle[..packed(p)] == first.triangle[..packed(p)]
+                && part.triangle[..packed_row(p)] == first.triangle[..packed_row(p)]
         };
         if !parts.iter().all(|part| same(part)) {
             return None;
@@ -181,11 +182,11 @@ impl Preconditioner {
         joined.condition = first.condition;
         joined.confounded.clone_from(&first.confounded);
         joined.centre[..p].copy_from_slice(&first.centre[..p]);
-        joined.triangle[..packed(p)].copy_from_slice(&first.triangle[..packed(p)]);
+        joined.triangle[..packed_row(p)].copy_from_slice(&first.triangle[..packed_row(p)]);
         let targets = parts.iter().flat_map(|part| (p..part.dimension()).map(move |column| (part, column)));
         for (target, (part, column)) in (p..).zip(targets) {
             joined.centre[target] = part.centre[column];
-            let entries = &mut joined.triangle[packed(target)..packed(target + 1)];
+            let entries = &mut joined.triangle[packed_row(target)..packed_row(target + 1)];
             entries[..p].copy_from_slice(&part.column(column)[..p]);
             entries[target] = part.column(column)[column];
         }
@@ -204,7 +205,7 @@ impl Preconditioner {
         self.solver = if diagonal {
             Solver::Diagonal
         } else {
-            Solver::Triangle(Triangle::new(self.dimension(), |i, j| triangle[packed(j) + i]))
+            Solver::Triangle(Triangle::new(self.dimension(), |i, j| triangle[packed_row(j) + i]))
         };
         self
     }
@@ -326,7 +327,7 @@ impl Preconditioner {
 
     /// Column `j` of `[T B; 0 diag(s)]`, down to its diagonal.
     pub(crate) fn column(&self, j: usize) -> &[f64] {
-        &self.triangle[packed(j)..packed(j + 1)]
+        &self.triangle[packed_row(j)..packed_row(j + 1)]
     }
 
     /// The preconditioner as bytes, the same for the same coordinates: for a plan's hash and for files.
@@ -358,7 +359,7 @@ impl Preconditioner {
     fn is_valid(&self) -> bool {
         let mut order = self.order.clone();
         order.sort_unstable();
-        let diagonal = (0..self.dimension()).map(|j| self.triangle[packed(j) + j]);
+        let diagonal = (0..self.dimension()).map(|j| self.triangle[packed_row(j) + j]);
         order.into_iter().eq(0..self.regressors)
             && self.rank <= self.regressors
             && self.triangle.iter().chain(&self.centre).all(|value| value.is_finite())
@@ -409,7 +410,7 @@ impl Reader<'_> {
         }
         let d = p.checked_add(q)?;
         let centre = self.numbers(d)?;
-        let triangle = self.numbers(packed(d))?;
+        let triangle = self.numbers(packed_row(d))?;
         let condition = self.numbers(1)?[0];
         self.0.is_empty().then_some(())?;
         let result = Preconditioner {
@@ -432,9 +433,9 @@ impl Reader<'_> {
 fn pilot_triangle(separation: &Separation, noise: &[f64], sizes: &[f64], predicts: bool) -> Vec<f64> {
     let Separation { order, rank, r, rhs, .. } = separation;
     let (p, rank) = (order.len(), *rank);
-    let mut triangle = vec![0.0; packed(sizes.len())];
+    let mut triangle = vec![0.0; packed_row(sizes.len())];
     for k in 0..p {
-        let column = &mut triangle[packed(k)..packed(k + 1)];
+        let column = &mut triangle[packed_row(k)..packed_row(k + 1)];
         // From units of noise to raw units, and to rows of unit variance.
         let unit = noise[order[k]] * sizes[order[k]];
         for i in 0..(k + 1).min(rank) {
@@ -447,7 +448,7 @@ fn pilot_triangle(separation: &Separation, noise: &[f64], sizes: &[f64], predict
     let strong = |k: usize| predicts && (r[(k, k)] * noise[order[k]]).abs() >= STRONG;
     for t in 0..rhs.ncols() {
         let size = sizes[p + t];
-        let column = &mut triangle[packed(p + t)..packed(p + t + 1)];
+        let column = &mut triangle[packed_row(p + t)..packed_row(p + t + 1)];
         let mut left: Vec<f64> = rhs.col_as_slice(t).to_vec();
         for k in (0..rank).filter(|&k| strong(k)) {
             column[k] = left[k] * size;
@@ -491,7 +492,7 @@ fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotCo
         .collect();
     let mut r = Mat::zeros(d, d);
     for chunk in used.chunks(256) {
-        let mut tile = Rows::zeros(chunk.len(), d);
+        let mut tile = Slab::zeros(chunk.len(), d);
         for (j, column) in columns.iter().enumerate().filter(|&(j, _)| !constant[j]) {
             for (value, &i) in tile.column_mut(j).iter_mut().zip(chunk) {
                 *value = (rows[(i, j)] - column.centre) / column.length;

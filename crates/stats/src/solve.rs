@@ -4,7 +4,8 @@ use faer::{Mat, MatRef};
 
 use crate::{
     SquareRoot,
-    householder::{Rows, fold_rows, solve_upper, solve_upper_transposed},
+    householder::{fold_rows, solve_upper, solve_upper_transposed},
+    kernel::Slab,
     separation::{Separation, separate},
 };
 
@@ -70,7 +71,7 @@ pub fn ridge(root: &SquareRoot, scale: &[f64], lambda: f64, prior: Option<MatRef
     }
     let penalty = (root.weight * lambda).sqrt();
     if penalty > 0.0 {
-        let mut rows = Rows::zeros(p, p + q);
+        let mut rows = Slab::zeros(p, p + q);
         (0..p).for_each(|j| rows.column_mut(j)[j] = penalty * units[j]);
         fold_rows(&mut stacked, &mut rows);
     }
@@ -103,7 +104,7 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
     }
     // M gamma = c with gamma = units * beta and M = [R11 R12] in those units; with M' = Q L', gamma = Q L^-1 c. Carrying the identity
     // through the reduction of M' leaves Q' beside L'.
-    let mut rows = Rows::zeros(p, rank + p);
+    let mut rows = Slab::zeros(p, rank + p);
     for (k, &column) in order.iter().enumerate() {
         for i in 0..rank {
             rows.column_mut(i)[k] = if k >= i { r[(i, k)] * (noise[column] / units[column]) } else { 0.0 };

@@ -4,7 +4,8 @@ use faer::{Mat, MatRef};
 
 use crate::{
     Gram, Preconditioner,
-    householder::{Rows, condition, fold_rows, norm},
+    householder::{condition, fold_rows, norm},
+    kernel::Slab,
 };
 
 /// Rounding of a column of an R factor of p columns, relative to the size of the numbers it was made from.
@@ -105,7 +106,7 @@ impl Preconditioner {
     fn raw_factor(&self, cholesky: &Cholesky) -> Mat<f64> {
         let (p, q) = (self.regressors(), self.targets());
         let part = |i: usize| &cholesky.factor.col_as_slice(i)[..cholesky.rank];
-        let mut stack = Rows::zeros(p, p + q);
+        let mut stack = Slab::zeros(p, p + q);
         for k in 0..p + q {
             // Only the targets' own diagonal stands below row p.
             let raw = self.order().get(k).copied().unwrap_or(k);
@@ -194,7 +195,7 @@ impl SquareRoot {
     /// When a column does not exist.
     pub fn select(&self, columns: &[usize]) -> Self {
         let (k, q, p) = (columns.len(), self.targets(), self.regressors());
-        let mut stack = Rows::zeros(p, k + q);
+        let mut stack = Slab::zeros(p, k + q);
         for (to, &column) in columns.iter().enumerate() {
             stack.column_mut(to)[..p].copy_from_slice(self.r.col_as_slice(column));
         }

@@ -4,12 +4,11 @@
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_stats::svd;
+use fleetfoot_stats::{kernel::norm, svd};
 
 use super::LinearTarget;
 use crate::{
     EstimateError, Parameter,
-    descent::norm,
     evaluate::{Evaluation, LinearPart, Objective, Pass},
     reads::Reads,
     rows::{Layout, Rows, Scan, Unfolded, unfold},

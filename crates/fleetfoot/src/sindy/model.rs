@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use faer::Mat;
 use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training, auxiliary_columns};
 use fleetfoot_sparse::{Spread, SystemScan};
-use fleetfoot_stats::Gram;
 
 use super::EquationTask;
 
@@ -77,7 +76,7 @@ impl EquationTask {
             mean: vec![f64::NAN; used.len()],
             covariance: vec![f64::NAN; used.len() * (used.len() + 1) / 2],
             range: vec![[f64::NEG_INFINITY, f64::INFINITY]; used.len()],
-            residual_covariance: vec![f64::NAN; targets * (targets + 1) / 2],
+            residual_covariance: vec![f64::NAN; fleetfoot_data::packed_row(targets)],
             rank: used.len(),
             condition: f64::NAN,
             confounded: Vec::new(),
@@ -154,15 +153,9 @@ fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Proven
         rows: (0..scan.regions()).map(|region| scan.rows(region)).sum(),
         episodes: provenance.episodes.clone(),
         target_mean: also.mean[..fitted].to_vec(),
-        target_covariance: covariance(also, 0..fitted),
+        target_covariance: also.covariance(0..fitted),
         // An absolute error is no quadratic question: a statistic does not know it.
         target_deviation: vec![f64::NAN; fitted],
-        state_covariance: covariance(also, fitted..fitted + states),
+        state_covariance: also.covariance(fitted..fitted + states),
     }
-}
-
-/// Covariance of some columns of a Gram matrix (divisor: weight), packed.
-fn covariance(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
-    let first = columns.start;
-    columns.flat_map(|i| (first..=i).map(move |j| gram.get(i, j) / gram.weight)).collect()
 }

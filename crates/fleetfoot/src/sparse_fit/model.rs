@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training, packed};
+use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
 use fleetfoot_sparse::{Spread, Structure};
 use fleetfoot_stats::{Gram, Key};
 
@@ -34,10 +35,10 @@ pub(super) fn model(
             .map(|id| (id.to_string(), file.episode(*id).map_or_else(String::new, |episode| episode.name.clone())))
             .collect(),
         target_mean: also.mean[..targets].to_vec(),
-        target_covariance: covariance(&also, 0..targets),
+        target_covariance: also.covariance(0..targets),
         // An absolute error is no quadratic question: a statistic does not know it.
         target_deviation: vec![f64::NAN; targets],
-        state_covariance: covariance(&also, targets..targets + states),
+        state_covariance: also.covariance(targets..targets + states),
     };
     let mut model = Model::new(method, columns(task), file.step(), training);
     let ranges = ranges(file, &episodes, theta.len());
@@ -78,12 +79,6 @@ fn columns(task: &StructuredTask) -> Vec<Column> {
         functions.chain(sides).flat_map(Expr::columns).map(|name| name.to_string()).collect();
     used.extend(task.equations.iter().map(|equation: &Equation| equation.subject.clone()));
     task.columns.iter().filter(|column| column.role == Role::State || used.contains(&column.name)).cloned().collect()
-}
-
-/// Covariance of some columns of a Gram matrix (divisor: weight), packed.
-fn covariance(gram: &Gram, columns: std::ops::Range<usize>) -> Vec<f64> {
-    let first = columns.start;
-    columns.flat_map(|i| (first..=i).map(move |j| gram.get(i, j) / gram.weight)).collect()
 }
 
 /// Least and greatest value of every function over some episodes.
@@ -128,7 +123,7 @@ fn region(spread: &Spread, kept: &[usize], range: Vec<[f64; 2]>, residuals: &[f6
 /// equations' residuals) is NaN.
 fn residual_covariance(problem: &Problem<'_>, theta: &[f64]) -> Vec<f64> {
     let fitted: Vec<&Equation> = problem.task.equations.iter().filter(|equation| equation.target.is_some()).collect();
-    let mut covariance = vec![f64::NAN; fitted.len() * (fitted.len() + 1) / 2];
+    let mut covariance = vec![f64::NAN; packed_row(fitted.len())];
     let errors = problem.structure.errors(&problem.roots, theta);
     for (index, equation) in fitted.iter().enumerate() {
         if let Some(task) = task_of(problem.task, &problem.structure, equation) {

@@ -6,12 +6,12 @@
 //! does for rows, done again for members.
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
-use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_data::{Progress, packed_row, parallel_map};
 use fleetfoot_stats::{Bank, Gram, Key, Preconditioner, SquareRoot, blocks};
 
 use super::{
     BolassoError, BootstrapUnit,
-    resample::{Frame, Sums, divide_right, packed, scale, spread, triangle_of},
+    resample::{Frame, Sums, divide_right, scale, spread, triangle_of},
 };
 use crate::{Assembly, Banks, SparseError, Structure, kernel::Slab};
 
@@ -55,7 +55,7 @@ struct Centred {
 impl Layout {
     fn new(structure: &Structure, total: &[SquareRoot], weights: &[f64], unit: &[f64]) -> Self {
         let p = structure.coefficients();
-        let mut layout = Self { p, centred: Vec::new(), length: 1 + packed(p + 1) + 2 * p };
+        let mut layout = Self { p, centred: Vec::new(), length: 1 + packed_row(p + 1) + 2 * p };
         for (task, shape) in structure.tasks.iter().enumerate() {
             if shape.centred {
                 let (columns, first) = (structure.columns(task), layout.length);
@@ -75,12 +75,12 @@ impl Layout {
     }
 
     fn products(&self) -> std::ops::Range<usize> {
-        1..1 + packed(self.p + 1)
+        1..1 + packed_row(self.p + 1)
     }
 
     /// First of the sums of squares over measured tasks, or over priors.
     fn squares(&self, prior: bool) -> usize {
-        1 + packed(self.p + 1) + if prior { self.p } else { 0 }
+        1 + packed_row(self.p + 1) + if prior { self.p } else { 0 }
     }
 
     fn scales(&self, sums: &[f64], unit: &[f64]) -> Vec<f64> {
@@ -302,7 +302,7 @@ fn add_member(layout: &Layout, tasks: &[TaskMap<'_>], member: usize, sums: &mut 
             work.scatter.resize_with(d, d, |_, _| 0.0);
             for i in 0..d {
                 for j in 0..=i {
-                    let value = gram.scatter[packed(i) + j];
+                    let value = gram.scatter[packed_row(i) + j];
                     (work.scatter[(i, j)], work.scatter[(j, i)]) = (value, value);
                 }
             }
@@ -324,7 +324,7 @@ fn add_products(products: &mut [f64], task: &TaskMap<'_>, gram: &Gram, work: &mu
     for i in 0..width {
         let factor = gram.weight * mean[i];
         for j in 0..=i {
-            products[packed(i) + j] += task.factor * (work.whole[(j, i)] + factor * mean[j]);
+            products[packed_row(i) + j] += task.factor * (work.whole[(j, i)] + factor * mean[j]);
         }
     }
 }

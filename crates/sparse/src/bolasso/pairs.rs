@@ -4,6 +4,7 @@
 //! coefficient `a_kl = sum_t s_t c_tk c_tl` a row, however many tasks they share. Where two latents have the same library and the same coefficient up to a
 //! number, one block serves both. The target is one more latent, whose library is the function 1 and whose coefficients are the y_t.
 
+use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;
 
 use crate::{Assembly, Regression};
@@ -78,7 +79,7 @@ impl Pairs {
             None => {
                 let first = self.columns;
                 let [a, b] = libraries.map(|library| self.libraries[library].len());
-                self.columns += if libraries[0] == libraries[1] { a * (a + 1) / 2 } else { a * b };
+                self.columns += if libraries[0] == libraries[1] { packed_row(a) } else { a * b };
                 let places = place.into_iter().collect();
                 self.blocks.push(Block { libraries, coefficient: index, first, places });
             }
@@ -88,8 +89,7 @@ impl Pairs {
     /// Column of E of entry (i, j) of a block: function i of its first library and j of its second.
     pub(crate) fn column(&self, block: &Block, i: usize, j: usize) -> usize {
         if block.libraries[0] == block.libraries[1] {
-            let (i, j) = (i.max(j), i.min(j));
-            block.first + i * (i + 1) / 2 + j
+            block.first + packed(i, j)
         } else {
             block.first + i * self.libraries[block.libraries[1]].len() + j
         }

@@ -1,6 +1,7 @@
 //! From the moments of a resample, in good coordinates, to its lasso solution.
 
 use faer::{Accum, Mat, Par, linalg::matmul::matmul};
+use fleetfoot_data::{packed, packed_row};
 
 use crate::{
     Assembly, CoordinateOptions, Penalty, Quadratic, Sign, Solution, SparseError, coordinate_descent,
@@ -48,11 +49,6 @@ pub(crate) struct Fitted {
     pub(crate) converged: bool,
 }
 
-/// Index of the first entry of row `i` of a packed triangle.
-pub(crate) fn packed(i: usize) -> usize {
-    i * (i + 1) / 2
-}
-
 /// The scale of a column from its mean square over measured tasks, or over priors where there is none, as in [`Structure::assemble`].
 ///
 /// `None` for a column of zeros.
@@ -87,10 +83,12 @@ impl<'a> Frame<'a> {
         if !(sums.weight > 0.0 && sums.weight.is_finite()) {
             return Err(SparseError::NoRows);
         }
-        if let Some(column) = (0..p).find(|&j| !sums.products[packed(j)..packed(j + 1)].iter().all(|v| v.is_finite())) {
+        if let Some(column) =
+            (0..p).find(|&j| !sums.products[packed_row(j)..packed_row(j + 1)].iter().all(|v| v.is_finite()))
+        {
             return Err(SparseError::ColumnNotFinite { column });
         }
-        if !sums.products[packed(p)..].iter().all(|value| value.is_finite()) {
+        if !sums.products[packed_row(p)..].iter().all(|value| value.is_finite()) {
             return Err(SparseError::TargetNotFinite);
         }
         let cholesky = Cholesky::new(sums.products, p);
@@ -126,7 +124,7 @@ impl<'a> Frame<'a> {
 
     /// Length of the terms that column j of B / unit is the sum of.
     fn made_from(&self, products: &[f64], j: usize) -> f64 {
-        let entry = |i: usize| self.triangle[(i, j)] * self.triangle[(i, j)] * products[packed(i) + i];
+        let entry = |i: usize| self.triangle[(i, j)] * self.triangle[(i, j)] * products[packed(i, i)];
         (0..=j).map(entry).sum::<f64>().sqrt()
     }
 
@@ -180,7 +178,7 @@ struct Cholesky {
 
 impl Cholesky {
     fn new(products: &[f64], p: usize) -> Self {
-        let get = |i: usize, j: usize| if i >= j { products[packed(i) + j] } else { products[packed(j) + i] };
+        let get = |i: usize, j: usize| products[packed(i, j)];
         let tolerance = 8.0 * (p + 1) as f64 * f64::EPSILON;
         let inverse: Vec<f64> = (0..p).map(|j| get(j, j).max(f64::MIN_POSITIVE).recip()).collect();
         let mut left: Vec<f64> = (0..=p).map(|j| get(j, j)).collect();

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use faer::{Accum, Mat, MatMut, MatRef, Par, linalg::matmul::matmul};
-use fleetfoot_data::{EpisodeId, Progress, Source, parallel_map, sample_ranges};
+use fleetfoot_data::{EpisodeId, Progress, Source, packed, packed_row, parallel_map, sample_ranges};
 use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_stats::{Grid, TILE_ROWS, reduce};
 
@@ -11,7 +11,7 @@ use super::{
     BolassoError, BootstrapOptions, Selection,
     counts::PoissonCounts,
     pairs::Pairs,
-    resample::{Frame, Sums, packed, scale, spread, triangle_of},
+    resample::{Frame, Sums, scale, spread, triangle_of},
     tile::{Library, Pool, Tile},
 };
 use crate::{Assembly, Plan, Regression, ScanError, SparseError, kernel::Slab};
@@ -162,13 +162,13 @@ impl Columns {
         if weight.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
             return None;
         }
-        let mut products = vec![0.0; packed(p + 1)];
+        let mut products = vec![0.0; packed_row(p + 1)];
         for block in &self.pairs.blocks {
             for &([k, l], factor) in &block.places {
                 for i in 0..self.pairs.libraries[block.libraries[0]].len() {
                     for j in 0..self.pairs.libraries[block.libraries[1]].len() {
                         let (row, column) = (self.first[k] + i, self.first[l] + j);
-                        let at = packed(row.max(column)) + row.min(column);
+                        let at = packed(row, column);
                         products[at] = factor * sums[self.pairs.column(block, i, j)];
                     }
                 }
@@ -184,7 +184,7 @@ impl Columns {
         for (latent, pair) in self.first.windows(2).enumerate() {
             let library = &self.libraries[self.pairs.library_of[latent]];
             for j in pair[0]..pair[1] {
-                measured[j] = library.square(j - pair[0], |a, b| products[packed(pair[0] + a) + pair[0] + b]) / weight;
+                measured[j] = library.square(j - pair[0], |a, b| products[packed(pair[0] + a, pair[0] + b)]) / weight;
             }
         }
         // What the blocks say of these latents is not their scale.

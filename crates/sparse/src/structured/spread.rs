@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use fleetfoot_data::packed_row;
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, least_squares};
 
 /// Mean, covariance and rank of functions over the rows of a statistic.
@@ -27,7 +28,7 @@ impl Spread {
     pub fn of(root: &SquareRoot, columns: Range<usize>, factor: f64) -> Self {
         let wanted: Vec<usize> = columns.clone().collect();
         let count = wanted.len();
-        let mut covariance = Vec::with_capacity(count * (count + 1) / 2);
+        let mut covariance = Vec::with_capacity(packed_row(count));
         for i in columns.clone() {
             for j in columns.start..=i {
                 let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();

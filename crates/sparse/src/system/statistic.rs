@@ -1,7 +1,7 @@
 //! What a pass has found, and what is asked of it.
 
 use faer::{Mat, MatRef};
-use fleetfoot_data::{Cancelled, Silent, parallel_map};
+use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
 use fleetfoot_model::Region as ModelRegion;
 use fleetfoot_stats::{Bank, Gram, PolynomialBank, PolynomialPlan, Preconditioner, SquareRoot};
 
@@ -172,7 +172,7 @@ impl SystemScan {
             }
             sum
         };
-        let mut covariance = Vec::with_capacity(q * (q + 1) / 2);
+        let mut covariance = Vec::with_capacity(packed_row(q));
         for t in 0..q {
             for u in 0..=t {
                 let scatter = product(errors.col_as_slice(t), errors.col_as_slice(u));

@@ -1,5 +1,6 @@
 //! A system from the statistics of separate tasks, as a file of statistics holds them.
 
+use fleetfoot_data::packed_row;
 use fleetfoot_library::Expr;
 use fleetfoot_stats::{Bank, Gram, Preconditioner};
 
@@ -78,13 +79,12 @@ fn functions(regression: &Regression) -> Result<&[Expr], SystemError> {
 fn joined(parts: &[&Gram], p: usize) -> Gram {
     let mut gram = Gram::new(p + parts.len());
     (gram.rows, gram.weight) = (parts[0].rows, parts[0].weight);
-    let row = |i: usize| i * (i + 1) / 2;
     gram.mean[..p].copy_from_slice(&parts[0].mean[..p]);
-    gram.scatter[..row(p)].copy_from_slice(&parts[0].scatter[..row(p)]);
+    gram.scatter[..packed_row(p)].copy_from_slice(&parts[0].scatter[..packed_row(p)]);
     for (target, part) in (p..).zip(parts) {
         gram.mean[target] = part.mean[p];
-        let entries = &mut gram.scatter[row(target)..row(target + 1)];
-        entries[..p].copy_from_slice(&part.scatter[row(p)..row(p) + p]);
+        let entries = &mut gram.scatter[packed_row(target)..packed_row(target + 1)];
+        entries[..p].copy_from_slice(&part.scatter[packed_row(p)..packed_row(p) + p]);
         entries[p..target].fill(f64::NAN);
         entries[target] = part.get(p, p);
     }

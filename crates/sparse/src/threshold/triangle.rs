@@ -1,8 +1,8 @@
 //! Columns of a triangle, made triangular again.
 
-use pulp::{Simd, WithSimd};
+use fleetfoot_stats::householder::reduce_columns;
 
-use crate::kernel::{Slab, add_scaled_in, dot_in, norm, padded};
+use crate::kernel::{Slab, norm, solve_upper, solve_upper_transposed};
 
 /// `[R z]`: a square upper triangle and its right-hand sides.
 #[derive(Debug, Clone)]
@@ -69,28 +69,19 @@ impl Triangle {
     /// Householder reduction of columns that end at the rows `last`, ascending; right-hand sides stand behind them.
     fn reduced(mut values: Slab, last: &[usize]) -> Self {
         let k = last.len();
-        pulp::Arch::new().dispatch(Reduce { values: &mut values, last });
+        reduce_columns(&mut values, last);
         let entry = |i: usize, j: usize| if j >= k || i <= j { values.column(j)[i] } else { 0.0 };
         Self { values: Slab::from_fn(k, values.columns(), entry), columns: k }
     }
 
     /// `R^-1 x` in place.
     pub(super) fn solve(&self, x: &mut [f64]) {
-        for k in (0..self.columns).rev() {
-            let column = self.values.column(k);
-            x[k] /= column[k];
-            let known = x[k];
-            x[..k].iter_mut().zip(column).for_each(|(x, r)| *x -= r * known);
-        }
+        solve_upper(|k| self.values.column(k), &mut x[..self.columns]);
     }
 
     /// `R^-T x` in place.
     pub(super) fn solve_transposed(&self, x: &mut [f64]) {
-        for k in 0..self.columns {
-            let column = self.values.column(k);
-            let known: f64 = x[..k].iter().zip(column).map(|(x, r)| x * r).sum();
-            x[k] = (x[k] - known) / column[k];
-        }
+        solve_upper_transposed(|k| self.values.column(k), &mut x[..self.columns]);
     }
 
     /// The least length of `R diag(1/units) x` over unit x, from above and usually within a factor of two: inverse iteration.
@@ -112,47 +103,6 @@ impl Triangle {
             growth = norm(x.iter().copied());
         }
         growth.sqrt().recip()
-    }
-}
-
-struct Reduce<'a> {
-    values: &'a mut Slab,
-    last: &'a [usize],
-}
-
-impl WithSimd for Reduce<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { values, last } = self;
-        let (columns, stride) = (values.columns(), values.stride());
-        let mut v = vec![0.0; stride];
-        for (i, &last) in last.iter().enumerate().filter(|&(i, &last)| last > i) {
-            // Whole vectors around the rows of the reflector; it is zero in the others.
-            let (from, to) = (i / 8 * 8, padded(last + 1));
-            v[from..to].fill(0.0);
-            v[i..=last].copy_from_slice(&values.column(i)[i..=last]);
-            let below = norm(v[i + 1..=last].iter().copied());
-            if below == 0.0 {
-                continue;
-            }
-            let alpha = v[i];
-            let length = alpha.hypot(below);
-            let first = alpha + length.copysign(alpha);
-            v[i..=last].iter_mut().for_each(|value| *value /= first);
-            v[i] = 1.0;
-            let ratio = below / first;
-            let beta = 2.0 / (1.0 + ratio * ratio);
-            let column = values.column_mut(i);
-            column[i..=last].fill(0.0);
-            column[i] = -length.copysign(alpha);
-            for j in i + 1..columns {
-                let column = &mut values.column_mut(j)[from..to];
-                let step = beta * dot_in(simd, &v[from..to], column);
-                add_scaled_in(simd, -step, &v[from..to], column);
-            }
-        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! From Chebyshev moments to the products of the library's functions.
 
+use fleetfoot_data::packed;
+
 use super::graded::Graded;
 
 /// For each pair (i, j), j <= i, of library functions: the moments whose mean is the sum of their products.
@@ -39,7 +41,7 @@ impl ProductTable {
 
     /// The weighted sum of function i times function j, from the moments.
     pub(super) fn product(&self, i: usize, j: usize, moments: &[f64]) -> f64 {
-        let at = i * (i + 1) / 2 + j;
+        let at = packed(i, j);
         let terms = &self.terms[self.offsets[at] as usize..self.offsets[at + 1] as usize];
         terms.iter().map(|&term| moments[term as usize]).sum::<f64>() / terms.len() as f64
     }

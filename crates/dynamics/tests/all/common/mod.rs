@@ -2,9 +2,9 @@
 
 #![allow(dead_code)] // Every test file uses its own part.
 
-use fleetfoot_data::{Column as DataColumn, MemorySource};
+use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, packed};
+use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
 
 /// A column of a model.
 pub(crate) fn column(name: &str, role: Role, angle: bool) -> Column {

@@ -2,7 +2,7 @@
 //! Running Robot": `sqrt(e' S^-1 e)` of an error e under the covariance S of observations.
 
 use faer::{Mat, Side};
-use fleetfoot_model::packed;
+use fleetfoot_data::packed;
 
 use crate::kernel::{affine, padded};
 
@@ -65,6 +65,11 @@ impl Mahalanobis {
         Self::new(covariance, &scale)
     }
 
+    /// The whitening matrix W, `S^-1 = W'W`: column j at `j * width`, padded with zeros.
+    pub fn whitening(&self) -> &[f64] {
+        &self.whitening
+    }
+
     /// Number of dimensions.
     pub fn dimension(&self) -> usize {
         self.dimension
@@ -77,12 +82,13 @@ impl Mahalanobis {
     }
 
     /// Length of the scratch memory of [`Self::score_with`].
-    pub(crate) fn width(&self) -> usize {
+    pub fn width(&self) -> usize {
         self.width
     }
 
+    /// [`Self::score`] with scratch memory of [`Self::width`] values, inlined into the kernels of rows.
     #[inline(always)]
-    pub(crate) fn score_with(&self, error: &[f64], scratch: &mut [f64]) -> f64 {
+    pub fn score_with(&self, error: &[f64], scratch: &mut [f64]) -> f64 {
         let scratch = &mut scratch[..self.width];
         affine(&self.whitening, &self.zeros, &error[..self.dimension], scratch);
         scratch.iter().fold(0.0, |sum, &w| w.mul_add(w, sum)).sqrt()

@@ -1,33 +1,37 @@
-//! Vector kernels: dense columns of equal stride, and products with them.
+//! Vector kernels: dense columns of equal stride, products with them, substitution, and affine maps of one row.
 //!
-//! Columns and vectors are padded with zeros to whole vectors of the widest instruction set, so that no kernel has a tail.
+//! Columns and vectors are padded with zeros to whole vectors of the widest instruction set, so that no kernel has a tail. What takes a
+//! [`Simd`] is inlined into the caller's [`WithSimd::with_simd`]; a closure would not do, for nothing forces the compiler to inline it into the
+//! function that has the wide vectors.
 
 use faer::MatRef;
 use pulp::{Simd, WithSimd};
 
 /// Values of the widest vector.
-const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// `length` up to whole vectors.
-pub(crate) fn padded(length: usize) -> usize {
+pub fn padded(length: usize) -> usize {
     length.next_multiple_of(LANES)
 }
 
 /// A column-major matrix that grows by columns; the columns are padded with zeros.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Slab {
+pub struct Slab {
     rows: usize,
-    stride: usize,
-    values: Vec<f64>,
+    pub(crate) stride: usize,
+    pub(crate) values: Vec<f64>,
 }
 
 impl Slab {
-    pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
+    /// Zeros, n x p.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
         let stride = padded(rows).max(LANES);
         Self { rows, stride, values: vec![0.0; stride * columns] }
     }
 
-    pub(crate) fn from_fn(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
+    /// From its entries, n x p.
+    pub fn from_fn(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
         let mut slab = Self::zeros(rows, columns);
         for j in 0..columns {
             slab.column_mut(j)[..rows].iter_mut().enumerate().for_each(|(i, value)| *value = entry(i, j));
@@ -35,83 +39,90 @@ impl Slab {
         slab
     }
 
-    pub(crate) fn rows(&self) -> usize {
+    /// Number of rows, the padding not counted.
+    pub fn rows(&self) -> usize {
         self.rows
     }
 
-    pub(crate) fn columns(&self) -> usize {
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
         self.values.len() / self.stride
     }
 
     /// Length of a vector that the kernels take beside the columns.
-    pub(crate) fn stride(&self) -> usize {
+    pub fn stride(&self) -> usize {
         self.stride
     }
 
-    pub(crate) fn column(&self, j: usize) -> &[f64] {
+    /// Column `j`, padding included.
+    pub fn column(&self, j: usize) -> &[f64] {
         &self.values[j * self.stride..(j + 1) * self.stride]
     }
 
-    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
+    /// Column `j`, padding included: what is written there takes part.
+    pub fn column_mut(&mut self, j: usize) -> &mut [f64] {
         &mut self.values[j * self.stride..(j + 1) * self.stride]
     }
 
     /// Columns `j` and `j + 1`.
-    pub(crate) fn pair_mut(&mut self, j: usize) -> (&mut [f64], &mut [f64]) {
+    pub fn pair_mut(&mut self, j: usize) -> (&mut [f64], &mut [f64]) {
         self.values[j * self.stride..(j + 2) * self.stride].split_at_mut(self.stride)
     }
 
-    pub(crate) fn push(&mut self, column: &[f64]) {
+    /// Appends a column of the padded length.
+    pub fn push(&mut self, column: &[f64]) {
         debug_assert_eq!(column.len(), self.stride);
         self.values.extend_from_slice(column);
     }
 
-    pub(crate) fn pop(&mut self) {
+    /// Drops the last column.
+    pub fn pop(&mut self) {
         self.values.truncate(self.values.len() - self.stride);
     }
 
-    pub(crate) fn as_mat(&self) -> MatRef<'_, f64> {
+    /// The matrix without its padding.
+    pub fn as_mat(&self) -> MatRef<'_, f64> {
         MatRef::from_column_major_slice_with_stride(&self.values, self.rows, self.columns(), self.stride)
     }
 
     /// `target -= self x`, x of as many entries as there are columns.
-    pub(crate) fn subtract(&self, x: &[f64], target: &mut [f64]) {
+    pub fn subtract(&self, x: &[f64], target: &mut [f64]) {
         self.subtract_below(0, x, target);
     }
 
     /// [`Slab::subtract`] on the rows from `first` on (and some before, up to whole vectors).
-    pub(crate) fn subtract_below(&self, first: usize, x: &[f64], target: &mut [f64]) {
+    pub fn subtract_below(&self, first: usize, x: &[f64], target: &mut [f64]) {
         debug_assert_eq!((x.len(), target.len()), (self.columns(), self.stride));
         let first = (first / LANES * LANES).min(self.stride);
         pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target });
     }
 
     /// Exchanges two rows.
-    pub(crate) fn swap_rows(&mut self, i: usize, k: usize) {
+    pub fn swap_rows(&mut self, i: usize, k: usize) {
         if i != k {
             self.values.chunks_exact_mut(self.stride).for_each(|column| column.swap(i, k));
         }
     }
 
     /// `out_j = column_j . x`.
-    pub(crate) fn products(&self, x: &[f64], out: &mut [f64]) {
+    pub fn products(&self, x: &[f64], out: &mut [f64]) {
         debug_assert_eq!(x.len(), self.stride);
         pulp::Arch::new().dispatch(Products { slab: self, x, out });
     }
 }
 
 /// `x . y`, both padded to the same whole number of vectors.
-pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     pulp::Arch::new().dispatch(Dot { x, y })
 }
 
 /// `y += factor x`, both padded to the same whole number of vectors.
-pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
+pub fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
     pulp::Arch::new().dispatch(AddScaled { factor, x, y });
 }
 
 /// Euclidean norm, safe against overflow and underflow of the squares.
-pub(crate) fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
+pub fn norm(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let largest = values.clone().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     if largest == 0.0 || !largest.is_finite() {
         return largest;
@@ -155,8 +166,27 @@ impl WithSimd for Subtract<'_> {
     }
 }
 
+/// `x <- R^-1 x` for an upper triangle R, given by its columns; as many as x has entries.
+pub fn solve_upper<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [f64]) {
+    for k in (0..x.len()).rev() {
+        let entries = column(k);
+        x[k] /= entries[k];
+        let known = x[k];
+        x[..k].iter_mut().zip(entries).for_each(|(x, r)| *x -= r * known);
+    }
+}
+
+/// `x <- R^-T x` for an upper triangle R, given by its columns; as many as x has entries.
+pub fn solve_upper_transposed<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [f64]) {
+    for k in 0..x.len() {
+        let entries = column(k);
+        let known: f64 = x[..k].iter().zip(entries).map(|(x, r)| x * r).sum();
+        x[k] = (x[k] - known) / entries[k];
+    }
+}
+
 /// `x <- U^-1 x` and `y <- U^-1 y` for an upper triangle, column by column.
-pub(crate) fn substitute_back(u: &[Vec<f64>], x: &mut [f64], y: &mut [f64]) {
+pub fn substitute_back(u: &[Vec<f64>], x: &mut [f64], y: &mut [f64]) {
     pulp::Arch::new().dispatch(SubstituteBack { u, x, y });
 }
 
@@ -239,8 +269,9 @@ impl WithSimd for AddScaled<'_> {
     }
 }
 
+/// [`add_scaled`] inside of a kernel.
 #[inline(always)]
-pub(crate) fn add_scaled_in<S: Simd>(simd: S, factor: f64, x: &[f64], y: &mut [f64]) {
+pub fn add_scaled_in<S: Simd>(simd: S, factor: f64, x: &[f64], y: &mut [f64]) {
     let (x, _) = S::as_simd_f64s(x);
     let (y, _) = S::as_mut_simd_f64s(y);
     let factor = simd.splat_f64s(factor);
@@ -249,8 +280,9 @@ pub(crate) fn add_scaled_in<S: Simd>(simd: S, factor: f64, x: &[f64], y: &mut [f
     }
 }
 
+/// [`dot`] inside of a kernel.
 #[inline(always)]
-pub(crate) fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
+pub fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
     let (x, _) = S::as_simd_f64s(x);
     let (y, _) = S::as_simd_f64s(y);
     let mut sums = [simd.splat_f64s(0.0); 4];
@@ -266,6 +298,56 @@ pub(crate) fn dot_in<S: Simd>(simd: S, x: &[f64], y: &[f64]) -> f64 {
     }
     let pairs = (simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
     simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1))
+}
+
+/// `out = constants + sum_j matrix[j, ..] * features[j]`, summed in the order of j.
+///
+/// `matrix` holds one row of `out.len()` values per feature; `out.len()` is a multiple of [`LANES`].
+#[inline(always)]
+pub fn affine(matrix: &[f64], constants: &[f64], features: &[f64], out: &mut [f64]) {
+    assert!(
+        out.len().is_multiple_of(LANES) && constants.len() == out.len() && matrix.len() >= features.len() * out.len(),
+        "a row of coefficients for every feature"
+    );
+    let mut from = 0;
+    while from < out.len() {
+        // As many sums side by side as there are: every feature is fetched once, and the additions overlap.
+        from += match (out.len() - from) / LANES {
+            1 => panel::<{ LANES }>(matrix, constants, features, from, out),
+            2 => panel::<{ 2 * LANES }>(matrix, constants, features, from, out),
+            3 => panel::<{ 3 * LANES }>(matrix, constants, features, from, out),
+            4 => panel::<{ 4 * LANES }>(matrix, constants, features, from, out),
+            5 => panel::<{ 5 * LANES }>(matrix, constants, features, from, out),
+            6 => panel::<{ 6 * LANES }>(matrix, constants, features, from, out),
+            _ => panel::<{ 7 * LANES }>(matrix, constants, features, from, out),
+        };
+    }
+}
+
+/// The outputs `from..from + N` of [`affine`], which has checked the lengths; gives N.
+#[inline(always)]
+fn panel<const N: usize>(matrix: &[f64], constants: &[f64], features: &[f64], from: usize, out: &mut [f64]) -> usize {
+    let width = out.len();
+    let mut sum = load::<N>(&constants[from..from + N]);
+    for (j, &feature) in features.iter().enumerate() {
+        debug_assert!(j * width + from + N <= matrix.len());
+        // SAFETY: the matrix has at least `features.len() * width` values (asserted by the only caller), j is below `features.len()`, and
+        // `from + N <= width` (the constants, of that length, were sliced to it above). An array of N values needs no more alignment than one.
+        let row = unsafe { &*matrix.as_ptr().add(j * width + from).cast::<[f64; N]>() };
+        for i in 0..N {
+            sum[i] = row[i].mul_add(feature, sum[i]);
+        }
+    }
+    out[from..from + N].copy_from_slice(&sum);
+    N
+}
+
+/// The first `N` values of a slice of at least that length.
+#[inline(always)]
+pub fn load<const N: usize>(values: &[f64]) -> [f64; N] {
+    let mut loaded = [0.0; N];
+    loaded.copy_from_slice(&values[..N]);
+    loaded
 }
 
 #[cfg(test)]
@@ -299,6 +381,21 @@ mod tests {
             let before = target.clone();
             add_scaled(-2.0, slab.column(0), &mut target);
             assert!((0..rows).all(|i| target[i] == before[i] - 2.0 * slab.column(0)[i]));
+        }
+    }
+
+    #[test]
+    fn affine_is_the_plain_sum_at_every_width() {
+        for width in [8, 16, 24, 32, 40, 48, 56, 64, 104, 120] {
+            let features: Vec<f64> = (0..5).map(|j| f64::from(j) * 0.7 - 1.1).collect();
+            let matrix: Vec<f64> = (0..5 * width).map(|i| (i as f64 * 0.37).sin()).collect();
+            let constants: Vec<f64> = (0..width).map(|i| i as f64).collect();
+            let mut out = vec![0.0; width];
+            affine(&matrix, &constants, &features, &mut out);
+            for o in 0..width {
+                let expected = (0..5).fold(constants[o], |sum, j| matrix[j * width + o].mul_add(features[j], sum));
+                assert_eq!(out[o].to_bits(), expected.to_bits());
+            }
         }
     }
 
