@@ -111,7 +111,7 @@ pub(crate) struct Measure<'a> {
     /// Mean of the targets over all rows, and over the training rows of each fold.
     pub(crate) mean: &'a [f64],
     pub(crate) fold_means: &'a [Vec<f64>],
-    /// Inverse of the Cholesky factor of the covariance of the targets: q columns of padded length.
+    /// That of the covariance of the targets ([`fleetfoot_stats::Mahalanobis::whitening`]).
     pub(crate) whitening: &'a [f64],
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Model;
-use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Preconditioner, SquareRoot, kernel::padded};
+use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
 
 use crate::{
     Error, Options, Problem, Specification,
@@ -299,14 +299,13 @@ impl Fit<'_> {
             .map(|fold| solver.base(Some(fold)).map_or_else(|| base.root.mean_y.clone(), |base| base.root.mean_y))
             .collect();
         let q = self.rows.targets;
-        let covariance = self.survey.scales.covariance(0..q);
         MeasureInput {
             fit: self,
             orders,
             kept,
             mean: base.root.mean_y.clone(),
             fold_means,
-            whitening: whitening(&covariance, q),
+            metric: Mahalanobis::of_covariance(&self.survey.scales.covariance(0..q), q),
         }
     }
 
@@ -345,7 +344,7 @@ struct MeasureInput<'m> {
     kept: &'m [usize],
     mean: Vec<f64>,
     fold_means: Vec<Vec<f64>>,
-    whitening: Vec<f64>,
+    metric: Mahalanobis,
 }
 
 impl MeasureInput<'_> {
@@ -357,36 +356,8 @@ impl MeasureInput<'_> {
             kept: self.kept,
             mean: &self.mean,
             fold_means: &self.fold_means,
-            whitening: &self.whitening,
+            whitening: self.metric.whitening(),
         }
         .run(source, chunks, progress)
     }
-}
-
-/// Inverse of the Cholesky factor of a packed covariance: q columns of padded length. A direction without variance of its own counts as the
-/// variable's own variance.
-fn whitening(covariance: &[f64], q: usize) -> Vec<f64> {
-    let at = |i: usize, j: usize| covariance[i * (i + 1) / 2 + j];
-    let mut factor = vec![0.0; q * q];
-    for i in 0..q {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| factor[i * q + k] * factor[j * q + k]).sum();
-            let rest = at(i, j) - dot;
-            factor[i * q + j] = if i == j {
-                if rest > 1e-12 * at(i, i) { rest.sqrt() } else { at(i, i).sqrt() }
-            } else {
-                rest / factor[j * q + j]
-            };
-        }
-    }
-    let width = padded(q);
-    let mut inverse = vec![0.0; q * width];
-    for (column, values) in inverse.chunks_exact_mut(width).enumerate() {
-        for i in column..q {
-            let unit = if i == column { 1.0 } else { 0.0 };
-            let dot: f64 = (column..i).map(|k| factor[i * q + k] * values[k]).sum();
-            values[i] = (unit - dot) / factor[i * q + i];
-        }
-    }
-    inverse
 }

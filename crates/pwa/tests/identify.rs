@@ -4,6 +4,7 @@ use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Library};
 use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify, partition};
+use fleetfoot_stats::Mahalanobis;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -282,6 +283,42 @@ fn polynomial_libraries_and_weights() {
     for (found, expected) in latent.coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
         assert!((found - expected).abs() < 1e-10, "{:?}", latent.coefficients[0]);
     }
+}
+
+#[test]
+fn errors_of_dependent_targets_are_scored_by_the_one_metric() {
+    // The second target is the first one, up to a hundred-thousandth: an eigenvalue below the metric's floor.
+    let mut random = Pcg64::seed_from_u64(12);
+    let mut rows: Vec<[f64; 4]> = Vec::new();
+    for _ in 0..2000 {
+        let x: f64 = random.random_range(-2.0..2.0);
+        let (e, across): (f64, f64) = (random.random_range(-0.3..0.3), random.random_range(-1e-5..1e-5));
+        rows.push([x, 0.0, e - x, e - x + across]);
+    }
+    let mut source = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
+    source.push_uniform("run", 0.01, (0..4).map(|j| rows.iter().map(|row| row[j]).collect()).collect());
+    let equation = |name: &str| Equation {
+        subject: name.into(),
+        prediction: Prediction::Value,
+        right: Expr::column(format!("f_{name}")),
+        target: Some(Expr::column(name)),
+        unit: None,
+    };
+    let mut problem = problem(&["x"]);
+    problem.equations = vec![equation("dx"), equation("mode")];
+    let mut options = options("average");
+    options.folds = 1;
+    let found = run(&problem, &options, &source);
+    let metric = Mahalanobis::of_covariance(&found.model.training.target_covariance, 2);
+    let latents = &found.model.latents;
+    let error =
+        |row: &[f64; 4], t: usize| row[2 + t] - latents[t].constants[0] - latents[t].coefficients[0][0] * row[0];
+    let expected = rows.iter().map(|row| metric.score(&[error(row, 0), error(row, 1)])).sum::<f64>() / 2000.0;
+    let score = found.candidates[0].mahalanobis;
+    // An error across the two is known to rounding, 1e-16 of a deviation over the floor's 3e-5.
+    assert!((score / expected - 1.0).abs() < 1e-9, "{score} {expected}");
+    let along = rows.iter().map(|row| error(row, 0).abs()).sum::<f64>() / 2000.0 / found.sigma[0];
+    assert!(score > 1.05 * along, "errors across count too: {score} {along}");
 }
 
 #[test]
