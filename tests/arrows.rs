@@ -11,7 +11,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("fleetfoot-stats", &["data"]),
     ("fleetfoot-model", &["data", "library"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
-    ("fleetfoot-message", &["features"]),
+    ("fleetfoot-message", &["data"]),
     ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),

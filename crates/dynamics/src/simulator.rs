@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use fleetfoot_data::{Block, Halo, Progress, Source, packed, parallel_map};
-use fleetfoot_library::{Expr, Leaf, UnknownColumn, nearest};
+use fleetfoot_data::{Block, Halo, Progress, Source, nearest, packed, parallel_map};
+use fleetfoot_library::{Expr, Leaf, UnknownColumn};
 use fleetfoot_model::{Closed, Equation, Model, Role};
 
 use crate::{

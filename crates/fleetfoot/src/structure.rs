@@ -3,8 +3,8 @@
 mod latent;
 mod right_side;
 
-use fleetfoot_data::Column as DataColumn;
-use fleetfoot_library::{Expr, nearest};
+use fleetfoot_data::{Column as DataColumn, nearest};
+use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_sparse::{Candidates, Regression, Sign, Task as RegressionTask, Term};
 

@@ -1,7 +1,7 @@
 //! A recipe resolved against the columns of a recording: aliases, the view they make, and the problem to identify.
 
-use fleetfoot_data::{Column as DataColumn, ColumnKind};
-use fleetfoot_library::{Expr, Library, Scope, central_difference, nearest};
+use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
+use fleetfoot_library::{Expr, Library, Scope, central_difference};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_pwa::Problem;
 use indexmap::IndexMap;

@@ -2,9 +2,9 @@
 
 use std::{collections::HashMap, ops::Range};
 
-use fleetfoot_data::{Block, Halo};
+use fleetfoot_data::{Block, Halo, nearest};
 
-use crate::{Binary, Expr, Node, Unary, nearest};
+use crate::{Binary, Expr, Node, Unary};
 
 /// Expressions compiled into one tape of instructions: what they share is computed once, and the values of later use
 /// stay in few registers. An output that others are built from is read where it was written, without a copy.

@@ -5,7 +5,9 @@ use std::{
     sync::Arc,
 };
 
-use crate::{Expr, ParseError, ParseErrorKind, nearest, parse::is_bare_name};
+use fleetfoot_data::nearest;
+
+use crate::{Expr, ParseError, ParseErrorKind, parse::is_bare_name};
 
 /// The names that stand for something: the columns of a recording and the aliases of a recipe.
 ///

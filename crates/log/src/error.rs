@@ -382,19 +382,6 @@ fn hint(nearest: &Option<String>, with: &str, without: &str) -> String {
     }
 }
 
-/// The name nearest to `wanted`, when one is near enough to be a slip.
-pub(crate) fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    let folded = wanted.to_lowercase();
-    let mut best: Option<(f64, &str)> = None;
-    for name in names {
-        let score = strsim::jaro_winkler(&folded, &name.to_lowercase());
-        if score > best.map_or(0.7, |(score, _)| score) {
-            best = Some((score, name));
-        }
-    }
-    best.map(|(_, name)| name.to_owned())
-}
-
 /// A text for a message: one line, at most 60 characters.
 pub(crate) fn shorten(bytes: &[u8]) -> String {
     let text: String =

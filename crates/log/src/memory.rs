@@ -6,11 +6,10 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
+use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, nearest_one};
 
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
-    error::nearest,
     parquet::list,
     recording::Opened,
     stamp,
@@ -125,7 +124,7 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Resul
 fn find(path: &Path, columns: &[Column], name: &str) -> Result<usize, Error> {
     let mut matching = (0..columns.len()).filter(|&c| columns[c].name == name);
     let Some(first) = matching.next() else {
-        let nearest = nearest(name, columns.iter().map(|column| column.name.as_str()));
+        let nearest = nearest_one(name, columns.iter().map(|column| column.name.as_str()));
         return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
     };
     match matching.count() {

@@ -6,7 +6,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Format, error::nearest, rosbag2};
+use fleetfoot_data::nearest_one;
+
+use crate::{Error, Format, rosbag2};
 
 /// Folders inside folders are followed this deep: a loop of links ends here.
 const MAX_DEPTH: usize = 32;
@@ -133,7 +135,7 @@ fn nearest_path(wanted: &Path) -> Option<String> {
         if let Ok(entries) = fs::read_dir(listed) {
             let names: BTreeSet<String> =
                 entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
-            let best = nearest(&name.to_string_lossy(), names.iter().map(String::as_str))?;
+            let best = nearest_one(&name.to_string_lossy(), names.iter().map(String::as_str))?;
             return Some(folder.join(best).to_string_lossy().into_owned());
         }
         name = folder.file_name()?;

@@ -96,7 +96,7 @@ fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
 fn state<'a>(recipe: &'a mut Recipe, flag: &str, name: &str) -> Result<&'a mut fleetfoot::State, Error> {
     let known: Vec<String> = recipe.states.keys().cloned().collect();
     recipe.states.get_mut(name).ok_or_else(|| {
-        let near = fleetfoot::library::nearest(name, known.iter().map(String::as_str));
+        let near = fleetfoot::data::nearest(name, known.iter().map(String::as_str));
         let near = near.first().map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
         Error::Request(format!("{flag}: `{name}` is not a state{near}"))
     })

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use fleetfoot_library::{Leaf, Program, Scratch, nearest};
+use fleetfoot_data::nearest;
+use fleetfoot_library::{Leaf, Program, Scratch};
 
 use super::{Controller, ControllerState};
 use crate::{Error, Simulator, window::Window};

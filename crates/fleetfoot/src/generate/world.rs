@@ -2,7 +2,7 @@
 
 use std::{any::type_name, fmt, path::Path};
 
-use fleetfoot_library::nearest;
+use fleetfoot_data::nearest;
 use fleetfoot_log::Format as LogFormat;
 use fleetfoot_sim::{ParameterError, Scenario, excitation::Axis};
 use serde::{Serialize, de::DeserializeOwned};

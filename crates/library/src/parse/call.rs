@@ -2,10 +2,12 @@
 
 use std::fmt;
 
+use fleetfoot_data::nearest;
+
 use super::{MAX_LAG, MAX_SIZE, ParseError, ParseErrorKind, Parser, Power};
 use crate::{
     Binary, CentralDifference, Expr, Filter, FilterKind, Quaternion, Spacing, Unary, backward_difference,
-    central_difference, forward_difference, nearest,
+    central_difference, forward_difference,
 };
 
 /// Filters inside each other.

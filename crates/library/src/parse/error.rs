@@ -2,8 +2,10 @@
 
 use std::fmt;
 
+use fleetfoot_data::nearest;
+
 use super::{MAX_DEPTH, MAX_SIZE, MAX_TEXT};
-use crate::{MAX_FUNCTIONS, nearest};
+use crate::MAX_FUNCTIONS;
 
 /// Why and where a text is not an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]

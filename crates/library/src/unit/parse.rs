@@ -1,7 +1,8 @@
 //! Units from text.
 
+use fleetfoot_data::nearest;
+
 use super::{Unit, UnitError, symbols};
-use crate::nearest;
 
 /// Parentheses inside each other.
 const MAX_DEPTH: usize = 50;

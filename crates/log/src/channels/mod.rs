@@ -25,11 +25,10 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, Progress};
+use fleetfoot_data::{Column, ColumnKind, Progress, nearest_one};
 
 use crate::{
     Error, Estimate, Format, Selection, Stamp, TimeSpec,
-    error::nearest,
     join::{Base, JoinKind, join},
     mcap::Container,
     parquet::{self, MAX_CATEGORIES},
@@ -182,7 +181,7 @@ fn check(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(), Error> {
                 let keys: BTreeSet<&str> =
                     topic.seen.iter().filter_map(|info| info.path.rfind(']').map(|end| &info.path[..=end])).collect();
                 let inside = names::inside(series.name.strip_prefix(&topic.name).unwrap_or_default());
-                match nearest(inside, keys.iter().copied()) {
+                match nearest_one(inside, keys.iter().copied()) {
                     Some(key) => format!("no message has {inside}; the nearest is {key}"),
                     None => format!("no message has {inside}; look at its keys with `info --values`"),
                 }

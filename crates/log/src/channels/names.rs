@@ -1,6 +1,6 @@
 //! Columns of a robot's log by name: which topic, and what in its messages.
 
-use crate::error::nearest;
+use fleetfoot_data::nearest_one;
 
 /// The topics of a log, as columns call them.
 pub(crate) struct Names {
@@ -46,7 +46,7 @@ impl Names {
             outer.strip_suffix(inner).is_some_and(|rest| !inner.is_empty() && rest.ends_with('/'))
         };
         let moved = all().find(|name| inside(name, wanted) || inside(wanted, name));
-        moved.map(str::to_owned).or_else(|| nearest(wanted, all()))
+        moved.map(str::to_owned).or_else(|| nearest_one(wanted, all()))
     }
 }
 

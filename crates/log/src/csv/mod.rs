@@ -8,11 +8,10 @@ mod input;
 
 use std::{io::Read, path::Path, sync::Arc};
 
-use fleetfoot_data::Column;
+use fleetfoot_data::{Column, nearest_one};
 
 use crate::{
     Compression, Error, Selection, TimeSpec,
-    error::nearest,
     parquet::list,
     recording::Opened,
     store::{Budget, StoredTable},
@@ -62,7 +61,7 @@ pub(crate) fn open(
 fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {
     let mut matching = (0..head.columns.len()).filter(|&c| head.columns[c].name == name);
     let Some(first) = matching.next() else {
-        let nearest = nearest(name, head.columns.iter().map(|column| column.name.as_str()));
+        let nearest = nearest_one(name, head.columns.iter().map(|column| column.name.as_str()));
         return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
     };
     match matching.count() {

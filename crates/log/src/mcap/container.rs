@@ -6,7 +6,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_data::{Progress, nearest_one, parallel_map};
 
 use super::{
     channels::SchemaRecord,
@@ -16,7 +16,7 @@ use super::{
     layout::PieceKind,
     record::for_each_message,
 };
-use crate::{Error, Format, error::nearest, rosbag2};
+use crate::{Error, Format, rosbag2};
 
 /// A recording: one file, or the files of a rosbag2 folder in their order.
 #[derive(Debug)]
@@ -129,7 +129,7 @@ impl Container {
     /// A topic that the recording does not have, with the nearest name; one whose definitions contradict each other or are not there.
     pub(crate) fn topic(&self, name: &str) -> Result<usize, Error> {
         let Ok(place) = self.topics.binary_search_by(|topic| topic.name.as_str().cmp(name)) else {
-            let nearest = nearest(name, self.topics.iter().map(|topic| topic.name.as_str()));
+            let nearest = nearest_one(name, self.topics.iter().map(|topic| topic.name.as_str()));
             return Err(Error::MissingColumn { path: self.path.clone(), column: name.into(), nearest });
         };
         match self.topics.get(place).and_then(|topic| topic.problem.clone()) {

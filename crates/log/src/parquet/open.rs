@@ -8,7 +8,7 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, Silent, parallel_map};
+use fleetfoot_data::{Column, ColumnKind, Silent, nearest_one, parallel_map};
 use parquet::{
     errors::ParquetError,
     file::{
@@ -25,9 +25,7 @@ use super::{
     damaged, footer,
     leaf::{Leaf, Meaning, Rule, leaves},
 };
-use crate::{
-    Error, Selection, TimeSpec, TimeUnit, error::nearest, recording::Opened, table::TableColumn, time_column::Clock,
-};
+use crate::{Error, Selection, TimeSpec, TimeUnit, recording::Opened, table::TableColumn, time_column::Clock};
 
 /// Different texts that a category may have.
 pub(crate) const MAX_CATEGORIES: usize = 65_536;
@@ -145,7 +143,7 @@ pub(crate) fn list(names: &[&str]) -> String {
 fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {
     let mut matching = all.iter().filter(|leaf| leaf.name == name);
     let Some(leaf) = matching.next() else {
-        let nearest = nearest(name, all.iter().map(|leaf| leaf.name.as_str()));
+        let nearest = nearest_one(name, all.iter().map(|leaf| leaf.name.as_str()));
         return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
     };
     let more = matching.count();

@@ -1,5 +1,7 @@
 //! Whether a message type has the fields that are wanted.
 
+use fleetfoot_data::nearest_one;
+
 use super::types::{FieldType, Form, MessageType};
 use crate::{
     FieldPath, SchemaError, Step,
@@ -8,8 +10,6 @@ use crate::{
 
 /// Steps of a path: as deep as messages are decoded, with an element between each two.
 const MAX_STEPS: usize = 128;
-/// Bytes of names that are compared letter by letter.
-const MAX_NAME: usize = 128;
 
 /// What a part of a path leads to.
 #[derive(Clone, Copy)]
@@ -35,7 +35,12 @@ pub(super) fn check(types: &[MessageType], path: &FieldPath) -> Result<(), Schem
             (Place::Message(own), Step::Field(name)) => match own.field(name) {
                 Some(field) if field.is_list => Place::List(field, own),
                 Some(field) => single(types, field),
-                None => return Err(missing(nearest(own, name).and_then(|name| until(Some(Step::Field(name.into())))))),
+                None => {
+                    let names = own.fields.iter().map(|field| &*field.name);
+                    return Err(missing(
+                        nearest_one(name, names).and_then(|name| until(Some(Step::Field(name.into())))),
+                    ));
+                }
             },
             (Place::List(field, _), Step::Index(_)) => single(types, field),
             (Place::List(field, own), Step::Key(_)) if is_keyed(types, field, own) => single(types, field),
@@ -74,11 +79,4 @@ fn is_keyed(types: &[MessageType], field: &FieldType, around: &MessageType) -> b
         .filter_map(|name| around.field(name))
         .filter(|names| names.form == Form::Text && names.is_list);
     names.next().is_some_and(|names| names.name != field.name)
-}
-
-/// The field that is spelled most like a name.
-fn nearest<'a>(own: &'a MessageType, name: &str) -> Option<&'a str> {
-    let names = own.fields.iter().map(|field| &*field.name).filter(|other| name.len().max(other.len()) <= MAX_NAME);
-    let distances = names.map(|other| (strsim::levenshtein(&name.to_lowercase(), &other.to_lowercase()), other));
-    distances.min().filter(|(distance, _)| *distance <= name.len().div_ceil(2)).map(|(_, name)| name)
 }

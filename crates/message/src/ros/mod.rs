@@ -6,7 +6,6 @@ mod idl;
 mod idl_tokens;
 mod link;
 mod msg;
-mod nearest;
 mod program;
 mod reference;
 mod run;

@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::nearest::nearest;
+use fleetfoot_data::nearest_one;
+
 use crate::{
     FieldPath, Group, Length, Scalar, Schema, SchemaError, Step, StructType, Type,
     keys::{KEY_FIELDS, NAME_ARRAYS},
@@ -220,7 +221,7 @@ fn path(schema: &Schema, path: &FieldPath) -> Result<Resolved, SchemaError> {
                 let own = schema.structs.get(*index).ok_or_else(|| missing(None))?;
                 let found = own.fields.iter().position(|field| field.name == *name);
                 let found = found.ok_or_else(|| {
-                    missing(nearest(name, own.fields.iter().map(|field| &*field.name)).map(|name| {
+                    missing(nearest_one(name, own.fields.iter().map(|field| &*field.name)).map(|name| {
                         let mut near = before();
                         near.steps.push(Step::Field(name.into()));
                         near.to_string()
