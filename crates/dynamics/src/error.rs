@@ -156,7 +156,7 @@ pub enum Error {
     },
     /// A controller's parameter cannot be used.
     #[error("the controller's {0}")]
-    Parameter(#[from] crate::controller::ParameterError),
+    Parameter(#[from] crate::parameter_error::ParameterError),
 }
 
 impl From<Cancelled> for Error {

@@ -26,6 +26,7 @@ mod integrate;
 mod kernel;
 mod layout;
 mod metrics;
+pub mod parameter_error;
 mod plane;
 mod points;
 mod predict;
@@ -47,6 +48,7 @@ pub use free_run::{FreeRun, FreeRunOptions, FreeRunOutcome, FreeRunScore, Output
 pub use horizon::{Horizon, HorizonScore, StepSpan, UsefulHorizon};
 pub use integrate::{Method, Step, typical_period};
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
+pub use parameter_error::ParameterError;
 pub use plane::{Axis, MAX_BINS, Plane, PlaneCell, plane};
 pub use points::Points;
 pub use predict::{Predicted, Predictor, PredictorWorkspace, RowStatus};

@@ -5,7 +5,6 @@
 pub mod excitation;
 pub mod hexapod;
 mod motor;
-pub mod parameter_error;
 mod partial_table;
 pub mod plant;
 mod reading;
@@ -16,9 +15,9 @@ pub mod treadmill;
 pub mod wheeled;
 
 pub use excitation::{Excitation, OrnsteinUhlenbeck};
+pub use fleetfoot_dynamics::{ParameterError, parameter_error};
 pub use hexapod::{Hexapod, HexapodState, HexapodWorld, JointMethod};
 pub use motor::{DcMotor, Supply};
-pub use parameter_error::ParameterError;
 pub use reading::{Kind, Reading, Stamps, Topic};
 pub use scenario::{End, Regressors, Run, Scenario, Sink, SinkError};
 pub use treadmill::HexapodTreadmill;

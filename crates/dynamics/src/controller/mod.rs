@@ -19,6 +19,8 @@ pub use sampling::Sampling;
 pub use treadmill::Treadmill;
 pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};
 
+pub use crate::parameter_error::ParameterError;
+
 /// What drives inputs of a model in a closed loop: immutable, shared by all trajectories.
 pub trait Controller: fmt::Debug + Send + Sync {
     /// Columns that it looks at: states, or columns of the recording such as a belt's speed.
@@ -48,22 +50,7 @@ pub trait ControllerState: Send {
     fn control(&mut self, seconds: f64, columns: &[f64], inputs: &mut [f64]);
 }
 
-/// A parameter that cannot be used.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name} = {value}: must be {allowed}")]
-pub struct ParameterError {
-    /// Which.
-    pub name: String,
-    /// What it was set to.
-    pub value: String,
-    /// What it may be.
-    pub allowed: &'static str,
-}
-
 /// Refuses a number that is not finite or does not pass the test.
 fn check(name: &str, value: f64, ok: bool, allowed: &'static str) -> Result<(), ParameterError> {
-    if ok && value.is_finite() {
-        return Ok(());
-    }
-    Err(ParameterError { name: name.to_owned(), value: value.to_string(), allowed })
+    if ok && value.is_finite() { Ok(()) } else { Err(ParameterError::new(name, value, allowed)) }
 }

@@ -36,7 +36,7 @@ impl Controller for Proportional {
         if self.gain.is_finite() {
             return Ok(());
         }
-        Err(ParameterError { name: "gain".into(), value: self.gain.to_string(), allowed: "a finite number" })
+        Err(ParameterError::new("gain", self.gain, "a finite number"))
     }
 
     fn start(&self) -> Box<dyn ControllerState> {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use fleetfoot_dynamics::controller::{DifferentialDrive, Pid, PidState};
 use serde::{Deserialize, Serialize};
 
-use super::parameters::{HexapodTreadmill, controller_error};
+use super::parameters::HexapodTreadmill;
 use crate::excitation::Signal;
 use crate::parameter_error::{not_negative, positive};
 use crate::sensor::{self, Encoder, EncoderSample, nanoseconds};
@@ -60,7 +60,7 @@ impl CrankControl {
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive("period", self.period)?;
         not_negative("position", self.position)?;
-        self.pid(f64::MAX).validate().map_err(|error| controller_error(&error))
+        self.pid(f64::MAX).validate()
     }
 
     /// From rates in rad/s to a voltage that the supply can give.

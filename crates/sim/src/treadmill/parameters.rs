@@ -1,6 +1,6 @@
 //! Everything physical about the experiment.
 
-use fleetfoot_dynamics::controller::{self, DifferentialDrive, Treadmill};
+use fleetfoot_dynamics::controller::{DifferentialDrive, Treadmill};
 use serde::{Deserialize, Serialize};
 
 use super::{BeltParameters, CrankControl};
@@ -117,11 +117,6 @@ impl Default for HexapodTreadmill {
     }
 }
 
-/// An error of the controllers' crate.
-pub(super) fn controller_error(error: &controller::ParameterError) -> ParameterError {
-    ParameterError::new(&error.name, &error.value, error.allowed)
-}
-
 impl HexapodTreadmill {
     /// Checks every parameter.
     ///
@@ -134,7 +129,7 @@ impl HexapodTreadmill {
         not_negative("place", self.start.place).map_err(|error| error.within("start"))?;
         not_negative("yaw", self.start.yaw).map_err(|error| error.within("start"))?;
         self.belt.validate().map_err(|error| error.within("belt"))?;
-        self.controller.validate().map_err(|error| controller_error(&error).within("controller"))?;
+        self.controller.validate().map_err(|error| error.within("controller"))?;
         not_negative("radius", self.drive.radius).map_err(|error| error.within("drive"))?;
         not_negative("width", self.drive.width).map_err(|error| error.within("drive"))?;
         self.crank.validate().map_err(|error| error.within("crank"))?;

@@ -136,9 +136,7 @@ impl Wheeled {
         self.arena.validate(self.robot.chassis.radius).map_err(|error| error.within("arena"))?;
         self.validate_commands().map_err(|error| error.within("commands"))?;
         self.avoidance.validate().map_err(|error| error.within("avoidance"))?;
-        let controller = self.controller.validate();
-        controller
-            .map_err(|error| ParameterError::new(&error.name, error.value, error.allowed).within("controller"))?;
+        self.controller.validate().map_err(|error| error.within("controller"))?;
         self.encoder.validate().map_err(|error| error.within("encoder"))?;
         self.whole_steps("period", self.encoder.period).map_err(|error| error.within("encoder"))?;
         self.imu.validate().map_err(|error| error.within("imu"))?;

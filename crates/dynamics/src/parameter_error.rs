@@ -1,11 +1,12 @@
-//! What is wrong with a parameter.
+//! What is wrong with a parameter of a controller or of a simulated robot.
 
 use std::fmt;
 
 /// A parameter outside of what is allowed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name} = {value}: must be {allowed}")]
 pub struct ParameterError {
-    /// Its path in the world file, e.g. `leg.mass`.
+    /// Its name, in a world file its path, e.g. `leg.mass`.
     pub name: String,
     /// What it was.
     pub value: String,
@@ -26,14 +27,6 @@ impl ParameterError {
         self
     }
 }
-
-impl fmt::Display for ParameterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}: must be {}", self.name, self.value, self.allowed)
-    }
-}
-
-impl std::error::Error for ParameterError {}
 
 /// Finite and above zero.
 ///
