@@ -1,6 +1,6 @@
 //! The crate arrows of the design are law: this table is the design's, and any other arrow fails.
 
-use std::{collections::BTreeSet, process::Command};
+use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
 const ARROWS: [(&str, &[&str]); 15] = [
@@ -54,4 +54,21 @@ fn crates_use_only_what_their_row_allows() {
         }
     }
     assert_eq!(seen.len(), ARROWS.len(), "crates of the table that are gone: have {seen:?}");
+}
+
+#[test]
+fn build_scripts_read_only_what_their_row_allows() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let mut scripts = 0;
+    for (name, allowed) in ARROWS {
+        let Ok(text) = fs::read_to_string(crates.join(name.trim_start_matches("fleetfoot-")).join("build.rs")) else {
+            continue;
+        };
+        scripts += 1;
+        for path in text.split("\"../").skip(1) {
+            let used = path.split(['/', '"']).next().unwrap_or_default();
+            assert!(allowed.contains(&used), "the build script of {name} must not read {used}");
+        }
+    }
+    assert!(scripts > 0, "no build script was found below {}", crates.display());
 }

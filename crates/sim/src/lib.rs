@@ -5,6 +5,7 @@
 pub mod excitation;
 pub mod hexapod;
 mod motor;
+pub mod parameter_docs;
 mod partial_table;
 pub mod plant;
 mod reading;

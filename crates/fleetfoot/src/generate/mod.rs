@@ -3,7 +3,6 @@
 //! A [`World`] has every physical parameter of a robot; a [`Job`] says how many runs of it, how long, and where to. The same world, seed
 //! and length give the same bytes on any number of threads, and a run does not depend on how many others there are.
 
-mod docs;
 mod excitation_report;
 mod folder;
 mod mcap_sink;

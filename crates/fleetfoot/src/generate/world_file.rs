@@ -2,9 +2,8 @@
 
 use std::{collections::BTreeSet, fmt::Write};
 
+use fleetfoot_sim::parameter_docs::{FieldDoc, TypeDoc};
 use toml::{Table, Value};
-
-use super::docs::{FieldDoc, TypeDoc};
 
 /// Lines are not longer than this when they can be broken.
 const WIDTH: usize = 110;
@@ -14,7 +13,7 @@ pub(super) fn commented(table: &Table, type_name: &str) -> String {
     let mut out = String::new();
     // `a::b::Name` is what the compiler calls it.
     let name = type_name.rsplit("::").next().unwrap_or(type_name);
-    Printer { out: &mut out, told: BTreeSet::new() }.table(table, TypeDoc::find(name, "../sim/src/"), "");
+    Printer { out: &mut out, told: BTreeSet::new() }.table(table, TypeDoc::named(name), "");
     out
 }
 

@@ -1,46 +1,56 @@
-//! What the parameters of simulated robots say of themselves: their doc comments, gathered when this crate is built.
+//! What the parameters of simulated robots say of themselves: their doc comments, of this crate's types and of the controllers, gathered when it is built.
 
 /// A struct or an enum of parameters.
-pub(super) struct TypeDoc {
+pub struct TypeDoc {
     /// The source file, to tell types of one name apart.
-    pub(super) file: &'static str,
-    pub(super) name: &'static str,
-    pub(super) fields: &'static [FieldDoc],
-    pub(super) variants: &'static [VariantDoc],
+    pub file: &'static str,
+    /// The type's name.
+    pub name: &'static str,
+    /// Of a struct.
+    pub fields: &'static [FieldDoc],
+    /// Of an enum.
+    pub variants: &'static [VariantDoc],
 }
 
 /// A field.
-pub(super) struct FieldDoc {
+pub struct FieldDoc {
     /// As world files call it.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// The name of its type, of what it holds if that is a list or an option.
-    pub(super) kind: &'static str,
+    pub kind: &'static str,
     /// What it is, in a line.
-    pub(super) doc: &'static str,
+    pub doc: &'static str,
 }
 
 /// A variant of an enum.
-pub(super) struct VariantDoc {
+pub struct VariantDoc {
     /// As world files call it.
-    pub(super) name: &'static str,
-    pub(super) doc: &'static str,
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub doc: &'static str,
     /// The struct that it holds, if it does.
-    pub(super) inner: &'static str,
-    pub(super) fields: &'static [FieldDoc],
+    pub inner: &'static str,
+    /// Its own fields.
+    pub fields: &'static [FieldDoc],
 }
 
 include!(concat!(env!("OUT_DIR"), "/parameter_docs.rs"));
 
 impl TypeDoc {
+    /// The type of this name, of this crate's where there are several.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        Self::find(name, "src/")
+    }
+
     /// The type of this name that is nearest to `file`: in it, in a folder that both are in, anywhere.
-    pub(super) fn find(name: &str, file: &str) -> Option<&'static Self> {
+    pub fn find(name: &str, file: &str) -> Option<&'static Self> {
         let common = |other: &str| other.split('/').zip(file.split('/')).take_while(|(a, b)| a == b).count();
         // Of equally near ones the first.
         TYPES.iter().rev().filter(|known| known.name == name).max_by_key(|known| common(known.file))
     }
 
     /// The fields of a struct; of an enum, those of the variant of this name.
-    pub(super) fn fields(&self, variant: Option<&str>) -> (&'static [FieldDoc], &'static str) {
+    pub fn fields(&self, variant: Option<&str>) -> (&'static [FieldDoc], &'static str) {
         let Some(variant) = self.variants.iter().find(|known| Some(known.name) == variant) else {
             return (self.fields, self.file);
         };

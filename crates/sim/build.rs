@@ -1,5 +1,5 @@
 //! Gathers what the simulated robots' parameters say of themselves, so that a world file shows it beside each number: the doc comments
-//! of every `Deserialize` type of `sim` and of the controllers in `dynamics`.
+//! of every `Deserialize` type of this crate and of the controllers in `dynamics`, which it uses.
 
 use std::{
     env, fs, io,
@@ -9,7 +9,7 @@ use std::{
 use syn::{Attribute, Expr, Field, Fields, GenericArgument, Item, Lit, Meta, PathArguments, Type};
 
 /// Folders with parameters, from this crate's.
-const FOLDERS: [&str; 2] = ["../sim/src", "../dynamics/src"];
+const FOLDERS: [&str; 2] = ["src", "../dynamics/src"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let here = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?);
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         collect(&here.join(folder), &mut files)?;
     }
     files.sort();
-    let mut out = String::from("pub(super) static TYPES: &[TypeDoc] = &[\n");
+    let mut out = String::from("static TYPES: &[TypeDoc] = &[\n");
     for file in &files {
         let text = fs::read_to_string(file)?;
         // A file that is no Rust is the compiler's to complain about.
