@@ -78,7 +78,7 @@ fn read(path: &str) -> Result<Table, Error> {
 }
 
 fn refused(what: &str, problem: String) -> Error {
-    Error::Request(format!("--controller {what}: {problem}"))
+    Error::value(format!("--controller {what}: {problem}"))
 }
 
 /// The model with a column for everything that the controller looks at: an alias of the model's recipe, a field of the log, or an expression over these.

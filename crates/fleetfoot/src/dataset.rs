@@ -45,7 +45,7 @@ pub(crate) struct OpenedStructure {
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
 fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
-    let Some(first) = logs.all().first() else { return Err(Error::Request("no file is given".into())) };
+    let Some(first) = logs.all().first() else { return Err(Error::missing("no file is given".into())) };
     let (mut fields, info) = match first {
         Log::File(file) => {
             let info = fleetfoot_log::inspect(file)?.renamed(&renames(recipe));
@@ -64,7 +64,7 @@ fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>
                 "the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label",
                 first.path().display()
             );
-            return Err(Error::Request(problem));
+            return Err(Error::name_taken(label, problem));
         }
         fields.push(Column::float(label));
     }
@@ -92,7 +92,7 @@ fn explained(error: Error, info: Option<&FileInfo>) -> Error {
         _ => return error,
     };
     let place = info.path.display();
-    Error::Request(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
+    Error::undetermined(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
 }
 
 /// Topics as the recipe calls them, and as the files do.
@@ -113,7 +113,7 @@ fn max_gap(gap: Option<&Gap>, place: &str) -> Result<MaxGap, Error> {
         Some(Gap::Seconds(seconds)) if *seconds > 0.0 => Ok(MaxGap::Seconds(*seconds)),
         Some(Gap::Word(word)) if word == "auto" => Ok(MaxGap::Auto),
         Some(Gap::Word(word)) if word == "none" => Ok(MaxGap::Unlimited),
-        Some(gap) => Err(Error::Request(format!("{place} max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
+        Some(gap) => Err(Error::value(format!("{place} max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
     }
 }
 
@@ -124,12 +124,12 @@ fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
     join.renames = renames(recipe);
     if let Some(text) = &time.stamp {
         join.stamp = Some(Stamp::parse(text).ok_or_else(|| {
-            Error::Request(format!("[time] stamp = \"{text}\": write \"header\", \"log\" or \"publish\""))
+            Error::value(format!("[time] stamp = \"{text}\": write \"header\", \"log\" or \"publish\""))
         })?);
     }
     join.base = match (&time.base, time.rate) {
         (Some(_), Some(_)) => {
-            return Err(Error::Request("[time] has both `base` and `rate`; the rows come from one of them".into()));
+            return Err(Error::conflict("[time] has both `base` and `rate`; the rows come from one of them".into()));
         }
         (Some(topic), None) => Some(Base::Channel(topic.clone())),
         (None, Some(rate)) => Some(Base::Rate(rate)),
@@ -141,7 +141,7 @@ fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
         let kind = match table.kind.as_deref() {
             None => None,
             Some(text) => Some(JoinKind::parse(text).ok_or_else(|| {
-                Error::Request(format!("{place}: `{text}` is no kind of join; write linear, hold, angle or slerp"))
+                Error::value(format!("{place}: `{text}` is no kind of join; write linear, hold, angle or slerp"))
             })?),
         };
         let rule = ColumnJoin { kind, max_gap: max_gap(table.max_gap.as_ref(), &place)? };
@@ -249,18 +249,18 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
     selection.join = join_spec(recipe, &selection.columns)?;
     selection.time = match (&time.column, time.dt) {
         (Some(_), Some(_)) => {
-            return Err(Error::Request("[time] has both `column` and `dt`; the stamps come from one of them".into()));
+            return Err(Error::conflict("[time] has both `column` and `dt`; the stamps come from one of them".into()));
         }
         (None, Some(dt)) if dt > 0.0 && dt.is_finite() => TimeSpec::Uniform { dt_seconds: dt },
         (None, Some(dt)) => {
-            return Err(Error::Request(format!("[time] dt = {dt}: the sampling period must be positive")));
+            return Err(Error::value(format!("[time] dt = {dt}: the sampling period must be positive")));
         }
         (Some(name), None) => {
             let unit = match time.unit.as_deref() {
                 None => None,
                 Some(text) => Some(
                     TimeUnit::parse(text)
-                        .ok_or_else(|| Error::Request(format!("[time] unit = \"{text}\": write s, ms, us or ns")))?,
+                        .ok_or_else(|| Error::value(format!("[time] unit = \"{text}\": write s, ms, us or ns")))?,
                 ),
             };
             TimeSpec::Column { name: name.clone(), unit }
@@ -411,7 +411,7 @@ impl Dataset {
             expressions = places.iter().map(|&at| expressions[at].clone()).collect();
         }
         if columns.is_empty() {
-            return Err(Error::Request("there is no column to read: name some".into()));
+            return Err(Error::missing("there is no column to read: name some".into()));
         }
         Self::open(recipe, &columns, &expressions, Clock::Needed, logs, progress)
     }

@@ -42,9 +42,9 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
-    /// The recipe asks for nothing to predict, or for something impossible.
-    #[error("{0}")]
-    Request(String),
+    /// What was asked for cannot be done.
+    #[error(transparent)]
+    Request(#[from] crate::RequestError),
     /// A partition by what is predicted.
     #[error(
         "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \

@@ -34,7 +34,7 @@ pub struct Exported {
 /// `inputs` are files that must not be written over, the model's own among them.
 ///
 /// # Errors
-/// [`Error::Export`]; [`Error::Request`] where the code and the engine disagree; [`Error::Write`] and [`Error::Log`] of writing.
+/// [`Error::Export`]; [`Cause::Internal`](crate::Cause::Internal) where the code and the engine disagree; [`Error::Write`] and [`Error::Log`] of writing.
 pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[PathBuf]) -> Result<Exported, Error> {
     let vectors = match options.target {
         Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
@@ -53,7 +53,7 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
 /// Test vectors with the engine's values: next states from a rollout of one step, outputs from a prediction.
 ///
 /// # Errors
-/// [`Error::Export`]; [`Error::Request`] where the code, interpreted, and the engine differ by more than rounding or give different regions.
+/// [`Error::Export`]; [`Cause::Internal`](crate::Cause::Internal) where the code, interpreted, and the engine differ by more than rounding or give different regions.
 pub fn engine_vectors(
     model: &Model,
     options: &ExportOptions,

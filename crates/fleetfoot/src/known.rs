@@ -48,7 +48,9 @@ pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progre
         .collect();
     let spread = spread(&view, &states, progress)?;
     if spread.rows == 0 {
-        return Err(Error::Request(
+        return Err(Error::too_few_rows(
+            0,
+            1,
             "no row has a value of every state: how far the states spread is not known; give other files".into(),
         ));
     }

@@ -29,6 +29,7 @@ mod output;
 mod period;
 mod project;
 mod recipe;
+mod request;
 mod rollout_choice;
 mod rows;
 mod run;
@@ -61,6 +62,7 @@ pub use recipe::{
     ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, Recipe, SindySection, SpanDerivative,
     SparseSection, State, TaskSection, Threshold, Time,
 };
+pub use request::{Cause, RequestError};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};

@@ -62,7 +62,7 @@ impl Logs {
         match (&self.statistic, self.logs.as_slice()) {
             (Some(statistic), []) => Ok(statistic.as_ref().clone()),
             (None, [Log::File(path)]) => StatisticFile::read(path),
-            _ => Err(Error::Request(
+            _ => Err(Error::conflict(
                 "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
             )),
         }

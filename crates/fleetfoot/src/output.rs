@@ -31,7 +31,7 @@ pub(crate) fn kind(output: &Path) -> Result<Kind, Error> {
         Some(Format::Parquet | Format::Csv(Compression::None)) => Ok(Kind::Table),
         Some(Format::Mcap(Compression::None)) => Ok(Kind::Mcap),
         None if is_stream(output) => Ok(Kind::Table),
-        _ => Err(Error::Request(format!(
+        _ => Err(Error::output(format!(
             "{}: results are written as Parquet, CSV or MCAP; name the file *.parquet, *.csv, *.tsv or *.mcap",
             output.display()
         ))),

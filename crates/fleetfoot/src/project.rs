@@ -38,12 +38,12 @@ pub fn project(
     progress: &dyn Progress,
 ) -> Result<Projected, Error> {
     let [across, up] = axes else {
-        return Err(Error::Request(format!("--plane {}: a plane has two columns", axes.join(","))));
+        return Err(Error::value(format!("--plane {}: a plane has two columns", axes.join(","))));
     };
     if let Some(path) = output
         && output::kind(path)? != output::Kind::Table
     {
-        return Err(Error::Request(format!("{}: a plane is written as Parquet or CSV", path.display())));
+        return Err(Error::output(format!("{}: a plane is written as Parquet or CSV", path.display())));
     }
     let (across, up) = (axis(model, across)?, axis(model, up)?);
     let logs = logs.into();

@@ -83,7 +83,7 @@ impl RolloutChoice {
     pub(crate) fn new(rule: RolloutRule, candidates: Vec<RolloutCandidate>) -> Result<Self, Error> {
         let least = candidates.iter().map(RolloutCandidate::error).filter(|error| error.is_finite());
         let Some(least) = least.min_by(f64::total_cmp) else {
-            return Err(Error::Request(format!(
+            return Err(Error::undetermined(format!(
                 "--select rollout: all {} candidates diverge within {} steps on rows that did not train; give a shorter --horizon, or other candidates",
                 candidates.len(),
                 rule.horizon
@@ -151,7 +151,7 @@ impl<'a> HeldOut<'a> {
         let found = match rollout(model, held, &Starts::Even(self.rule.starts), &options, &Silent) {
             Ok(found) => found,
             Err(error @ DynamicsError::TooShort { .. }) => {
-                return Err(Error::Request(format!(
+                return Err(Error::undetermined(format!(
                     "--select rollout: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter --horizon, or longer logs",
                     self.rule.folds
                 )));

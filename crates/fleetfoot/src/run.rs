@@ -56,11 +56,15 @@ pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &
 
 fn nothing_to_score(scores: &Scores) -> Error {
     let skipped = &scores.skipped;
-    Error::Request(format!(
-        "no row can be scored: {} rows lack neighbours at the border of their episode, {} have a missing value, for {} the model gives no finite \
+    Error::too_few_rows(
+        0,
+        1,
+        format!(
+            "no row can be scored: {} rows lack neighbours at the border of their episode, {} have a missing value, for {} the model gives no finite \
          number; give longer episodes or other files",
-        skipped.border, skipped.missing, skipped.non_finite
-    ))
+            skipped.border, skipped.missing, skipped.non_finite
+        ),
+    )
 }
 
 /// A model whose labels do not cover the data says so unless it was fitted to pool them.

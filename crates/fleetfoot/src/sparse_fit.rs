@@ -24,7 +24,7 @@ use fleetfoot_sparse::{Clusters, clustered_covariance, held_out_refit, refit};
 use fleetfoot_stats::Key;
 
 use crate::{
-    Dataset, Error, Logs, Recipe, StructuredTask,
+    Dataset, Error, Logs, Recipe, RequestError, StructuredTask,
     dataset::OpenedStructure,
     output::refuse_not_finite,
     statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan},
@@ -95,7 +95,7 @@ pub fn fit_sparse(
     SparseOptions::new(&recipe.sparse)?;
     let evidence = if logs.is_statistic() {
         if request.keep.is_some() {
-            return Err(Error::Request(
+            return Err(Error::needs_rows(
                 "--keep writes the statistic of logs, and this is one already; leave it away".into(),
             ));
         }
@@ -115,7 +115,9 @@ pub fn fit_sparse(
     for (value, episodes) in by_label(&evidence.file, label)? {
         let found = evidence.fit(&options, Some(value.clone()), &episodes, request.influence, progress);
         fitted.push(found.map_err(|error| match error {
-            Error::Request(problem) => Error::Request(format!("{label} = {value}: {problem}")),
+            Error::Request(RequestError { cause, message }) => {
+                Error::Request(RequestError { cause, message: format!("{label} = {value}: {message}") })
+            }
             other => other,
         })?);
     }
@@ -134,7 +136,7 @@ fn by_label(file: &StatisticFile, label: &str) -> Result<Vec<(String, BTreeSet<E
             } else {
                 format!("there are {}", known.into_iter().collect::<Vec<_>>().join(", "))
             };
-            Error::Request(format!("--by {label}: {} has no label `{label}`; {known}", episode.name))
+            Error::unknown(label, format!("--by {label}: {} has no label `{label}`; {known}", episode.name))
         })?;
         groups.entry(Natural::of(value)).or_default().insert(episode.id);
     }

@@ -80,14 +80,14 @@ impl StructuredTask {
         let parts = match (recipe.latents.is_empty(), recipe.tasks.is_empty()) {
             (true, true) => plain(recipe, &mut aliases)?,
             (false, true) => {
-                return Err(Error::Request(
+                return Err(Error::missing(
                     "[latents] without [tasks]: write the equations in which the latents stand, for example `[tasks]` with \
                      `along = { target = \"m*V_dot\", right = \"T - D\" }`"
                         .into(),
                 ));
             }
             (true, false) => {
-                return Err(Error::Request(
+                return Err(Error::missing(
                     "[tasks] without [latents]: write what the unknown functions on their right sides may be made of, for example \
                      `[latents]` with `T = { of = [\"rho\", \"M\"], degree = 2 }`"
                         .into(),
@@ -202,7 +202,7 @@ fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Mome
 /// Every fitted equation is a task with a latent of its own and a free constant.
 fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.equation.is_some()) {
-        return Err(Error::Request(format!(
+        return Err(Error::conflict(format!(
             "[states] {name} equation: it needs [latents] and [tasks]; without them leave `equation` away, and the state is a sum of functions"
         )));
     }
@@ -230,9 +230,12 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     let names: Vec<String> = recipe.latents.keys().cloned().collect();
     for name in &names {
         if aliases.texts.contains_key(name) || aliases.columns.iter().any(|column| column.name == *name) {
-            return Err(Error::Request(format!(
-                "[latents] {name}: a column has this name too; rename the latent or the column, so that equations can tell them apart"
-            )));
+            return Err(Error::name_taken(
+                name,
+                format!(
+                    "[latents] {name}: a column has this name too; rename the latent or the column, so that equations can tell them apart"
+                ),
+            ));
         }
     }
     let mut latents = Vec::new();
@@ -257,7 +260,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     }
     for (index, name) in names.iter().enumerate() {
         if !tasks.iter().any(|task| task.terms.iter().any(|term| term.latent == index)) {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "[latents] {name}: no task has it on its right side; add it to one in [tasks], or leave it away"
             )));
         }
@@ -275,7 +278,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
 
 fn no_latent(place: &str, right: &Expr, names: &[String]) -> Error {
     let near = right.columns().iter().flat_map(|column| nearest(column, names.iter().map(String::as_str))).next();
-    Error::Request(format!(
+    Error::value(format!(
         "{place} right: `{right}` has no latent{}; the latents are {}",
         near.map_or_else(String::new, |name| format!(" (did you mean `{name}`?)")),
         names.join(", ")
@@ -286,9 +289,9 @@ fn scale(scale: Option<f64>, target: &Expr, place: &str) -> Result<Option<f64>, 
     match scale {
         Some(value) if value > 0.0 && value.is_finite() => Ok(scale),
         Some(value) => {
-            Err(Error::Request(format!("{place} scale = {value}: write a positive error in units of the target")))
+            Err(Error::value(format!("{place} scale = {value}: write a positive error in units of the target")))
         }
-        None if target.as_number().is_some() => Err(Error::Request(format!(
+        None if target.as_number().is_some() => Err(Error::missing(format!(
             "{place}: the target is constant, so nothing tells how large an error is; add `scale`, the error that counts as one, in its units"
         ))),
         None => Ok(None),
@@ -302,7 +305,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
         "next" => Prediction::Next,
         "delta" | "difference" => Prediction::Difference,
         other => {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "predict = \"{other}\": equations of [states] give a derivative, next value or delta; leave `equation` away to predict a column"
             )));
         }
@@ -313,12 +316,12 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
         let unit = aliases.columns.iter().find(|column| column.name == *name).and_then(|column| column.unit.clone());
         match (&state.equation, &state.known) {
             (Some(_), Some(_)) => {
-                return Err(Error::Request(format!(
+                return Err(Error::conflict(format!(
                     "{place}: it has both `equation` and `known`; leave one of them away"
                 )));
             }
             (None, None) => {
-                return Err(Error::Request(format!(
+                return Err(Error::missing(format!(
                     "{place}: other states have an equation and this one has none; add `equation` (over columns and latents) or `known`, \
                      or make it one of [inputs]"
                 )));
@@ -328,7 +331,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
                 let mut equation = state_equation(name, state, prediction, unit, aliases)?;
                 let right = aliases.over_latents(text, names, &format!("{place} equation"))?;
                 if !right.columns().iter().any(|column| names.iter().any(|name| **name == **column)) {
-                    return Err(Error::Request(format!(
+                    return Err(Error::conflict(format!(
                         "{place} equation: `{right}` has no latent; write it as `known`, which is given and not fitted"
                     )));
                 }
@@ -359,9 +362,10 @@ fn task_equations(
             || aliases.columns.iter().any(|column| column.name == *name)
             || recipe.latents.contains_key(name);
         if taken {
-            return Err(Error::Request(format!(
-                "[tasks] {name}: a column or latent has this name too; rename the task"
-            )));
+            return Err(Error::name_taken(
+                name,
+                format!("[tasks] {name}: a column or latent has this name too; rename the task"),
+            ));
         }
         aliases.add(name, Some(text), None, Role::Auxiliary, false, &format!("[tasks] {name} target"))?;
         equations.push(Equation {
@@ -373,7 +377,7 @@ fn task_equations(
         });
     }
     if equations.is_empty() {
-        return Err(Error::Request(
+        return Err(Error::missing(
             "[tasks]: all targets are constant, so there is nothing to predict; give a state an `equation`".into(),
         ));
     }

@@ -241,14 +241,14 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         let mut equations: Vec<Equation> = Vec::new();
         for name in names.iter().map(|name| name.trim_matches('`')) {
             if equations.iter().any(|equation| equation.subject == name) {
-                return Err(Error::Request(format!("--predict {predict}: `{name}` is named twice")));
+                return Err(Error::name_taken(name, format!("--predict {predict}: `{name}` is named twice")));
             }
             equations.push(value_equation(name, aliases)?);
         }
         return Ok(equations);
     }
     if recipe.states.is_empty() {
-        return Err(Error::Request(format!(
+        return Err(Error::missing(format!(
             "no states: to predict the {} of something, name the states in the recipe ([states]) or with --states; \
              for plain regression y = f(inputs) use --predict COLUMN",
             if predict == "derivative" { "derivative" } else { "next value" }
@@ -260,7 +260,7 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         equations.push(state_equation(name, state, prediction, unit, aliases)?);
     }
     if equations.iter().all(|equation| equation.target.is_none()) {
-        return Err(Error::Request(
+        return Err(Error::conflict(
             "all states are known: there is nothing to fit; leave `known` away from at least one, or write the model as it is with `fleetfoot fit pwa` or \
              `fit sindy`"
                 .into(),
@@ -351,7 +351,7 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
         }
     }
     if variables.is_empty() {
-        return Err(Error::Request("no regressors: name states or inputs (--states, --inputs, or the recipe)".into()));
+        return Err(Error::missing("no regressors: name states or inputs (--states, --inputs, or the recipe)".into()));
     }
     Ok(variables)
 }

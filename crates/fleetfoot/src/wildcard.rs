@@ -75,7 +75,7 @@ fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(Str
         .collect();
     if found.is_empty() {
         let problem = format!("{place}: no field of the log matches `{text}`; `fleetfoot info --values` lists them");
-        return Err(Error::Request(problem));
+        return Err(Error::unknown(text, problem));
     }
     Ok(Some(found))
 }

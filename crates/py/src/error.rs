@@ -2,9 +2,9 @@
 
 use std::fmt::Display;
 
-use fleetfoot::{Error, statistic::StatisticError};
+use fleetfoot::{Cause, Error, RequestError, statistic::StatisticError};
 use pyo3::{
-    exceptions::{PyImportError, PyKeyboardInterrupt, PyRuntimeError},
+    exceptions::{PyBaseException, PyImportError, PyKeyboardInterrupt, PyRuntimeError},
     prelude::*,
     types::PyType,
 };
@@ -14,6 +14,16 @@ use pyo3::{
 pub(crate) enum Kind {
     /// What was asked for cannot be understood or does not exist: recipes, expressions, columns, options.
     Request,
+    /// A request: an option has a value that it does not take, is missing, or excludes another.
+    Option,
+    /// A request: nothing has the name.
+    UnknownName,
+    /// A request: too few rows.
+    TooFewRows,
+    /// A request: a statistic cannot answer it, and the logs could.
+    NeedsLogs,
+    /// A request: the data do not determine the answer.
+    Undetermined,
     /// Recordings that cannot be read, or do not hold what is needed.
     Data,
     /// The data do not determine what was to be fitted, or the options of a fit are out of their range.
@@ -32,6 +42,11 @@ impl Kind {
     fn class(self) -> &'static str {
         match self {
             Self::Request => "RequestError",
+            Self::Option => "OptionError",
+            Self::UnknownName => "UnknownNameError",
+            Self::TooFewRows => "TooFewRowsError",
+            Self::NeedsLogs => "NeedsLogsError",
+            Self::Undetermined => "UndeterminedError",
             Self::Data => "DataError",
             Self::Fit => "FitError",
             Self::Model => "ModelError",
@@ -61,12 +76,17 @@ fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
 pub(crate) fn of_engine(error: Error) -> PyErr {
     let kind = match &error {
         Error::Cancelled(_) | Error::Paused { .. } => return PyKeyboardInterrupt::new_err(error.to_string()),
+        Error::Request(request) => return of_request(request),
+        Error::UnknownColumn { name, candidates, .. } => {
+            return with(Kind::UnknownName.error(&error), |value| {
+                value.setattr("name", name)?;
+                value.setattr("candidates", candidates)
+            });
+        }
+        Error::Columns(_) => Kind::UnknownName,
         Error::Recipe { .. }
         | Error::Expression { .. }
-        | Error::UnknownColumn { .. }
         | Error::World { .. }
-        | Error::Request(_)
-        | Error::Columns(_)
         | Error::Library(_)
         | Error::Specification(_)
         | Error::Filter(_) => Kind::Request,
@@ -78,6 +98,28 @@ pub(crate) fn of_engine(error: Error) -> PyErr {
         _ => Kind::Fit,
     };
     kind.error(error)
+}
+
+/// What a request that cannot be met is in Python: a class a cause, with what a program can act on as attributes.
+fn of_request(request: &RequestError) -> PyErr {
+    match &request.cause {
+        Cause::Value | Cause::Conflict | Cause::Missing | Cause::NameTaken { .. } => Kind::Option.error(request),
+        Cause::UnknownName { name } => with(Kind::UnknownName.error(request), |value| value.setattr("name", name)),
+        Cause::TooFewRows { rows, needed } => with(Kind::TooFewRows.error(request), |value| {
+            value.setattr("rows", rows)?;
+            value.setattr("needed", needed)
+        }),
+        Cause::NeedsRows | Cause::OtherStatistic => Kind::NeedsLogs.error(request),
+        Cause::Undetermined => Kind::Undetermined.error(request),
+        Cause::Internal => Kind::Internal.error(request),
+        _ => Kind::Request.error(request),
+    }
+}
+
+/// An exception with attributes; without them where Python refuses.
+fn with(error: PyErr, set: impl FnOnce(&Bound<'_, PyBaseException>) -> PyResult<()>) -> PyErr {
+    let _ = Python::attach(|py| set(error.value(py)));
+    error
 }
 
 /// An answer of a solver or a reader with an error of the given kind.

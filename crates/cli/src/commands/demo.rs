@@ -42,7 +42,7 @@ const BINS: usize = 36;
 
 pub(crate) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Error> {
     if !(arguments.minutes > 0.0 && arguments.minutes.is_finite()) {
-        return Err(Error::Request(format!("--minutes {}: write minutes above 0", arguments.minutes)));
+        return Err(Error::value(format!("--minutes {}: write minutes above 0", arguments.minutes)));
     }
     let mut demo = Demo { context, folder: arguments.output.clone(), seed: arguments.seed, told: Map::new() };
     let logs = demo.logs(arguments.minutes)?;

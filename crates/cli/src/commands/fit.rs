@@ -65,7 +65,7 @@ fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf
 pub(crate) fn horizon(recipe: &Recipe, steps: Option<u32>) -> Result<Option<usize>, Error> {
     let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
     match steps {
-        Some(steps) if !open => Err(Error::Request(format!(
+        Some(steps) if !open => Err(Error::conflict(format!(
             "--horizon {steps}: nothing is chosen by rollouts; add --derivative STATE=over:auto, or leave it away"
         ))),
         _ => Ok(steps.map(|steps| steps as usize)),
@@ -78,7 +78,7 @@ fn rule(arguments: &FitPwa, recipe: &Recipe) -> Result<Option<RolloutRule>, Erro
     match (arguments.horizon, open || arguments.select == Select::Rollout) {
         (horizon, true) => Ok(Some(RolloutRule::new(horizon.map_or(HORIZON, |steps| steps as usize)))),
         (None, false) => Ok(None),
-        (Some(steps), false) => Err(Error::Request(format!(
+        (Some(steps), false) => Err(Error::conflict(format!(
             "--horizon {steps}: nothing is chosen by rollouts; add --select rollout, or leave it away"
         ))),
     }
@@ -97,7 +97,7 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
         "auto" => Shrinkage::Auto,
         text => match text.parse::<f64>() {
             Ok(rows) if rows >= 0.0 && rows.is_finite() => Shrinkage::Rows(rows),
-            _ => return Err(Error::Request(format!("--shrinkage {text}: write a number of rows, or auto"))),
+            _ => return Err(Error::value(format!("--shrinkage {text}: write a number of rows, or auto"))),
         },
     };
     options.unseen = match arguments.unseen_labels {
@@ -105,7 +105,7 @@ fn options(arguments: &FitPwa) -> Result<Options, Error> {
         Unseen::Pool => UnseenLabel::Pool,
     };
     if let Some(purge) = arguments.purge.filter(|purge| !(*purge >= 0.0 && purge.is_finite())) {
-        return Err(Error::Request(format!("--purge {purge}: write seconds")));
+        return Err(Error::value(format!("--purge {purge}: write seconds")));
     }
     options.seed = arguments.seed;
     options.restarts = arguments.restarts.max(1);
@@ -261,13 +261,13 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
         } else if let Some(input) = recipe.inputs.get_mut(angle) {
             *input = Input::Table(InputTable { kind: Some(Kind::Angle), ..input.table() });
         } else {
-            return Err(Error::Request(format!("--angles {angle}: it is neither a state nor an input")));
+            return Err(Error::unknown(angle, format!("--angles {angle}: it is neither a state nor an input")));
         }
     }
     for text in &arguments.derivative {
         let (name, how) = pair("--derivative", text)?;
         let Some(state) = recipe.states.get_mut(&name) else {
-            return Err(Error::Request(format!("--derivative {text}: `{name}` is not a state")));
+            return Err(Error::unknown(&name, format!("--derivative {text}: `{name}` is not a state")));
         };
         state.derivative = Some(Derivative::parse(&how));
     }
@@ -332,6 +332,6 @@ pub(crate) fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
         Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
             Ok((name.trim().to_owned(), value.trim().to_owned()))
         }
-        _ => Err(Error::Request(format!("{flag} {text}: write NAME=VALUE"))),
+        _ => Err(Error::value(format!("{flag} {text}: write NAME=VALUE"))),
     }
 }

@@ -66,7 +66,7 @@ fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
     for text in &arguments.fixed {
         let (name, items) = fit::pair("--fixed", text)?;
         let items: crate::args::List =
-            items.parse().map_err(|problem| Error::Request(format!("--fixed {text}: {problem}")))?;
+            items.parse().map_err(|problem| Error::value(format!("--fixed {text}: {problem}")))?;
         state(recipe, "--fixed", &name)?.fixed = items.0;
     }
     for text in &arguments.parameter {
@@ -98,14 +98,14 @@ fn state<'a>(recipe: &'a mut Recipe, flag: &str, name: &str) -> Result<&'a mut f
     recipe.states.get_mut(name).ok_or_else(|| {
         let near = fleetfoot::data::nearest(name, known.iter().map(String::as_str));
         let near = near.first().map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-        Error::Request(format!("{flag}: `{name}` is not a state{near}"))
+        Error::unknown(name, format!("{flag}: `{name}` is not a state{near}"))
     })
 }
 
 /// `tau=0.05`, `tau=0.05 in 0.01..0.3`.
 fn parameter(text: &str) -> Result<(String, ParameterSection), Error> {
     let refused = || {
-        Error::Request(format!(
+        Error::value(format!(
             "--parameter {text}: write NAME=VALUE, or NAME=VALUE in LEAST..GREATEST: `tau=0.05 in 0.01..0.3`"
         ))
     };

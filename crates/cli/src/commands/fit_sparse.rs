@@ -43,7 +43,7 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
     if let Some(twice) = written.iter().enumerate().find_map(|(at, path)| written[..at].contains(path).then_some(path))
     {
         let problem = format!("two values of the label would both be written to {}; rename one", twice.display());
-        return Err(Error::Request(problem));
+        return Err(Error::output(problem));
     }
     fleetfoot::log::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
     for (found, path) in fitted.iter().zip(&written) {

@@ -11,7 +11,7 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
     match &arguments.output {
         None => write_out(&text),
         Some(path) if is_replaced(path) && !arguments.force => {
-            return Err(Error::Request(format!("{} exists already; give --force to overwrite it", path.display())));
+            return Err(Error::output(format!("{} exists already; give --force to overwrite it", path.display())));
         }
         Some(path) => {
             let of = std::slice::from_ref;

@@ -151,7 +151,7 @@ fn info_json(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Valu
 fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
     claim(context, &arguments.output, &arguments.files, arguments.force)?;
     let mut inputs = arguments.files.iter();
-    let Some(first) = inputs.next() else { return Err(Error::Request("no file is given".into())) };
+    let Some(first) = inputs.next() else { return Err(Error::missing("no file is given".into())) };
     let (mut whole, sizes) = StatisticFile::read_with_sizes(first)?;
     let mut before = vec![sizes.total];
     for path in inputs {
@@ -174,7 +174,7 @@ fn drop(arguments: &StatsDrop, context: &Context) -> Result<(), Error> {
     unwanted.extend(arguments.file.iter().cloned().map(Unwanted::File));
     for text in &arguments.label {
         let Some((name, value)) = text.split_once('=') else {
-            return Err(Error::Request(format!("--where {text}: write LABEL=VALUE")));
+            return Err(Error::value(format!("--where {text}: write LABEL=VALUE")));
         };
         unwanted.push(Unwanted::Label(name.trim().to_owned(), value.trim().to_owned()));
     }
@@ -207,7 +207,7 @@ fn claim(context: &Context, output: &PathBuf, inputs: &[PathBuf], force: bool) -
     context.claim(std::slice::from_ref(output), inputs, force)?;
     if is_replaced(output) && !force {
         let problem = format!("{} exists already; --force replaces it", output.display());
-        return Err(Error::Request(problem));
+        return Err(Error::output(problem));
     }
     Ok(())
 }

@@ -84,7 +84,7 @@ pub fn generate_logs(folder: &Path, seed: u64, minutes: f64, progress: &dyn Prog
         (generate(&job("train", 0, seconds.0), progress)?, generate(&job("test", RUNS, seconds.1), progress)?);
     let logs = DemoLogs { training, held_out, seconds, seed, drive: parameters.drive() };
     if logs.training_files().len() < 2 || logs.held_out_files().is_empty() {
-        return Err(Error::Request(format!(
+        return Err(Error::undetermined(format!(
             "runs of {} and {} s are too short, or the robot left its belt in nearly all of them: give more minutes",
             seconds.0, seconds.1
         )));

@@ -132,7 +132,7 @@ fn outputs(model: &Model, names: &Signals, vectors: &mut [TestVector]) -> Result
 /// Takes the engine's values where they are the code's up to rounding.
 fn take(function: &str, result: &mut TestResult, code: i64, values: &[f64]) -> Result<(), Error> {
     if code != result.code {
-        return Err(Error::Request(format!(
+        return Err(Error::internal(format!(
             "the exported `{function}` gives the code {} where the engine gives {code}; please report this model",
             result.code
         )));
@@ -141,7 +141,7 @@ fn take(function: &str, result: &mut TestResult, code: i64, values: &[f64]) -> R
     {
         let error = (*value - *own).abs();
         if error > *room || error.is_nan() {
-            return Err(Error::Request(format!(
+            return Err(Error::internal(format!(
                 "value {index} of the exported `{function}` is {own:e} where the engine gives {value:e}, more than rounding explains ({room:e}); please report this model"
             )));
         }

@@ -99,7 +99,7 @@ impl Folder {
             }
             _ => return Ok(own),
         };
-        Err(Error::Request(format!("{}: generated logs want a folder of their own; {advice}", target.display())))
+        Err(Error::output(format!("{}: generated logs want a folder of their own; {advice}", target.display())))
     }
 
     /// Where a file is made.

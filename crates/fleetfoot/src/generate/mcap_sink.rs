@@ -92,7 +92,9 @@ impl Channel {
             Kind::Flag => writer.channel::<Bool>(name),
             Kind::Numbers(_) => writer.channel::<Float64MultiArray<'_>>(name),
             other => {
-                return Err(Error::Request(format!("the topic {name} has readings ({other:?}) that no message holds")));
+                return Err(Error::internal(format!(
+                    "the topic {name} has readings ({other:?}) that no message holds"
+                )));
             }
         }?;
         let covariances = match topic.kind {

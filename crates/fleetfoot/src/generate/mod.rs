@@ -103,7 +103,7 @@ impl Job {
 
     /// What cannot be asked for.
     fn check(&self) -> Result<(), Error> {
-        let refuse = |problem: String| Err(Error::Request(problem));
+        let refuse = |problem: String| Err(Error::value(problem));
         if self.runs == 0 || self.runs > 1_000_000 {
             return refuse(format!("{} runs: write 1 to 1000000", self.runs));
         }
@@ -287,7 +287,7 @@ fn record(scenario: &dyn Scenario, run: Run, recorder: &mut Recorder<'_>) -> Res
         Ok(error) => *error,
         Err(error) => match error.downcast::<fleetfoot_log::Error>() {
             Ok(error) => Error::Log(*error),
-            Err(error) => Error::Request(format!("the simulated log cannot be written: {error}")),
+            Err(error) => Error::output(format!("the simulated log cannot be written: {error}")),
         },
     })
 }

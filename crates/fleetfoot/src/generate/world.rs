@@ -154,7 +154,9 @@ impl World {
     pub fn of(robot: &str) -> Result<Self, Error> {
         match ROBOTS.iter().find(|known| known.name() == robot) {
             Some(&robot) => Self::default_of(robot),
-            None => Err(Error::Request(format!("there is no robot `{robot}`; there are {}", robots().join(", ")))),
+            None => {
+                Err(Error::unknown(robot, format!("there is no robot `{robot}`; there are {}", robots().join(", "))))
+            }
         }
     }
 

@@ -155,7 +155,7 @@ impl Fit<'_> {
         let looked = search.is_some();
         let chosen = if looked { best_within_one_standard_error(candidates) } else { best(candidates) };
         let Some(at) = chosen else {
-            return Err(Error::Request(format!(
+            return Err(Error::undetermined(format!(
                 "none of {} models can be simulated through the spans that did not train: all diverge, or the spans are shorter than the lags; choose by --select \
                  bic, or try other lags, fewer terms or fewer --folds",
                 tried.len()

@@ -86,9 +86,13 @@ pub fn fit_narx(
 
 fn too_short(source: &dyn Source) -> Error {
     let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
-    Error::Request(format!(
-        "no episode is long enough to run the model on: the longest has {longest} rows; give longer ones, fewer lags, or a smaller --decimate"
-    ))
+    Error::too_few_rows(
+        longest as u64,
+        longest as u64 + 1,
+        format!(
+            "no episode is long enough to run the model on: the longest has {longest} rows; give longer ones, fewer lags, or a smaller --decimate"
+        ),
+    )
 }
 
 /// One-step and free-run scores; `None` where no row can be scored.
@@ -181,11 +185,15 @@ impl Fit<'_> {
         if counts.complete as usize > needed {
             return Ok(());
         }
-        Err(Error::Request(format!(
-            "{} rows have all lags ({} lack them at the border of their episode, {} miss a value), an equation has {needed} terms; give longer episodes, fewer lags \
+        Err(Error::too_few_rows(
+            counts.complete,
+            needed as u64 + 1,
+            format!(
+                "{} rows have all lags ({} lack them at the border of their episode, {} miss a value), an equation has {needed} terms; give longer episodes, fewer lags \
              or fewer terms",
-            counts.complete, counts.at_border, counts.incomplete
-        )))
+                counts.complete, counts.at_border, counts.incomplete
+            ),
+        ))
     }
 
     /// The partitions asked for, on all rows that train; those that cluster once a start.

@@ -117,7 +117,7 @@ impl NarxOptions {
             Some(text) => Specification::parse_list(text)?,
         };
         if partitions.contains(&Specification::Null) {
-            return Err(Error::Request(
+            return Err(Error::value(
                 "--partition null: a null model has no equations; it is printed beside the others in any case".into(),
             ));
         }
@@ -144,7 +144,7 @@ impl NarxOptions {
             ));
         }
         if options.partitions.len() > 1 && options.selection != NarxSelection::FreeRun {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "--partition {}: several partitions are compared by free runs only; name one, or leave --select away",
                 recipe.model.partition.as_deref().unwrap_or_default()
             )));
@@ -158,7 +158,7 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
     let section = &recipe.narx;
     let has_inputs = !recipe.inputs.is_empty();
     if section.lags_in.is_some_and(|lags| lags > 0) && !has_inputs {
-        return Err(Error::Request(
+        return Err(Error::missing(
             "[narx] lags_in: there are no inputs; name them (--inputs, or [inputs] of the recipe)".into(),
         ));
     }
@@ -180,7 +180,7 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
         direct: if has_inputs { section.direct.or(section.lags_in.map(|_| false)) } else { Some(false) },
     };
     if given.outputs == Some(0) && given.inputs == Some(0) && given.direct == Some(false) {
-        return Err(Error::Request(
+        return Err(Error::value(
             "[narx] lags_out = 0 and lags_in = 0: nothing is left to predict from; give at least one lag".into(),
         ));
     }
@@ -232,7 +232,7 @@ fn within(what: &str, value: usize, least: usize, most: usize) -> Result<usize, 
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: impl std::fmt::Display) -> Error {
-    Error::Request(format!("[narx] {what} = {value}: write {allowed}"))
+    Error::value(format!("[narx] {what} = {value}: write {allowed}"))
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ pub(crate) struct NarxTask {
 
 /// The recipe as `fit sindy` reads it, the lags left to [`NarxBase::with`].
 pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Recipe, Error> {
-    let refuse = |what: &str, mend: &str| Err(Error::Request(format!("{what}: {mend}")));
+    let refuse = |what: &str, mend: &str| Err(Error::conflict(format!("{what}: {mend}")));
     if recipe.states.values().any(|state| state.library.is_some() || !state.fixed.is_empty()) {
         return refuse(
             "a state has a library or fixed terms of its own",
@@ -146,12 +146,12 @@ impl NarxBase {
         let task = self.with(&[NarxOrder { outputs: 1, inputs: 1, degree: 1, direct }])?.task;
         fleetfoot_model::check_simulated(&task.columns, &task.equations, step, &task.functions).map_err(
             |error| match error {
-                ClosedError::Ahead { column, definition, state, ahead } => Error::Request(format!(
+                ClosedError::Ahead { column, definition, state, ahead } => Error::conflict(format!(
                     "the input `{column}` is {definition}, a function of the output `{state}`{}: it is known only when the output is; give it earlier rows \
                      (leave --direct away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
                     if ahead == 1 { String::new() } else { format!(" {} rows ahead", ahead - 1) }
                 )),
-                other => Error::Request(other.to_string()),
+                other => Error::conflict(other.to_string()),
             },
         )
     }
@@ -181,7 +181,7 @@ fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
     let several = fleetfoot_library::Program::compile(std::slice::from_ref(function), &names(task))
         .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));
     if several || !function.filters().is_empty() {
-        return Err(Error::Request(format!(
+        return Err(Error::value(format!(
             "--library {function}: `fit narx` makes the lags itself; write functions of one row (y, u, y^2) and say how far back they go by --lags-out and \
              --lags-in"
         )));

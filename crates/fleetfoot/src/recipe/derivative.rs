@@ -106,13 +106,13 @@ impl SpanDerivative {
     fn rows(&self, place: &str) -> Result<u32, Error> {
         match &self.over {
             Over::Rows(rows) if (1..=MOST_ROWS).contains(rows) => Ok(*rows),
-            Over::Rows(rows) => Err(Error::Request(format!(
+            Over::Rows(rows) => Err(Error::value(format!(
                 "{place} derivative = {{ over = {rows} }}: write 1 to {MOST_ROWS} rows, or \"auto\""
             ))),
-            Over::Word(word) if word == "auto" => Err(Error::Request(format!(
+            Over::Word(word) if word == "auto" => Err(Error::value(format!(
                 "{place} derivative = {{ over = \"auto\" }}: `fit pwa` and `fit sindy` choose a span, from logs; write a number of rows here"
             ))),
-            Over::Word(word) => Err(Error::Request(format!(
+            Over::Word(word) => Err(Error::value(format!(
                 "{place} derivative = {{ over = \"{word}\" }}: write a number of rows, or \"auto\""
             ))),
         }

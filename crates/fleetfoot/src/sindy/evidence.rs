@@ -139,11 +139,15 @@ impl Evidence {
         let rows: u64 = (0..self.scan.regions()).map(|region| self.scan.rows(region)).sum();
         let counts = self.scan.counts();
         if rows == 0 {
-            return Err(Error::Request(format!(
-                "no rows: {} lack neighbours at the border of their episode, {} lack a value, and the others have the weight 0; \
+            return Err(Error::too_few_rows(
+                0,
+                1,
+                format!(
+                    "no rows: {} lack neighbours at the border of their episode, {} lack a value, and the others have the weight 0; \
                  `fleetfoot info --values` tells which columns have missing values",
-                counts.at_border, counts.incomplete
-            )));
+                    counts.at_border, counts.incomplete
+                ),
+            ));
         }
         let most = self.task.most_allowed() as u64;
         let (region, least) = (0..self.scan.regions())
@@ -156,10 +160,14 @@ impl Evidence {
             } else {
                 "the data".to_owned()
             };
-            return Err(Error::Request(format!(
-                "{place} have {least} complete rows for {most} candidates; name fewer candidates (--library, --degree){}, or give more data",
-                if self.scan.regions() > 1 { ", or fewer regions" } else { "" }
-            )));
+            return Err(Error::too_few_rows(
+                least,
+                most + 1,
+                format!(
+                    "{place} have {least} complete rows for {most} candidates; name fewer candidates (--library, --degree){}, or give more data",
+                    if self.scan.regions() > 1 { ", or fewer regions" } else { "" }
+                ),
+            ));
         }
         Ok(())
     }
@@ -207,9 +215,13 @@ impl EquationTask {
 fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
     let most = task.most_allowed();
     if rows <= most {
-        return Err(Error::Request(format!(
-            "the data have {rows} rows for {most} candidates of one equation; name fewer candidates (--library, --degree), or give more data"
-        )));
+        return Err(Error::too_few_rows(
+            rows as u64,
+            most as u64 + 1,
+            format!(
+                "the data have {rows} rows for {most} candidates of one equation; name fewer candidates (--library, --degree), or give more data"
+            ),
+        ));
     }
     Ok(())
 }
@@ -247,12 +259,12 @@ pub(super) fn specification(recipe: &Recipe) -> Result<Option<Specification>, Er
     let mut list = Specification::parse_list(text)?;
     match (list.pop(), list.is_empty()) {
         (Some(Specification::Average), true) => Ok(None),
-        (Some(Specification::Null), true) => Err(Error::Request(
+        (Some(Specification::Null), true) => Err(Error::value(
             "--partition null: a null model has no equations; write average, zscore:1.5, kmeans:5 or labels:COLUMN"
                 .into(),
         )),
         (Some(one), true) => Ok(Some(one)),
-        _ => Err(Error::Request(format!(
+        _ => Err(Error::value(format!(
             "--partition {text}: equations are fitted in the regions of one partition; name one, and compare models with `fleetfoot score`"
         ))),
     }

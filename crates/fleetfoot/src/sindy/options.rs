@@ -110,14 +110,14 @@ impl SindyOptions {
             (optimizer, _) => optimizer,
         };
         if let (Some(value), false) = (threshold, optimizer.thresholds()) {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "[sindy] threshold = {value}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
                 optimizer.name()
             )));
         }
         let terms = section.terms;
         if let (Some(_), Some(count)) = (threshold, terms) {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "[sindy] has both `threshold` and `terms = {count}`; each says how many terms an equation has, so leave one of them away"
             )));
         }
@@ -133,7 +133,7 @@ impl SindyOptions {
             return Err(refused("inclusion", inclusion, "a share of the members above 0, at most 1"));
         }
         if let (Some(value), None) = (section.inclusion, &section.ensemble) {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "[sindy] inclusion = {value}: there is no ensemble whose members could agree; add `ensemble = \"chunks:100\"`"
             )));
         }
@@ -245,7 +245,7 @@ fn max_iterations(section: &SindySection, optimizer: SindyOptimizer) -> Result<u
         None => Ok(Stlsq::default().max_iterations),
         Some(0) => Err(refused("max_iterations", 0, "a number from 1 on")),
         Some(most) if optimizer == SindyOptimizer::Stlsq => Ok(most),
-        Some(most) => Err(Error::Request(format!(
+        Some(most) => Err(Error::conflict(format!(
             "[sindy] max_iterations = {most}: these are the regressions of stlsq, and the optimizer is {}; leave it away",
             optimizer.name()
         ))),
@@ -255,7 +255,7 @@ fn max_iterations(section: &SindySection, optimizer: SindyOptimizer) -> Result<u
 fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64>, Error> {
     match section.kappa {
         Some(kappa) if !(kappa >= 0.0 && kappa.is_finite()) => Err(refused("kappa", kappa, "a weight of zero or more")),
-        Some(kappa) if optimizer != SindyOptimizer::Frols => Err(Error::Request(format!(
+        Some(kappa) if optimizer != SindyOptimizer::Frols => Err(Error::conflict(format!(
             "[sindy] kappa = {kappa}: it weighs the terms of frols, and the optimizer is {}; leave it away",
             optimizer.name()
         ))),
@@ -264,7 +264,7 @@ fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::Request(format!("[sindy] {what} = {value}: write {allowed}"))
+    Error::value(format!("[sindy] {what} = {value}: write {allowed}"))
 }
 
 fn optimizer(text: &str) -> Result<SindyOptimizer, Error> {
@@ -288,7 +288,7 @@ fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
         "episodes" => Ensemble::Units(BootstrapUnit::Episode),
         "library" => Ensemble::Library,
         "rows" => {
-            return Err(Error::Request(format!(
+            return Err(Error::value(format!(
                 "[sindy] ensemble = {text}: neighbouring rows of a log are not independent, and a resample of rows would need a pass each; \
                  resample `chunks` or `episodes`"
             )));

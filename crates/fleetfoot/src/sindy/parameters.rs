@@ -22,19 +22,22 @@ impl Parameter {
         let parameter = |(name, section): (&String, &crate::ParameterSection)| {
             let place = format!("[parameters] {name}");
             if aliases.has(name) {
-                return Err(Error::Request(format!(
-                    "{place}: a column has this name too; rename the parameter, so that expressions can tell them apart"
-                )));
+                return Err(Error::name_taken(
+                    name,
+                    format!(
+                        "{place}: a column has this name too; rename the parameter, so that expressions can tell them apart"
+                    ),
+                ));
             }
             let bounds = section.bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] >= bounds[1] {
-                return Err(Error::Request(format!(
+                return Err(Error::value(format!(
                     "{place} bounds = [{}, {}]: write the least and the greatest value",
                     bounds[0], bounds[1]
                 )));
             }
             if !section.initial.is_finite() || section.initial < bounds[0] || section.initial > bounds[1] {
-                return Err(Error::Request(format!(
+                return Err(Error::value(format!(
                     "{place} initial = {}: write a number within the bounds {} to {}",
                     section.initial, bounds[0], bounds[1]
                 )));

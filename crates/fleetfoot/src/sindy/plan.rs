@@ -41,7 +41,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
     let logs = &logs.into();
     SindyOptions::new(&recipe.sindy)?;
     if logs.is_statistic() {
-        return Err(Error::Request(
+        return Err(Error::needs_rows(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
         ));
     }

@@ -240,7 +240,7 @@ impl<'a> Solver<'a> {
             Optimizer::Stlsq(stlsq) => Ok(Optimizer::Stlsq(Stlsq { threshold: step.parameter, ..stlsq })),
             Optimizer::Sr3(sr3) => Ok(Optimizer::Sr3(Sr3 { lambda: step.parameter, ..sr3 })),
             Optimizer::Frols(frols) => Ok(Optimizer::Frols(Frols { max_terms: step.terms().max(1), ..frols })),
-            _ => Err(Error::Request(format!(
+            _ => Err(Error::conflict(format!(
                 "[sindy] ensemble: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or leave the ensemble away",
                 self.options.optimizer.name()
             ))),

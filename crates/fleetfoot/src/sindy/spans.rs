@@ -22,7 +22,7 @@ pub(super) fn by_rollouts(
     progress: &dyn Progress,
 ) -> Result<RolloutChoice, Error> {
     if let Some(name) = recipe.parameters.keys().next() {
-        return Err(Error::Request(format!(
+        return Err(Error::conflict(format!(
             "over = \"auto\" and [parameters] {name}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}"
         )));
     }

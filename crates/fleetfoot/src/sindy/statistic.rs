@@ -68,7 +68,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(Error::Request(format!("{problem}; give the logs instead")))
+    Err(Error::needs_rows(format!("{problem}; give the logs instead")))
 }
 
 impl EquationTask {
@@ -79,7 +79,7 @@ impl EquationTask {
         let wanted: Vec<&Expr> = self.fitted.iter().map(|equation| &equation.target).collect();
         if found != wanted || regression.weight != self.weight {
             let names: Vec<&str> = regression.tasks.iter().map(|task| task.name.as_str()).collect();
-            return Err(Error::Request(format!(
+            return Err(Error::other_statistic(format!(
                 "the statistic is of other equations or weights: it has {}; fit with the recipe of its scan, or give the logs",
                 names.join(", ")
             )));
@@ -90,7 +90,7 @@ impl EquationTask {
         let mut places: Vec<usize> = (0..first).collect();
         for function in &self.functions {
             let place = functions.iter().position(|known| known == function).ok_or_else(|| {
-                Error::Request(format!(
+                Error::other_statistic(format!(
                     "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), or give the logs",
                     functions.len()
                 ))

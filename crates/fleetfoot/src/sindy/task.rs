@@ -222,7 +222,7 @@ impl EquationTask {
         let used = filters::names(self.expressions());
         match self.parameters.iter().find(|parameter| !used.contains(&parameter.name)) {
             None => Ok(()),
-            Some(parameter) => Err(Error::Request(format!(
+            Some(parameter) => Err(Error::conflict(format!(
                 "[parameters] {0}: no library item, nominal part or target has it; use it, for example `lag1(u, {0})`, or leave it away",
                 parameter.name
             ))),
@@ -260,7 +260,7 @@ impl Reader<'_> {
             own.fix(self.parse(fixed, all, &format!("{place} fixed"), aliases)?, &place)?;
         }
         if !own.constant && own.functions.is_empty() {
-            return Err(Error::Request(format!(
+            return Err(Error::missing(format!(
                 "{place}: its library has no candidate functions; write for example `library = [\"poly(2)\", \"sin\"]`, or `known` for what is given and not fitted"
             )));
         }
@@ -287,7 +287,7 @@ impl Reader<'_> {
         let found = Library::parse(items, &vocabulary).map_err(|error| explained(error, items, &vocabulary, place))?;
         let count = found.functions.len() + usize::from(found.constant);
         if count > MOST_CANDIDATES {
-            return Err(Error::Request(format!(
+            return Err(Error::value(format!(
                 "{place}: it has {count} candidates, at most {MOST_CANDIDATES} can be fitted together; name fewer candidates (--library, --degree)"
             )));
         }
@@ -305,7 +305,7 @@ fn explained(error: TermsError, items: &[String], vocabulary: &Vocabulary<'_>, p
         (TermsError::Item(source), Some(item)) => {
             Error::Expression { place: place.to_owned(), text: item.clone(), source }
         }
-        (error, _) => Error::Request(format!("{place}: {error}")),
+        (error, _) => Error::value(format!("{place}: {error}")),
     }
 }
 
@@ -333,7 +333,7 @@ impl Own {
             }
         }
         if self.fixed.is_empty() {
-            return Err(Error::Request(format!("{place} fixed: it names no term")));
+            return Err(Error::value(format!("{place} fixed: it names no term")));
         }
         Ok(())
     }
@@ -364,20 +364,20 @@ fn union(owns: &[Own]) -> Vec<Expr> {
 /// Sections that other commands read.
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     if !recipe.latents.is_empty() || !recipe.tasks.is_empty() {
-        return Err(Error::Request(
+        return Err(Error::conflict(
             "the recipe has [latents] and [tasks], which `fit sparse` fits; leave them away for `fit sindy`, or run `fit sparse`".into(),
         ));
     }
     for (name, state) in &recipe.states {
         let place = format!("[states] {name}");
         if state.equation.is_some() {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "{place} equation: it speaks of latents, which `fit sparse` fits; write what is known of the right side as `nominal`, or all of it as `known`"
             )));
         }
         let fitted = state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
         if state.known.is_some() && fitted {
-            return Err(Error::Request(format!(
+            return Err(Error::conflict(format!(
                 "{place}: it has `known`, so nothing is learnt; leave `nominal`, `library` and `fixed` away, or write `nominal` instead of `known`"
             )));
         }

@@ -46,7 +46,7 @@ pub(super) fn folds(
             notes.push(format!("no held-out errors: {error}"));
             Ok(None)
         }
-        Err(error) => Err(Error::Request(format!(
+        Err(error) => Err(Error::undetermined(format!(
             "{error}; without folds lambda can be given (`--lambda`), or chosen by `--select bic`"
         ))),
     }
@@ -135,7 +135,7 @@ fn validate(
     let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
     found.map_err(|error| match error {
         SelectError::Cancelled(cancelled) => cancelled.into(),
-        error => Error::Request(format!(
+        error => Error::undetermined(format!(
             "held-out errors: {error}; lambda can be given (`--lambda`), or chosen by `--select bic`"
         )),
     })
@@ -144,7 +144,7 @@ fn validate(
 /// By an information criterion at the knots of the path.
 fn by_criterion(problem: &Problem<'_>, options: &SparseOptions, criterion: Criterion) -> Result<(f64, String), Error> {
     if options.l1_ratio < 1.0 {
-        return Err(Error::Request(
+        return Err(Error::conflict(
             "information criteria compare the knots of the lasso's path, and an elastic net has none; use `--select cv`, or leave --l1-ratio away".into(),
         ));
     }

@@ -29,7 +29,7 @@ pub(super) fn within_limits(
     }
     let Some(first) = limits.first() else { return Ok(None) };
     let Some(source) = source else {
-        return Err(Error::Request(format!(
+        return Err(Error::needs_rows(format!(
             "[latents] {}: a bound at every row needs the rows, which a statistic has not; give the logs instead, or leave at_least and at_most away",
             regression.latents[first.latent].name
         )));

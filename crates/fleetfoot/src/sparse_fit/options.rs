@@ -88,12 +88,12 @@ impl SparseOptions {
         let bolasso = section.bolasso.as_deref().map(resampled).transpose()?;
         let stability = section.stability.unwrap_or(false);
         if stability && bolasso.is_some() {
-            return Err(Error::Request(
+            return Err(Error::conflict(
                 "[sparse] has both `bolasso` and `stability`; both choose the columns, so take one of them".into(),
             ));
         }
         if l1_ratio < 1.0 && (bolasso.is_some() || stability) {
-            return Err(Error::Request(
+            return Err(Error::conflict(
                 "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
             ));
         }
@@ -117,7 +117,7 @@ impl SparseOptions {
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::Request(format!("[sparse] {what} = {value}: write {allowed}"))
+    Error::value(format!("[sparse] {what} = {value}: write {allowed}"))
 }
 
 fn lambda(text: &str) -> Result<LambdaRule, Error> {

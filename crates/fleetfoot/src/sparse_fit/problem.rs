@@ -31,7 +31,9 @@ impl<'a> Problem<'a> {
         let banks = Banks::new(&file.scanned, wanted);
         let roots = if banks.keys().is_empty() { Vec::new() } else { banks.total() };
         if roots.iter().all(|root| root.weight <= 0.0) {
-            return Err(Error::Request(
+            return Err(Error::too_few_rows(
+                0,
+                1,
                 "no rows: every row lacks a value, or has the weight 0; `fleetfoot info --values` tells which columns have missing values".into(),
             ));
         }
@@ -91,7 +93,7 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
     if scale > 0.0 && scale.is_finite() {
         return Ok(scale);
     }
-    Err(Error::Request(if found.prior {
+    Err(Error::undetermined(if found.prior {
         format!("{}: `{}` is zero or not finite everywhere in the data; give `prior_scale`", found.name, found.target)
     } else {
         format!(

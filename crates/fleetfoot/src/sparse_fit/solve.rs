@@ -95,10 +95,10 @@ impl SolveMethod {
     fn checked(self) -> Result<(f64, f64), Error> {
         let Self::Penalised { lambda, l1_ratio } = self else { return Ok((0.0, 1.0)) };
         if !(lambda >= 0.0 && lambda.is_finite()) {
-            return Err(Error::Request(format!("lambda = {lambda}: give a number of zero or more")));
+            return Err(Error::value(format!("lambda = {lambda}: give a number of zero or more")));
         }
         if !(0.0..=1.0).contains(&l1_ratio) {
-            return Err(Error::Request(format!("l1_ratio = {l1_ratio}: give a share from 0 (ridge) to 1 (the lasso)")));
+            return Err(Error::value(format!("l1_ratio = {l1_ratio}: give a share from 0 (ridge) to 1 (the lasso)")));
         }
         Ok((lambda, l1_ratio))
     }

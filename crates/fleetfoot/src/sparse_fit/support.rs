@@ -53,7 +53,7 @@ pub(super) fn lasso(
             ));
             let descent = CoordinateOptions { l1_ratio: options.l1_ratio, ..CoordinateOptions::default() };
             let mut found = coordinate_descent(quadratic, penalty, &[lambda], &descent)?;
-            found.pop().ok_or_else(|| Error::Request("no lambda was given".into()))?
+            found.pop().ok_or_else(|| Error::missing("no lambda was given".into()))?
         }
     };
     if !solution.converged {
@@ -132,7 +132,7 @@ fn resample(
         }
         (Resampled::Rows, Some(source)) => row_bootstrap(&file.plan, &problem.assembly, source, bootstrap, progress)?,
         (Resampled::Rows, None) => {
-            return Err(Error::Request(
+            return Err(Error::needs_rows(
                 "bolasso = rows: a statistic has no rows to draw; give the logs instead, or resample `chunks` or `episodes`, which needs no rows"
                     .into(),
             ));

@@ -255,16 +255,20 @@ impl<'a> Scan<'a> {
     /// What was found.
     pub(super) fn finish(self) -> Result<(StatisticFile, ScanReport), Error> {
         let Self { file, mut report, .. } = self;
-        let Some(mut file) = file else { return Err(Error::Request("no file is given".into())) };
+        let Some(mut file) = file else { return Err(Error::missing("no file is given".into())) };
         file.command = None;
         let counts = file.scanned.counts();
         if counts.complete == 0 {
             let reasons: String = report.notes.iter().map(|note| format!("; {note}")).collect();
-            return Err(Error::Request(format!(
-                "no row can be used: {} lack neighbours at the border of their episode, {} have a missing value; look at the columns with \
+            return Err(Error::too_few_rows(
+                0,
+                1,
+                format!(
+                    "no row can be used: {} lack neighbours at the border of their episode, {} have a missing value; look at the columns with \
                  `fleetfoot info --values`, or give other files{reasons}",
-                counts.at_border, counts.incomplete
-            )));
+                    counts.at_border, counts.incomplete
+                ),
+            ));
         }
         let empty: Vec<&str> = file
             .episodes

@@ -40,12 +40,12 @@ impl Latent {
     ) -> Result<Self, Error> {
         let place = format!("[latents] {name}");
         if name.trim().is_empty() {
-            return Err(Error::Request("[latents]: a latent without a name; equations speak of it by its name".into()));
+            return Err(Error::missing("[latents]: a latent without a name; equations speak of it by its name".into()));
         }
         let functions = functions(section, latents, &place, aliases)?;
         let penalty = section.penalty.unwrap_or(1.0);
         if !(penalty >= 0.0 && penalty.is_finite()) {
-            return Err(Error::Request(format!(
+            return Err(Error::value(format!(
                 "{place} penalty = {penalty}: write a factor of lambda, 0 for no penalty"
             )));
         }
@@ -54,12 +54,12 @@ impl Latent {
             Some("+") => Sign::NonNegative,
             Some("-") => Sign::NonPositive,
             Some(other) => {
-                return Err(Error::Request(format!("{place} signs = \"{other}\": write \"+\", \"-\" or \"free\"")));
+                return Err(Error::value(format!("{place} signs = \"{other}\": write \"+\", \"-\" or \"free\"")));
             }
         };
         let bounds = [section.at_least.unwrap_or(UNBOUNDED[0]), section.at_most.unwrap_or(UNBOUNDED[1])];
         if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] > bounds[1] {
-            return Err(Error::Request(format!(
+            return Err(Error::value(format!(
                 "{place}: at_least = {} is not below at_most = {}",
                 bounds[0], bounds[1]
             )));
@@ -85,7 +85,7 @@ fn functions(
     let listed: Vec<Expr> = section.functions.iter().map(|text| parse(text, "functions")).collect::<Result<_, _>>()?;
     let times = section.times.as_ref().map(|text| parse(text, "times")).transpose()?;
     if variables.is_empty() && section.degree.is_some_and(|degree| degree > 0) {
-        return Err(Error::Request(format!(
+        return Err(Error::missing(format!(
             "{place}: a degree needs the variables of the monomials; add `of = [...]`"
         )));
     }
@@ -104,12 +104,12 @@ fn functions(
         all = all.iter().map(|function| (&times * function).simplified()).collect();
     }
     if all.is_empty() {
-        return Err(Error::Request(format!(
+        return Err(Error::missing(format!(
             "{place}: it has no candidate functions; give variables (`of = [\"x\", \"y\"], degree = 2`) or `functions = [\"sin(x)\"]`"
         )));
     }
     if let Some((first, again)) = duplicate(&all) {
-        return Err(Error::Request(format!(
+        return Err(Error::conflict(format!(
             "{place}: candidate {} is candidate {} once more, `{}`; leave one of them away",
             again + 1,
             first + 1,
@@ -142,7 +142,7 @@ pub(super) fn prior(
             .iter()
             .find_map(|(which, value)| value.map(|_| which))
         {
-            return Err(Error::Request(format!("{place} {which}: there is no prior; add `prior = \"...\"`")));
+            return Err(Error::missing(format!("{place} {which}: there is no prior; add `prior = \"...\"`")));
         }
         return Ok(None);
     };
@@ -150,12 +150,12 @@ pub(super) fn prior(
     without_latents(&target, latents, &format!("{place} prior"))?;
     let strength = section.prior_strength.or(recipe.sparse.prior_strength);
     if let Some(value) = strength.filter(|value| !(*value >= 0.0 && value.is_finite())) {
-        return Err(Error::Request(format!(
+        return Err(Error::value(format!(
             "{place} prior_strength = {value}: write a weight of zero or more (lambda_t)"
         )));
     }
     if let Some(value) = section.prior_scale.filter(|value| !(*value > 0.0 && value.is_finite())) {
-        return Err(Error::Request(format!(
+        return Err(Error::value(format!(
             "{place} prior_scale = {value}: write a positive deviation in units of the prior"
         )));
     }

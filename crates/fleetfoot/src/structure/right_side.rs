@@ -17,7 +17,7 @@ pub(super) struct RightSide {
 /// When it is not linear in the latents.
 pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) -> Result<RightSide, Error> {
     let is_latent = |name: &str| latents.iter().any(|latent| latent == name);
-    let problem = |problem: String| Error::Request(format!("{place} = \"{text}\": {problem}"));
+    let problem = |problem: String| Error::value(format!("{place} = \"{text}\": {problem}"));
     if let Some(found) = kinked(right, &is_latent) {
         return Err(problem(format!(
             "`{found}` is not linear in the latents; only sums of coefficients times latents can be regressed on"
@@ -68,7 +68,7 @@ fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
 pub(super) fn without_latents(expression: &Expr, latents: &[String], place: &str) -> Result<(), Error> {
     match expression.columns().iter().find(|column| latents.iter().any(|latent| **latent == ***column)) {
         None => Ok(()),
-        Some(name) => Err(Error::Request(format!(
+        Some(name) => Err(Error::value(format!(
             "{place}: `{expression}` speaks of the latent `{name}`; it is made of columns only (a field of this name needs another alias in [columns])"
         ))),
     }

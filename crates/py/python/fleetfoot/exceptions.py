@@ -1,4 +1,8 @@
-"""One exception class for each kind of error. All are :class:`FleetfootError`."""
+"""One exception class for each kind of error. All are :class:`FleetfootError`; a request that cannot be met has a class a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 __all__ = [
     "DataError",
@@ -6,8 +10,13 @@ __all__ = [
     "FleetfootError",
     "InternalError",
     "ModelError",
+    "NeedsLogsError",
+    "OptionError",
     "RequestError",
     "StatisticError",
+    "TooFewRowsError",
+    "UndeterminedError",
+    "UnknownNameError",
     "WriteError",
 ]
 
@@ -42,3 +51,33 @@ class WriteError(FleetfootError, OSError):
 
 class InternalError(FleetfootError, RuntimeError):
     """A mistake in fleetfoot itself: please report it."""
+
+
+class OptionError(RequestError):
+    """An option or a key of the recipe has a value that it does not take, is missing, or excludes another."""
+
+
+class UnknownNameError(RequestError):
+    """Nothing has the name: a column, a state, a label, a robot."""
+
+    #: The name, where one was asked for.
+    name: str | None = None
+    #: Names that may have been meant.
+    candidates: Sequence[str] = ()
+
+
+class TooFewRowsError(RequestError, DataError):
+    """There are too few rows for what is to be learnt from them."""
+
+    #: Rows that can be used.
+    rows: int = 0
+    #: How many it takes at least.
+    needed: int = 1
+
+
+class NeedsLogsError(RequestError):
+    """The statistic cannot answer it: it has no rows, or was scanned for something else. The logs could."""
+
+
+class UndeterminedError(RequestError, FitError):
+    """The data do not determine what was asked for."""

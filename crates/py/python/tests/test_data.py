@@ -241,7 +241,7 @@ def test_what_cannot_be_read_is_refused_when_it_is_asked_for():
         (lambda: ff.open(np.zeros((3, 2)), t=[0.0, 1.0, 2.0], dt=0.1), ValueError, "t and dt"),
         (lambda: ff.open([np.zeros(3), np.zeros(3)], t=[np.arange(3.0)]), ValueError, "1 arrays for 2 runs"),
         (lambda: ff.open("no such *.mcap"), ff.exceptions.DataError, "nothing matches"),
-        (lambda: ff.open({"a": np.zeros(3)}, dt=-1.0), ff.exceptions.RequestError, "positive"),
+        (lambda: ff.open({"a": np.zeros(3)}, dt=-1.0), ff.exceptions.OptionError, "positive"),
         (lambda: ff.open({"a": np.zeros(3)}, recipe={"stats": {}}), ff.exceptions.RequestError, "stats"),
         (lambda: ff.open({"a": np.zeros(3)}, recipe="nowhere.toml"), ff.exceptions.RequestError, "nowhere.toml"),
         (lambda: ff.open({"a": np.zeros(3)}, recipe=7), TypeError, "recipe"),
