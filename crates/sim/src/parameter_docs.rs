@@ -44,7 +44,10 @@ impl TypeDoc {
 
     /// The type of this name that is nearest to `file`: in it, in a folder that both are in, anywhere.
     pub fn find(name: &str, file: &str) -> Option<&'static Self> {
-        let common = |other: &str| other.split('/').zip(file.split('/')).take_while(|(a, b)| a == b).count();
+        // `hexapod.rs` is the front of the folder `hexapod`.
+        let parts = |file: &str| file.trim_end_matches(".rs").split('/').map(str::to_owned).collect::<Vec<_>>();
+        let wanted = parts(file);
+        let common = |other: &str| parts(other).iter().zip(&wanted).take_while(|(a, b)| a == b).count();
         // Of equally near ones the first.
         TYPES.iter().rev().filter(|known| known.name == name).max_by_key(|known| common(known.file))
     }
