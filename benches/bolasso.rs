@@ -18,8 +18,10 @@ use fleetfoot_data::{Halo, MemorySource, Silent, Source, thread_count};
 use fleetfoot_library::{Design, DesignRows, Expr, Scope};
 use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
 use fleetfoot_sparse::{
-    Assembly, Banks, BootstrapOptions, BootstrapUnit, Candidates, Plan, Regression, Selection, Task, Term, bach_lambda,
-    block_bootstrap, poisson_counts, row_bootstrap,
+    bolasso::{
+        BootstrapOptions, BootstrapUnit, Selection, bach_lambda, block_bootstrap, poisson_counts, row_bootstrap,
+    },
+    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
 };
 
 /// Rows of the subset of section 9.3 of the paper, and replicates.

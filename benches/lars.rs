@@ -14,7 +14,9 @@ use std::{error::Error, path::Path};
 use faer::Mat;
 use fleetfoot_benches::{best_of, peer, read_f64, write_f64};
 use fleetfoot_sparse::{
-    CoordinateOptions, LarsOptions, Penalty, Quadratic, Strength, certificate, coordinate_descent, lambda_grid, lars,
+    Penalty, Quadratic, Strength, certificate,
+    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid},
+    lars::{LarsOptions, lars},
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -17,8 +17,9 @@ use faer::Mat;
 use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
 use fleetfoot_data::{Column, Halo, MemorySource, Silent, Source, parallel_map};
 use fleetfoot_sparse::{
-    HeldOut, Lambdas, LarsOptions, Path as LassoPath, Penalty, Quadratic, SelectOptions, Split, Strength, certificate,
-    cross_validate_problems, lars,
+    Path as LassoPath, Penalty, Quadratic, Strength, certificate,
+    lars::{LarsOptions, lars},
+    select::{HeldOut, Lambdas, SelectOptions, Split, cross_validate_problems},
 };
 use fleetfoot_stats::{Bank, FoldLayout, FoldRule, Gram, Grid, Preconditioner, Purge, reduce};
 use rand::{RngExt, SeedableRng};

@@ -109,16 +109,16 @@ pub enum Error {
     Sparse(#[from] fleetfoot_sparse::SparseError),
     /// Lambda could not be chosen.
     #[error(transparent)]
-    Select(fleetfoot_sparse::SelectError),
+    Select(fleetfoot_sparse::select::SelectError),
     /// A bootstrap or stability selection failed.
     #[error(transparent)]
-    Bolasso(fleetfoot_sparse::BolassoError),
+    Bolasso(fleetfoot_sparse::bolasso::BolassoError),
     /// A question about a fit that cannot be answered.
     #[error(transparent)]
-    Inference(fleetfoot_sparse::InferenceError),
+    Inference(fleetfoot_sparse::inference::InferenceError),
     /// A fit under constraints has no answer.
     #[error(transparent)]
-    Constrained(fleetfoot_sparse::ConstrainedError),
+    Constrained(fleetfoot_sparse::constrained::ConstrainedError),
     /// A model file was refused.
     #[error(transparent)]
     Model(#[from] fleetfoot_model::FileError),
@@ -133,10 +133,10 @@ pub enum Error {
     Statistic(#[from] crate::statistic::StatisticError),
     /// Sparse models could not be made.
     #[error(transparent)]
-    Threshold(fleetfoot_sparse::ThresholdError),
+    Threshold(fleetfoot_sparse::threshold::ThresholdError),
     /// The statistic of a system of equations could not be made.
     #[error(transparent)]
-    System(fleetfoot_sparse::SystemError),
+    System(fleetfoot_sparse::system::SystemError),
     /// Parameters inside expressions could not be estimated.
     #[error(transparent)]
     Estimate(fleetfoot_estimate::EstimateError),
@@ -145,7 +145,7 @@ pub enum Error {
     Filter(#[from] fleetfoot_library::FilterError),
     /// The pass over the rows failed.
     #[error(transparent)]
-    Scan(#[from] fleetfoot_sparse::ScanError),
+    Scan(#[from] fleetfoot_sparse::structured::ScanError),
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
@@ -184,11 +184,11 @@ pub enum Error {
 
 /// Stopped by the user is one error, whatever was being done.
 macro_rules! or_cancelled {
-    ($($variant:ident($error:ident)),*) => {
-        $(impl From<fleetfoot_sparse::$error> for Error {
-            fn from(error: fleetfoot_sparse::$error) -> Self {
+    ($($variant:ident($module:ident::$error:ident)),*) => {
+        $(impl From<fleetfoot_sparse::$module::$error> for Error {
+            fn from(error: fleetfoot_sparse::$module::$error) -> Self {
                 match error {
-                    fleetfoot_sparse::$error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+                    fleetfoot_sparse::$module::$error::Cancelled(cancelled) => Self::Cancelled(cancelled),
                     other => Self::$variant(other),
                 }
             }
@@ -197,12 +197,12 @@ macro_rules! or_cancelled {
 }
 
 or_cancelled!(
-    Select(SelectError),
-    Bolasso(BolassoError),
-    Inference(InferenceError),
-    Constrained(ConstrainedError),
-    Threshold(ThresholdError),
-    System(SystemError)
+    Select(select::SelectError),
+    Bolasso(bolasso::BolassoError),
+    Inference(inference::InferenceError),
+    Constrained(constrained::ConstrainedError),
+    Threshold(threshold::ThresholdError),
+    System(system::SystemError)
 );
 
 impl From<fleetfoot_estimate::EstimateError> for Error {

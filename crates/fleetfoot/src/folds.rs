@@ -1,6 +1,6 @@
 //! Which rows of a statistic are held out, as users ask for it.
 
-use fleetfoot_sparse::{Folds, RandomSplits, SelectError};
+use fleetfoot_sparse::select::{Folds, RandomSplits, SelectError};
 use fleetfoot_stats::{FoldRule as Layout, Key, Purge};
 
 /// Which rows are held out.

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use faer::Mat;
 use fleetfoot_data::Progress;
 use fleetfoot_model::Model;
-use fleetfoot_sparse::{Clusters, system_errors};
+use fleetfoot_sparse::inference::{Clusters, system_errors};
 
 use crate::{
     Error, HORIZON, Logs, Recipe, RolloutRule,
@@ -133,7 +133,10 @@ pub fn fit_sindy(
 }
 
 /// Coefficients (candidates x equations) of a model of every equation.
-fn coefficients<'a>(region: &'a [Solved], of: impl Fn(&'a Solved) -> &'a fleetfoot_sparse::Step) -> Mat<f64> {
+fn coefficients<'a>(
+    region: &'a [Solved],
+    of: impl Fn(&'a Solved) -> &'a fleetfoot_sparse::threshold::Step,
+) -> Mat<f64> {
     let p = region.first().map_or(0, |found| found.step.coefficients.len());
     Mat::from_fn(p, region.len(), |j, t| of(&region[t]).coefficients[j])
 }

@@ -20,7 +20,11 @@ use std::{
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::Model;
-use fleetfoot_sparse::{Clusters, clustered_covariance, held_out_refit, refit};
+use fleetfoot_sparse::{
+    bolasso::refit,
+    inference::{Clusters, clustered_covariance},
+    select::held_out_refit,
+};
 use fleetfoot_stats::Key;
 
 use crate::{

@@ -1,6 +1,6 @@
 //! The statistic as an artefact: `.stats` files.
 //!
-//! A scan of logs is a plan (what is summed, in which coordinates) and sums by episode and chunk ([`fleetfoot_sparse::Scanned`]). Kept as a file, it is
+//! A scan of logs is a plan (what is summed, in which coordinates) and sums by episode and chunk ([`fleetfoot_sparse::structured::Scanned`]). Kept as a file, it is
 //! shipped instead of the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
 mod compare;

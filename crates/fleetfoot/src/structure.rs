@@ -6,7 +6,10 @@ mod right_side;
 use fleetfoot_data::{Column as DataColumn, nearest};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Prediction, Role};
-use fleetfoot_sparse::{Candidates, Regression, Sign, Task as RegressionTask, Term};
+use fleetfoot_sparse::{
+    Sign,
+    structured::{Candidates, Regression, Task as RegressionTask, Term},
+};
 
 use crate::{
     Error, Recipe,

@@ -4,8 +4,12 @@ use fleetfoot::{
     data::EpisodeId,
     library::Expr,
     sparse::{
-        Assembly, Banks, BolassoError, BootstrapOptions, BootstrapUnit, Candidates, Plan, Regression, Selection, Sign,
-        Task, Term, block_bootstrap, multinomial_counts, poisson_counts, row_bootstrap,
+        Sign,
+        bolasso::{
+            BolassoError, BootstrapOptions, BootstrapUnit, Selection, block_bootstrap, multinomial_counts,
+            poisson_counts, row_bootstrap,
+        },
+        structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
     },
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};

@@ -3,8 +3,10 @@
 use fleetfoot::{
     data::{Silent, parallel_map},
     sparse::{
-        CoordinateOptions, CriteriaOptions, Descended, LarsOptions, Penalty, Quadratic, SelectOptions, Sign,
-        coordinate_descent_from, information_criteria, lambda_max, lars, solve_grid,
+        Penalty, Quadratic, Sign,
+        coordinate::{CoordinateOptions, Descended, coordinate_descent_from, lambda_max},
+        lars::{LarsOptions, lars},
+        select::{CriteriaOptions, SelectOptions, information_criteria, solve_grid},
     },
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};

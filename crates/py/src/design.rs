@@ -13,7 +13,7 @@
 
 use std::{ops::Range, sync::Arc};
 
-use fleetfoot::sparse::{DenseDesign, DenseError, DenseRows};
+use fleetfoot::sparse::dense::{DenseDesign, DenseError, DenseRows};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 

@@ -1,6 +1,9 @@
 //! Least angle regression and its lasso modification.
 
-use fleetfoot::sparse::{LarsOptions, Method, Path, PathStatus, Penalty, Quadratic, Sign, lars};
+use fleetfoot::sparse::{
+    Path, PathStatus, Penalty, Quadratic, Sign,
+    lars::{LarsOptions, Method, lars},
+};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 

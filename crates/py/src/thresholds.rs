@@ -1,7 +1,7 @@
 //! Sparse models by thresholding and by forward regression: STLSQ, SR3, FROLS.
 
 use fleetfoot::{
-    sparse::{Frols, FrolsChoice, Joint, Regularizer, Scaling, Sr3, Status, Stlsq, Terms, ThresholdError},
+    sparse::threshold::{Frols, FrolsChoice, Joint, Regularizer, Scaling, Sr3, Status, Stlsq, Terms, ThresholdError},
     stats::Compressed,
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};

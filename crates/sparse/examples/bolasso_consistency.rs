@@ -8,8 +8,9 @@ use std::error::Error;
 use fleetfoot_data::{Column, MemorySource, Silent};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
-    Assembly, Banks, BootstrapOptions, Candidates, LarsOptions, Plan, Regression, Task, Term, bach_lambda, lars,
-    row_bootstrap,
+    bolasso::{BootstrapOptions, bach_lambda, row_bootstrap},
+    lars::{LarsOptions, lars},
+    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

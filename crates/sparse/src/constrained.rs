@@ -30,7 +30,7 @@ use program::Outcome;
 use scaled::Scaled;
 use verdict::judge;
 
-use crate::{Assembled, SparseError, Strength, penalty::Weights};
+use crate::{SparseError, Strength, penalty::Weights, structured::Assembled};
 
 /// How a constrained fit is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]

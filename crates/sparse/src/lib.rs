@@ -15,76 +15,37 @@
 //! scikit-learn's `alpha` is this lambda, and its `Lasso`, `ElasticNet`, `LassoLars` and `lars_path_gram` have this objective with w = u = s = 1.
 //! glmnet rescales penalty factors to the sum p; here they are taken as they are.
 
-mod adaptive;
-mod bolasso;
+// methods
+pub mod adaptive;
+pub mod bolasso;
+pub mod constrained;
+pub mod coordinate;
+pub mod dense;
+pub mod inference;
+pub mod lars;
+pub mod narx;
+pub mod select;
+pub mod structured;
+pub mod system;
+pub mod threshold;
+
+// what they share
 mod certificate;
 mod cholesky;
-mod constrained;
-mod coordinate;
-mod dense;
 mod descent;
 mod error;
 mod factor;
 mod homotopy;
-mod inference;
-mod lars;
 mod moments;
-mod narx;
 mod path;
 mod penalty;
 mod quadratic;
 mod rows;
-mod select;
-mod structured;
-mod system;
-mod threshold;
 mod warm;
 
-use fleetfoot_stats::kernel;
-
-pub use adaptive::{Initial, adaptive, degrees_of_freedom};
-pub use bolasso::{
-    BolassoError, BootstrapOptions, BootstrapUnit, Selection, Stability, StabilityOptions, bach_lambda,
-    block_bootstrap, multinomial_counts, poisson_counts, refit, row_bootstrap, stability_selection,
-};
 pub use certificate::{Certificate, certificate};
-pub use constrained::{
-    Active, Clearance, Constrained, ConstrainedCertificate, ConstrainedError, ConstrainedLatent, ConstrainedOptions,
-    ConstrainedStatus, Constraints, LatentFit, LatentLimit, LatentOptions, Limit, LinearConstraint, constrain_latent,
-    constrained,
-};
-pub use coordinate::{
-    CoordinateOptions, Descended, coordinate_descent, coordinate_descent_from, lambda_grid, lambda_max,
-};
-pub use dense::{DenseDesign, DenseError, DenseRows};
 pub use error::SparseError;
-pub use inference::{
-    BootstrapInterval, Clusters, Confounded, Confounding, Covariance, InferenceError, Influence, InfluenceReport,
-    bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on, system_effective_rows,
-    system_errors,
-};
-pub use lars::{LarsOptions, Method, lars};
-pub use narx::{
-    Addend, NarxFold, NarxLibrary, NarxOrder, OrderChoice, OrderOptions, OrderScore, OrderSearch, search_orders,
-};
+use fleetfoot_stats::kernel;
 pub use path::{Path, PathStatus, Solution};
 pub use penalty::{Penalty, Sign, Strength};
 pub use quadratic::Quadratic;
-pub use select::{
-    CriteriaOptions, CrossValidation, Folds, GridSolutions, HeldOut, InformationCriteria, Lambdas, NoiseVariance,
-    RandomSplits, SelectError, SelectOptions, Split, cross_validate, cross_validate_problems, cross_validate_task,
-    effective_rows, held_out_refit, information_criteria, solve_grid, task_criteria,
-};
-pub use structured::{
-    Assembled, Assembly, Banks, Candidates, Plan, Regression, RowCounts, ScanError, Scanned, Spread, Structure, Task,
-    TaskError, TaskShape, TaskStats, Term, Tikhonov,
-};
-pub use system::{
-    SampledChunks, System, SystemError, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares,
-};
-pub use threshold::{
-    Choice, Criteria, Criterion, CriterionOptions, Ensemble, EnsembleOptions, FoldProblem, FoldScores, Frols,
-    FrolsChoice, Joint, LassoPath, Optimizer, Regularizer, Removal, Rivals, Scaling, Sr3, Ssr, Status, Step,
-    StepCertificate, Stlsq, Sweep, SweepOptions, Terms, ThresholdError, Thresholds, Trail, ensemble, optimize,
-    refit_supports, score_supports, sweep, sweep_thresholds,
-};

@@ -198,7 +198,7 @@ fn tried_table(tried: &[NarxCandidate], most: usize) -> String {
     table(&header, rows.collect())
 }
 
-fn orders_table(search: &fleetfoot::sparse::OrderSearch, most: usize) -> String {
+fn orders_table(search: &fleetfoot::sparse::narx::OrderSearch, most: usize) -> String {
     let chosen = search.choice();
     let mut order: Vec<_> = search.scores.iter().collect();
     order.sort_by(|a, b| a.value.total_cmp(&b.value));

@@ -3,7 +3,7 @@
 use fleetfoot::{
     library::{Expr, Scope},
     sim::plant::aircraft::{Airplane, Latent},
-    sparse::{Assembly, Candidates, Regression, Scanned, Task, Term},
+    sparse::structured::{Assembly, Candidates, Regression, Scanned, Task, Term},
 };
 
 use super::Failure;

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use faer::Mat;
-use fleetfoot::{Halo, Source, data::MemorySource, sparse::refit};
+use fleetfoot::{Halo, Source, data::MemorySource, sparse::bolasso::refit};
 
 use super::{
     Failure, equations,

@@ -4,7 +4,10 @@ use fleetfoot::{
     Halo, Silent, Source,
     data::MemorySource,
     library::Expr,
-    sparse::{ConstrainedLatent, Constraints, LatentLimit, LatentOptions, Limit, Strength, constrain_latent},
+    sparse::{
+        Strength,
+        constrained::{ConstrainedLatent, Constraints, LatentLimit, LatentOptions, Limit, constrain_latent},
+    },
 };
 
 use super::{
@@ -54,8 +57,12 @@ pub(crate) fn estimate(
     }
     let all: Vec<usize> = (0..structure.coefficients()).collect();
     let strongest = strengths.iter().fold(0.0f64, |most, &strength| most.max(strength));
-    let initial =
-        fleetfoot::sparse::refit(&structure, &scan.roots, &equations::assembly(&scan.scanned, strongest)?, &all)?;
+    let initial = fleetfoot::sparse::bolasso::refit(
+        &structure,
+        &scan.roots,
+        &equations::assembly(&scan.scanned, strongest)?,
+        &all,
+    )?;
     let nonlinear = nonlinear::fit(source, &initial, variances(source)?)?;
     let method = if nonlinear.status.converged() {
         "nonlinear least squares"

@@ -5,8 +5,9 @@ use fleetfoot::{
     data::MemorySource,
     sim::plant::aircraft::Airplane,
     sparse::{
-        Assembly, Banks, BootstrapOptions, BootstrapUnit, CrossValidation, Folds, Lambdas, Plan, RandomSplits, Scanned,
-        SelectOptions, Selection, block_bootstrap, cross_validate, refit, row_bootstrap,
+        bolasso::{BootstrapOptions, BootstrapUnit, Selection, block_bootstrap, refit, row_bootstrap},
+        select::{CrossValidation, Folds, Lambdas, RandomSplits, SelectOptions, cross_validate},
+        structured::{Assembly, Banks, Plan, Scanned},
     },
     stats::SquareRoot,
 };

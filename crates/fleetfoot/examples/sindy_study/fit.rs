@@ -6,8 +6,11 @@ use fleetfoot::{
     data::{Source, mix},
     library::{CentralDifference, Expr, Spacing, central_difference},
     sparse::{
-        EnsembleOptions, FoldProblem, Folds, Optimizer, Stlsq, SweepOptions, System, SystemPlan, SystemScan, Terms,
-        Thresholds, Unit, ensemble, optimize, sampled_mean_squares, sweep,
+        select::Folds,
+        system::{System, SystemPlan, SystemScan, Unit, sampled_mean_squares},
+        threshold::{
+            EnsembleOptions, FoldProblem, Optimizer, Stlsq, SweepOptions, Terms, Thresholds, ensemble, optimize, sweep,
+        },
     },
     stats::{Compressed, Fold, FoldRule, Key, Purge, blocks},
 };

@@ -1,7 +1,7 @@
 //! The report of an autoregression.
 
 use fleetfoot_dynamics::OutputErrors;
-use fleetfoot_sparse::NarxOrder;
+use fleetfoot_sparse::narx::NarxOrder;
 use serde_json::{Value, json};
 
 use super::real;

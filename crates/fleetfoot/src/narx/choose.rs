@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_sparse::{
-    Criterion as By, CriterionOptions, NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch, SystemPlan,
-    SystemScan, search_orders,
+    narx::{NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch, search_orders},
+    system::{SystemPlan, SystemScan},
+    threshold::{Criterion as By, CriterionOptions},
 };
 
 use super::{
@@ -104,7 +105,7 @@ impl Fit<'_> {
             (rule, _) => rule,
         };
         let by = match self.options.selection {
-            NarxSelection::FreeRun => fleetfoot_sparse::FrolsChoice::Last,
+            NarxSelection::FreeRun => fleetfoot_sparse::threshold::FrolsChoice::Last,
             NarxSelection::OneStep(criterion) => choice(criterion),
         };
         let trails = Trails::new(&Problems::all(&whole, regions.as_ref()), columns, rule, by)?;

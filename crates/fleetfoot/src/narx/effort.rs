@@ -1,6 +1,6 @@
 //! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
 
-use fleetfoot_sparse::NarxOrder;
+use fleetfoot_sparse::narx::NarxOrder;
 
 /// How far a search goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -4,7 +4,7 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
 use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::{System, SystemPlan, SystemScan};
+use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 
 use super::{
     FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxTerm, OrderRule, TermRule,

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::Progress;
-use fleetfoot_sparse::NarxOrder;
+use fleetfoot_sparse::narx::NarxOrder;
 
 use super::{
     GivenOrder, NarxOptions, TermRule,

@@ -1,7 +1,7 @@
 //! How an autoregression is found: the words of `[narx]`, checked once.
 
 use fleetfoot_pwa::Specification;
-use fleetfoot_sparse::NarxOrder;
+use fleetfoot_sparse::narx::NarxOrder;
 
 use super::Effort;
 use crate::{Criterion, Error, NarxSection, NarxTerms, Recipe, sparse_fit::words};

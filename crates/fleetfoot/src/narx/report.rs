@@ -1,7 +1,7 @@
 //! What a fit of an autoregression found, for people and for programs.
 
 use fleetfoot_dynamics::{FreeRun, Scores};
-use fleetfoot_sparse::{NarxOrder, OrderSearch};
+use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
 
 use super::{FileRuns, NarxCandidate, NarxSearch};
 
@@ -60,7 +60,7 @@ impl NarxReport {
     pub fn linear(&self) -> Option<&NarxCandidate> {
         let own = self.held_out.as_ref()?;
         let same = |c: &&NarxCandidate| {
-            c.order == fleetfoot_sparse::NarxOrder { degree: 1, ..own.order } && c.partition == own.partition
+            c.order == fleetfoot_sparse::narx::NarxOrder { degree: 1, ..own.order } && c.partition == own.partition
         };
         self.tried.iter().filter(same).max_by_key(|candidate| candidate.terms)
     }

@@ -8,7 +8,11 @@ use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Silent, parallel_map};
 use fleetfoot_dynamics::{Error as RunError, FreeRunOptions, free_run};
 use fleetfoot_model::Partition;
-use fleetfoot_sparse::{FrolsChoice, NarxOrder, System, SystemPlan, SystemScan};
+use fleetfoot_sparse::{
+    narx::NarxOrder,
+    system::{System, SystemPlan, SystemScan},
+    threshold::FrolsChoice,
+};
 
 use super::{
     TermRule,

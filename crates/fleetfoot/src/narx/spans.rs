@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use fleetfoot_data::{Block, Column, Episode, EpisodeId, Error, Halo, ScalarBuffer, Source, mix};
-use fleetfoot_sparse::SelectError;
+use fleetfoot_sparse::select::SelectError;
 use fleetfoot_stats::{FoldLayout, FoldRule, Purge};
 
 /// A source whose episodes are spans of another source's, every n-th row of them.

@@ -2,7 +2,7 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{ClosedError, Role};
-use fleetfoot_sparse::{Addend, NarxLibrary, NarxOrder};
+use fleetfoot_sparse::narx::{Addend, NarxLibrary, NarxOrder};
 
 use super::{GivenOrder, NarxOptions, OrderRule};
 use crate::{EquationTask, Error, Recipe, task::seen};

@@ -2,8 +2,10 @@
 
 use faer::Mat;
 use fleetfoot_sparse::{
-    Criterion as By, CriterionOptions, Frols, FrolsChoice, Optimizer, SystemScan, Terms, ThresholdError, Trail,
-    optimize,
+    system::SystemScan,
+    threshold::{
+        Criterion as By, CriterionOptions, Frols, FrolsChoice, Optimizer, Terms, ThresholdError, Trail, optimize,
+    },
 };
 use fleetfoot_stats::Compressed;
 

@@ -3,7 +3,7 @@
 use fleetfoot_data::Source;
 use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing, unevenness};
 use fleetfoot_model::Equation;
-use fleetfoot_sparse::sampled_mean_squares;
+use fleetfoot_sparse::system::sampled_mean_squares;
 
 use super::{EquationTask, FittedEquation};
 use crate::Error;

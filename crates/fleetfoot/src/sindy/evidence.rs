@@ -6,7 +6,9 @@ use faer::ColRef;
 use fleetfoot_data::{Episode, Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::{SampledChunks, System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares};
+use fleetfoot_sparse::system::{
+    SampledChunks, System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares,
+};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
 use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};

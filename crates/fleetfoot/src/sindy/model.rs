@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training, auxiliary_columns};
-use fleetfoot_sparse::{Spread, SystemScan};
+use fleetfoot_sparse::{structured::Spread, system::SystemScan};
 
 use super::EquationTask;
 

@@ -1,6 +1,9 @@
 //! How equations are found: the words of `[sindy]`, checked once.
 
-use fleetfoot_sparse::{BootstrapUnit, Scaling, Stlsq};
+use fleetfoot_sparse::{
+    bolasso::BootstrapUnit,
+    threshold::{Scaling, Stlsq},
+};
 
 use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Threshold, sparse_fit::words};
 

@@ -56,7 +56,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
         regions,
-        memory: fleetfoot_sparse::SystemPlan::memory(&task.system(), regions, rows),
+        memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, rows),
         notes,
     };
     if let Some((task, columns, cost)) = dataset::estimate_equations(recipe, logs, progress)? {

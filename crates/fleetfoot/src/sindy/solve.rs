@@ -5,9 +5,15 @@ use std::collections::BTreeSet;
 use faer::Mat;
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
-    BootstrapUnit, Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Folds,
-    Frols, FrolsChoice, LassoPath, Optimizer, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, SystemScan,
-    Terms, Thresholds, ensemble, multinomial_counts, optimize, score_supports, sweep, system_effective_rows,
+    bolasso::{BootstrapUnit, multinomial_counts},
+    inference::system_effective_rows,
+    select::Folds,
+    system::SystemScan,
+    threshold::{
+        Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Frols,
+        FrolsChoice, LassoPath, Optimizer, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
+        Thresholds, ensemble, optimize, score_supports, sweep,
+    },
 };
 use fleetfoot_stats::{Compressed, Fold, Key, blocks};
 
@@ -355,7 +361,7 @@ fn one(problem: &Compressed, target: usize) -> Compressed {
 
 /// Keys of the units of a scan, for folds.
 pub(super) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
-    let key = |unit: &fleetfoot_sparse::Unit| Key {
+    let key = |unit: &fleetfoot_sparse::system::Unit| Key {
         episode: unit.episode,
         chunk: unit.chunk,
         fold: Fold::default(),

@@ -1,7 +1,7 @@
 //! Equations from a `.stats` file: no pass.
 
 use fleetfoot_library::Expr;
-use fleetfoot_sparse::SystemScan;
+use fleetfoot_sparse::system::SystemScan;
 
 use super::{EquationTask, Evidence, evidence::specification};
 use crate::{Error, Logs, Recipe, StructuredTask};

@@ -1,7 +1,7 @@
 //! What every log does to a sparse fit, by name.
 
 use fleetfoot_data::Progress;
-use fleetfoot_sparse::{InferenceError, Influence, influence};
+use fleetfoot_sparse::inference::{InferenceError, Influence, influence};
 
 use super::problem::Problem;
 use crate::{Error, statistic::StatisticFile};

@@ -1,7 +1,7 @@
 //! What the replicates of a bolasso say of the size of a coefficient.
 
 use faer::MatRef;
-use fleetfoot_sparse::{Selection, bootstrap_intervals};
+use fleetfoot_sparse::{bolasso::Selection, inference::bootstrap_intervals};
 
 use crate::Error;
 

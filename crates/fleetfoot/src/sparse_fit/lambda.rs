@@ -2,8 +2,13 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
-    CriteriaOptions, CrossValidation, Folds, Lambdas, LarsOptions, SelectError, SelectOptions, bach_lambda,
-    cross_validate, effective_rows, lambda_max, lars, refit, task_criteria,
+    bolasso::{bach_lambda, refit},
+    coordinate::lambda_max,
+    lars::{LarsOptions, lars},
+    select::{
+        CriteriaOptions, CrossValidation, Folds, Lambdas, SelectError, SelectOptions, cross_validate, effective_rows,
+        task_criteria,
+    },
 };
 
 use super::{Criterion, LambdaRule, SparseOptions, problem::Problem};

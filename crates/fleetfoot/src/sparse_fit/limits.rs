@@ -3,8 +3,10 @@
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
-    ConstrainedLatent, ConstrainedStatus, Constraints, LatentLimit, LatentOptions, Limit, Penalty, Strength,
-    constrain_latent,
+    Penalty, Strength,
+    constrained::{
+        ConstrainedLatent, ConstrainedStatus, Constraints, LatentLimit, LatentOptions, Limit, constrain_latent,
+    },
 };
 
 use super::problem::Problem;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
-use fleetfoot_sparse::{Spread, Structure};
+use fleetfoot_sparse::structured::{Spread, Structure};
 use fleetfoot_stats::{Gram, Key};
 
 use super::problem::Problem;

@@ -1,6 +1,6 @@
 //! How a sparse regression goes: the words of `[sparse]`, checked once.
 
-use fleetfoot_sparse::BootstrapUnit;
+use fleetfoot_sparse::bolasso::BootstrapUnit;
 
 use super::words;
 use crate::{Error, FoldRule, SparseSection};

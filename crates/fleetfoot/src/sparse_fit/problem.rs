@@ -1,6 +1,9 @@
 //! The assembled problem of a statistic: weights of the tasks, penalty factors, signs.
 
-use fleetfoot_sparse::{Assembled, Assembly, Banks, Initial, Structure, adaptive};
+use fleetfoot_sparse::{
+    adaptive::{Initial, adaptive},
+    structured::{Assembled, Assembly, Banks, Structure},
+};
 use fleetfoot_stats::{Key, SquareRoot};
 
 use super::SparseOptions;

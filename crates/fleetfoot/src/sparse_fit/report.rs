@@ -1,6 +1,6 @@
 //! What a sparse fit found, for people and for programs.
 
-use fleetfoot_sparse::{Certificate, confounded};
+use fleetfoot_sparse::{Certificate, inference::confounded};
 
 use super::{LambdaChoice, LeaveOneOutReport, intervals::percentile_intervals, problem::Problem, support::Support};
 use crate::Error;

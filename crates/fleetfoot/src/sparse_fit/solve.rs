@@ -1,7 +1,7 @@
 //! One solve of a statistic: coefficients at a penalty that is given. Nothing is chosen, held out, selected or refitted.
 
 use fleetfoot_model::Model;
-use fleetfoot_sparse::{Certificate, Strength, certificate, refit};
+use fleetfoot_sparse::{Certificate, Strength, bolasso::refit, certificate};
 
 use super::{SparseOptions, model, problem::Problem, report::named, standard_errors, support};
 use crate::{Error, Recipe, statistic::StatisticFile};

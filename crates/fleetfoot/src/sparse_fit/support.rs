@@ -2,9 +2,10 @@
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_sparse::{
-    BootstrapOptions, Certificate, CoordinateOptions, LarsOptions, Path, PathStatus, Selection, Solution,
-    StabilityOptions, Strength, block_bootstrap, coordinate_descent, lambda_grid, lars, row_bootstrap,
-    stability_selection,
+    Certificate, Path, PathStatus, Solution, Strength,
+    bolasso::{BootstrapOptions, Selection, StabilityOptions, block_bootstrap, row_bootstrap, stability_selection},
+    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid},
+    lars::{LarsOptions, lars},
 };
 
 use super::{Resampled, SparseOptions, problem::Problem};
@@ -146,7 +147,7 @@ impl Support {
         let BootstrapOptions { replicates, threshold, .. } = *bootstrap;
         let unit = match what {
             Resampled::Rows => "rows",
-            Resampled::Units(fleetfoot_sparse::BootstrapUnit::Chunk) => "chunks",
+            Resampled::Units(fleetfoot_sparse::bolasso::BootstrapUnit::Chunk) => "chunks",
             Resampled::Units(_) => "episodes",
         };
         self.method = "bolasso";
@@ -178,9 +179,9 @@ fn stability(
     lambdas.push(lambda);
     let threshold = options.threshold.unwrap_or(0.9);
     let unit = if problem.episodes() >= super::ENOUGH_EPISODES {
-        fleetfoot_sparse::BootstrapUnit::Episode
+        fleetfoot_sparse::bolasso::BootstrapUnit::Episode
     } else {
-        fleetfoot_sparse::BootstrapUnit::Chunk
+        fleetfoot_sparse::bolasso::BootstrapUnit::Chunk
     };
     let halves = StabilityOptions { pairs: STABILITY_PAIRS, lambdas, seed: options.seed, threshold };
     let found = stability_selection(&problem.structure, &problem.banks, &problem.assembly, unit, &halves, progress)?;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_library::Expr;
-use fleetfoot_sparse::{Regression, Task};
+use fleetfoot_sparse::structured::{Regression, Task};
 use fleetfoot_stats::{SquareRoot, explained_share, least_squares};
 
 use super::StatisticFile;

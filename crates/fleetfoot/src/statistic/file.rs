@@ -8,7 +8,7 @@ use std::{
 
 use fleetfoot_data::{Column, Episode, EpisodeId};
 use fleetfoot_log::AtomicFile;
-use fleetfoot_sparse::{Plan, RowCounts, Scanned, TaskStats};
+use fleetfoot_sparse::structured::{Plan, RowCounts, Scanned, TaskStats};
 use fleetfoot_stats::Stats;
 
 use super::{

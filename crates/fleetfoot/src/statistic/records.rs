@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_sparse::{Candidates, Plan, Regression, Task, Term};
+use fleetfoot_sparse::structured::{Candidates, Plan, Regression, Task, Term};
 use fleetfoot_stats::Preconditioner;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 

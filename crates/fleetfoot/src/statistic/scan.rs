@@ -8,7 +8,7 @@ use std::{
 
 use fleetfoot_data::{Column, ColumnKind, Episode, Progress, Source};
 use fleetfoot_library::Expr;
-use fleetfoot_sparse::Plan;
+use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
 
 use super::{
@@ -310,7 +310,7 @@ pub(super) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
 /// Bytes of the statistics of one chunk.
 pub(super) fn chunk_bytes(task: &StructuredTask) -> usize {
     let numbers = |d: usize| d * (d + 1) / 2 + d + 8;
-    let terms = |task: &fleetfoot_sparse::Task| task.terms.clone();
+    let terms = |task: &fleetfoot_sparse::structured::Task| task.terms.clone();
     let functions = |latent: usize| task.regression.latents[latent].functions.len();
     let tasks = task.regression.tasks.iter().map(|task| terms(task).iter().map(|term| functions(term.latent)).sum());
     8 * tasks.map(|columns: usize| numbers(columns + 1)).chain([numbers(task.also.len())]).sum::<usize>()

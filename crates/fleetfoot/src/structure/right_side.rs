@@ -1,7 +1,7 @@
 //! Right sides that are linear in the latents.
 
 use fleetfoot_library::{Binary, Expr, Node, Unary};
-use fleetfoot_sparse::Term;
+use fleetfoot_sparse::structured::Term;
 
 use crate::Error;
 

@@ -3,7 +3,7 @@
 use fleetfoot_data::Progress;
 
 use super::{BolassoError, BootstrapOptions, Selection, counts::multinomial_counts, joint::Joint, joint::enough};
-use crate::{Assembly, Banks, Structure};
+use crate::structured::{Assembly, Banks, Structure};
 
 /// What a block bootstrap draws. Rows of a log are correlated, so a unit should be longer than the correlation time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -104,7 +104,7 @@ fn poisson(bits: u64) -> f64 {
     count as f64
 }
 
-/// The counts of [`row_bootstrap`](crate::row_bootstrap): those of `rows` rows of an episode from its row `first` on (replicates x rows).
+/// The counts of [`row_bootstrap`](crate::bolasso::row_bootstrap): those of `rows` rows of an episode from its row `first` on (replicates x rows).
 pub fn poisson_counts(seed: u64, episode: EpisodeId, first: usize, rows: usize, replicates: usize) -> Mat<f64> {
     let stride = PoissonCounts::stride(replicates);
     let mut counts = vec![0.0; rows * stride];
@@ -112,7 +112,7 @@ pub fn poisson_counts(seed: u64, episode: EpisodeId, first: usize, rows: usize, 
     Mat::from_fn(replicates, rows, |replicate, row| counts[row * stride + replicate])
 }
 
-/// The counts of [`block_bootstrap`](crate::block_bootstrap): how often each of `units` is drawn in `units` draws with replacement, for this replicate.
+/// The counts of [`block_bootstrap`](crate::bolasso::block_bootstrap): how often each of `units` is drawn in `units` draws with replacement, for this replicate.
 pub fn multinomial_counts(seed: u64, replicate: usize, units: usize) -> Vec<f64> {
     let key = number(mix(seed).wrapping_add(DRAWS), replicate as u64);
     let mut counts = vec![0.0; units];

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::Cancelled;
 
-use crate::{ScanError, SparseError};
+use crate::{SparseError, structured::ScanError};
 
 /// Why a bootstrap or a stability selection failed.
 #[derive(Debug, thiserror::Error)]

@@ -13,7 +13,11 @@ use super::{
     BolassoError, BootstrapUnit,
     resample::{Frame, Sums, divide_right, scale, spread, triangle_of},
 };
-use crate::{Assembly, Banks, SparseError, Structure, kernel::Slab};
+use crate::{
+    SparseError,
+    kernel::Slab,
+    structured::{Assembly, Banks, Structure},
+};
 
 /// Columns of weights that are multiplied at once.
 const BATCH: usize = 64;

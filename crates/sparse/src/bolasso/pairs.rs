@@ -7,7 +7,7 @@
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;
 
-use crate::{Assembly, Regression};
+use crate::structured::{Assembly, Regression};
 
 /// Products of the functions of two libraries and a coefficient.
 #[derive(Debug, Clone, PartialEq)]

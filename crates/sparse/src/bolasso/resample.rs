@@ -4,10 +4,12 @@ use faer::{Accum, Mat, Par, linalg::matmul::matmul};
 use fleetfoot_data::{packed, packed_row};
 
 use crate::{
-    Assembly, CoordinateOptions, Penalty, Quadratic, Sign, Solution, SparseError, coordinate_descent,
+    Penalty, Quadratic, Sign, Solution, SparseError,
+    coordinate::{CoordinateOptions, coordinate_descent},
     kernel::{Slab, norm},
     lars::lasso_at,
     rows::compress,
+    structured::Assembly,
     warm::lasso_from,
 };
 
@@ -30,7 +32,7 @@ pub(crate) struct Sums<'a> {
     pub(crate) weight: f64,
     /// Sums of products of the coordinates x~, lower triangle packed by rows, the target last ((p + 1) (p + 2) / 2).
     pub(crate) products: &'a [f64],
-    /// Scale of every column of this resample (p), [`Assembled::scale`](crate::Assembled).
+    /// Scale of every column of this resample (p), [`Assembled::scale`](crate::structured::Assembled).
     pub(crate) scale: Vec<f64>,
 }
 

@@ -14,7 +14,11 @@ use super::{
     resample::{Frame, Sums, scale, spread, triangle_of},
     tile::{Library, Pool, Tile},
 };
-use crate::{Assembly, Plan, Regression, ScanError, SparseError, kernel::Slab};
+use crate::{
+    SparseError,
+    kernel::Slab,
+    structured::{Assembly, Plan, Regression, ScanError},
+};
 
 /// Rows of the sample that the coordinates of the libraries come from, and of one of its runs: a library has tens of functions, and a poor sample costs
 /// digits, not correctness.
@@ -30,7 +34,7 @@ const PILOT_RUNS: usize = 64;
 ///
 /// Rows with a missing value are left out, as in [`Plan::scan`]. Task weights are those of the whole, column scales are recomputed for each replicate. A
 /// count is a function of seed, episode, row and replicate alone: neither chunks, nor files, nor threads, nor b change it. The rows of a log are
-/// correlated; [`block_bootstrap`](crate::block_bootstrap) resamples what is not.
+/// correlated; [`block_bootstrap`](crate::bolasso::block_bootstrap) resamples what is not.
 ///
 /// # Errors
 /// When an option is out of range, the assembly does not fit, the source cannot be read, a weight is negative, no row is complete, or the user stops it.

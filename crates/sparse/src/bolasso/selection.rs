@@ -7,7 +7,11 @@ use super::{
     BolassoError,
     resample::{Fitted, least_squares_penalty},
 };
-use crate::{Assembly, LarsOptions, SparseError, Structure, lars};
+use crate::{
+    SparseError,
+    lars::{LarsOptions, lars},
+    structured::{Assembly, Structure},
+};
 
 /// How a bolasso is done.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,7 +9,12 @@ use super::{
     resample::descend,
     selection::{at_least, check_threshold},
 };
-use crate::{Assembly, Banks, LarsOptions, PathStatus, Structure, lars, penalty::check_strength};
+use crate::{
+    PathStatus,
+    lars::{LarsOptions, lars},
+    penalty::check_strength,
+    structured::{Assembly, Banks, Structure},
+};
 
 /// How a stability selection is done.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,7 +10,10 @@ use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_stats::{Grid, reduce};
 
 use super::{Constrained, ConstrainedError, ConstrainedOptions, Constraints, LinearConstraint, constrained};
-use crate::{Assembled, Regression, Strength};
+use crate::{
+    Strength,
+    structured::{Assembled, Regression},
+};
 
 /// On which side of its bound a latent stays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

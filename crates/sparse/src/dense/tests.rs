@@ -4,7 +4,10 @@ use faer::MatRef;
 use fleetfoot_data::{Silent, mix, with_threads};
 
 use super::{DIRECT, DenseDesign, DenseError, DenseRows, ROOT_COLUMNS};
-use crate::{LarsOptions, Penalty, Quadratic, SparseError, lars};
+use crate::{
+    Penalty, Quadratic, SparseError,
+    lars::{LarsOptions, lars},
+};
 
 /// Columns that lean on each other, far from zero, and two targets.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::{InferenceError, least_squares::SupportFactor};
-use crate::Assembled;
+use crate::structured::Assembled;
 
 /// A combination of coefficients that the rows hardly see: theta may move along `direction` and the fit stays.
 #[derive(Debug, Clone, PartialEq)]

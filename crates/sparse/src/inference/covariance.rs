@@ -5,7 +5,10 @@ use fleetfoot_data::EpisodeId;
 use fleetfoot_stats::{Gram, blocks, student_t_95};
 
 use super::{InferenceError, least_squares::SupportFactor};
-use crate::{Assembly, Banks, SparseError, Structure};
+use crate::{
+    SparseError,
+    structured::{Assembly, Banks, Structure},
+};
 
 /// Whose rows may be correlated with each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

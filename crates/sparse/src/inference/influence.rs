@@ -8,7 +8,7 @@ use super::{
     covariance::{Clusters, clusters_of},
     least_squares::SupportFactor,
 };
-use crate::{Assembly, Banks, Structure};
+use crate::structured::{Assembly, Banks, Structure};
 
 /// The fit without one episode.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::InferenceError;
-use crate::{Assembled, kernel::norm, quadratic::Form};
+use crate::{kernel::norm, quadratic::Form, structured::Assembled};
 
 /// What a column has beyond the others, relative to its length, below which its coefficient is not identified: errors of the rows are divided by it.
 pub(super) const IDENTIFIED: f64 = 1e-9;

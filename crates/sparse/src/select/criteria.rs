@@ -4,7 +4,11 @@ use faer::Mat;
 use fleetfoot_stats::SquareRoot;
 
 use super::{HeldOut, SelectError, held_out::Coefficients};
-use crate::{Assembled, Assembly, Path, Penalty, Quadratic, Structure, degrees_of_freedom};
+use crate::{
+    Path, Penalty, Quadratic,
+    adaptive::degrees_of_freedom,
+    structured::{Assembled, Assembly, Structure},
+};
 
 /// What the noise variance is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -23,7 +27,7 @@ pub enum NoiseVariance {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CriteriaOptions {
     /// Number of independent observations N; `None`: the sum of the row weights, times the number of measured tasks. Rows of a log are correlated: give
-    /// [`effective_rows`](crate::effective_rows), times the tasks.
+    /// [`effective_rows`](crate::select::effective_rows), times the tasks.
     pub observations: Option<f64>,
     /// What the noise variance is taken for.
     pub variance: NoiseVariance,

@@ -6,9 +6,11 @@ use fleetfoot_stats::{Gram, SquareRoot};
 
 use super::{CrossValidation, Folds, HeldOut, SelectError, held_out::Coefficients, score::Scored};
 use crate::{
-    Assembly, Banks, CoordinateOptions, LarsOptions, Path, Penalty, Quadratic, Solution, SparseError, Structure,
-    coordinate_descent, lambda_grid, lars,
+    Path, Penalty, Quadratic, Solution, SparseError,
+    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid},
+    lars::{LarsOptions, lars},
     penalty::{check_ratio, check_strength},
+    structured::{Assembly, Banks, Structure},
 };
 
 /// Which lambdas are compared.
@@ -67,7 +69,7 @@ pub struct Split {
 ///
 /// Training and held-out statistics of all folds come from one product a task, as in [`Banks::roots`]; the columns' scales are those of the fold's training rows.
 /// The task weights of `assembly` are taken as they are, for all folds. Scored are the measured tasks; priors and the Tikhonov term shape the
-/// models only. Lambdas are comparable between folds because the objective is a mean over rows; [`Tikhonov`](crate::Tikhonov) is relative to a
+/// models only. Lambdas are comparable between folds because the objective is a mean over rows; [`Tikhonov`](crate::structured::Tikhonov) is relative to a
 /// sum, and so weighs a little more in a fold than on all rows.
 ///
 /// # Errors

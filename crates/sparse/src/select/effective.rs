@@ -3,7 +3,10 @@
 use fleetfoot_stats::BatchMeans;
 
 use super::SelectError;
-use crate::{Banks, SparseError, Structure};
+use crate::{
+    SparseError,
+    structured::{Banks, Structure},
+};
 
 /// Rows that count as independent, by the batch means of the residuals of the coefficients `theta` (p) over the chunks: the fewest of the measured tasks
 /// ([`BatchMeans`]).

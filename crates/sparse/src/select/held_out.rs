@@ -4,7 +4,10 @@ use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_stats::SquareRoot;
 
 use super::SelectError;
-use crate::{Assembly, SparseError, Structure};
+use crate::{
+    SparseError,
+    structured::{Assembly, Structure},
+};
 
 /// Coefficients whose errors are computed at once.
 const BATCH: usize = 64;
@@ -35,7 +38,7 @@ pub(crate) struct Coefficients {
 
 impl HeldOut {
     /// The measured tasks of a structure; priors are not scored. `scale` is that of the training problem
-    /// ([`Assembled::scale`](crate::Assembled::scale)); scores weigh the tasks by [`Assembly::weights`].
+    /// ([`Assembled::scale`](crate::structured::Assembled::scale)); scores weigh the tasks by [`Assembly::weights`].
     ///
     /// # Errors
     /// When there is not one statistic and one weight a task.

@@ -3,7 +3,10 @@
 use fleetfoot_data::{Progress, parallel_map};
 
 use super::{Folds, SelectError, cross_validation::fold_roots};
-use crate::{Assembly, Banks, Structure, refit};
+use crate::{
+    bolasso::refit,
+    structured::{Assembly, Banks, Structure},
+};
 
 /// Mean squared error of every measured task (priors not) on held-out rows, in the units of its target: least squares on `support` ([`refit`]) is made again
 /// on every fold's training rows. Means weigh each fold by its held-out rows.

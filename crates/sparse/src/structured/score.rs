@@ -53,7 +53,7 @@ mod tests {
     use fleetfoot_stats::{Gram, Preconditioner};
 
     use super::*;
-    use crate::TaskShape;
+    use crate::structured::TaskShape;
 
     #[test]
     fn errors_are_those_of_the_rows() {

@@ -7,7 +7,7 @@ use fleetfoot_data::{Block, Progress, Source};
 use fleetfoot_library::DesignRows;
 use fleetfoot_stats::{Bank, Chunk, Gram, Grid, PolynomialBank, PolynomialMoments, PolynomialScratch, reduce};
 
-use crate::RowCounts;
+use crate::structured::RowCounts;
 
 use super::{
     System, SystemError, SystemPlan, SystemScan, Unit,

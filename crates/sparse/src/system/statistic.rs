@@ -5,7 +5,7 @@ use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
 use fleetfoot_model::Region as ModelRegion;
 use fleetfoot_stats::{Bank, Gram, PolynomialBank, PolynomialPlan, Preconditioner, SquareRoot};
 
-use crate::{RowCounts, Spread};
+use crate::structured::{RowCounts, Spread};
 
 use super::Unit;
 

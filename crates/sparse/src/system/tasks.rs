@@ -4,7 +4,7 @@ use fleetfoot_data::packed_row;
 use fleetfoot_library::Expr;
 use fleetfoot_stats::{Bank, Gram, Preconditioner};
 
-use crate::{Regression, Scanned};
+use crate::structured::{Regression, Scanned};
 
 use super::{
     SystemError, SystemScan, Unit,

@@ -146,7 +146,7 @@ fn missing_values_are_counted_and_left_out() {
     for functions in [mixed(), monomials(2)] {
         let found = scan(&SystemPlan::new(System::new(functions, derivatives()), None, &source).unwrap(), &source);
         // The gap spoils its own row and the differences of its neighbours.
-        assert_eq!(found.counts(), crate::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
+        assert_eq!(found.counts(), crate::structured::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
     }
 }
 

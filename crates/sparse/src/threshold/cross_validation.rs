@@ -10,7 +10,7 @@ use super::{
     prepared::{Prepared, Solved},
     refit_supports,
 };
-use crate::{CrossValidation, SelectError, select::Scored};
+use crate::select::{CrossValidation, Scored, SelectError};
 
 /// One fold: the rows that models are fitted on, and those kept from them.
 #[derive(Debug, Clone, PartialEq)]

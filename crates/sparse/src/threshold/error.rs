@@ -2,7 +2,7 @@
 
 use fleetfoot_data::Cancelled;
 
-use crate::{SelectError, SparseError};
+use crate::{SparseError, select::SelectError};
 
 /// A problem that cannot be posed, or an option out of its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

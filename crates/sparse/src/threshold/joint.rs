@@ -223,7 +223,7 @@ mod tests {
     use fleetfoot_stats::Factor;
 
     use super::*;
-    use crate::{Optimizer, optimize};
+    use crate::threshold::{Optimizer, optimize};
 
     /// Two targets of six columns, the third and the last the same up to a little.
     fn problem() -> Compressed {

@@ -9,9 +9,9 @@ use super::{
     refits::Refits,
 };
 use crate::{
-    LarsOptions, Penalty, Quadratic, Solution, SparseError,
+    Penalty, Quadratic, Solution, SparseError,
     kernel::{Slab, norm},
-    lars,
+    lars::{LarsOptions, lars},
 };
 
 /// The path of the lasso ([`lars`]) over decreasing lambda, with a model for every support on it.

@@ -6,7 +6,7 @@ use super::{
     Step, Terms, ThresholdError,
     prepared::{Prepared, Solved},
 };
-use crate::{Penalty, Quadratic, Scaling, SparseError, factor::Factor, penalty::Weights};
+use crate::{Penalty, Quadratic, SparseError, factor::Factor, penalty::Weights, threshold::Scaling};
 
 /// Deletions after which the factor is made anew, so that the rounding of their rotations does not add up.
 const DELETIONS: usize = 64;

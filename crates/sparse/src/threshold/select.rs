@@ -37,7 +37,7 @@ pub struct SweepOptions {
     pub choice: Choice,
     /// How criteria are computed.
     pub criteria: CriterionOptions,
-    /// Whether held-out rows repeat between folds ([`Folds::overlap`](crate::Folds::overlap)).
+    /// Whether held-out rows repeat between folds ([`Folds::overlap`](crate::select::Folds::overlap)).
     pub overlap: bool,
 }
 
@@ -70,7 +70,7 @@ impl Sweep {
 /// `terms` has one entry a target. Targets and folds are independent work; the bits do not depend on the number of threads.
 ///
 /// # Errors
-/// As [`optimize`](crate::optimize), and when shapes disagree, a choice by folds has no folds, or the user stops it.
+/// As [`optimize`](crate::threshold::optimize), and when shapes disagree, a choice by folds has no folds, or the user stops it.
 pub fn sweep(
     problem: &Compressed,
     folds: &[FoldProblem],

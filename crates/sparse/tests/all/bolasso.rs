@@ -5,9 +5,12 @@ use faer::Mat;
 use fleetfoot_data::{Column, Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Design, DesignRows, Expr, Scope};
 use fleetfoot_sparse::{
-    Assembly, Banks, BolassoError, BootstrapOptions, BootstrapUnit, Candidates, LarsOptions, Plan, Regression,
-    Selection, StabilityOptions, Structure, Task, Term, Tikhonov, bach_lambda, block_bootstrap, lars,
-    multinomial_counts, poisson_counts, refit, row_bootstrap, stability_selection,
+    bolasso::{
+        BolassoError, BootstrapOptions, BootstrapUnit, Selection, StabilityOptions, bach_lambda, block_bootstrap,
+        multinomial_counts, poisson_counts, refit, row_bootstrap, stability_selection,
+    },
+    lars::{LarsOptions, lars},
+    structured::{Assembly, Banks, Candidates, Plan, Regression, Structure, Task, Term, Tikhonov},
 };
 use fleetfoot_stats::{Factor, SquareRoot};
 use rand::{RngExt, SeedableRng};

@@ -5,7 +5,11 @@ use clarabel::{
     algebra::CscMatrix,
     solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
 };
-use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Sign, Strength, coordinate_descent, lambda_max, lars};
+use fleetfoot_sparse::{
+    Penalty, Sign, Strength,
+    coordinate::{CoordinateOptions, coordinate_descent, lambda_max},
+    lars::{LarsOptions, lars},
+};
 
 /// The program in b+ and b-: coefficients of unit deviation, a target of unit deviation. The minimiser in these units, and its objective.
 fn program(rows: &Rows, penalty: &Penalty, strength: Strength) -> (Vec<f64>, f64) {

@@ -3,8 +3,13 @@
 use crate::common::{degenerate, gaussian, ordinary};
 use faer::{Mat, linalg::solvers::Solve};
 use fleetfoot_sparse::{
-    Assembled, Assembly, Constrained, ConstrainedError, ConstrainedOptions, ConstrainedStatus, Constraints,
-    LarsOptions, LinearConstraint, Sign, Strength, Structure, TaskShape, certificate, constrained, lars,
+    Sign, Strength, certificate,
+    constrained::{
+        Constrained, ConstrainedError, ConstrainedOptions, ConstrainedStatus, Constraints, LinearConstraint,
+        constrained,
+    },
+    lars::{LarsOptions, lars},
+    structured::{Assembled, Assembly, Structure, TaskShape},
 };
 use fleetfoot_stats::{Factor, least_squares};
 use rand::{RngExt, SeedableRng};

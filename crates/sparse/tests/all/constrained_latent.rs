@@ -4,9 +4,13 @@ use fleetfoot_data::{Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Program, Scope};
 use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
 use fleetfoot_sparse::{
-    Assembly, Banks, Candidates, ConstrainedLatent, ConstrainedOptions, ConstrainedStatus, Constraints, LarsOptions,
-    LatentFit, LatentLimit, LatentOptions, Limit, Plan, Regression, Strength, Task, Term, constrain_latent,
-    constrained, lars,
+    Strength,
+    constrained::{
+        ConstrainedLatent, ConstrainedOptions, ConstrainedStatus, Constraints, LatentFit, LatentLimit, LatentOptions,
+        Limit, constrain_latent, constrained,
+    },
+    lars::{LarsOptions, lars},
+    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
 };
 
 fn expression(text: &str) -> Expr {

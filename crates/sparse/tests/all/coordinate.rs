@@ -4,8 +4,9 @@ use faer::Mat;
 
 use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
 use fleetfoot_sparse::{
-    CoordinateOptions, LarsOptions, Penalty, Quadratic, Sign, Solution, coordinate_descent, coordinate_descent_from,
-    lambda_grid, lars,
+    Penalty, Quadratic, Sign, Solution,
+    coordinate::{CoordinateOptions, coordinate_descent, coordinate_descent_from, lambda_grid},
+    lars::{LarsOptions, lars},
 };
 
 /// Difference of two sets of coefficients, in units of what moves the prediction by the target's deviation.

@@ -2,7 +2,9 @@
 
 use faer::Mat;
 use fleetfoot_sparse::{
-    CoordinateOptions, LarsOptions, Penalty, Quadratic, Strength, certificate, coordinate_descent, lars,
+    Penalty, Quadratic, Strength, certificate,
+    coordinate::{CoordinateOptions, coordinate_descent},
+    lars::{LarsOptions, lars},
 };
 use fleetfoot_stats::Gram;
 

@@ -6,8 +6,11 @@ use fleetfoot_data::{Column, EpisodeId, MemorySource, Silent, Source, with_threa
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
 use fleetfoot_sparse::{
-    Assembled, Assembly, Banks, Candidates, Clusters, InferenceError, LarsOptions, Plan, Regression, Structure, Task,
-    Term, Tikhonov, bootstrap_intervals, clustered_covariance, confounded, influence, lars, least_squares_on,
+    inference::{
+        Clusters, InferenceError, bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on,
+    },
+    lars::{LarsOptions, lars},
+    structured::{Assembled, Assembly, Banks, Candidates, Plan, Regression, Structure, Task, Term, Tikhonov},
 };
 use fleetfoot_stats::{blocks, student_t_95};
 use rand::{RngExt, SeedableRng};

@@ -1,7 +1,10 @@
 //! The paths of LARS: certificates at every knot, and between them.
 
 use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties};
-use fleetfoot_sparse::{LarsOptions, Method, Path, PathStatus, Penalty, SparseError, lars};
+use fleetfoot_sparse::{
+    Path, PathStatus, Penalty, SparseError,
+    lars::{LarsOptions, Method, lars},
+};
 
 /// Knots whose violations, found from the statistic and from the rows, are below 1e-8 of scale; lambda falls strictly; the end is reached.
 fn check(rows: &Rows, form: Form, what: &str, penalty: &Penalty, options: &LarsOptions) -> Path {

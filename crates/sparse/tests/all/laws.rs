@@ -2,7 +2,11 @@
 
 use crate::common::{Form, integers, random};
 use faer::Mat;
-use fleetfoot_sparse::{CoordinateOptions, LarsOptions, Penalty, Quadratic, Sign, coordinate_descent, lars};
+use fleetfoot_sparse::{
+    Penalty, Quadratic, Sign,
+    coordinate::{CoordinateOptions, coordinate_descent},
+    lars::{LarsOptions, lars},
+};
 use proptest::prelude::*;
 
 fn problem(x: &Mat<f64>, y: &[f64], form: Form) -> Quadratic {

@@ -3,8 +3,11 @@
 use crate::common::{Form, degenerate, random};
 use faer::Mat;
 use fleetfoot_sparse::{
-    CoordinateOptions, Initial, LarsOptions, Method, Penalty, Quadratic, Sign, SparseError, Strength, adaptive,
-    certificate, coordinate_descent, degrees_of_freedom, lambda_grid, lambda_max, lars,
+    Penalty, Quadratic, Sign, SparseError, Strength,
+    adaptive::{Initial, adaptive, degrees_of_freedom},
+    certificate,
+    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid, lambda_max},
+    lars::{LarsOptions, Method, lars},
 };
 use fleetfoot_stats::{Factor, Gram, ridge};
 

@@ -1,7 +1,7 @@
 //! Agreement of thresholding and greedy selection with pysindy on the problems of `data/thresholds.py`.
 
 use faer::Mat;
-use fleetfoot_sparse::{
+use fleetfoot_sparse::threshold::{
     Frols, FrolsChoice, Optimizer, Regularizer, Removal, Scaling, Sr3, Ssr, Stlsq, Terms, optimize,
 };
 use fleetfoot_stats::{Compressed, svd};

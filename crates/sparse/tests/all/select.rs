@@ -5,9 +5,13 @@ use faer::Mat;
 use fleetfoot_data::{Column, EpisodeId, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_sparse::{
-    Assembly, Banks, Candidates, CriteriaOptions, CrossValidation, Folds, Lambdas, LarsOptions, NoiseVariance, Penalty,
-    Plan, Quadratic, RandomSplits, Regression, SelectError, SelectOptions, Task, Term, cross_validate,
-    cross_validate_task, effective_rows, information_criteria, lars, task_criteria,
+    Penalty, Quadratic,
+    lars::{LarsOptions, lars},
+    select::{
+        CriteriaOptions, CrossValidation, Folds, Lambdas, NoiseVariance, RandomSplits, SelectError, SelectOptions,
+        cross_validate, cross_validate_task, effective_rows, information_criteria, task_criteria,
+    },
+    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

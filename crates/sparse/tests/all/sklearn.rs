@@ -2,7 +2,9 @@
 
 use faer::Mat;
 use fleetfoot_sparse::{
-    CoordinateOptions, LarsOptions, Method, Penalty, Quadratic, Sign, Strength, certificate, coordinate_descent, lars,
+    Penalty, Quadratic, Sign, Strength, certificate,
+    coordinate::{CoordinateOptions, coordinate_descent},
+    lars::{LarsOptions, Method, lars},
 };
 
 /// One answer of the peer: coefficients at every alpha.

@@ -3,7 +3,9 @@
 use crate::common::{aircraft, gaussian, tasks, tasks::Tasks};
 use faer::Mat;
 use fleetfoot_sparse::{
-    Assembled, LarsOptions, Path, PathStatus, Penalty, Quadratic, Strength, Tikhonov, certificate, lars,
+    Path, PathStatus, Penalty, Quadratic, Strength, certificate,
+    lars::{LarsOptions, lars},
+    structured::{Assembled, Tikhonov},
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};

@@ -3,9 +3,13 @@
 use faer::Mat;
 use fleetfoot_data::{Silent, mix, with_threads};
 use fleetfoot_sparse::{
-    Choice, Criterion, CriterionOptions, EnsembleOptions, FoldProblem, Frols, FrolsChoice, LarsOptions, LassoPath,
-    Optimizer, Penalty, Quadratic, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Stlsq, SweepOptions, Terms,
-    ThresholdError, Thresholds, ensemble, lars, optimize, sweep, sweep_thresholds,
+    Penalty, Quadratic,
+    lars::{LarsOptions, lars},
+    threshold::{
+        Choice, Criterion, CriterionOptions, EnsembleOptions, FoldProblem, Frols, FrolsChoice, LassoPath, Optimizer,
+        Regularizer, Removal, Scaling, Sr3, Ssr, Status, Stlsq, SweepOptions, Terms, ThresholdError, Thresholds,
+        ensemble, optimize, sweep, sweep_thresholds,
+    },
 };
 use fleetfoot_stats::{Compressed, Factor};
 use proptest::prelude::*;

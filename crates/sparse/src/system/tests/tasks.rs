@@ -1,7 +1,7 @@
 //! A system from separate tasks beside its own scan.
 
 use super::*;
-use crate::{Candidates, Plan, Regression, Task, Term};
+use crate::structured::{Candidates, Plan, Regression, Task, Term};
 
 fn regression(functions: &[Expr]) -> Regression {
     let latent = |name: &str| Candidates { name: name.into(), functions: functions.to_vec() };

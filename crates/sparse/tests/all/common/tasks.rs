@@ -1,7 +1,10 @@
 //! Structured problems with their rows: the block matrix B of equations (18) and (19) written out, for checks that assemble nothing.
 
 use faer::Mat;
-use fleetfoot_sparse::{Assembly, Quadratic, Structure, TaskShape, Tikhonov};
+use fleetfoot_sparse::{
+    Quadratic,
+    structured::{Assembly, Structure, TaskShape, Tikhonov},
+};
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -100,7 +103,7 @@ impl Tasks {
         self.rows.iter().map(root).collect()
     }
 
-    /// The scale of every coefficient's column, as [`fleetfoot_sparse::Assembled::scale`] defines it, from the rows.
+    /// The scale of every coefficient's column, as [`fleetfoot_sparse::structured::Assembled::scale`] defines it, from the rows.
     pub(crate) fn scale(&self) -> Vec<f64> {
         let mut squares = vec![[0.0_f64; 2]; self.p()];
         for (task, rows) in self.rows.iter().enumerate() {
