@@ -1,9 +1,7 @@
 //! A model compiled for rows of columns: functions, regions, latents, right sides.
 
-use std::collections::BTreeMap;
-
 use fleetfoot_library::{Expr, Leaf, Program, Scratch};
-use fleetfoot_model::{Equation, Model, Rule};
+use fleetfoot_model::{Equation, LatentGroup, Model, Rule, partitions_in_use};
 
 use crate::{
     Error,
@@ -79,9 +77,18 @@ impl Compiled {
     ) -> Result<Self, Error> {
         let names: Vec<&str> = columns.iter().copied().chain(model.latents.iter().map(|l| l.name.as_str())).collect();
         let right_sides: Vec<Expr> = equations.iter().map(|equation| equation.right.clone()).collect();
-        let needed = needed_latents(model, columns.len(), &names, equations)?;
         let mut expressions = Vec::new();
-        let (groups, used) = latent_groups(model, &needed, whole, &mut expressions);
+        let groups = model.latent_groups::<Error>(&names, equations, whole)?;
+        let used = partitions_in_use(&groups);
+        let groups = groups
+            .into_iter()
+            .map(|group| {
+                let first = expressions.len();
+                expressions.extend(group.functions.iter().map(|&j| model.libraries[group.library][j].clone()));
+                let regions = used.iter().position(|&index| index == group.partition).unwrap_or(0);
+                Latents::new(model, group, regions, first)
+            })
+            .collect();
         let partitions = used
             .into_iter()
             .map(|index| {
@@ -205,66 +212,23 @@ impl Latents {
     }
 }
 
-/// Which latents the right sides speak of.
-fn needed_latents(model: &Model, columns: usize, names: &[&str], equations: &[&Equation]) -> Result<Vec<bool>, Error> {
-    let mut needed = vec![false; model.latents.len()];
-    for equation in equations {
-        let program = Program::compile(std::slice::from_ref(&equation.right), names)?;
-        for leaf in program.leaves() {
-            if let Leaf::Column { column, lag } = *leaf
-                && column >= columns
-            {
-                if lag != 0 {
-                    let latent = names[column].to_owned();
-                    return Err(Error::LaggedLatent { equation: equation.label(), latent, lag });
+impl Latents {
+    /// The affine maps of a group, whose functions begin at `first` among the outputs; `regions` is the place of its partition among those in use.
+    fn new(model: &Model, group: LatentGroup, regions: usize, first: usize) -> Self {
+        let LatentGroup { library, partition, latents: slots, functions: kept } = group;
+        let count = model.partitions[partition].rule.count();
+        let width = padded(slots.len());
+        let mut matrices = vec![0.0; count * kept.len() * width];
+        let mut constants = vec![0.0; count * width];
+        for (o, &slot) in slots.iter().enumerate() {
+            let latent = &model.latents[slot];
+            for region in 0..count {
+                constants[region * width + o] = latent.constants[region];
+                for (j, &function) in kept.iter().enumerate() {
+                    matrices[(region * kept.len() + j) * width + o] = latent.coefficients[region][function];
                 }
-                needed[column - columns] = true;
             }
         }
+        Self { regions, library, first, kept, slots, width, matrices, constants }
     }
-    Ok(needed)
-}
-
-/// Groups the needed latents by library and partition, and lists the functions that they use. Also gives the partitions in use.
-fn latent_groups(
-    model: &Model,
-    needed: &[bool],
-    whole: Option<usize>,
-    expressions: &mut Vec<Expr>,
-) -> (Vec<Latents>, Vec<usize>) {
-    let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-    for slot in (0..needed.len()).filter(|&slot| needed[slot]) {
-        members.entry((model.latents[slot].library, model.latents[slot].partition)).or_default().push(slot);
-    }
-    let mut used: Vec<usize> = members.keys().map(|key| key.1).collect();
-    used.sort_unstable();
-    used.dedup();
-    let groups = members
-        .into_iter()
-        .map(|((library, partition), slots)| {
-            let functions = &model.libraries[library];
-            let in_use = |j: usize| {
-                slots.iter().any(|&slot| model.latents[slot].coefficients.iter().any(|region| region[j] != 0.0))
-            };
-            let kept: Vec<usize> = (0..functions.len()).filter(|&j| whole == Some(library) || in_use(j)).collect();
-            let first = expressions.len();
-            expressions.extend(kept.iter().map(|&j| functions[j].clone()));
-            let regions = used.iter().position(|&index| index == partition).unwrap_or(0);
-            let count = model.partitions[partition].rule.count();
-            let width = padded(slots.len());
-            let mut matrices = vec![0.0; count * kept.len() * width];
-            let mut constants = vec![0.0; count * width];
-            for (o, &slot) in slots.iter().enumerate() {
-                let latent = &model.latents[slot];
-                for region in 0..count {
-                    constants[region * width + o] = latent.constants[region];
-                    for (j, &function) in kept.iter().enumerate() {
-                        matrices[(region * kept.len() + j) * width + o] = latent.coefficients[region][function];
-                    }
-                }
-            }
-            Latents { regions, library, first, kept, slots, width, matrices, constants }
-        })
-        .collect();
-    (groups, used)
 }

@@ -36,17 +36,8 @@ pub enum Error {
         state: String,
     },
     /// A right side speaks of a latent at another row.
-    #[error(
-        "the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only"
-    )]
-    LaggedLatent {
-        /// The equation's left side.
-        equation: String,
-        /// The latent.
-        latent: String,
-        /// Rows back in time.
-        lag: i32,
-    },
+    #[error(transparent)]
+    LaggedLatent(#[from] fleetfoot_model::LaggedLatent),
     /// The model needs a simulated value before it is computed.
     #[error(
         "the model uses `{state}` {ahead} rows ahead; in a rollout that value is not known yet; fit with lags instead of leads"

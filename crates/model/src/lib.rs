@@ -13,6 +13,7 @@ mod equation;
 mod export;
 mod file;
 mod latent;
+mod latent_groups;
 mod partition;
 mod print;
 mod region;
@@ -27,6 +28,7 @@ pub use export::{
 };
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
+pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use partition::{Partition, Rule, UnseenLabel};
 pub use print::{describe, factor};
 pub use region::{Region, Training};

@@ -22,17 +22,8 @@ pub enum ExportError {
         state: String,
     },
     /// A right side speaks of a latent at another row.
-    #[error(
-        "the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only"
-    )]
-    LaggedLatent {
-        /// The equation's left side.
-        equation: String,
-        /// The latent.
-        latent: String,
-        /// Rows back in time.
-        lag: i32,
-    },
+    #[error(transparent)]
+    LaggedLatent(#[from] crate::LaggedLatent),
     /// A column that follows from the states cannot be computed in time.
     #[error(transparent)]
     Closed(#[from] crate::ClosedError),

@@ -1,11 +1,9 @@
 //! Some equations of a model taken apart: functions, regions, latents, right sides, and their derivatives.
 
-use std::collections::BTreeMap;
-
 use fleetfoot_library::{Expr, Leaf, Program, StraightLine, UnknownColumn};
 
 use super::ExportError;
-use crate::{Equation, Model, Region, Rule};
+use crate::{Equation, LatentGroup, Model, Region, Rule, partitions_in_use};
 
 /// What equations need, stage by stage, in the order in which it is computed.
 pub(super) struct Evaluation {
@@ -56,6 +54,31 @@ pub(super) struct Group {
 }
 
 impl Group {
+    /// The latents of a group, the first at `slot` among those in use; its functions begin at `first` among the features.
+    fn new(model: &Model, group: &LatentGroup, slot: usize, first: usize) -> Self {
+        let LatentGroup { library, partition, latents, functions } = group;
+        let regions = model.partitions[*partition].rule.count();
+        let (mut constants, mut coefficients) = (Vec::new(), Vec::new());
+        for region in 0..regions {
+            for &latent in latents {
+                constants.push(model.latents[latent].constants[region]);
+                let row = &model.latents[latent].coefficients[region];
+                coefficients.extend(functions.iter().map(|&j| row[j]));
+            }
+        }
+        Self {
+            cells: None,
+            regions,
+            first,
+            functions: functions.len(),
+            slot,
+            names: latents.iter().map(|&latent| model.latents[latent].name.clone()).collect(),
+            ranges: ranges(model, *library, *partition, functions),
+            constants,
+            coefficients,
+        }
+    }
+
     pub(super) fn latents(&self) -> usize {
         self.names.len()
     }
@@ -82,9 +105,15 @@ impl Evaluation {
         let names: Vec<&str> =
             columns.iter().copied().chain(model.latents.iter().map(|latent| latent.name.as_str())).collect();
         let right_sides: Vec<Expr> = equations.iter().map(|equation| equation.right.clone()).collect();
-        let needed = needed(model, &names, equations)?;
         let mut expressions = Vec::new();
-        let (mut groups, used) = groups(model, &needed, &mut expressions);
+        let members = model.latent_groups::<ExportError>(&names, equations, None)?;
+        let used = partitions_in_use(&members);
+        let (mut groups, mut slot) = (Vec::with_capacity(members.len()), 0);
+        for group in &members {
+            groups.push(Group::new(model, group, slot, expressions.len()));
+            slot += group.latents.len();
+            expressions.extend(group.functions.iter().map(|&j| model.libraries[group.library][j].clone()));
+        }
         let first_used = used.first().copied();
         let mut partitions = Vec::new();
         for index in used {
@@ -100,21 +129,14 @@ impl Evaluation {
                 expressions.extend(partition.columns.iter().cloned());
             }
         }
-        for (group, partition) in &mut groups {
-            group.cells = partitions.iter().position(|cells| cells.partition == *partition);
+        let mut slots = vec![None; model.latents.len()];
+        for (group, member) in groups.iter_mut().zip(&members) {
+            group.cells = partitions.iter().position(|cells| cells.partition == member.partition);
+            member.latents.iter().enumerate().for_each(|(at, &latent)| slots[latent] = Some(group.slot + at));
         }
         let first = model.latents.first().map(|latent| latent.partition);
-        let mut slots = vec![None; model.latents.len()];
-        let groups: Vec<Group> = groups.into_iter().map(|(group, _)| group).collect();
-        for group in &groups {
-            for (at, name) in group.names.iter().enumerate() {
-                if let Some(latent) = model.latents.iter().position(|latent| latent.name == *name) {
-                    slots[latent] = Some(group.slot + at);
-                }
-            }
-        }
         // The engine's choice: the partition of the first latent, else the first in use.
-        let used_first = first.filter(|&p| (0..needed.len()).any(|l| needed[l] && model.latents[l].partition == p));
+        let used_first = first.filter(|partition| members.iter().any(|group| group.partition == *partition));
         let reported = match used_first {
             Some(partition) => partitions.iter().position(|cells| cells.partition == partition),
             None => first_used.and_then(|partition| partitions.iter().position(|cells| cells.partition == partition)),
@@ -145,76 +167,6 @@ impl Evaluation {
 
 pub(super) fn program(expressions: &[Expr], names: &[&str]) -> Result<StraightLine, UnknownColumn> {
     Ok(Program::compile(expressions, names)?.straight_line())
-}
-
-/// Which latents the right sides speak of.
-fn needed(model: &Model, names: &[&str], equations: &[&Equation]) -> Result<Vec<bool>, ExportError> {
-    let columns = model.columns.len();
-    let mut needed = vec![false; model.latents.len()];
-    for equation in equations {
-        let right = Program::compile(std::slice::from_ref(&equation.right), names)?;
-        for leaf in right.leaves() {
-            if let Leaf::Column { column, lag } = *leaf
-                && column >= columns
-            {
-                if lag != 0 {
-                    let latent = names[column].to_owned();
-                    return Err(ExportError::LaggedLatent { equation: equation.label(), latent, lag });
-                }
-                needed[column - columns] = true;
-            }
-        }
-    }
-    Ok(needed)
-}
-
-/// Groups the needed latents by library and partition, each with its partition's index, and lists the functions that they
-/// use. Also gives the partitions in use.
-fn groups(model: &Model, needed: &[bool], expressions: &mut Vec<Expr>) -> (Vec<(Group, usize)>, Vec<usize>) {
-    let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-    for latent in (0..needed.len()).filter(|&latent| needed[latent]) {
-        members.entry((model.latents[latent].library, model.latents[latent].partition)).or_default().push(latent);
-    }
-    let mut used: Vec<usize> = members.keys().map(|key| key.1).collect();
-    used.sort_unstable();
-    used.dedup();
-    let mut slot = 0;
-    let groups = members
-        .into_iter()
-        .map(|((library, partition), latents)| {
-            let functions = &model.libraries[library];
-            let in_use = |j: usize| {
-                latents.iter().any(|&latent| model.latents[latent].coefficients.iter().any(|region| region[j] != 0.0))
-            };
-            let kept: Vec<usize> = (0..functions.len()).filter(|&j| in_use(j)).collect();
-            let first = expressions.len();
-            expressions.extend(kept.iter().map(|&j| functions[j].clone()));
-            let regions = model.partitions[partition].rule.count();
-            let (mut constants, mut coefficients) = (Vec::new(), Vec::new());
-            for region in 0..regions {
-                for &latent in &latents {
-                    constants.push(model.latents[latent].constants[region]);
-                    let row = &model.latents[latent].coefficients[region];
-                    coefficients.extend(kept.iter().map(|&j| row[j]));
-                }
-            }
-            let names: Vec<String> = latents.iter().map(|&latent| model.latents[latent].name.clone()).collect();
-            slot += names.len();
-            let group = Group {
-                cells: None,
-                regions,
-                first,
-                functions: kept.len(),
-                slot: slot - names.len(),
-                ranges: ranges(model, library, partition, &kept),
-                names,
-                constants,
-                coefficients,
-            };
-            (group, partition)
-        })
-        .collect();
-    (groups, used)
 }
 
 /// The training ranges of some functions; `None` where the partition does not describe this library.

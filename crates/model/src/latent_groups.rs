@@ -1,0 +1,92 @@
+//! What equations need of a model's latents, in groups that are one affine map a region each.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_library::{Leaf, Program, UnknownColumn};
+
+use crate::{Equation, Model};
+
+/// Latents that share a library and a partition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LatentGroup {
+    /// Index of the library.
+    pub library: usize,
+    /// Index of the partition.
+    pub partition: usize,
+    /// Indices of the latents, ascending.
+    pub latents: Vec<usize>,
+    /// Functions of the library that are in use, ascending.
+    pub functions: Vec<usize>,
+}
+
+/// A right side speaks of a latent at another row.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only")]
+pub struct LaggedLatent {
+    /// The equation's left side.
+    pub equation: String,
+    /// The latent.
+    pub latent: String,
+    /// Rows back in time.
+    pub lag: i32,
+}
+
+impl Model {
+    /// The latents that the right sides of some equations speak of, by library and partition. `names` are those of the columns and, behind
+    /// them, of the model's latents.
+    ///
+    /// Functions whose coefficients are all zero are not in use, except of the library `whole`, if any.
+    ///
+    /// # Errors
+    /// [`UnknownColumn`] and [`LaggedLatent`].
+    pub fn latent_groups<E: From<UnknownColumn> + From<LaggedLatent>>(
+        &self,
+        names: &[&str],
+        equations: &[&Equation],
+        whole: Option<usize>,
+    ) -> Result<Vec<LatentGroup>, E> {
+        let needed = self.needed_latents::<E>(names, equations)?;
+        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (at, latent) in self.latents.iter().enumerate().filter(|&(at, _)| needed[at]) {
+            members.entry((latent.library, latent.partition)).or_default().push(at);
+        }
+        let group = |((library, partition), latents): (_, Vec<usize>)| {
+            let nonzero = |at: &usize, j: usize| self.latents[*at].coefficients.iter().any(|region| region[j] != 0.0);
+            let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|at| nonzero(at, j));
+            let functions = (0..self.libraries[library].len()).filter(in_use).collect();
+            LatentGroup { library, partition, latents, functions }
+        };
+        Ok(members.into_iter().map(group).collect())
+    }
+
+    fn needed_latents<E: From<UnknownColumn> + From<LaggedLatent>>(
+        &self,
+        names: &[&str],
+        equations: &[&Equation],
+    ) -> Result<Vec<bool>, E> {
+        let columns = names.len() - self.latents.len();
+        let mut needed = vec![false; self.latents.len()];
+        for equation in equations {
+            let right = Program::compile(std::slice::from_ref(&equation.right), names)?;
+            for leaf in right.leaves() {
+                match *leaf {
+                    Leaf::Column { column, lag } if column >= columns && lag != 0 => {
+                        let latent = names[column].to_owned();
+                        return Err(LaggedLatent { equation: equation.label(), latent, lag }.into());
+                    }
+                    Leaf::Column { column, .. } if column >= columns => needed[column - columns] = true,
+                    _ => {}
+                }
+            }
+        }
+        Ok(needed)
+    }
+}
+
+/// The partitions of some groups, ascending.
+pub fn partitions_in_use(groups: &[LatentGroup]) -> Vec<usize> {
+    let mut used: Vec<usize> = groups.iter().map(|group| group.partition).collect();
+    used.sort_unstable();
+    used.dedup();
+    used
+}
