@@ -25,7 +25,7 @@ pub use column::{Column, ColumnKind};
 pub use episode::{Episode, EpisodeId, Fingerprint};
 pub use error::Error;
 pub use memory::MemorySource;
-pub use nearest::{nearest, nearest_one};
+pub use nearest::{did_you_mean, nearest, nearest_one};
 pub use packed::{packed, packed_row};
 pub use parallel::{Cancelled, Progress, Silent, Threads, parallel_fold, parallel_map, thread_count, with_threads};
 pub use random::mix;

@@ -27,6 +27,11 @@ pub fn nearest_one<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>
     nearest(name, candidates).into_iter().next()
 }
 
+/// What a message says of such names: "; did you mean `a`, `b`?", nothing where there are none.
+pub fn did_you_mean(names: &[String]) -> String {
+    if names.is_empty() { String::new() } else { format!("; did you mean `{}`?", names.join("`, `")) }
+}
+
 fn similarity(wanted: &str, candidate: &str) -> f64 {
     let edit = strsim::normalized_damerau_levenshtein(wanted, candidate);
     // A field's last part is what people remember of it.
@@ -45,6 +50,8 @@ mod tests {
         assert_eq!(nearest_one("positon", fields).as_deref(), Some("position"));
         assert_eq!(nearest_one("Header", fields).as_deref(), Some("header"));
         assert_eq!(nearest_one("zzz", fields), None);
+        assert_eq!(did_you_mean(&nearest("hedder", fields)), "; did you mean `header`?");
+        assert_eq!(did_you_mean(&[]), "");
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use fleetfoot_data::did_you_mean;
+
 /// What can go wrong in a pipeline.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -25,7 +27,7 @@ pub enum Error {
         source: fleetfoot_library::ParseError,
     },
     /// A column that does not exist.
-    #[error("{place}: there is no column `{name}`{}", nearest(.candidates))]
+    #[error("{place}: there is no column `{name}`{}", did_you_mean(.candidates))]
     UnknownColumn {
         /// Where it was asked for.
         place: String,
@@ -217,14 +219,4 @@ impl From<fleetfoot_estimate::EstimateError> for Error {
 /// A positive number with five digits at most.
 pub(crate) fn short(value: f64) -> f64 {
     if value > 0.0 && value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value }
-}
-
-fn nearest(candidates: &[String]) -> String {
-    match candidates {
-        [] => String::new(),
-        [one] => format!("; did you mean `{one}`?"),
-        many => {
-            format!("; did you mean one of {}?", many.iter().map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", "))
-        }
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, ops::Range};
 
-use fleetfoot_data::{Block, Halo, nearest};
+use fleetfoot_data::{Block, Halo, did_you_mean, nearest};
 
 use crate::{Binary, Expr, Node, Unary};
 
@@ -47,10 +47,7 @@ impl Leaf {
 
 /// An expression uses a column that is not there.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no column `{name}`{}", match nearest.as_slice() {
-    [] => String::new(),
-    names => format!("; did you mean `{}`?", names.join("`, `")),
-})]
+#[error("there is no column `{name}`{}", did_you_mean(nearest))]
 pub struct UnknownColumn {
     /// The name.
     pub name: String,

@@ -9,6 +9,7 @@ mod tests;
 use std::fmt::{self, Display, Formatter};
 
 pub use check::coefficient_unit;
+use fleetfoot_data::did_you_mean;
 use symbols::Dimension;
 
 /// Exponents are kept in twelfths, so that square, cube and fourth roots are exact.
@@ -32,10 +33,7 @@ pub struct Unit {
 #[non_exhaustive]
 pub enum UnitError {
     /// A unit that is not known.
-    #[error("unknown unit `{symbol}` in `{text}`{}; leave the unit out if it has no name", match nearest.as_slice() {
-        [] => String::new(),
-        names => format!("; did you mean `{}`?", names.join("`, `")),
-    })]
+    #[error("unknown unit `{symbol}` in `{text}`{}; leave the unit out if it has no name", did_you_mean(nearest))]
     Unknown {
         /// The whole unit.
         text: String,

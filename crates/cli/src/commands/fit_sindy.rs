@@ -97,7 +97,7 @@ fn state<'a>(recipe: &'a mut Recipe, flag: &str, name: &str) -> Result<&'a mut f
     let known: Vec<String> = recipe.states.keys().cloned().collect();
     recipe.states.get_mut(name).ok_or_else(|| {
         let near = fleetfoot::data::nearest(name, known.iter().map(String::as_str));
-        let near = near.first().map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let near = fleetfoot::data::did_you_mean(&near);
         Error::unknown(name, format!("{flag}: `{name}` is not a state{near}"))
     })
 }

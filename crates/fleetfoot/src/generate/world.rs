@@ -2,7 +2,7 @@
 
 use std::{any::type_name, fmt, path::Path};
 
-use fleetfoot_data::nearest;
+use fleetfoot_data::{did_you_mean, nearest_one};
 use fleetfoot_log::Format as LogFormat;
 use fleetfoot_sim::{ParameterError, Scenario, excitation::Axis};
 use serde::{Serialize, de::DeserializeOwned};
@@ -213,7 +213,10 @@ impl World {
         for key in keys {
             if !inner.get(key).is_some_and(Value::is_table) {
                 let tables = inner.iter().filter(|(_, value)| value.is_table()).map(|(key, _)| key.as_str());
-                return Err(world_error(&place, &format!("there is no table `{key}`{}", did_you_mean(key, tables))));
+                return Err(world_error(
+                    &place,
+                    &format!("there is no table `{key}`{}", did_you_mean(nearest_one(key, tables).as_slice())),
+                ));
             }
             inner = match inner.get_mut(key) {
                 Some(Value::Table(next)) => next,
@@ -287,11 +290,7 @@ fn world_error(name: &str, problem: &str) -> Error {
     let hint = unknown.map(|(_, rest)| {
         let mut names = rest.split('`').skip(1).step_by(2);
         let wanted = names.next().unwrap_or_default();
-        did_you_mean(wanted, names)
+        did_you_mean(nearest_one(wanted, names).as_slice())
     });
     Error::World { name: name.to_owned(), problem: format!("{problem}{}", hint.unwrap_or_default()) }
-}
-
-fn did_you_mean<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    nearest(wanted, known).first().map_or(String::new(), |name| format!("; did you mean `{name}`?"))
 }

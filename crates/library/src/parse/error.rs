@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use fleetfoot_data::nearest;
+use fleetfoot_data::{did_you_mean, nearest};
 
 use super::{MAX_DEPTH, MAX_SIZE, MAX_TEXT};
 use crate::MAX_FUNCTIONS;
@@ -34,7 +34,7 @@ pub enum ParseErrorKind {
         found: String,
     },
     /// A name that is neither a column nor an alias.
-    #[error("unknown column or alias `{name}`{}{}", suggestion(nearest), topic_hint(name))]
+    #[error("unknown column or alias `{name}`{}{}", did_you_mean(nearest), topic_hint(name))]
     UnknownName {
         /// The name.
         name: String,
@@ -42,7 +42,7 @@ pub enum ParseErrorKind {
         nearest: Vec<String>,
     },
     /// A function that does not exist.
-    #[error("unknown function `{name}`{}", suggestion(nearest))]
+    #[error("unknown function `{name}`{}", did_you_mean(nearest))]
     UnknownFunction {
         /// The name.
         name: String,
@@ -75,7 +75,10 @@ pub enum ParseErrorKind {
         function: &'static str,
     },
     /// A vector or a quaternion whose components are not there.
-    #[error("`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}", suggestion(nearest))]
+    #[error(
+        "`{prefix}` has no components {components} (as `.x`, `_x` or `x` behind the name){}",
+        did_you_mean(nearest)
+    )]
     NoComponents {
         /// The common beginning of the names.
         prefix: String,
@@ -178,10 +181,6 @@ impl fmt::Display for ParseError {
         }
         write!(f, ", character {}: {kind}", column + 1)
     }
-}
-
-fn suggestion(nearest: &[String]) -> String {
-    if nearest.is_empty() { String::new() } else { format!("; did you mean `{}`?", nearest.join("`, `")) }
 }
 
 fn topic_hint(name: &str) -> &'static str {
