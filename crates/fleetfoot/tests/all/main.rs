@@ -5,4 +5,5 @@ mod outside;
 
 mod aircraft_study;
 mod export;
+mod goldens;
 mod sindy_study;

@@ -1,0 +1,244 @@
+//! Goldens as a text file: an entry a case, a line for each thing that was found in it.
+//!
+//! ```text
+//! platform = linux x86_64 avx512
+//!
+//! [kmeans]
+//! model = blake3:3f0c...
+//! f_v in 0 = 1 0.25; v -2.0; lag(u, 1) 3.0
+//! ```
+//!
+//! A line has a name and items: a value, or a label and a value. Numbers are written in the shortest form that reads back to the same bits. Bytes of models hold on
+//! one instruction set and one library of elementary functions, which the file names: there every item is compared to the last bit, elsewhere hashes are passed over
+//! and numbers have a tolerance.
+
+use std::{fmt::Write, fs, path::PathBuf};
+
+/// Set to write the goldens instead of comparing with them.
+const BLESS: &str = "FLEETFOOT_BLESS";
+
+/// What numbers of another platform may differ by, as a share of the largest of their line. A sum of n numbers of relative rounding u = 1.1e-16 has an error of some
+/// `sqrt(n) u` under another order of its terms, 1e-14 for the ten thousand rows of these logs; equations of a condition of up to 1e4 make 1e-10 of it, and two more
+/// digits are left for what is computed from coefficients.
+const TOLERANCE: f64 = 1e-8;
+
+/// What was found in one case.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Entry {
+    name: String,
+    lines: Vec<(String, String)>,
+}
+
+impl Entry {
+    /// An entry without lines.
+    pub(super) fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), lines: Vec::new() }
+    }
+
+    /// A line of words.
+    pub(super) fn words(&mut self, name: &str, text: impl Into<String>) {
+        self.lines.push((name.to_owned(), text.into().replace('\n', " ")));
+    }
+
+    /// A line of numbers.
+    pub(super) fn numbers(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
+        let items: Vec<String> = values.into_iter().map(|value| format!("{value:?}")).collect();
+        self.words(name, items.join("; "));
+    }
+
+    /// A line of numbers with their labels.
+    pub(super) fn labelled(&mut self, name: &str, items: impl IntoIterator<Item = (String, f64)>) {
+        let items: Vec<String> = items.into_iter().map(|(label, value)| format!("{label} {value:?}")).collect();
+        self.words(name, items.join("; "));
+    }
+
+    /// The hash of some bytes.
+    pub(super) fn hash(&mut self, name: &str, bytes: &[u8]) {
+        self.words(name, format!("{HASH}{}", blake3::hash(bytes).to_hex()));
+    }
+}
+
+/// What the value of a hash begins with.
+const HASH: &str = "blake3:";
+
+/// Entries, and the platform that they are of.
+#[derive(Debug, Clone, PartialEq)]
+struct Book {
+    platform: String,
+    entries: Vec<Entry>,
+}
+
+impl Book {
+    fn parse(text: &str) -> Self {
+        let mut book = Self { platform: String::new(), entries: Vec::new() };
+        for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            let bracketed = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+            match (bracketed, line.split_once(" = "), book.entries.last_mut()) {
+                (Some(name), None, _) => book.entries.push(Entry::new(name)),
+                (_, Some((name, value)), Some(entry)) => entry.words(name, value),
+                (_, Some((_, value)), None) => value.clone_into(&mut book.platform),
+                _ => panic!("neither a case nor a line of one: {line}"),
+            }
+        }
+        book
+    }
+
+    fn to_text(&self, about: &str) -> String {
+        let mut text = format!("# {about}\n# Written by the tests: {BLESS}=1 writes them again.\n");
+        let _ = writeln!(text, "platform = {}", self.platform);
+        for entry in &self.entries {
+            let _ = writeln!(text, "\n[{}]", entry.name);
+            for (name, value) in &entry.lines {
+                let _ = writeln!(text, "{name} = {value}");
+            }
+        }
+        text
+    }
+
+    /// What is otherwise in `found`, a sentence each.
+    fn differences(&self, found: &Self) -> Vec<String> {
+        let exact = self.platform == found.platform;
+        let mut said = Vec::new();
+        for own in &self.entries {
+            match found.entries.iter().find(|entry| entry.name == own.name) {
+                Some(entry) => differences(own, entry, exact, &mut said),
+                None => said.push(format!("[{}] is no case any more", own.name)),
+            }
+        }
+        let is_new = |entry: &&Entry| !self.entries.iter().any(|own| own.name == entry.name);
+        said.extend(found.entries.iter().filter(is_new).map(|entry| format!("[{}] is new", entry.name)));
+        said
+    }
+}
+
+/// What is otherwise in one case.
+fn differences(golden: &Entry, found: &Entry, exact: bool, said: &mut Vec<String>) {
+    for (name, old) in &golden.lines {
+        let place = format!("[{}] {name}", golden.name);
+        match found.lines.iter().find(|(own, _)| own == name) {
+            Some((_, new)) => line_differences(&place, (old, new), exact, said),
+            None => said.push(format!("{place}: is gone; it was {old}")),
+        }
+    }
+    for (name, new) in &found.lines {
+        if !golden.lines.iter().any(|(own, _)| own == name) {
+            said.push(format!("[{}] {name}: is new, {new}", golden.name));
+        }
+    }
+}
+
+fn line_differences(place: &str, (old, new): (&str, &str), exact: bool, said: &mut Vec<String>) {
+    if old == new || (!exact && old.starts_with(HASH) && new.starts_with(HASH)) {
+        return;
+    }
+    let (Some(golden), Some(found)) = (items(old), items(new)) else {
+        said.push(format!("{place}: was {old}, is {new}"));
+        return;
+    };
+    if !golden.iter().map(|item| item.label).eq(found.iter().map(|item| item.label)) {
+        said.push(format!("{place}: other terms\n    was {old}\n    is  {new}"));
+        return;
+    }
+    let largest = golden.iter().map(|item| item.value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
+    for (at, (old, new)) in golden.iter().zip(&found).enumerate() {
+        let change = (new.value - old.value).abs() / largest;
+        if old.text != new.text && !(!exact && change <= TOLERANCE) {
+            let label = if old.label.is_empty() { format!("number {}", at + 1) } else { old.label.to_owned() };
+            said.push(format!("{place}, {label}: was {}, is {} ({change:.1e} of the line)", old.text, new.text));
+        }
+    }
+}
+
+/// A number of a line, and its label.
+struct Item<'a> {
+    label: &'a str,
+    text: &'a str,
+    value: f64,
+}
+
+/// The numbers of a line; `None` for words.
+fn items(line: &str) -> Option<Vec<Item<'_>>> {
+    let item = |text: &'_ str| -> Option<(usize, f64)> {
+        let at = text.rfind(' ').map_or(0, |at| at + 1);
+        Some((at, text[at..].parse().ok()?))
+    };
+    line.split("; ")
+        .map(|text| item(text).map(|(at, value)| Item { label: text[..at].trim_end(), text: &text[at..], value }))
+        .collect()
+}
+
+/// Where bytes are the same: operating system (its elementary functions), architecture, and the widest vectors that the kernels choose between.
+fn platform() -> String {
+    #[cfg(target_arch = "x86_64")]
+    let vectors = if std::arch::is_x86_feature_detected!("avx512f") {
+        "avx512"
+    } else if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        "avx2"
+    } else {
+        "sse2"
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    let vectors = "vectors";
+    format!("{} {} {vectors}", std::env::consts::OS, std::env::consts::ARCH)
+}
+
+/// Holds entries against those of a file, or writes them there where that is asked for.
+///
+/// # Panics
+/// Something is otherwise than it was: case, line and label, old and new, and what to do.
+pub(super) fn check(file: &str, about: &str, entries: Vec<Entry>) {
+    let found = Book { platform: platform(), entries };
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/goldens").join(file);
+    if std::env::var_os(BLESS).is_some_and(|said| !said.is_empty()) {
+        fs::write(&path, found.to_text(about)).unwrap_or_else(|problem| panic!("{}: {problem}", path.display()));
+        eprintln!("wrote {}", path.display());
+        return;
+    }
+    let text = fs::read_to_string(&path);
+    let text = text.unwrap_or_else(|problem| panic!("{}: {problem}; {BLESS}=1 writes it", path.display()));
+    let golden = Book::parse(&text);
+    let said = golden.differences(&found);
+    assert!(
+        said.is_empty(),
+        "{} of {} ({}, here {}):\n  {}\nIf this is meant, write the goldens again: {BLESS}=1 cargo test -p fleetfoot --test all goldens",
+        if said.len() == 1 { "1 difference".to_owned() } else { format!("{} differences", said.len()) },
+        path.display(),
+        golden.platform,
+        found.platform,
+        said.join("\n  ")
+    );
+}
+
+fn book(platform: &str, value: f64) -> Book {
+    let mut entry = Entry::new("kmeans");
+    entry.hash("model", &value.to_le_bytes());
+    entry.labelled("f_v in 0", [("1".to_owned(), 0.25), ("lag(u, 1)".to_owned(), value)]);
+    entry.numbers("losses", [f64::NAN, 1e-300, 0.1 + 0.2]);
+    entry.words("chosen", "kmeans:3, by BIC");
+    Book { platform: platform.to_owned(), entries: vec![entry] }
+}
+
+#[test]
+fn a_book_reads_back() {
+    let written = book("here", 3.0);
+    assert_eq!(Book::parse(&written.to_text("a title")), written);
+    assert!(written.differences(&written.clone()).is_empty());
+}
+
+#[test]
+fn a_difference_names_case_coefficient_old_and_new() {
+    let near = f64::from_bits(3.0_f64.to_bits() + 1);
+    let said = book("here", 3.0).differences(&book("here", near)).join("\n");
+    for part in ["[kmeans] model: was blake3:", "[kmeans] f_v in 0, lag(u, 1): was 3.0, is 3.0000000000000004"] {
+        assert!(said.contains(part), "`{part}` is missing from {said}");
+    }
+    // Elsewhere rounding is passed over, and no more than that.
+    assert!(book("there", 3.0).differences(&book("here", near)).is_empty());
+    let said = book("there", 3.0).differences(&book("here", 3.000_001));
+    assert!(said.len() == 1 && said[0].contains("lag(u, 1)"), "{said:?}");
+    let mut other = book("here", 3.0);
+    other.entries[0].lines[1].1 = "1 0.25; u 3.0".to_owned();
+    other.entries[0].lines[3].1 = "average".to_owned();
+    let said = book("there", 3.0).differences(&other).join("\n");
+    assert!(said.contains("other terms") && said.contains("was kmeans:3, by BIC, is average"), "{said}");
+}
