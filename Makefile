@@ -5,7 +5,7 @@ VENV := target/python
 WHEELS := target/wheels
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-all test-rust test-python wheel bench-python lint format clippy doc lint-python docs bench
+.PHONY: test test-all test-rust test-python wheel bench-python lint format clippy doc lint-python docs docs-check bench
 
 test: test-rust test-python
 
@@ -52,8 +52,32 @@ clippy:
 doc:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 
-docs:
-	cargo doc --workspace --no-deps --open
+# The site, pictures and all: target/site/index.html opens without a network. With WHEEL=FILE that wheel is described, else one is built.
+WHEEL ?=
+DOCS := target/docs
+SITE := target/site
+ifeq ($(WHEEL),)
+docs: wheel
+endif
+docs: WHEEL := $(or $(WHEEL),dist/fleetfoot-*.whl)
+docs: $(DOCS)/bin/sphinx-build
+	$(DOCS)/bin/pip install --quiet --force-reinstall --no-deps $(WHEEL)
+	rm -rf $(SITE) docs/gallery
+	$(DOCS)/bin/sphinx-build -q -W --keep-going -d $(DOCS)/trees docs $(SITE)
+	cargo doc --workspace --no-deps --locked
+	rm -rf $(SITE)/rust && cp -r target/doc $(SITE)/rust
+	$(DOCS)/bin/python docs/check_site.py $(SITE)
+
+# The same pages without running the examples, with the wheel that `test-python` has built: warnings are errors.
+docs-check: $(DOCS)/bin/sphinx-build
+	$(DOCS)/bin/pip install --quiet --force-reinstall --no-deps $(WHEELS)/test/*.whl
+	$(DOCS)/bin/sphinx-build -q -W --keep-going -D plot_gallery=0 -d $(DOCS)/check docs target/site-check
+	$(DOCS)/bin/python docs/check_site.py target/site-check
+
+$(DOCS)/bin/sphinx-build: docs/requirements.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/pip install --quiet --requirement docs/requirements.txt
+	touch $@
 
 # Timings beside the peers: pip install numpy scikit-learn pysindy faiss-cpu pyarrow mujoco adelie, and FLEETFOOT_PYTHON=that python.
 bench:

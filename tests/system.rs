@@ -5,6 +5,7 @@ mod closed_loop;
 mod commands;
 mod demo;
 mod derivatives;
+mod docs;
 mod folds;
 mod generate;
 mod guards;

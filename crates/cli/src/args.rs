@@ -1,10 +1,12 @@
 //! Arguments.
 
+mod examples;
 mod export;
 mod narx;
 mod sindy;
 mod sparse;
 mod statistic;
+mod tools;
 
 use std::path::PathBuf;
 
@@ -14,6 +16,7 @@ pub(crate) use narx::{FitNarx, NarxArgs};
 pub(crate) use sindy::{FitSindy, SindyArgs};
 pub(crate) use sparse::{FitSparse, SparseArgs};
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
+pub(crate) use tools::{Completions, Man};
 
 /// Turns robot logs into equations.
 #[derive(Debug, Parser)]
@@ -22,7 +25,8 @@ pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, Stat
     version,
     about = "Turns robot logs into equations",
     propagate_version = true,
-    max_term_width = 110
+    max_term_width = 110,
+    after_help = examples::OVERVIEW
 )]
 pub(crate) struct Cli {
     #[command(subcommand)]
@@ -41,12 +45,16 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Generate a running robot's logs, fit models to them, and show what they are worth.
+    #[command(after_help = examples::DEMO)]
     Demo(Demo),
     /// Tell what files hold: columns, rows, rates, gaps.
+    #[command(after_help = examples::INFO)]
     Info(Info),
     /// Write a commented recipe for a file, to be edited.
+    #[command(after_help = examples::INIT)]
     Init(Init),
     /// Sum logs for a sparse regression, in one pass, into a statistic that is fitted later.
+    #[command(after_help = examples::SCAN)]
     Scan(Box<Scan>),
     /// Look at statistics, join them, take episodes out.
     #[command(subcommand)]
@@ -55,28 +63,45 @@ pub(crate) enum Command {
     #[command(subcommand)]
     Fit(Fit),
     /// Score a model's one-step predictions on logs.
+    #[command(after_help = examples::SCORE)]
     Score(Score),
     /// Write a model's prediction, residual, region and distance from the training domain for every row.
+    #[command(after_help = examples::PREDICT)]
     Predict(Predict),
     /// Simulate a model from measured states and compare with what happened.
+    #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
     /// Print a model's equations and regions.
+    #[command(after_help = examples::SHOW)]
     Show(Show),
     /// Write a model as C, Rust, Python, LaTeX or arrays.
+    #[command(after_help = examples::EXPORT)]
     Export(Export),
     /// Simulate a robot and write its logs, with known truth, and the recipe to fit them.
+    #[command(after_help = examples::GENERATE)]
     Generate(Box<Generate>),
+    /// Print the completions of a shell: to be kept where the shell looks for them.
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(Completions),
+    /// Write the manual pages of all commands.
+    #[command(after_help = examples::MAN)]
+    Man(Man),
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Fit {
     /// A piecewise-affine model.
+    #[command(after_help = examples::FIT_PWA)]
     Pwa(Box<FitPwa>),
     /// Sparse equations over latent functions, shared between equations where the recipe says so.
+    #[command(after_help = examples::FIT_SPARSE)]
     Sparse(Box<FitSparse>),
     /// Equations: sparse sums of candidate functions (SINDy), beside what is known of the dynamics.
+    #[command(after_help = examples::FIT_SINDY)]
     Sindy(Box<FitSindy>),
     /// Outputs from their own past and that of the inputs, polynomial and piecewise where asked for (NARX).
+    // What these three say is settled by the method: they are refused, with the options that say it.
+    #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)))]
     Narx(Box<FitNarx>),
 }
 
@@ -135,16 +160,16 @@ impl std::str::FromStr for List {
 /// What the recipe says; a flag overrides it.
 #[derive(Debug, Args, Default)]
 pub(crate) struct RecipeArgs {
-    /// The recipe.
+    /// The recipe (default: none; flags say all).
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: Option<PathBuf>,
-    /// States, separated by commas.
+    /// States, separated by commas (default: those of the recipe).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) states: Option<List>,
-    /// Inputs, separated by commas.
+    /// Inputs, separated by commas (default: those of the recipe).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) inputs: Option<List>,
-    /// States and inputs that are angles, separated by commas.
+    /// States and inputs that are angles, separated by commas (default: those of the recipe).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) angles: Option<List>,
     /// A short name for a field or an expression; may be repeated.
@@ -154,16 +179,18 @@ pub(crate) struct RecipeArgs {
     /// order 2, 4, 6), forward, backward, a column, an expression, or over:20 (the mean slope to 20 rows ahead); may be repeated.
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
-    /// What is predicted: derivative, next, delta, or columns separated by commas (plain regression, which needs no time stamps).
+    /// What is predicted: derivative, next, delta, or columns separated by commas (plain regression, which needs no time stamps)
+    /// (default: derivative).
     #[arg(long, value_name = "WHAT")]
     pub(crate) predict: Option<String>,
-    /// Total degree of the polynomial library (1: affine).
+    /// Total degree of the polynomial library, 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx looks for it).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
-    /// Past rows of every state and input beside the present one.
+    /// Past rows of every state and input beside the present one (default: 0).
     #[arg(long, value_name = "N")]
     pub(crate) lags: Option<u32>,
-    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times.
+    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times
+    /// (default: 1 for every row).
     #[arg(long, value_name = "EXPRESSION")]
     pub(crate) weight: Option<String>,
     #[command(flatten)]
@@ -172,16 +199,16 @@ pub(crate) struct RecipeArgs {
 
 #[derive(Debug, Args, Default)]
 pub(crate) struct TimeArgs {
-    /// The column of the time stamps.
+    /// The column of the time stamps (default: found by its name).
     #[arg(long, value_name = "COLUMN")]
     pub(crate) time: Option<String>,
-    /// The unit of numeric stamps: s, ms, us, ns.
+    /// The unit of numeric stamps: s, ms, us, ns (default: what name and size of the stamps say).
     #[arg(long, value_name = "UNIT", requires = "time")]
     pub(crate) time_unit: Option<String>,
-    /// Rows are this many seconds apart: no time column is read.
+    /// Rows are this many seconds apart: no time column is read (default: stamps are read).
     #[arg(long, value_name = "SECONDS", conflicts_with = "time")]
     pub(crate) dt: Option<f64>,
-    /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none.
+    /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none (default: auto).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) max_gap: Option<String>,
     #[command(flatten)]
@@ -197,7 +224,7 @@ pub(crate) struct ChannelArgs {
     /// The topic whose messages make the rows; the others are joined to it (default: that of the first state).
     #[arg(long, value_name = "TOPIC", conflicts_with = "rate")]
     pub(crate) base: Option<String>,
-    /// Rows a second, instead of those of a base topic.
+    /// Rows a second, instead of those of a base topic (default: the rows are the base topic's).
     #[arg(long, value_name = "HZ")]
     pub(crate) rate: Option<f64>,
     /// A topic as the recipe or model calls it, and as these files do; may be repeated.
@@ -251,7 +278,7 @@ pub(crate) struct FitPwa {
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
     /// Partitions: null, average, zscore:1.5, kmeans:10, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`)
-    /// one is chosen.
+    /// one is chosen (default: that of the recipe, else average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// What partitions look at, separated by commas (default: the states).
@@ -321,13 +348,14 @@ pub(crate) struct Score {
     /// Show the score of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// Two columns or expressions, separated by a comma: show on their plane where the region changes and where the errors are.
+    /// Two columns or expressions, separated by a comma: show on their plane where the region changes and where the errors are
+    /// (default: no plane).
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
     /// Cells of the plane along each axis.
     #[arg(long, value_name = "N", default_value_t = 36, requires = "plane")]
     pub(crate) bins: usize,
-    /// The file to write the plane's cells to, Parquet or text (`*.csv`).
+    /// The file to write the plane's cells to, Parquet or text (`*.csv`) (default: none).
     #[arg(short, long, value_name = "FILE", requires = "plane")]
     pub(crate) output: Option<PathBuf>,
 }
@@ -371,11 +399,11 @@ pub(crate) struct Rollout {
     #[arg(long, value_name = "KIND|FILE")]
     pub(crate) controller: Option<String>,
     /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
-    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s).
+    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
     #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
     pub(crate) controller_set: Vec<List>,
     /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
-    /// viewers (`*.mcap`).
+    /// viewers (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }
@@ -427,10 +455,10 @@ pub(crate) struct Generate {
     /// The robot.
     #[arg(value_name = "ROBOT", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::generate::robots()))]
     pub(crate) robot: String,
-    /// Folder of the logs; it must hold no other recordings.
+    /// Folder of the logs, without a default; it must hold no other recordings.
     #[arg(short, long, value_name = "DIR", required_unless_present = "print_world")]
     pub(crate) output: Option<PathBuf>,
-    /// Simulated minutes of all runs together, shared evenly.
+    /// Simulated minutes of all runs together, shared evenly (default: --seconds of each).
     #[arg(long, value_name = "MINUTES", value_parser = positive, conflicts_with = "seconds")]
     pub(crate) minutes: Option<f64>,
     /// Simulated seconds of each run, if nothing ends it before (default: what suits the robot).
@@ -442,7 +470,8 @@ pub(crate) struct Generate {
     /// The number of the first run: run 7 is the same whether it is made with the others or alone.
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u64).range(..1_000_000_000))]
     pub(crate) first_run: u64,
-    /// Speed, m/s; of two (A:B), A is the first run's and B the last one's, the others evenly between them.
+    /// Speed, m/s; of two (A:B), A is the first run's and B the last one's, the others evenly between them (default: what suits
+    /// the robot).
     #[arg(long, value_name = "A:B", allow_hyphen_values = true)]
     pub(crate) speed: Option<Speed>,
     /// Seed of everything random.
@@ -451,13 +480,14 @@ pub(crate) struct Generate {
     /// How logs are kept (default: mcap; parquet for robots that have no messages).
     #[arg(long, value_enum)]
     pub(crate) format: Option<LogFormat>,
-    /// A TOML file of physical parameters, where what is left out has its default value; or a generated log, for the world that it was made in.
+    /// A TOML file of physical parameters, where what is left out has its default value; or a generated log, for the world that it was made in
+    /// (default: the robot's own).
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
     /// Sets one physical parameter: its path in the world file and a value; may be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// What excites the robot, over ranges that suit it.
+    /// What excites the robot, over ranges that suit it (default: the world's).
     #[arg(long, value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::sim::Excitation::KINDS))]
     pub(crate) excitation: Option<String>,
     /// Print all physical parameters with their units as a world file, and stop.

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod export;
 pub(crate) mod fit;
@@ -10,6 +11,7 @@ pub(crate) mod fit_sparse;
 pub(crate) mod generate;
 pub(crate) mod info;
 pub(crate) mod init;
+pub(crate) mod man;
 pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod rollout;

@@ -6,6 +6,8 @@ mod args;
 mod commands;
 mod heatmap;
 mod progress;
+#[cfg(test)]
+mod reference;
 mod report;
 mod table;
 
@@ -36,6 +38,8 @@ fn main() -> ExitCode {
         Command::Generate(arguments) => commands::generate::generate(arguments, &context),
         Command::Show(arguments) => commands::show::show(arguments, &context),
         Command::Export(arguments) => commands::export::export(arguments, &context),
+        Command::Completions(arguments) => commands::completions::completions(arguments),
+        Command::Man(arguments) => commands::man::man(arguments, &context),
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -7,6 +7,18 @@
 //!
 //! Missing values are NaN everywhere. Time is nanoseconds as `i64`; computation uses seconds from the start of the
 //! episode ([`Block::seconds`]).
+//!
+//! ```
+//! use fleetfoot_data::{Column, Halo, MemorySource, Source};
+//!
+//! let mut log = MemorySource::new(vec![Column::float("v")]);
+//! log.push_uniform("run", 0.01, vec![vec![1.0, 2.0, 3.0, 4.0]]);
+//! // Two rows, with a neighbour on each side for differences.
+//! let block = log.read(0, 1..3, Halo { before: 1, after: 1 })?;
+//! assert_eq!(block.core(0), [2.0, 3.0]);
+//! assert_eq!(block.column(0), [1.0, 2.0, 3.0, 4.0]);
+//! # Ok::<(), fleetfoot_data::Error>(())
+//! ```
 
 mod block;
 mod column;

@@ -8,6 +8,27 @@
 //! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
+//!
+//! ```
+//! use fleetfoot_dynamics::{Method, Stepper, StepperWorkspace};
+//! use fleetfoot_library::{Expr, Scope};
+//! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
+//!
+//! // x' = -x, from 1, by one step of 0.1 s of the classical Runge-Kutta method: within 1e-7 of exp(-0.1).
+//! let column = Column { name: "x".into(), source: "x".into(), unit: None, role: Role::State, angle: false };
+//! let training = Training { state_covariance: vec![1.0], ..Training::default() };
+//! let mut decay = Model::new("given", vec![column], 0.1, training);
+//! let right = Expr::parse("-x", &Scope::new(["x"]))?;
+//! let prediction = Prediction::Derivative;
+//! decay.equations.push(Equation { subject: "x".into(), prediction, right, target: None, unit: None });
+//! let stepper = Stepper::new(&decay)?;
+//! let mut points = stepper.points(1);
+//! points.column_mut(0, 0)[0] = 1.0;
+//! let mut workspace = StepperWorkspace::default();
+//! let next = stepper.next(&mut points, 0.1, Method::Rk4, &mut workspace)[0];
+//! assert!((next - (-0.1f64).exp()).abs() < 1e-7);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod adaptive;
 mod affine;

@@ -12,6 +12,23 @@
 //!
 //! [`separable`] does the same for models that are linear in most of what is unknown, `sum_j c_kj phi_kj(x_i, theta)`: it searches over theta
 //! alone. Both take filters, such as a motor's first-order lag, with their constants among the parameters, and answer with standard errors.
+//!
+//! ```
+//! use fleetfoot_data::{Column, MemorySource, Silent};
+//! use fleetfoot_estimate::{Options, Parameter, Residual, nonlinear_least_squares};
+//! use fleetfoot_library::{Expr, Scope};
+//!
+//! // y = exp(-0.7 x): the rate is found from rows.
+//! let x: Vec<f64> = (0..50).map(|row| 0.1 * f64::from(row)).collect();
+//! let y = x.iter().map(|x| (-0.7 * x).exp()).collect();
+//! let mut rows = MemorySource::new(vec![Column::float("x"), Column::float("y")]);
+//! rows.push_uniform("run", 0.1, vec![x, y]);
+//! let scope = Scope::new(["x", "y", "rate"]);
+//! let residual = Residual::new(Expr::parse("y", &scope)?, Expr::parse("exp(-rate*x)", &scope)?);
+//! let found = nonlinear_least_squares(&[residual], &[Parameter::new("rate", 0.1)], &rows, &Options::default(), &Silent)?;
+//! assert!((found.values[0] - 0.7).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod covariance;
 mod descent;

@@ -2,6 +2,23 @@
 //!
 //! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] and [`fit_sparse`] make a [`Model`];
 //! [`score`], [`predict`] and [`rollout`] run one on files.
+//!
+//! ```
+//! use fleetfoot::{Recipe, Silent, SindyRequest, fit_sindy};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let folder = tempfile::tempdir()?;
+//! let log = folder.path().join("log.csv");
+//! // A cooling body: T' = -0.5 (T - 20), written in steps of 0.1 s.
+//! let row = |k: i32| format!("{},{}\n", 0.1 * f64::from(k), 20.0 + 60.0 * (-0.05 * f64::from(k)).exp());
+//! std::fs::write(&log, format!("t,T\n{}", (0..200).map(row).collect::<String>()))?;
+//! let recipe = Recipe::parse("[states]\nT = {}\n[library]\nfunctions = [\"poly(2)\"]\n", "example")?;
+//! let fitted = fit_sindy(&recipe, SindyRequest::default(), &[log][..], &Silent)?;
+//! let equations = fleetfoot::describe(&fitted.model, 1);
+//! assert!(equations.contains("f_T = 10 - 0.5*T"), "{equations}");
+//! # Ok(())
+//! # }
+//! ```
 
 // The fuzz targets' bodies, which the tests share, call this crate by its name.
 #[cfg(test)]
@@ -39,6 +56,11 @@ pub mod statistic;
 mod structure;
 mod task;
 mod wildcard;
+
+/// The page of the Rust API, whose examples are run with these.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/reference/rust.md")]
+pub struct RustPage;
 
 pub use controller::controller;
 pub use dataset::Dataset;

@@ -4,6 +4,19 @@
 //! [`Scope`] ([`Expr::parse`], where the grammar stands), printed so that it reads back equal, differentiated exactly
 //! ([`Expr::derivative`]), and compiled together with others into a [`Program`] that evaluates blocks of rows. A
 //! [`Filter`] is a column that remembers, provided by a [`Filtered`] source. A [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
+//!
+//! ```
+//! use fleetfoot_library::{Expr, Library, Scope};
+//!
+//! let scope = Scope::new(["x", "v"]);
+//! let energy = Expr::parse("v^2/2 - cos(x)", &scope)?;
+//! assert_eq!(energy.derivative("x").simplified().to_string(), "sin(x)");
+//! assert!(Expr::parse("v^2/2 - cos(y)", &scope).is_err());
+//!
+//! let library = Library::polynomial(&[Expr::column("x"), Expr::column("v")], 2)?;
+//! assert_eq!(library.names(), ["x", "v", "x^2", "x*v", "v^2"]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod central;
 mod derivative;

@@ -8,6 +8,20 @@
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
 //! range of rows; everything else (episodes, identities, categories over several files) is common to all formats, and to
 //! tables in memory ([`MemoryTable`]).
+//!
+//! ```
+//! use fleetfoot_data::{Halo, Source};
+//! use fleetfoot_log::{Selection, open};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let file = folder.path().join("log.csv");
+//! std::fs::write(&file, "t,v,u\n0.0,1.0,5\n0.1,1.5,5\n0.2,2.0,5\n9.0,0.0,0\n9.1,0.5,0\n9.2,0.8,0\n")?;
+//! let recording = open(&[file], &Selection::new(["v"]))?;
+//! // The gap of nine seconds ends an episode.
+//! assert_eq!(recording.episodes().len(), 2);
+//! assert_eq!(recording.read(1, 0..3, Halo::default())?.core(0), [0.0, 0.5, 0.8]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod atomic;
 mod channels;

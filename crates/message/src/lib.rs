@@ -6,6 +6,19 @@
 //!
 //! Field names are paths ([`FieldPath`]): `twist.twist.linear.x`, `orientation_covariance[4]`, and, where an array stands beside an array of
 //! names or its elements carry a name, `position[left_crank]`, `transforms[base_link].transform.translation.x`.
+//!
+//! ```
+//! use fleetfoot_message::codec;
+//!
+//! // A ROS 2 message of two numbers, as its schema and its bytes (CDR, little-endian) stand in an MCAP file.
+//! let codec = codec("cdr", Some(("robot/msg/Wheels", "ros2msg", b"float64 left\nfloat64 right\n")))?;
+//! let mut bytes = vec![0, 1, 0, 0];
+//! bytes.extend(1.5f64.to_le_bytes());
+//! bytes.extend((-0.5f64).to_le_bytes());
+//! let wheels = codec.value(&bytes)?;
+//! assert_eq!(wheels.field("right").and_then(|value| value.number()), Some(-0.5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod codec;
 mod error;

@@ -6,6 +6,26 @@
 //!
 //! All expressions inside a model speak of the model's own columns (aliases). How an alias comes from the fields of a log is part of
 //! the model too ([`Column::source`]), so that a model is scored on a new log without being told the columns again.
+//!
+//! ```
+//! use fleetfoot_library::{Expr, Scope};
+//! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training, describe};
+//!
+//! let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false };
+//! let columns = vec![column("q", Role::State), column("v", Role::State)];
+//! let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
+//! let mut pendulum = Model::new("given", columns, 0.01, training);
+//! let scope = Scope::new(["q", "v"]);
+//! for (subject, right) in [("q", "v"), ("v", "-9.81*sin(q) - 0.1*v")] {
+//!     let right = Expr::parse(right, &scope)?;
+//!     let prediction = Prediction::Derivative;
+//!     pendulum.equations.push(Equation { subject: subject.into(), prediction, right, target: None, unit: None });
+//! }
+//! assert!(describe(&pendulum, 1).contains("d(v)/dt = -9.81*sin(q) - 0.1*v"));
+//! let again = Model::from_json(&pendulum.to_json(), "pendulum.json")?;
+//! assert_eq!(again, pendulum);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod closed;
 mod column;

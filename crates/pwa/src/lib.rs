@@ -4,6 +4,21 @@
 //! state space is cut into regions by simple statistics of the observations, every region gets an affine model by least squares, and the number of regions
 //! is chosen by how well rows that did not train are predicted. [`identify`] does it in three passes over the rows, whatever the number of partitions,
 //! regions and folds.
+//!
+//! ```
+//! use fleetfoot_data::Silent;
+//! use fleetfoot_pwa::{KMeansOptions, Points, Start, kmeans};
+//!
+//! // Two clusters on a line, centred and scaled by 0 and 1.
+//! let x = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2];
+//! let points = Points::from_columns(&[&x], &[0.0], &[1.0])?;
+//! let options = KMeansOptions { k: 2, ..KMeansOptions::default() };
+//! let found = kmeans(&points, Start::PlusPlus { seed: 0, restarts: 3 }, &options, &Silent)?;
+//! let mut centroids = found.centroids.clone();
+//! centroids.sort_by(f64::total_cmp);
+//! assert!((centroids[0] - 0.1).abs() < 1e-6 && (centroids[1] - 5.1).abs() < 1e-6);
+//! # Ok::<(), fleetfoot_pwa::KMeansError>(())
+//! ```
 
 mod assemble;
 mod error;

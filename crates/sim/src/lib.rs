@@ -1,6 +1,19 @@
 //! Rapier worlds and analytic plants that produce logs.
 //!
 //! Recordings with known truth: what a method finds can be held against what is true.
+//!
+//! ```
+//! use fleetfoot_sim::{DcMotor, Supply};
+//!
+//! // A free motor on one volt, in steps of 1 ms: it ends where its drag and its friction balance the current.
+//! let motor = DcMotor { coulomb_friction: 0.0, ..DcMotor::default() };
+//! let mut rate = 0.0;
+//! for _ in 0..200 {
+//!     rate = motor.advance(Supply::Voltage(1.0), rate, 0.0, 1e-3);
+//! }
+//! let balance = motor.torque(Supply::Voltage(1.0), rate) - motor.viscous_friction * rate;
+//! assert!(rate > 40.0 && balance.abs() < 1e-9);
+//! ```
 
 pub mod excitation;
 pub mod hexapod;

@@ -14,6 +14,21 @@
 //!
 //! scikit-learn's `alpha` is this lambda, and its `Lasso`, `ElasticNet`, `LassoLars` and `lars_path_gram` have this objective with w = u = s = 1.
 //! glmnet rescales penalty factors to the sum p; here they are taken as they are.
+//!
+//! ```
+//! use fleetfoot_sparse::{LarsOptions, Penalty, Quadratic, lars};
+//! use fleetfoot_stats::Gram;
+//!
+//! // y = 2 a, beside a column b that says nothing: the whole path of the lasso from one statistic.
+//! let (a, b, y) = ([1.0, -1.0, 2.0, -2.0], [1.0, 1.0, -1.0, -1.0], [2.0, -2.0, 4.0, -4.0]);
+//! let gram = Gram::of_columns(&[&a, &b, &y], None);
+//! let problem = Quadratic::from_gram(&gram, &[0, 1], 2)?;
+//! let path = lars(&problem, &Penalty::default(), &LarsOptions::default())?;
+//! let least = path.knots.last().expect("a path has its beginning").dense(2);
+//! assert!((least[0] - 2.0).abs() < 1e-12 && least[1].abs() < 1e-12);
+//! assert!(path.knots.iter().all(|knot| knot.certificate.kkt < 1e-8));
+//! # Ok::<(), fleetfoot_sparse::SparseError>(())
+//! ```
 
 // methods
 pub mod adaptive;

@@ -1,4 +1,19 @@
 //! Mergeable statistics, the one reduction over rows, and the small solves.
+//!
+//! A statistic of rows is the same whether it was summed at once or in parts; a fit needs the statistic and no rows.
+//!
+//! ```
+//! use fleetfoot_stats::Gram;
+//!
+//! let (x, y) = ([0.0, 1.0, 2.0, 3.0], [1.0, 3.0, 5.0, 7.0]);
+//! let whole = Gram::of_columns(&[&x, &y], None);
+//! let mut merged = Gram::of_columns(&[&x[..1], &y[..1]], None);
+//! merged.merge(&Gram::of_columns(&[&x[1..], &y[1..]], None));
+//! assert_eq!(merged.rows, 4);
+//! assert!((merged.get(0, 1) - whole.get(0, 1)).abs() < 1e-14);
+//! // The slope of y over x: their centred product over the centred square of x.
+//! assert!((whole.get(0, 1) / whole.get(0, 0) - 2.0).abs() < 1e-14);
+//! ```
 
 // plan, keys, reduction
 mod bank;

@@ -16,7 +16,7 @@ pub(crate) struct FitNarx {
     #[command(flatten)]
     pub(crate) narx: NarxArgs,
     /// Partitions: average, zscore:1.5, kmeans:10, labels:COLUMN. Each region has terms of its own; of several (`average,kmeans:2,5,10`) one is
-    /// chosen by free runs.
+    /// chosen by free runs (default: average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// What partitions look at, separated by commas (default: the outputs).
@@ -36,7 +36,7 @@ pub(crate) struct FitNarx {
 /// What `[narx]` of the recipe says; a flag overrides it.
 #[derive(Debug, Args, Default)]
 pub(crate) struct NarxArgs {
-    /// Outputs, separated by commas: the recipe's states.
+    /// Outputs, separated by commas (default: the recipe's states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) outputs: Option<List>,
     /// Past values of every output (default: looked for).
@@ -55,7 +55,7 @@ pub(crate) struct NarxArgs {
     #[arg(long, value_name = "EFFORT")]
     pub(crate) effort: Option<String>,
     /// Functions of outputs and inputs of one row, separated by commas (`y, u, y^2, sqrt(max(y,0))`): the candidates are the lags of each, in the place of
-    /// products of lags.
+    /// products of lags (default: products of lags).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
@@ -71,10 +71,10 @@ pub(crate) struct NarxArgs {
     /// Spans of the training rows that are held out in turn (default: 5).
     #[arg(long, value_name = "N")]
     pub(crate) folds: Option<usize>,
-    /// Keep every n-th row.
+    /// Keep every n-th row (default: 1, all of them).
     #[arg(long, value_name = "N")]
     pub(crate) decimate: Option<usize>,
-    /// The last share of the rows of every episode, which does not train and is simulated.
+    /// The last share of the rows of every episode, which does not train and is simulated (default: 0).
     #[arg(long, value_name = "SHARE")]
     pub(crate) test_share: Option<f64>,
     /// Seed of k-means (default: 0).

@@ -67,7 +67,7 @@ pub(crate) struct SindyArgs {
     /// Thresholds are shares of the target's size instead of physical coefficients (default for --threshold auto).
     #[arg(long)]
     pub(crate) normalize: bool,
-    /// Number of terms of every equation, in place of a threshold.
+    /// Number of terms of every equation, in place of a threshold (default: by the threshold).
     #[arg(long, value_name = "N")]
     pub(crate) terms: Option<usize>,
     /// What the number of terms is chosen by: one-se (fewest within one standard error of the least held-out error), cv (least held-out error), aic, bic,
@@ -78,7 +78,7 @@ pub(crate) struct SindyArgs {
     /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
     #[arg(long, value_name = "FOLDS")]
     pub(crate) folds: Option<String>,
-    /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100`.
+    /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100` (default: one fit).
     #[arg(long, value_name = "WHAT[:N]")]
     pub(crate) ensemble: Option<String>,
     /// Share of an ensemble's fits that must have a term (default: 0.6).

@@ -18,13 +18,14 @@ pub(crate) struct FitSparse {
     /// A label of the episodes from the path of their file: `aircraft={dir1}` is the name of its folder; also {dir2}, {name}, {stem}; may be repeated.
     #[arg(long, value_name = "NAME=TEXT")]
     pub(crate) key: Vec<String>,
-    /// Fit a model for every value of this label: model_{value}.json, and a table of selection frequencies by value.
+    /// Fit a model for every value of this label: model_{value}.json, and a table of selection frequencies by value (default: one
+    /// model of all).
     #[arg(long, value_name = "LABEL")]
     pub(crate) by: Option<String>,
-    /// The Parquet file to write coefficients and selection frequencies to, a row a candidate.
+    /// The Parquet file to write coefficients and selection frequencies to, a row a candidate (default: none).
     #[arg(long, value_name = "FILE")]
     pub(crate) frequencies: Option<PathBuf>,
-    /// The `.stats` file to keep the statistic of the pass in: to fit again without one.
+    /// The `.stats` file to keep the statistic of the pass in: to fit again without one (default: none).
     #[arg(long, value_name = "STATS")]
     pub(crate) keep: Option<PathBuf>,
     /// Leave every episode out once, without another pass: which ones carry the fit (Cook's distance), and what it errs on episodes that it has not seen.
@@ -59,7 +60,7 @@ pub(crate) struct SparseArgs {
     #[arg(long)]
     pub(crate) adaptive: bool,
     /// Bolasso: keep what the replicates agree on. Resample rows (the paper's way; needs the logs), chunks or episodes, 128 times or as many as said:
-    /// `episodes:1000`.
+    /// `episodes:1000` (default: no bolasso).
     #[arg(long, value_name = "UNIT[:B]", conflicts_with = "stability")]
     pub(crate) bolasso: Option<String>,
     /// Share of the replicates that must select a column (default: 1, of a stability selection 0.9).
@@ -68,7 +69,7 @@ pub(crate) struct SparseArgs {
     /// Stability selection by complementary halves, with its bound on false selections.
     #[arg(long)]
     pub(crate) stability: bool,
-    /// Strength lambda_t of all priors.
+    /// Strength lambda_t of all priors (default: that of each prior, else 1).
     #[arg(long, value_name = "STRENGTH")]
     pub(crate) prior_strength: Option<f64>,
     /// Penalise coefficients in raw units instead of in those of their columns.

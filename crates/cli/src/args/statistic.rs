@@ -23,7 +23,7 @@ pub(crate) struct Scan {
     /// Add to the output if it exists, with its plan; logs that it has are skipped.
     #[arg(long, conflicts_with_all = ["force", "plan"])]
     pub(crate) append: bool,
-    /// Use the plan of another statistic, so that the two can be merged.
+    /// Use the plan of another statistic, so that the two can be merged (default: a plan of its own).
     #[arg(long, value_name = "STATS")]
     pub(crate) plan: Option<PathBuf>,
     /// Rows of a chunk, the smallest part of an episode that is kept apart (default: by the number of rows).
@@ -40,12 +40,16 @@ pub(crate) struct Scan {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Stats {
     /// Tell what a statistic holds: tasks, latents, episodes, conditions, sizes.
+    #[command(after_help = super::examples::STATS_INFO)]
     Info(StatsInfo),
     /// Join statistics of one plan.
+    #[command(after_help = super::examples::STATS_MERGE)]
     Merge(StatsMerge),
     /// Take episodes out of a statistic.
+    #[command(after_help = super::examples::STATS_DROP)]
     Drop(StatsDrop),
     /// Join the chunks of every episode: a smaller file, without what lies within episodes.
+    #[command(after_help = super::examples::STATS_COMPACT)]
     Compact(StatsCompact),
 }
 

@@ -290,8 +290,7 @@ class ElasticNetCV(_PathCV):
     ----------
     l1_ratio : float in [0, 1] or list of them, default=0.5
         The share of the l1 penalty, or those that are compared.
-    eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state,
-    selection
+    eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state, selection
         As for :class:`LassoCV`.
 
     Attributes

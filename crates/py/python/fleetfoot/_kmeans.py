@@ -72,7 +72,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         Iterations of the start that counts.
     n_features_in_ : int
         Number of features.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape ``(n_features_in_,)``
         Their names, where X has any.
 
     Notes

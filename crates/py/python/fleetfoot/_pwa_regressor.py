@@ -66,15 +66,15 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     Attributes
     ----------
-    coef_ : ndarray of shape (n_regions_, n_targets, n_features)
+    coef_ : ndarray of shape ``(n_regions_, n_targets, n_features)``
         The linear maps, a target's unit over a feature's.
-    intercept_ : ndarray of shape (n_regions_, n_targets)
+    intercept_ : ndarray of shape ``(n_regions_, n_targets)``
         The constants, in the units of the targets.
-    centers_ : ndarray of shape (n_regions_, n_partition_features), or None
+    centers_ : ndarray of shape ``(n_regions_, n_partition_features)``, or None
         Centres of the regions, in the units of the features; None where the partition is not by k-means.
     labels_ : ndarray of shape (n_samples,), int32
         The region of each training row.
-    counts_ : ndarray of shape (n_regions_,)
+    counts_ : ndarray of shape ``(n_regions_,)``
         Training rows in each region.
     n_regions_ : int
         Regions. Fewer than asked for where there are fewer different rows.

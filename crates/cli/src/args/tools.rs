@@ -1,0 +1,19 @@
+//! Arguments of `completions` and `man`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+#[derive(Debug, Args)]
+pub(crate) struct Completions {
+    /// The shell.
+    #[arg(value_enum, value_name = "SHELL")]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Man {
+    /// Folder of the pages: fleetfoot.1, fleetfoot-fit-pwa.1, ...
+    #[arg(short, long, value_name = "DIR", default_value = "man")]
+    pub(crate) output: PathBuf,
+}

@@ -1,0 +1,55 @@
+//! `fleetfoot man`: manual pages, made from the arguments.
+
+use clap::CommandFactory;
+use fleetfoot::{Error, log::write_atomic};
+use serde_json::json;
+
+use super::Context;
+use crate::args::{Cli, Man};
+
+pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
+    let mut command = Cli::command().disable_help_subcommand(true);
+    command.build();
+    let pages = pages(&command);
+    let folder = &arguments.output;
+    let refused = |problem: std::io::Error| Error::Request(format!("{} cannot be made: {problem}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(refused)?;
+    let mut files = Vec::new();
+    for (name, page) in &pages {
+        let path = folder.join(name);
+        write_atomic(&path, page)?;
+        files.push(path.display().to_string());
+    }
+    context.print(&json!({ "files": files }), || format!("wrote {}", files.join(", ")));
+    Ok(())
+}
+
+/// The page of a command and those of all commands below it, by file name.
+fn pages(command: &clap::Command) -> Vec<(String, Vec<u8>)> {
+    let page = clap_mangen::Man::new(command.clone());
+    let mut text = Vec::new();
+    // Writing to memory does not fail.
+    let _ = page.render(&mut text);
+    let own = (page.get_filename(), text);
+    let below = command.get_subcommands().filter(|below| !below.is_hide_set()).flat_map(pages);
+    std::iter::once(own).chain(below).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_has_a_page() {
+        let mut command = Cli::command().disable_help_subcommand(true);
+        command.build();
+        let pages = pages(&command);
+        let of = |name: &str| {
+            let page = pages.iter().find(|(own, _)| own == name).unwrap_or_else(|| panic!("no {name}"));
+            String::from_utf8_lossy(&page.1).into_owned()
+        };
+        assert!(of("fleetfoot.1").contains("fleetfoot\\-fit"));
+        assert!(of("fleetfoot-fit-pwa.1").contains("\\-\\-partition"));
+        assert!(of("fleetfoot-stats-merge.1").contains("EXTRA"), "the examples are missing");
+    }
+}

@@ -1,0 +1,66 @@
+"""Holds a built site against two promises: no link within it is broken, and no page loads anything from elsewhere.
+
+    python docs/check_site.py target/site
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+#: What a page loads by itself.
+LOADED = {("script", "src"), ("img", "src"), ("source", "srcset"), ("iframe", "src"), ("video", "src")}
+
+
+class Page(HTMLParser):
+    """Links, loaded files and anchors of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+        self.anchors: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attributes}
+        self.anchors.update(given[name] for name in ("id", "name") if name in given)
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        loads = tag == "link" and given.get("rel") in ("stylesheet", "preload", "icon", "modulepreload")
+        self.loaded += [given["href"]] if loads else [given[name] for own, name in LOADED if own == tag and name in given]
+
+
+def problems(root: Path) -> list[str]:
+    # Rust's documentation is rustdoc's own.
+    paths = [path.resolve() for path in root.rglob("*.html") if "rust" not in path.relative_to(root).parts]
+    pages = {path: Page(path) for path in paths}
+    found = []
+    for path, page in pages.items():
+        place = path.relative_to(root.resolve())
+        found += [f"{place} loads {url}" for url in page.loaded if urlsplit(url).scheme in ("http", "https")]
+        for link in page.links + page.loaded:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc or link.startswith("#!"):
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            if "rust" in target.relative_to(root.resolve()).parts[:1] and not (root / "rust").is_dir():
+                continue
+            if not target.exists():
+                found.append(f"{place}: {link}: there is no such file")
+            elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].anchors:
+                found.append(f"{place}: {link}: there is no such place in the page")
+    for style in root.rglob("*.css"):
+        if "rust" not in style.relative_to(root).parts:
+            urls = re.findall(r"url\(\s*[\"']?(https?://[^)\"']+)", style.read_text(encoding="utf-8"))
+            found += [f"{style.relative_to(root)} loads {url}" for url in urls]
+    return found
+
+
+if __name__ == "__main__":
+    wrong = problems(Path(sys.argv[1]))
+    print("\n".join(wrong) or "no link is broken, and nothing is loaded from elsewhere")
+    sys.exit(bool(wrong))
