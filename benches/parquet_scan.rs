@@ -12,7 +12,7 @@ use std::{
     time::Instant,
 };
 
-use fleetfoot::{Input, InputTable, Recipe, State, fit_pwa, pwa::Options};
+use fleetfoot::{Input, InputTable, PwaRequest, Recipe, State, fit_pwa};
 use fleetfoot_benches::peak_rss_mib;
 use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, thread_count};
 use fleetfoot_log::{ParquetWriter, Selection, Values, WriteColumn, WriteKind, WriteOptions, open};
@@ -94,10 +94,9 @@ fn full_fit(path: &Path) -> Result<()> {
         }
     }
     recipe.model.partition = Some("kmeans:10".into());
-    let mut options = Options::default();
-    options.folds = 0;
-    options.iterations = 25;
-    let fitted = fit_pwa(&recipe, &options, None, &[path.to_path_buf()], &Silent)?;
+    recipe.pwa.folds = Some(0);
+    recipe.pwa.iterations = Some(25);
+    let fitted = fit_pwa(&recipe, PwaRequest::default(), &[path.to_path_buf()], &Silent)?;
     let found = &fitted.identification;
     // The oscillations are smooth: their rates follow from the states but for the noise on both.
     let regions: u64 = found.model.partitions[0].regions.iter().map(|region| region.rows).sum();

@@ -393,7 +393,6 @@ fn bad_input_is_explained() {
         (with(&states, &["--library", "poly(12)"]), &["300", "455", "fewer candidates"]),
         (with(&states, &["--threshold", "-1"]), &["threshold = -1", "zero or more"]),
         (with(&states, &["--threshold", "big"]), &["threshold = big", "auto"]),
-        (with(&states, &["--optimizer", "magic"]), &["optimizer = magic", "stlsq"]),
         (with(&states, &["--optimizer", "frols", "--threshold", "0.1"]), &["frols has no threshold"]),
         (with(&states, &["--ensemble", "rows:10"]), &["ensemble = rows:10", "chunks"]),
         (with(&states, &["--nominal", "q=1"]), &["`q` is not a state"]),
@@ -411,6 +410,10 @@ fn bad_input_is_explained() {
         assert_eq!(said.code, 1, "{arguments:?}: {}{}", said.out, said.err);
         said.fails(words);
     }
+    let said = fit(path, &with(&states, &["--optimizer", "magic"]));
+    assert!(said.code == 2 && said.err.contains("magic") && said.err.contains("stlsq"), "{}", said.err);
+    fs::write(path.join("r.toml"), "[sindy]\noptimizer = \"magic\"\n").unwrap();
+    fit(path, &with(&states, &["-c", "r.toml"])).fails(&["r.toml", "optimizer = \"magic\"", "`stlsq`"]);
     fs::write(path.join("r.toml"), "[states]\nx = { known = \"y\", nominal = \"z\" }\ny = {}\n").unwrap();
     fit(path, &["-c", "r.toml", "lorenz.csv"]).fails(&["[states] x", "`known`", "nominal"]);
     fs::write(path.join("r.toml"), "[states]\nx = { libary = [\"sin\"] }\n").unwrap();

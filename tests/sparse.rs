@@ -284,7 +284,6 @@ fn what_cannot_be_done_is_said() {
         (["--folds", "1"], ["folds = 1", "episodes"]),
         (["--bolasso", "days"], ["bolasso = days", "chunks"]),
         (["--threshold", "2"], ["threshold = 2", "at most 1"]),
-        (["--select", "best"], ["select = best", "one-se"]),
     ] {
         let all: Vec<&str> = ["-c", RECIPE, "runs"].into_iter().chain(flags).collect();
         fit(path, &all).fails(&words);

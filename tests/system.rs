@@ -16,6 +16,7 @@ mod real_data;
 mod replayed;
 mod robot_logs;
 mod runner;
+mod settings;
 mod sindy;
 mod sparse;
 mod stats_files;

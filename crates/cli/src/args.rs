@@ -12,9 +12,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
-pub(crate) use narx::{FitNarx, NarxArgs};
-pub(crate) use sindy::{FitSindy, SindyArgs};
-pub(crate) use sparse::{FitSparse, SparseArgs};
+use fleetfoot::PwaSection;
+pub(crate) use narx::FitNarx;
+pub(crate) use sindy::{EquationArgs, FitSindy};
+pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
 pub(crate) use tools::{Completions, Man};
 
@@ -252,24 +253,6 @@ pub(crate) enum StampArg {
     Publish,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Select {
-    /// The smallest model whose cross-validated error is within one standard error of the best.
-    Cv,
-    /// The lowest Bayesian information criterion, with the effective sample size.
-    Bic,
-    /// The least error of rollouts over --horizon steps on spans that did not train.
-    Rollout,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Unseen {
-    /// An error.
-    Refuse,
-    /// They get a model fitted on all rows.
-    Pool,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct FitPwa {
     /// Files, globs or folders.
@@ -284,39 +267,8 @@ pub(crate) struct FitPwa {
     /// What partitions look at, separated by commas (default: the states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) partition_on: Option<List>,
-    /// How one of several partitions is chosen.
-    #[arg(long, value_enum, default_value = "cv")]
-    pub(crate) select: Select,
-    /// Steps of the rollouts that --select rollout, or a span of `over:auto`, compares (default: 50).
-    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) horizon: Option<u32>,
-    /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode; 0 for none.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(0..=100))]
-    pub(crate) folds: u16,
-    /// Gap between held-out and training rows of one episode (default: a tenth of the held-out span).
-    #[arg(long, value_name = "SECONDS")]
-    pub(crate) purge: Option<f64>,
-    /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation).
-    #[arg(long, value_name = "ROWS", default_value = "0")]
-    pub(crate) shrinkage: String,
-    /// What happens to labels that were not seen in training.
-    #[arg(long, value_enum, default_value = "refuse")]
-    pub(crate) unseen_labels: Unseen,
-    /// Seed of k-means++.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Restarts of k-means; the best is kept.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(crate) restarts: usize,
-    /// Iterations of k-means at most.
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    pub(crate) iterations: usize,
-    /// Memory for the rows that k-means keeps; beyond it a sample is clustered.
-    #[arg(long, value_name = "MiB", default_value_t = 512)]
-    pub(crate) memory: usize,
-    /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix.
-    #[arg(long)]
-    pub(crate) tsqr: bool,
+    #[command(flatten)]
+    pub(crate) pwa: PwaSection,
     /// Write the models of all partitions, not only the chosen one, beside it: model_average.json, model_kmeans10.json, ...
     #[arg(long)]
     pub(crate) keep_all: bool,
@@ -506,12 +458,106 @@ pub(crate) struct Generate {
 
 #[cfg(test)]
 mod tests {
-    use super::List;
+    use clap::{CommandFactory, Parser};
+    use fleetfoot::{ModelSection, NarxSection, PwaSection, Recipe, Settings, SindySection, SparseSection};
+
+    use super::{Cli, Command, Fit, List};
 
     #[test]
     fn lists_split_at_the_commas_between_items() {
         let list: List = "y, lag(y,1),`odd, name`,a[0,1]".parse().unwrap();
         assert_eq!(list.0, ["y", "lag(y,1)", "`odd, name`", "a[0,1]"]);
         assert!("a,,b".parse::<List>().is_err());
+    }
+
+    /// Two values that a flag takes.
+    fn values(argument: &clap::Arg) -> [String; 2] {
+        match argument.get_possible_values().as_slice() {
+            [first, second, ..] => [first, second].map(|value| value.get_name().to_owned()),
+            _ => ["2", "3"].map(str::to_owned),
+        }
+    }
+
+    /// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
+    fn walk<S: Settings>(of: fn(&Fit) -> Option<&S>) {
+        let told = S::augment_args(clap::Command::new("settings"));
+        let mut found = Vec::new();
+        for argument in told.get_arguments() {
+            let entry = argument.get_id().as_str();
+            let flag = |value: &str| -> S {
+                let flag = format!("--{}={value}", entry.replace('_', "-"));
+                let cli = Cli::try_parse_from(["fleetfoot", "fit", S::SECTION, "log.csv", &flag]);
+                let cli = cli.unwrap_or_else(|problem| panic!("{flag}: {problem}"));
+                let Command::Fit(fit) = cli.command else { panic!("{flag}: no fit") };
+                of(&fit).unwrap_or_else(|| panic!("{flag}: another method")).clone()
+            };
+            let [said, other] = values(argument).map(|value| flag(&value));
+            assert!(said != other && said != S::default(), "--{entry} changes nothing");
+            let mut recipe = Recipe::default();
+            *S::of(&mut recipe) = other.clone();
+            let text = recipe.to_toml();
+            assert!(text.starts_with(&format!("[{}]\n{entry} = ", S::SECTION)), "{entry}: {text}");
+            let mut recipe = Recipe::parse(&text, "the recipe").unwrap();
+            recipe.say(S::default());
+            assert_eq!(*S::of(&mut recipe), other, "{entry}: the recipe stands above the default");
+            recipe.say(said.clone());
+            assert_eq!(*S::of(&mut recipe), said, "{entry}: the flag stands above the recipe");
+            found.push(entry.to_owned());
+        }
+        assert_eq!(found, S::ENTRIES, "[{}]", S::SECTION);
+    }
+
+    #[test]
+    fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
+        walk::<PwaSection>(|fit| match fit {
+            Fit::Pwa(own) => Some(&own.pwa),
+            _ => None,
+        });
+        walk::<SparseSection>(|fit| match fit {
+            Fit::Sparse(own) => Some(&own.sparse),
+            _ => None,
+        });
+        walk::<SindySection>(|fit| match fit {
+            Fit::Sindy(own) => Some(&own.sindy),
+            _ => None,
+        });
+        walk::<NarxSection>(|fit| match fit {
+            Fit::Narx(own) => Some(&own.narx),
+            _ => None,
+        });
+    }
+
+    #[test]
+    fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
+        let model = ModelSection {
+            predict: Some("next".into()),
+            degree: Some(2),
+            lags: Some(1),
+            weight: Some("w".into()),
+            partition: Some("average".into()),
+            partition_on: Some(vec!["x".into()]),
+        };
+        let recipe = Recipe { model, ..Recipe::default() };
+        let text = recipe.to_toml();
+        let entries = text.lines().filter_map(|line| line.split_once(" = ")).map(|(entry, _)| entry.to_owned());
+        let entries: Vec<String> = entries.collect();
+        assert_eq!(entries.len(), 6, "{text}");
+        let mut command = Cli::command();
+        let fit = command.find_subcommand_mut("fit").unwrap();
+        for method in ["pwa", "sindy", "narx"] {
+            let own = fit.find_subcommand_mut(method).unwrap();
+            for entry in &entries {
+                assert!(own.get_arguments().any(|argument| argument.get_id() == entry.as_str()), "{method}: {entry}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_sound_and_each_command_says_what_it_does() {
+        Cli::command().debug_assert();
+        let mut command = Cli::command();
+        let fit = command.find_subcommand_mut("fit").unwrap();
+        let about = fit.find_subcommand_mut("pwa").unwrap().get_about().unwrap().to_string();
+        assert_eq!(about, "A piecewise-affine model");
     }
 }

@@ -1,5 +1,7 @@
 //! From files and a recipe to a piecewise-affine model.
 
+mod options;
+
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::{Progress, Source};
@@ -8,12 +10,20 @@ use fleetfoot_model::Prediction;
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Specification};
 
 use crate::{
-    Dataset, Derivative, Error, HORIZON, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule, Task, dataset,
+    Dataset, Derivative, Error, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule, Task, dataset,
     left_out::left_out,
     not_finite,
     output::{refuse_not_finite, write_model},
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };
+pub use options::PwaOptions;
+
+/// What is wanted beside the model.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PwaRequest {
+    /// The models of all partitions, not only the chosen one.
+    pub keep_all: bool,
+}
 
 /// What a fit found, and on what.
 #[derive(Debug, Clone)]
@@ -32,7 +42,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// Writes the models of all candidates beside the chosen one's file, if they were kept ([`Options::keep_all`]); tells the files, in the
+    /// Writes the models of all candidates beside the chosen one's file, if they were kept ([`PwaRequest::keep_all`]); tells the files, in the
     /// order of the candidates.
     ///
     /// # Errors
@@ -82,6 +92,14 @@ pub struct FitPlan {
     pub targets: usize,
     /// Partitions to choose from.
     pub partitions: usize,
+    /// How partitions and open spans would be compared by rollouts, where they would be.
+    pub rollouts: Option<RolloutRule>,
+    /// How many spans would be compared; 1 where none is open.
+    pub spans: usize,
+    /// Passes over the rows, at most.
+    pub passes: usize,
+    /// Those among them that the choice by rollouts takes.
+    pub choice_passes: usize,
     /// Rows that k-means keeps.
     pub clustered_rows: usize,
     /// Bytes, about.
@@ -91,27 +109,28 @@ pub struct FitPlan {
 }
 
 /// Opens the files and tells what [`fit_pwa`] would do. Robots' logs are not decoded for it.
-pub fn plan_pwa(
-    recipe: &Recipe,
-    options: &Options,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<FitPlan, Error> {
+///
+/// # Errors
+/// Those of the recipe and of opening.
+pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<FitPlan, Error> {
     let logs = &logs.into();
-    let options = with_partitions(recipe, options)?;
+    let options = PwaOptions::new(recipe)?;
+    let (rollouts, spans) = (options.rollouts, candidates(recipe).len());
+    // The training rows of a fold are fewer, so that its passes are less than the fit's own.
+    let choice_passes = rollouts.map_or(0, |rule| PASSES * rule.folds * spans);
     let recipe = &settled(recipe, None);
     let (task, columns, rows, episodes, decoded, notes) =
-        match dataset::estimate(recipe, &labels(&options), logs, progress)? {
+        match dataset::estimate(recipe, &options.labels(), logs, progress)? {
             Some((task, columns, cost)) => {
                 (task, columns, cost.rows as usize, None, Some((cost.decoded_bytes, cost.cached)), Vec::new())
             }
             None => {
-                let (dataset, task) = Dataset::for_recipe(recipe, &labels(&options), logs, progress)?;
+                let (dataset, task) = Dataset::for_recipe(recipe, &options.labels(), logs, progress)?;
                 let (episodes, notes) = (dataset.episodes().len(), dataset.notes().to_vec());
                 (task, dataset.columns(), dataset.rows(), Some(episodes), None, notes)
             }
         };
-    let cost = fleetfoot_pwa::cost(&task.problem, &options, rows);
+    let cost = fleetfoot_pwa::cost(&task.problem, &options.identification, rows);
     Ok(FitPlan {
         files: logs.len(),
         episodes,
@@ -120,24 +139,19 @@ pub fn plan_pwa(
         columns,
         regressors: task.problem.library.len(),
         targets: task.problem.equations.iter().filter(|equation| equation.target.is_some()).count(),
-        partitions: options.partitions.len(),
+        partitions: options.identification.partitions.len(),
+        rollouts,
+        spans,
+        passes: PASSES + choice_passes,
+        choice_passes,
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
         notes,
     })
 }
 
-fn with_partitions(recipe: &Recipe, options: &Options) -> Result<Options, Error> {
-    let mut options = options.clone();
-    if let Some(text) = &recipe.model.partition {
-        options.partitions = Specification::parse_list(text)?;
-    }
-    Ok(options)
-}
-
-fn labels(options: &Options) -> Vec<String> {
-    options.partitions.iter().filter_map(|p| p.label().map(str::to_owned)).collect()
-}
+/// Passes of one identification: survey, scan, errors.
+const PASSES: usize = 3;
 
 /// All expressions over the aliases that a row needs.
 fn functions(task: &Task) -> Vec<Expr> {
@@ -146,68 +160,37 @@ fn functions(task: &Task) -> Vec<Expr> {
     problem.library.iter().chain(targets).chain(&problem.partition_columns).chain(&problem.weight).cloned().collect()
 }
 
-/// Fits a piecewise-affine model.
+/// Fits a piecewise-affine model as the recipe says: its partitions, else one region; chosen as `[pwa]` says.
 ///
-/// The partitions are `options.partitions` when given there explicitly, else the recipe's, else one region. `purge` is the gap between held-out
-/// and training rows, seconds; `None`: a tenth of a held-out span. Where a state's span is open (`derivative = { over = "auto" }`), it is chosen with the partition as in
-/// [`fit_pwa_by_rollouts`].
+/// Where `[pwa]` asks for it, and where a state's span is open (`derivative = { over = "auto" }`), the partition (and the span) are those whose rollouts on spans that
+/// did not train err least: the models that are compared are fitted on the training rows of each fold. The model carries the recipe as it was said, which finds it again.
 ///
 /// # Errors
-/// Those of the recipe, of reading and of identifying.
+/// Those of the recipe, of reading and of identifying; held-out spans shorter than the rollouts; every candidate of a choice by rollouts diverges.
 pub fn fit_pwa(
     recipe: &Recipe,
-    options: &Options,
-    purge: Option<f64>,
+    request: PwaRequest,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
-    let rule = (!open_spans(recipe).is_empty()).then(|| RolloutRule::new(HORIZON));
-    fit(recipe, options, (purge, rule), &logs.into(), progress)
-}
-
-/// [`fit_pwa`], where the partition (and the spans that are open) are those whose rollouts on spans that did not train err least: the models that are compared are
-/// fitted on the training rows of each fold.
-///
-/// # Errors
-/// Those of [`fit_pwa`]; held-out spans shorter than the rollouts; every candidate diverges.
-pub fn fit_pwa_by_rollouts(
-    recipe: &Recipe,
-    options: &Options,
-    purge: Option<f64>,
-    rule: RolloutRule,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<Fitted, Error> {
-    fit(recipe, options, (purge, Some(rule)), &logs.into(), progress)
-}
-
-fn fit(
-    recipe: &Recipe,
-    options: &Options,
-    (purge, rule): (Option<f64>, Option<RolloutRule>),
-    logs: &Logs,
-    progress: &dyn Progress,
-) -> Result<Fitted, Error> {
-    let mut options = with_partitions(recipe, options)?;
-    let (dataset, mut task) = Dataset::for_recipe(&settled(recipe, None), &labels(&options), logs, progress)?;
-    if let (Some(seconds), true) = (purge, dataset.step() > 0.0) {
-        options.purge = Some(options.purge.unwrap_or(0).max((seconds / dataset.step()).ceil() as usize));
-    }
+    let logs = &logs.into();
+    let said = PwaOptions::new(recipe)?;
+    let (dataset, mut task) = Dataset::for_recipe(&settled(recipe, None), &said.labels(), logs, progress)?;
+    let mut options = said.of_step(dataset.step());
+    options.keep_all = request.keep_all;
     let view = dataset.view()?;
-    let mut used = recipe.clone();
     let mut rollouts = None;
-    if let Some(rule) = rule {
+    if let Some(rule) = said.rollouts {
         let choice = by_rollouts(recipe, &task.problem, &options, &view, rule, progress)?;
-        let over = choice.candidates[choice.chosen].over;
         options.selection = Selection::Given(choice.chosen % options.partitions.len());
-        (task.problem, used) = (spanned(recipe, &task.problem, over), settled(recipe, over));
+        task.problem = spanned(recipe, &task.problem, choice.candidates[choice.chosen].over);
         rollouts = Some(choice);
     }
     let found = fleetfoot_pwa::identify(&task.problem, &options, &view, progress);
     let mut identification =
         found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task)))?;
     refuse_not_finite(&identification.model)?;
-    let text = used.to_toml();
+    let text = recipe.to_toml();
     for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
         model.training.recipe.clone_from(&text);
     }

@@ -73,6 +73,7 @@ fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     if !labels.is_empty() {
         let _ = writeln!(out, "# columns that may be labels: {}", labels.join(", "));
     }
+    method_section(&mut out);
     episodes_section(&mut out);
     out
 }
@@ -139,6 +140,14 @@ fn model_section(out: &mut String) {
     let _ = writeln!(out, "# degree = 1               # of the polynomial library in each region");
     let _ = writeln!(out, "# lags = 0                 # past rows beside the present one");
     let _ = writeln!(out, "# partition = \"kmeans:10\"  # or null, average, zscore:1.5, labels:COLUMN");
+}
+
+fn method_section(out: &mut String) {
+    let _ = writeln!(
+        out,
+        "\n# How `fit pwa` goes; [sparse], [sindy] and [narx] likewise. Every entry is the flag of the same name."
+    );
+    let _ = writeln!(out, "# [pwa]\n# select = \"cv\"            # or bic, rollout\n# folds = 10");
 }
 
 fn episodes_section(out: &mut String) {

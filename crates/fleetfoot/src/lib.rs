@@ -66,7 +66,7 @@ pub use controller::controller;
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
-pub use fit::{FitPlan, Fitted, fit_pwa, fit_pwa_by_rollouts, plan_pwa, rival};
+pub use fit::{FitPlan, Fitted, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use init::starter_recipe;
 pub use json::{interval_in_words, replayed_in_words};
@@ -74,15 +74,16 @@ pub use known::{KnownModel, is_known, known_model};
 pub use list::items;
 pub use logs::Logs;
 pub use narx::{
-    Effort, FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
-    NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
+    Effort, FileRun, FileRuns, GivenAs, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions,
+    NarxRegion, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule,
+    TermRule, fit_narx,
 };
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
     Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection,
-    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, Recipe, SindySection, SpanDerivative,
-    SparseSection, State, TaskSection, Threshold, Time,
+    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PwaSection, Recipe,
+    Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};

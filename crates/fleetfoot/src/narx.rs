@@ -15,7 +15,7 @@ mod terms;
 pub use effort::Effort;
 pub use fit::{NarxFitted, NarxRequest, fit_narx};
 pub use look::{NarxSearch, NarxStage};
-pub use options::{GivenOrder, NarxOptions, NarxSelection, OrderRule, TermRule};
+pub use options::{GivenAs, GivenOrder, NarxOptions, NarxSelection, OrderRule, TermRule};
 pub use report::{NarxEquation, NarxRegion, NarxReport, NarxScores, NarxTerm};
 pub(crate) use runs::free_runs_by_file;
 pub use runs::{FileRun, FileRuns, MeanRun};

@@ -11,12 +11,17 @@ use crate::Error;
 
 mod derivative;
 mod narx;
+mod pwa;
+mod settings;
 mod sindy;
 mod sparse;
 
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use narx::{NarxSection, NarxTerms};
-pub use sindy::{LibrarySection, Normalize, ParameterSection, SindySection, Threshold};
+pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
+pub(crate) use settings::seed;
+pub use settings::{Settings, Tunable};
+pub use sindy::{LibrarySection, Normalize, ParameterSection, SindySection};
 pub use sparse::{LatentSection, SparseSection, TaskSection};
 
 /// What a user says about the recordings and the model.
@@ -38,6 +43,9 @@ pub struct Recipe {
     /// What the latents are regressed on.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub tasks: IndexMap<String, TaskSection>,
+    /// How a piecewise-affine model is found: what the flags of `fit pwa` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub pwa: PwaSection,
     /// How a sparse regression goes: what the flags of `fit sparse` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub sparse: SparseSection,
@@ -277,6 +285,22 @@ impl Recipe {
         Self::parse(&text, &path.display().to_string())
     }
 
+    /// Reads a recipe from JSON of the same shape; `name` is its origin, for messages.
+    ///
+    /// # Errors
+    /// What cannot be understood, with the place in the recipe as TOML.
+    pub fn from_json(text: &str, name: &str) -> Result<Self, Error> {
+        let refused =
+            |problem: serde_json::Error| Error::Recipe { name: name.to_owned(), problem: problem.to_string() };
+        serde_json::from_str(text).map_err(|problem| {
+            // TOML tells the line that is at fault, JSON of one line does not.
+            let value: Option<serde_json::Value> = serde_json::from_str(text).ok();
+            let told =
+                value.and_then(|value| toml::to_string(&value).ok()).and_then(|toml| Self::parse(&toml, name).err());
+            told.unwrap_or_else(|| refused(problem))
+        })
+    }
+
     /// The recipe as TOML.
     pub fn to_toml(&self) -> String {
         // Plain tables of strings and numbers always serialise.
@@ -322,6 +346,38 @@ terrain = "grass"
         assert_eq!(recipe.states["yaw"].kind, Some(Kind::Angle));
         assert_eq!(recipe.time.max_gap, Some(Gap::Seconds(0.5)));
         assert_eq!(Recipe::parse(&recipe.to_toml(), "again").unwrap(), recipe);
+    }
+
+    #[test]
+    fn json_is_the_same_recipe_and_its_errors_have_a_place() {
+        let recipe = Recipe::parse(TEXT, "test").unwrap();
+        let json = serde_json::to_string(&recipe).unwrap();
+        assert_eq!(Recipe::from_json(&json, "json").unwrap(), recipe);
+        let error =
+            Recipe::from_json(r#"{"pwa": {"seed": 1, "select": "best"}}"#, "the recipe").unwrap_err().to_string();
+        assert!(error.contains("select = \"best\"") && error.contains("`rollout`"), "{error}");
+        assert!(Recipe::from_json("{", "the recipe").unwrap_err().to_string().contains("the recipe"));
+    }
+
+    #[test]
+    fn what_is_said_stands_above_the_recipe_and_silences_what_contradicts_it() {
+        let text = "[pwa]\nfolds = 4\nseed = 3\n[sindy]\nterms = 3\nridge = 0.1\n[sparse]\nstability = true\n[latents]\nT = { of = [\"x\"], prior_strength = 2.0 }\n";
+        let mut recipe = Recipe::parse(text, "test").unwrap();
+        recipe.say(PwaSection { folds: Some(8), tsqr: Some(false), ..PwaSection::default() });
+        let expected = PwaSection { folds: Some(8), tsqr: Some(false), seed: Some(3), ..PwaSection::default() };
+        assert_eq!(recipe.pwa, expected);
+        recipe.say(SindySection { threshold: Some(Tunable::Number(0.5)), ..SindySection::default() });
+        assert_eq!((recipe.sindy.terms, recipe.sindy.ridge), (None, Some(0.1)));
+        recipe.say(SindySection { terms: Some(2), ..SindySection::default() });
+        assert_eq!((recipe.sindy.terms, recipe.sindy.threshold.clone()), (Some(2), None));
+        recipe.say(SparseSection {
+            bolasso: Some("chunks".into()),
+            prior_strength: Some(0.5),
+            ..SparseSection::default()
+        });
+        assert_eq!((recipe.sparse.stability, recipe.latents["T"].prior_strength), (None, None));
+        recipe.say(SparseSection { stability: Some(true), ..SparseSection::default() });
+        assert_eq!((recipe.sparse.stability, recipe.sparse.bolasso.clone()), (Some(true), None));
     }
 
     #[test]

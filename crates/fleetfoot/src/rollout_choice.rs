@@ -29,11 +29,6 @@ impl RolloutRule {
     pub fn new(horizon: usize) -> Self {
         Self { horizon, folds: 5, starts: 50 }
     }
-
-    /// How many spans are compared for a recipe: one where none is open.
-    pub fn spans(&self, recipe: &Recipe) -> usize {
-        candidates(recipe).len()
-    }
 }
 
 /// Spans that `over = "auto"` compares, rows; a central difference competes with them.

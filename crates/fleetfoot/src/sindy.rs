@@ -108,6 +108,8 @@ pub fn fit_sindy(
         let recipe = settled(recipe, choice.candidates[choice.chosen].over);
         (Evidence::of_logs(&recipe, options.seed, logs, progress)?, recipe, Some(choice))
     };
+    // Those of a statistic stand above the recipe of its scan.
+    let options = SindyOptions::new(&recipe.sindy)?;
     let mut notes = std::mem::take(&mut evidence.notes);
     let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
     let regions: Vec<Vec<Solved>> = (0..evidence.scan.regions())

@@ -168,11 +168,8 @@ impl Evidence {
         let mut recipe = recipe.clone();
         if says_nothing {
             let (mut own, _) = file.task()?;
-            if recipe.sparse.prior_strength.is_some() {
-                own.latents.values_mut().for_each(|latent| latent.prior_strength = None);
-            }
-            let sparse = std::mem::take(&mut recipe.sparse).over(&own.sparse);
-            recipe = Recipe { sparse, ..own };
+            own.say(recipe.sparse);
+            recipe = own;
         }
         let task = file.resolve(&recipe)?;
         Ok(Self { file, task, recipe, rows: None, notes: Vec::new() })

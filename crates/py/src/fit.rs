@@ -3,23 +3,21 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    NarxRequest, Recipe, SindyRequest, SparseRequest,
-    log::Cache,
-    model::UnseenLabel,
-    pwa::{Options, Selection, Shrinkage},
+    NarxRequest, NarxSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest, SindySection, SparseRequest,
+    SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
 use crate::{
     data::Data,
-    error::Kind,
+    error::{Kind, of_engine},
     model::Model,
     run::{guard, run},
 };
 
 /// A recipe from JSON.
 pub(crate) fn recipe(text: &str) -> PyResult<Recipe> {
-    serde_json::from_str(text).map_err(|error| Kind::Request.error(format!("the recipe: {error}")))
+    Recipe::from_json(text, "the recipe").map_err(of_engine)
 }
 
 /// With a folder for the decoded columns of robots' logs.
@@ -32,78 +30,44 @@ pub(crate) fn with_cache(mut recipe: Recipe, cache: Option<PathBuf>) -> Recipe {
 #[pyfunction]
 pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
     guard(|| {
-        let recipe = Recipe::parse(text, name).map_err(crate::error::of_engine)?;
+        let recipe = Recipe::parse(text, name).map_err(of_engine)?;
         serde_json::to_string(&recipe).map_err(|error| Kind::Internal.error(error))
     })
 }
 
-/// How a piecewise-affine fit goes, beside the recipe.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct PwaOptions {
-    folds: u16,
-    purge: f64,
-    select: String,
-    /// Rows; `None`: chosen.
-    shrinkage: Option<f64>,
-    unseen_labels: String,
-    seed: u64,
-    restarts: usize,
-    iterations: usize,
-    tsqr: bool,
-    keep_all: bool,
-    memory: usize,
+/// What the methods' sections of `said` say above those of `recipe`, both JSON: the rule by which flags stand above a recipe.
+#[pyfunction]
+pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
+    guard(|| {
+        let mut found = recipe(recipe_text)?;
+        found.say_all(&recipe(said)?);
+        serde_json::to_string(&found).map_err(|error| Kind::Internal.error(error))
+    })
 }
 
-impl PwaOptions {
-    fn options(&self) -> PyResult<Options> {
-        let refused = |what: &str, allowed: &str| Kind::Request.error(format!("{what}: give {allowed}"));
-        let mut options = Options::default();
-        options.folds = self.folds;
-        options.selection = match self.select.as_str() {
-            "cv" => Selection::CrossValidation,
-            "bic" => Selection::Bic,
-            other => return Err(refused(&format!("select={other:?}"), "'cv' or 'bic'")),
-        };
-        options.shrinkage = match self.shrinkage {
-            None => Shrinkage::Auto,
-            Some(rows) if rows >= 0.0 && rows.is_finite() => Shrinkage::Rows(rows),
-            Some(other) => return Err(refused(&format!("shrinkage={other}"), "a number of rows, or 'auto'")),
-        };
-        options.unseen = match self.unseen_labels.as_str() {
-            "refuse" => UnseenLabel::Refuse,
-            "pool" => UnseenLabel::Pool,
-            other => return Err(refused(&format!("unseen_labels={other:?}"), "'refuse' or 'pool'")),
-        };
-        if !(self.purge >= 0.0 && self.purge.is_finite()) {
-            return Err(refused(&format!("purge={}", self.purge), "seconds, zero or more"));
-        }
-        options.seed = self.seed;
-        options.restarts = self.restarts;
-        options.iterations = self.iterations;
-        options.tsqr = self.tsqr;
-        options.keep_all = self.keep_all;
-        options.memory = self.memory;
-        Ok(options)
+/// The sections of a recipe that say how methods go, and the names of their entries.
+#[pyfunction]
+pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
+    fn of<S: Settings>() -> (&'static str, Vec<&'static str>) {
+        (S::SECTION, S::ENTRIES.to_vec())
     }
+    vec![of::<PwaSection>(), of::<SparseSection>(), of::<SindySection>(), of::<NarxSection>()]
 }
 
 /// A piecewise-affine model: the chosen one, its report, and with `keep_all` the models of all candidates.
 #[pyfunction]
-#[pyo3(signature = (data, recipe_text, options, cache=None, progress=None))]
+#[pyo3(signature = (data, recipe_text, keep_all=false, cache=None, progress=None))]
 pub(crate) fn fit_pwa(
     py: Python<'_>,
     data: &Data,
     recipe_text: &str,
-    options: PwaOptions,
+    keep_all: bool,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, String, Vec<Model>)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
-    // 0 is Python's word for the default.
-    let purge = Some(options.purge).filter(|purge| *purge > 0.0);
-    let options = options.options()?;
-    let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, &options, purge, &data.logs, progress))?;
+    let request = PwaRequest { keep_all };
+    let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, request, &data.logs, progress))?;
     let report = fitted.to_json().to_string();
     let found = fitted.identification;
     Ok((Model::new(found.model)?, report, found.models.into_iter().map(Model::new).collect::<PyResult<_>>()?))

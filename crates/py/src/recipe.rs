@@ -1,6 +1,6 @@
 //! Recipes from what Python gives.
 
-use fleetfoot::{Error, Recipe, Time};
+use fleetfoot::{Recipe, Time};
 use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
@@ -18,13 +18,8 @@ pub(crate) fn recipe(
     unit: Option<String>,
     dt: Option<f64>,
 ) -> PyResult<String> {
-    let mut recipe = if is_json {
-        serde_json::from_str(text)
-            .map_err(|error| Error::Recipe { name: origin.to_owned(), problem: error.to_string() })
-    } else {
-        Recipe::parse(text, origin)
-    }
-    .map_err(of_engine)?;
+    let mut recipe =
+        if is_json { Recipe::from_json(text, origin) } else { Recipe::parse(text, origin) }.map_err(of_engine)?;
     if let Some(dt) = dt
         && !(dt > 0.0 && dt.is_finite())
     {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use fleetfoot::SindySection;
 
 use super::{List, RecipeArgs};
 
@@ -14,7 +15,9 @@ pub(crate) struct FitSindy {
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
-    pub(crate) sindy: SindyArgs,
+    pub(crate) equations: EquationArgs,
+    #[command(flatten)]
+    pub(crate) sindy: SindySection,
     /// Equations in every region of a partition: kmeans:5, zscore:1.5, labels:COLUMN, labels:COLUMN+kmeans:3 (default: one region).
     #[arg(short, long, value_name = "PARTITION")]
     pub(crate) partition: Option<String>,
@@ -38,9 +41,9 @@ pub(crate) struct FitSindy {
     pub(crate) output: PathBuf,
 }
 
-/// What `[library]`, `[states]`, `[parameters]` and `[sindy]` of the recipe say; a flag overrides it.
+/// What `[library]`, `[states]` and `[parameters]` of the recipe say; a flag overrides it.
 #[derive(Debug, Args, Default)]
-pub(crate) struct SindyArgs {
+pub(crate) struct EquationArgs {
     /// Candidate functions, separated by commas: poly(3), sin, fourier(2), poly(1)*sin, past(5, every=2), `V^2*alpha`
     /// (default: poly(2), or the monomials up to --degree).
     #[arg(long, value_name = "ITEMS")]
@@ -54,37 +57,4 @@ pub(crate) struct SindyArgs {
     /// A number inside expressions that is not known, and where its search begins: `tau=0.05`, with bounds `tau=0.05 in 0.01..0.3`; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) parameter: Vec<String>,
-    /// How terms are found: auto (thresholds of stlsq and backward elimination together), stlsq, sr3, ssr, frols, lasso, ols (default: auto; stlsq for a given
-    /// threshold).
-    #[arg(long, value_name = "NAME")]
-    pub(crate) optimizer: Option<String>,
-    /// Smallest coefficient that stays, of stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
-    pub(crate) threshold: Option<String>,
-    /// Weight of the squared coefficients while terms are chosen by stlsq (default: 0.05 for a given threshold, 0 for auto).
-    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
-    pub(crate) ridge: Option<f64>,
-    /// Thresholds are shares of the target's size instead of physical coefficients (default for --threshold auto).
-    #[arg(long)]
-    pub(crate) normalize: bool,
-    /// Number of terms of every equation, in place of a threshold (default: by the threshold).
-    #[arg(long, value_name = "N")]
-    pub(crate) terms: Option<usize>,
-    /// What the number of terms is chosen by: one-se (fewest within one standard error of the least held-out error), cv (least held-out error), aic, bic,
-    /// ebic (default: one-se).
-    #[arg(long, value_name = "RULE")]
-    pub(crate) select: Option<String>,
-    /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
-    /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
-    #[arg(long, value_name = "FOLDS")]
-    pub(crate) folds: Option<String>,
-    /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100` (default: one fit).
-    #[arg(long, value_name = "WHAT[:N]")]
-    pub(crate) ensemble: Option<String>,
-    /// Share of an ensemble's fits that must have a term (default: 0.6).
-    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
-    pub(crate) inclusion: Option<f64>,
-    /// Seed of everything random (default: 0).
-    #[arg(long, value_name = "SEED")]
-    pub(crate) seed: Option<u64>,
 }

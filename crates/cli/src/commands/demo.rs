@@ -8,13 +8,13 @@ mod table_one;
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{
-    Error, Model, Projected, Recipe,
+    Error, Model, Projected, PwaRequest, Recipe,
     demo::{DemoLogs, differential_drive, gaits, generate_logs},
     dynamics::{PlaneCell, RolloutOptions, Starts},
     fit_pwa,
     generate::RunReport,
     log::Cache,
-    pwa::{Options, Specification},
+    pwa::Specification,
     rival, write_model,
 };
 use serde_json::{Map, Value, json};
@@ -152,15 +152,14 @@ impl Demo<'_> {
     fn fit(&mut self, logs: &DemoLogs) -> Result<(), Error> {
         let mut recipe = self.cached(Recipe::read(&logs.training.recipe)?);
         recipe.model.partition = Some(PARTITIONS.to_owned());
-        let mut options = Options::default();
-        options.keep_all = true;
+        recipe.pwa.purge = Some(PURGE);
         let (recipe_file, path) = (quoted(&logs.training.recipe.display().to_string()), self.model());
         let (data, output) = (self.training_data(logs), self.word(MODEL));
         let purge = PURGE.to_string();
         let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
         self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
         let bar = self.context.bar();
-        let fitted = fit_pwa(&recipe, &options, Some(PURGE), &logs.training_files(), &bar);
+        let fitted = fit_pwa(&recipe, PwaRequest { keep_all: true }, &logs.training_files(), &bar);
         bar.finish();
         let fitted = fitted?;
         write_model(&fitted.identification.model, &path)?;

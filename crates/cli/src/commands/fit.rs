@@ -1,18 +1,17 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Derivative, Error, Fitted, Gap, HORIZON, Input, InputTable, Kind, Recipe, RolloutCandidate, RolloutChoice,
-    RolloutRule, fit_pwa, fit_pwa_by_rollouts, is_known,
+    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, PwaRequest, Recipe, RolloutCandidate, RolloutChoice,
+    fit_pwa, is_known,
     log::{Cache, Stamp},
-    model::UnseenLabel,
-    pwa::{Options, Selection, Shrinkage, Specification},
+    pwa::Specification,
     rival, write_model,
 };
 use serde_json::json;
 
 use super::{Context, files, fit_known, is_replaced, read_by, with};
 use crate::{
-    args::{ChannelArgs, FitPwa, RecipeArgs, Select, StampArg, TimeArgs, Unseen},
+    args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
     table::{bytes, count, number, ratio, table},
 };
 
@@ -24,22 +23,18 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
+    recipe.say(arguments.pwa.clone());
     recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
     if is_known(&recipe) && !arguments.dry_run {
         return fit_known::known(&recipe, &files, &arguments.output, context);
     }
-    let options = options(arguments)?;
-    let rule = rule(arguments, &recipe)?;
     if arguments.dry_run {
-        return dry_run(&recipe, &options, rule.as_ref(), &files, context);
+        return dry_run(&recipe, &files, context);
     }
     let bar = context.bar();
-    let fitted = match rule {
-        Some(rule) => fit_pwa_by_rollouts(&recipe, &options, arguments.purge, rule, &files, &bar),
-        None => fit_pwa(&recipe, &options, arguments.purge, &files, &bar),
-    };
+    let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
     bar.finish();
     let fitted = fitted?;
     write_model(&fitted.identification.model, &arguments.output)?;
@@ -72,59 +67,9 @@ pub(crate) fn horizon(recipe: &Recipe, steps: Option<u32>) -> Result<Option<usiz
     }
 }
 
-/// How partitions and open spans are compared by rollouts, where they are.
-fn rule(arguments: &FitPwa, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
-    let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
-    match (arguments.horizon, open || arguments.select == Select::Rollout) {
-        (horizon, true) => Ok(Some(RolloutRule::new(horizon.map_or(HORIZON, |steps| steps as usize)))),
-        (None, false) => Ok(None),
-        (Some(steps), false) => Err(Error::conflict(format!(
-            "--horizon {steps}: nothing is chosen by rollouts; add --select rollout, or leave it away"
-        ))),
-    }
-}
-
-fn options(arguments: &FitPwa) -> Result<Options, Error> {
-    let mut options = Options::default();
-    options.folds = arguments.folds;
-    options.selection = match arguments.select {
-        Select::Cv => Selection::CrossValidation,
-        Select::Bic => Selection::Bic,
-        // Settled by the rollouts before it is asked for.
-        Select::Rollout => Selection::CrossValidation,
-    };
-    options.shrinkage = match arguments.shrinkage.as_str() {
-        "auto" => Shrinkage::Auto,
-        text => match text.parse::<f64>() {
-            Ok(rows) if rows >= 0.0 && rows.is_finite() => Shrinkage::Rows(rows),
-            _ => return Err(Error::value(format!("--shrinkage {text}: write a number of rows, or auto"))),
-        },
-    };
-    options.unseen = match arguments.unseen_labels {
-        Unseen::Refuse => UnseenLabel::Refuse,
-        Unseen::Pool => UnseenLabel::Pool,
-    };
-    if let Some(purge) = arguments.purge.filter(|purge| !(*purge >= 0.0 && purge.is_finite())) {
-        return Err(Error::value(format!("--purge {purge}: write seconds")));
-    }
-    options.seed = arguments.seed;
-    options.restarts = arguments.restarts.max(1);
-    options.iterations = arguments.iterations.max(1);
-    options.tsqr = arguments.tsqr;
-    options.keep_all = arguments.keep_all;
-    options.memory = arguments.memory << 20;
-    Ok(options)
-}
-
-fn dry_run(
-    recipe: &Recipe,
-    options: &Options,
-    rule: Option<&RolloutRule>,
-    files: &[std::path::PathBuf],
-    context: &Context,
-) -> Result<(), Error> {
+fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> Result<(), Error> {
     let bar = context.bar();
-    let plan = fleetfoot::plan_pwa(recipe, options, files, &bar);
+    let plan = fleetfoot::plan_pwa(recipe, files, &bar);
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
@@ -140,15 +85,12 @@ fn dry_run(
         Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
         Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
     };
-    // A pass less each than the fit itself counts: the training rows of a fold are fewer.
-    let passes = 3 + rule.map_or(0, |rule| 3 * rule.folds * rule.spans(recipe));
-    let rollouts = rule.map_or_else(String::new, |rule| {
-        let candidates = rule.spans(recipe) * plan.partitions;
+    let passes = plan.passes;
+    let rollouts = plan.rollouts.map_or_else(String::new, |rule| {
+        let candidates = plan.spans * plan.partitions;
         let (folds, starts, horizon) = (rule.folds, rule.starts, rule.horizon);
-        format!(
-            "; of them {} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most",
-            passes - 3
-        )
+        let of_choice = plan.choice_passes;
+        format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
     });
     context.print(
         &json!({

@@ -1,14 +1,14 @@
 //! `fleetfoot fit narx`.
 
 use fleetfoot::{
-    Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxTerms, Recipe,
+    Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, Recipe,
     dynamics::Baseline, fit_narx, replayed_in_words, write_model,
 };
 use serde_json::{Value, json};
 
 use super::{Context, files, fit, read_by, with};
 use crate::{
-    args::{FitNarx, NarxArgs},
+    args::FitNarx,
     table::{count, number, ratio, table},
 };
 
@@ -17,7 +17,7 @@ const BEST: usize = 10;
 
 pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> {
     let mut recipe = fit::recipe(&arguments.recipe)?;
-    apply(&mut recipe, &arguments.narx);
+    apply(&mut recipe, arguments);
     if let Some(partition) = &arguments.partition {
         recipe.model.partition = Some(partition.clone());
     }
@@ -41,30 +41,14 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
 }
 
 /// Flags stand above the recipe.
-fn apply(recipe: &mut Recipe, arguments: &NarxArgs) {
+fn apply(recipe: &mut Recipe, arguments: &FitNarx) {
     for output in arguments.outputs.iter().flat_map(|list| &list.0) {
         recipe.states.entry(output.clone()).or_default();
     }
-    let narx = &mut recipe.narx;
-    narx.lags_out = arguments.lags_out.or(narx.lags_out);
-    narx.lags_in = arguments.lags_in.or(narx.lags_in);
-    narx.direct = arguments.direct.then_some(true).or(narx.direct);
-    narx.order = arguments.order.clone().or(narx.order.take());
-    narx.effort = arguments.effort.clone().or(narx.effort.take());
     if let Some(items) = &arguments.library {
         recipe.library.functions.clone_from(&items.0);
     }
-    let narx = &mut recipe.narx;
-    if let Some(text) = &arguments.terms {
-        narx.terms = Some(text.parse().map_or_else(|_| NarxTerms::Word(text.clone()), NarxTerms::Number));
-    }
-    narx.max_terms = arguments.max_terms.or(narx.max_terms);
-    narx.select = arguments.select.clone().or(narx.select.take());
-    narx.folds = arguments.folds.or(narx.folds);
-    narx.decimate = arguments.decimate.or(narx.decimate);
-    narx.test_share = arguments.test_share.or(narx.test_share);
-    narx.seed = arguments.seed.or(narx.seed);
-    narx.starts = arguments.starts.or(narx.starts);
+    recipe.say(arguments.narx.clone());
 }
 
 fn to_text(report: &NarxReport, tried: bool) -> String {

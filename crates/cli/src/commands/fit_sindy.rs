@@ -3,21 +3,21 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    EquationReport, Error, FrontPoint, Normalize, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted,
-    SindyPlan, SindyReport, SindyRequest, Threshold, estimate::Uncertain, fit_sindy, is_known, is_statistic,
-    plan_sindy, write_model,
+    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
+    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
 };
 use serde_json::json;
 
 use super::{Context, files, fit, fit_known, read_by, with};
 use crate::{
-    args::{FitSindy, SindyArgs},
+    args::{EquationArgs, FitSindy},
     table::{bytes, count, number, ratio, table},
 };
 
 pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
     let mut recipe = fit::recipe(&arguments.recipe)?;
-    apply(&mut recipe, &arguments.sindy)?;
+    apply(&mut recipe, &arguments.equations)?;
+    recipe.say(arguments.sindy.clone());
     recipe.model.partition = arguments.partition.clone().or(recipe.model.partition.take());
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
@@ -55,7 +55,7 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
 }
 
 /// Flags stand above the recipe.
-fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
+fn apply(recipe: &mut Recipe, arguments: &EquationArgs) -> Result<(), Error> {
     if let Some(items) = &arguments.library {
         recipe.library.functions.clone_from(&items.0);
     }
@@ -73,23 +73,6 @@ fn apply(recipe: &mut Recipe, arguments: &SindyArgs) -> Result<(), Error> {
         let (name, section) = parameter(text)?;
         recipe.parameters.insert(name, section);
     }
-    let sindy = &mut recipe.sindy;
-    sindy.optimizer = arguments.optimizer.clone().or(sindy.optimizer.take());
-    if let Some(text) = &arguments.threshold {
-        sindy.threshold = Some(text.parse().map_or_else(|_| Threshold::Word(text.clone()), Threshold::Number));
-        sindy.terms = None;
-    }
-    if arguments.terms.is_some() {
-        sindy.terms = arguments.terms;
-        sindy.threshold = sindy.threshold.take().filter(|_| arguments.threshold.is_some());
-    }
-    sindy.ridge = arguments.ridge.or(sindy.ridge);
-    sindy.normalize = arguments.normalize.then_some(Normalize::Choice(true)).or(sindy.normalize.take());
-    sindy.select = arguments.select.clone().or(sindy.select.take());
-    sindy.folds = arguments.folds.clone().or(sindy.folds.take());
-    sindy.ensemble = arguments.ensemble.clone().or(sindy.ensemble.take());
-    sindy.inclusion = arguments.inclusion.or(sindy.inclusion);
-    sindy.seed = arguments.seed.or(sindy.seed);
     Ok(())
 }
 

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::{Context, files, fit, read_by, with};
 use crate::{
-    args::{FitSparse, SparseArgs},
+    args::FitSparse,
     table::{bytes, count, number, ratio, table},
 };
 
@@ -23,7 +23,7 @@ const MOST_EPISODES: usize = 10;
 
 pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Error> {
     let mut recipe = fit::recipe(&arguments.recipe)?;
-    apply(&mut recipe, &arguments.sparse);
+    recipe.say(arguments.sparse.clone());
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
     let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
     let read = read_by(&files, &arguments.recipe.recipe);
@@ -67,30 +67,6 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
 
 fn path_of(found: &SparseFitted, arguments: &FitSparse) -> PathBuf {
     found.value.as_ref().map_or_else(|| arguments.output.clone(), |value| file_by_value(&arguments.output, value))
-}
-
-/// Flags stand above the recipe.
-fn apply(recipe: &mut Recipe, arguments: &SparseArgs) {
-    let sparse = &mut recipe.sparse;
-    sparse.lambda = arguments.lambda.clone().or(sparse.lambda.take());
-    sparse.select = arguments.select.clone().or(sparse.select.take());
-    sparse.folds = arguments.folds.clone().or(sparse.folds.take());
-    sparse.l1_ratio = arguments.l1_ratio.or(sparse.l1_ratio);
-    sparse.adaptive = arguments.adaptive.then_some(true).or(sparse.adaptive);
-    if arguments.bolasso.is_some() {
-        sparse.stability = None;
-    }
-    sparse.bolasso = arguments.bolasso.clone().or(sparse.bolasso.take());
-    if arguments.stability {
-        (sparse.stability, sparse.bolasso) = (Some(true), None);
-    }
-    sparse.threshold = arguments.threshold.or(sparse.threshold);
-    sparse.unscaled = arguments.unscaled.then_some(true).or(sparse.unscaled);
-    sparse.seed = arguments.seed.or(sparse.seed);
-    if arguments.prior_strength.is_some() {
-        sparse.prior_strength = arguments.prior_strength;
-        recipe.latents.values_mut().for_each(|latent| latent.prior_strength = None);
-    }
 }
 
 fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &Context) -> Result<(), Error> {

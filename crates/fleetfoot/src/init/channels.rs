@@ -5,7 +5,9 @@ use std::{collections::BTreeMap, fmt::Write};
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_log::TopicInfo;
 
-use super::{episodes_section, heading, key, model_section, names::Names, quaternions, states_heading, text};
+use super::{
+    episodes_section, heading, key, method_section, model_section, names::Names, quaternions, states_heading, text,
+};
 
 /// Ends of an odometry's fields and the names that they get, with what the model makes of them.
 const ODOMETRY: [(&str, &str); 5] = [
@@ -59,6 +61,7 @@ pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
         "# and whole numbers held, quaternions by slerp, never across a gap of more than five of their periods."
     );
     let _ = writeln!(out, "# [join]\n# \"/gripper.state\" = {{ kind = \"hold\", max_gap = \"none\" }}");
+    method_section(&mut out);
     episodes_section(&mut out);
     out
 }

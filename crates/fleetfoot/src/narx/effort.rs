@@ -1,9 +1,11 @@
 //! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
 
 use fleetfoot_sparse::narx::NarxOrder;
+use serde::{Deserialize, Serialize};
 
 /// How far a search goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum Effort {
     /// Few lags, small libraries.
     Low,
@@ -15,10 +17,6 @@ pub enum Effort {
 }
 
 impl Effort {
-    pub(crate) fn parse(word: &str) -> Option<Self> {
-        [Self::Low, Self::Normal, Self::High].into_iter().find(|effort| effort.word() == word)
-    }
-
     /// As users write it.
     pub fn word(self) -> &'static str {
         match self {
@@ -135,7 +133,5 @@ mod tests {
         assert_eq!(budget.admit(orders(), 1.0, cost, |_| false), [order(1), order(2)]);
         assert_eq!((budget.spent, budget.cut.as_slice()), (180_000_000, &[order(3), order(7)][..]));
         assert_eq!(budget.admit(vec![order(2)], 1.0, cost, |_| false), [order(2)]);
-        assert_eq!(Effort::parse("high"), Some(Effort::High));
-        assert_eq!(Effort::parse("most"), None);
     }
 }

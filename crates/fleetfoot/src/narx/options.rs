@@ -2,9 +2,10 @@
 
 use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::narx::NarxOrder;
+use serde::{Deserialize, Serialize};
 
 use super::Effort;
-use crate::{Criterion, Error, NarxSection, NarxTerms, Recipe, sparse_fit::words};
+use crate::{Criterion, Error, NarxSection, NarxTerms, Recipe, recipe::seed};
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,13 +25,49 @@ impl TermRule {
     }
 }
 
-/// What order, terms and partition are chosen by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What order, terms and partition are chosen by: `free-run`, or a [`Criterion`] of one-step errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
 pub enum NarxSelection {
     /// The error of simulations of spans that did not train.
+    #[default]
     FreeRun,
     /// One-step errors.
+    #[serde(untagged)]
     OneStep(Criterion),
+}
+
+impl clap::ValueEnum for NarxSelection {
+    fn value_variants<'a>() -> &'a [Self] {
+        use Criterion::{Aic, Bic, CrossValidation, Ebic, OneStandardError};
+        &[
+            Self::FreeRun,
+            Self::OneStep(OneStandardError),
+            Self::OneStep(CrossValidation),
+            Self::OneStep(Aic),
+            Self::OneStep(Bic),
+            Self::OneStep(Ebic),
+        ]
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        match self {
+            Self::FreeRun => {
+                Some(clap::builder::PossibleValue::new("free-run").help("Simulations of spans that did not train"))
+            }
+            Self::OneStep(criterion) => criterion.to_possible_value(),
+        }
+    }
+}
+
+/// Whether lags and degree that are given are those of the model, or its limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum GivenAs {
+    /// They are the model's; 2 where they are not given.
+    Fixed,
+    /// The best up to them.
+    Auto,
 }
 
 /// Where lags, degree and the inputs at once come from.
@@ -109,7 +146,7 @@ impl NarxOptions {
     /// A word or number that is not allowed, with those that are.
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
         let section = &recipe.narx;
-        let selection = selection(section)?;
+        let selection = section.select.unwrap_or_default();
         let terms = terms(section)?;
         let order = order(recipe, selection, terms)?;
         let partitions = match &recipe.model.partition {
@@ -123,14 +160,14 @@ impl NarxOptions {
         }
         let options = Self {
             order,
-            effort: effort(section)?,
+            effort: section.effort.unwrap_or_default(),
             terms,
             selection,
             folds: within("folds", section.folds.unwrap_or(FOLDS), 2, 1_000)?,
             decimate: within("decimate", section.decimate.unwrap_or(1), 1, 1_000_000)?,
             test_share: section.test_share.unwrap_or(0.0),
             partitions,
-            seed: section.seed.unwrap_or(0),
+            seed: seed("narx", section.seed)?,
             starts: within("starts", section.starts.unwrap_or(1), 1, 1_000)?,
         };
         if !(0.0..1.0).contains(&options.test_share) {
@@ -186,20 +223,14 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
     }
     let all = given.or(USUAL);
     let whole = given.outputs.is_some() && given.inputs.is_some() && given.degree.is_some() && given.direct.is_some();
-    Ok(match section.order.as_deref() {
-        Some("fixed") => OrderRule::Fixed(all),
-        Some("auto") => OrderRule::UpTo(all),
+    Ok(match section.order {
+        Some(GivenAs::Fixed) => OrderRule::Fixed(all),
+        Some(GivenAs::Auto) => OrderRule::UpTo(all),
         // Criteria of one-step errors compare orders that are named.
         None if selection != NarxSelection::FreeRun => OrderRule::Fixed(all),
         None if whole && !matches!(terms, TermRule::Auto(_)) => OrderRule::Fixed(all),
         None => OrderRule::Look(given),
-        Some(other) => return Err(refused("order", other, "fixed or auto, or leave it away")),
     })
-}
-
-fn effort(section: &NarxSection) -> Result<Effort, Error> {
-    let word = section.effort.as_deref().unwrap_or(Effort::default().word());
-    Effort::parse(word).ok_or_else(|| refused("effort", word, "low, normal or high"))
 }
 
 fn terms(section: &NarxSection) -> Result<TermRule, Error> {
@@ -211,15 +242,6 @@ fn terms(section: &NarxSection) -> Result<TermRule, Error> {
         Some(NarxTerms::Number(count)) if *count > 0 => Ok(TermRule::Count(*count)),
         Some(NarxTerms::Number(count)) => Err(refused("terms", count, "auto, all, or a number from 1 on")),
         Some(NarxTerms::Word(word)) => Err(refused("terms", word, "auto, all, or a number from 1 on")),
-    }
-}
-
-fn selection(section: &NarxSection) -> Result<NarxSelection, Error> {
-    match section.select.as_deref() {
-        None | Some("free-run") => Ok(NarxSelection::FreeRun),
-        Some(word) => words::criterion(word)
-            .map(NarxSelection::OneStep)
-            .ok_or_else(|| refused("select", word, "free-run, one-se, cv, aic, bic or ebic")),
     }
 }
 
@@ -284,9 +306,9 @@ mod tests {
             ("[narx]\nlags_in = 2", &["no inputs", "--inputs"]),
             ("[narx]\nterms = 0", &["terms = 0", "from 1 on"]),
             ("[narx]\nterms = \"many\"", &["terms = many", "auto"]),
-            ("[narx]\norder = \"best\"", &["order = best", "auto"]),
-            ("[narx]\nselect = \"r2\"", &["select = r2", "free-run"]),
-            ("[narx]\neffort = \"all\"", &["effort = all", "normal"]),
+            ("[narx]\norder = \"best\"", &["order = \"best\"", "`auto`"]),
+            ("[narx]\nselect = \"r2\"", &["select = \"r2\"", "free-run"]),
+            ("[narx]\neffort = \"all\"", &["effort = \"all\"", "`normal`"]),
             ("[library]\nfunctions = [\"u\"]\n[model]\ndegree = 2", &["degree = 2", "added up"]),
             ("[narx]\nfolds = 1", &["folds = 1", "2 to"]),
             ("[narx]\nstarts = 3\nselect = \"bic\"", &["starts = 3", "free runs only"]),

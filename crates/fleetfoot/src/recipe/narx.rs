@@ -2,49 +2,53 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NarxSection {
-    /// Past values of every output: `y(k-1)` to `y(k-lags_out)`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lags_out: Option<usize>,
-    /// Past values of every input: `u(k-1)` to `u(k-lags_in)`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lags_in: Option<usize>,
-    /// Whether inputs act at once: `u(k)` beside their past.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub direct: Option<bool>,
-    /// `fixed`: lags and degree as they are given, 2 where they are not; `auto`: the best up to them. Without: what is not given is looked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub order: Option<String>,
-    /// How far what is not given is looked for: `low`, `normal`, `high`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub effort: Option<String>,
-    /// Terms of every equation: a number, `auto`, or `all`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub terms: Option<NarxTerms>,
-    /// The most terms that `auto` tries.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_terms: Option<usize>,
-    /// What order, terms and partition are chosen by: `free-run`, `one-se`, `cv`, `aic`, `bic`, `ebic`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub select: Option<String>,
-    /// Spans of the training rows that are held out in turn.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub folds: Option<usize>,
-    /// Every n-th row only.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub decimate: Option<usize>,
-    /// The last share of the rows of every episode, which does not train and is run freely.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub test_share: Option<f64>,
-    /// Seed of k-means.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u64>,
-    /// Clusterings of every k-means to choose from.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub starts: Option<usize>,
+use super::settings::settings;
+use crate::{Effort, GivenAs, NarxSelection};
+
+settings! {
+    narx, |_, _| {};
+    /// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
+    pub struct NarxSection {
+        /// Past values of every output, y(k-1) to y(k-N) (default: looked for).
+        #[arg(long, value_name = "N")]
+        pub lags_out: usize,
+        /// Past values of every input, u(k-1) to u(k-N) (default: looked for).
+        #[arg(long, value_name = "N")]
+        pub lags_in: usize,
+        /// Inputs act at once: u(k) stands beside its past (default: looked for, unless --lags-in is given).
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub direct: bool,
+        /// What lags and degree are that are given (default: what is not given is looked for).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub order: GivenAs,
+        /// How far what is not given is looked for: a count of work, never of seconds (default: normal).
+        #[arg(long, value_enum, value_name = "EFFORT")]
+        pub effort: Effort,
+        /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
+        #[arg(long, value_name = "N")]
+        pub terms: NarxTerms,
+        /// The most terms that auto tries (default: 20).
+        #[arg(long, value_name = "N")]
+        pub max_terms: usize,
+        /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub select: NarxSelection,
+        /// Spans of the training rows that are held out in turn (default: 5).
+        #[arg(long, value_name = "N")]
+        pub folds: usize,
+        /// Keep every n-th row.
+        #[arg(long, value_name = "N")]
+        pub decimate: usize,
+        /// The last share of the rows of every episode, which does not train and is simulated.
+        #[arg(long, value_name = "SHARE")]
+        pub test_share: f64,
+        /// Seed of k-means (default: 0).
+        #[arg(long, value_name = "SEED")]
+        pub seed: u64,
+        /// Clusterings of every k-means to choose from by free runs, from the seed and the next ones (default: 1).
+        #[arg(long, value_name = "N")]
+        pub starts: usize,
+    }
 }
 
 /// A number of terms, or a word.
@@ -55,4 +59,12 @@ pub enum NarxTerms {
     Number(usize),
     /// `auto` or `all`.
     Word(String),
+}
+
+impl std::str::FromStr for NarxTerms {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(text.parse().map_or_else(|_| Self::Word(text.to_owned()), Self::Number))
+    }
 }

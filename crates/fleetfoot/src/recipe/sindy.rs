@@ -2,6 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{
+    Recipe,
+    settings::{Tunable, settings},
+};
+use crate::{Criterion, SindyOptimizer};
+
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -25,16 +31,6 @@ pub struct ParameterSection {
     pub unit: Option<String>,
 }
 
-/// A threshold: a number, or `"auto"`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected a number or \"auto\"")]
-pub enum Threshold {
-    /// This one.
-    Number(f64),
-    /// `auto`.
-    Word(String),
-}
-
 /// The units of thresholds and of the ridge: a choice, or a word.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected true, false or \"length\"")]
@@ -45,47 +41,68 @@ pub enum Normalize {
     Word(String),
 }
 
-/// How equations are found. Every entry is the flag of `fit sindy` of the same name; `max_iterations`, `kappa` and `normalize = "length"` are for those who bring
-/// settings from elsewhere.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SindySection {
-    /// `stlsq`, `sr3`, `ssr`, `frols`, `lasso` or `ols`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub optimizer: Option<String>,
-    /// The cut-off of STLSQ and SR3; `auto` tries those at which the terms change.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub threshold: Option<Threshold>,
-    /// Weight of the squared coefficients in STLSQ.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ridge: Option<f64>,
-    /// Whether thresholds and ridge see shares of the target instead of physical coefficients; `"length"`: coefficients of columns of length 1, which grow with
-    /// the number of rows, as pysindy's `normalize_columns` has them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normalize: Option<Normalize>,
-    /// Regressions of STLSQ at most.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_iterations: Option<usize>,
-    /// Forward regression chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the condition
-    /// number of the columns.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub kappa: Option<f64>,
-    /// Number of terms of every equation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub terms: Option<usize>,
-    /// `one-se`, `cv`, `aic`, `bic`, `ebic`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub select: Option<String>,
-    /// `auto`, a number, `episodes`, or `splits:N`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub folds: Option<String>,
-    /// `chunks:100`, `episodes:100`, `library:100`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ensemble: Option<String>,
-    /// Share of an ensemble's members that must have a term.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inclusion: Option<f64>,
-    /// Seed of everything random.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u64>,
+impl std::str::FromStr for Normalize {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(text.parse().map_or_else(|_| Self::Word(text.to_owned()), Self::Choice))
+    }
+}
+
+settings! {
+    sindy, SindySection::silenced;
+    /// How equations are found. Every entry is the flag of `fit sindy` of the same name.
+    pub struct SindySection {
+        /// How terms are found (default: auto; stlsq for a given threshold).
+        #[arg(long, value_enum, value_name = "NAME")]
+        pub optimizer: SindyOptimizer,
+        /// Smallest coefficient that stays, of stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
+        #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+        pub threshold: Tunable,
+        /// Weight of the squared coefficients while terms are chosen by stlsq (default: 0.05 for a given threshold, 0 for auto).
+        #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
+        pub ridge: f64,
+        /// Thresholds and ridge see shares of the target's size instead of physical coefficients (default for a threshold of auto); length: coefficients of
+        /// columns of length 1, which grow with the number of rows, as pysindy's `normalize_columns` has them.
+        #[arg(long, value_name = "BOOL|length", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+        pub normalize: Normalize,
+        /// Regressions of stlsq at most (default: 20).
+        #[arg(long, value_name = "N")]
+        pub max_iterations: usize,
+        /// Forward regression (frols) chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the
+        /// condition number of the columns.
+        #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
+        pub kappa: f64,
+        /// Number of terms of every equation, in place of a threshold.
+        #[arg(long, value_name = "N")]
+        pub terms: usize,
+        /// What the number of terms is chosen by (default: one-se).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub select: Criterion,
+        /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
+        /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
+        #[arg(long, value_name = "FOLDS")]
+        pub folds: String,
+        /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100`.
+        #[arg(long, value_name = "WHAT[:N]")]
+        pub ensemble: String,
+        /// Share of an ensemble's fits that must have a term (default: 0.6).
+        #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+        pub inclusion: f64,
+        /// Seed of everything random (default: 0).
+        #[arg(long, value_name = "SEED")]
+        pub seed: u64,
+    }
+}
+
+impl SindySection {
+    /// A threshold and a number of terms exclude each other; both said at once are left for [`SindyOptions::new`](crate::SindyOptions::new) to refuse.
+    fn silenced(&self, recipe: &mut Recipe) {
+        if self.threshold.is_some() {
+            recipe.sindy.terms = None;
+        }
+        if self.terms.is_some() {
+            recipe.sindy.threshold = None;
+        }
+    }
 }

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{Recipe, settings::settings};
+use crate::Criterion;
+
 /// An unknown function and the candidates that it may be made of: monomials of variables, or functions one by one.
 ///
 /// `T = { times = "N1", of = ["rho", "M"], degree = 4 }` is N1 times every monomial of degree 0 to 4 in rho and M.
@@ -59,60 +62,59 @@ pub struct TaskSection {
     pub scale: Option<f64>,
 }
 
-/// How a sparse regression goes. Every entry is the flag of `fit sparse` of the same name.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SparseSection {
-    /// `auto`, a value, or `L0/sqrt(n)`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lambda: Option<String>,
-    /// `cv`, `one-se`, `aic`, `bic`, `ebic`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub select: Option<String>,
-    /// `auto`, a number, `episodes`, or `splits:N`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub folds: Option<String>,
-    /// Share of the absolute values in the elastic net's penalty.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub l1_ratio: Option<f64>,
-    /// Penalty factors from a first fit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub adaptive: Option<bool>,
-    /// `rows`, `chunks` or `episodes`, and the replicates: `episodes:128`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bolasso: Option<String>,
-    /// Share of the replicates that must select a column.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub threshold: Option<f64>,
-    /// Stability selection by half-samples.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stability: Option<bool>,
-    /// Strength of all priors that name none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub prior_strength: Option<f64>,
-    /// Penalise coefficients in raw units.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unscaled: Option<bool>,
-    /// Seed of everything random.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u64>,
+settings! {
+    sparse, SparseSection::silenced;
+    /// How a sparse regression goes. Every entry is the flag of `fit sparse` of the same name.
+    pub struct SparseSection {
+        /// Strength of the l1 penalty, `1/(2n) rss + lambda l1`: auto, a number, or `0.5/sqrt(n)` (default: auto).
+        #[arg(long, value_name = "LAMBDA", allow_negative_numbers = true)]
+        pub lambda: String,
+        /// What lambda is chosen by (default: one-se).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub select: Criterion,
+        /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
+        /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
+        #[arg(long, value_name = "FOLDS")]
+        pub folds: String,
+        /// Share of the l1 penalty in an elastic net (default: 1, the lasso).
+        #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+        pub l1_ratio: f64,
+        /// Adaptive lasso: penalty factors from a first least-squares fit.
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub adaptive: bool,
+        /// Bolasso: keep what the replicates agree on. Resample rows (the paper's way; needs the logs), chunks or episodes, 128 times or as many as said:
+        /// `episodes:1000`.
+        #[arg(long, value_name = "UNIT[:B]", conflicts_with = "stability")]
+        pub bolasso: String,
+        /// Share of the replicates that must select a column (default: 1, of a stability selection 0.9).
+        #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+        pub threshold: f64,
+        /// Stability selection by complementary halves, with its bound on false selections.
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub stability: bool,
+        /// Strength lambda_t of all priors; in a recipe of those that name none.
+        #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true)]
+        pub prior_strength: f64,
+        /// Penalise coefficients in raw units instead of in those of their columns.
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub unscaled: bool,
+        /// Seed of everything random (default: 0).
+        #[arg(long, value_name = "SEED")]
+        pub seed: u64,
+    }
 }
 
 impl SparseSection {
-    /// These words, and those of `other` where nothing is said.
-    pub(crate) fn over(self, other: &Self) -> Self {
-        Self {
-            lambda: self.lambda.or_else(|| other.lambda.clone()),
-            select: self.select.or_else(|| other.select.clone()),
-            folds: self.folds.or_else(|| other.folds.clone()),
-            l1_ratio: self.l1_ratio.or(other.l1_ratio),
-            adaptive: self.adaptive.or(other.adaptive),
-            bolasso: self.bolasso.or_else(|| other.bolasso.clone()),
-            threshold: self.threshold.or(other.threshold),
-            stability: self.stability.or(other.stability),
-            prior_strength: self.prior_strength.or(other.prior_strength),
-            unscaled: self.unscaled.or(other.unscaled),
-            seed: self.seed.or(other.seed),
+    /// A bolasso and stability selection exclude each other, and a strength that is said explicitly is that of all priors.
+    fn silenced(&self, recipe: &mut Recipe) {
+        if self.bolasso.is_some() {
+            recipe.sparse.stability = None;
+        }
+        if self.stability == Some(true) {
+            recipe.sparse.bolasso = None;
+        }
+        if self.prior_strength.is_some() {
+            recipe.latents.values_mut().for_each(|latent| latent.prior_strength = None);
         }
     }
 }

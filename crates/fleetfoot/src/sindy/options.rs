@@ -4,13 +4,16 @@ use fleetfoot_sparse::{
     bolasso::BootstrapUnit,
     threshold::{Scaling, Stlsq},
 };
+use serde::{Deserialize, Serialize};
 
-use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Threshold, sparse_fit::words};
+use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Tunable, recipe::seed, sparse_fit::words};
 
 /// Which optimiser looks for the terms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum SindyOptimizer {
-    /// The best known: thresholds of [`SindyOptimizer::Stlsq`] and backward elimination together, whose supports compete.
+    /// The best known: thresholds of stlsq and backward elimination together, whose supports compete.
+    #[default]
     Auto,
     /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
     Stlsq,
@@ -23,6 +26,8 @@ pub enum SindyOptimizer {
     /// The path of the lasso.
     Lasso,
     /// Least squares on all candidates.
+    #[serde(rename = "ols")]
+    #[value(name = "ols")]
     LeastSquares,
 }
 
@@ -97,15 +102,15 @@ impl SindyOptions {
     /// # Errors
     /// A word or number that is not allowed, with those that are.
     pub fn new(section: &SindySection) -> Result<Self, Error> {
-        let optimizer = optimizer(section.optimizer.as_deref().unwrap_or("auto"))?;
+        let optimizer = section.optimizer.unwrap_or_default();
         let threshold = match &section.threshold {
             None => None,
-            Some(Threshold::Word(word)) if word == "auto" => None,
-            Some(Threshold::Number(value)) if *value >= 0.0 && value.is_finite() => Some(*value),
-            Some(Threshold::Number(value)) => {
+            Some(Tunable::Word(word)) if word == "auto" => None,
+            Some(Tunable::Number(value)) if *value >= 0.0 && value.is_finite() => Some(*value),
+            Some(Tunable::Number(value)) => {
                 return Err(refused("threshold", value, "auto, or a number of zero or more"));
             }
-            Some(Threshold::Word(word)) => return Err(refused("threshold", word, "auto, or a number of zero or more")),
+            Some(Tunable::Word(word)) => return Err(refused("threshold", word, "auto, or a number of zero or more")),
         };
         // A given threshold is one of stlsq.
         let optimizer = match (optimizer, threshold) {
@@ -140,7 +145,6 @@ impl SindyOptions {
                 "[sindy] inclusion = {value}: there is no ensemble whose members could agree; add `ensemble = \"chunks:100\"`"
             )));
         }
-        let select = section.select.as_deref().unwrap_or("one-se");
         let folds = section.folds.as_deref().unwrap_or("auto");
         Ok(Self {
             optimizer,
@@ -150,12 +154,11 @@ impl SindyOptions {
             max_iterations: max_iterations(section, optimizer)?,
             kappa: kappa(section, optimizer)?,
             terms,
-            criterion: words::criterion(select)
-                .ok_or_else(|| refused("select", select, "cv, one-se, aic, bic or ebic"))?,
+            criterion: section.select.unwrap_or_default(),
             folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
             ensemble: section.ensemble.as_deref().map(ensemble).transpose()?,
             inclusion,
-            seed: section.seed.unwrap_or(0),
+            seed: seed("sindy", section.seed)?,
         })
     }
 }
@@ -270,15 +273,6 @@ fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
     Error::value(format!("[sindy] {what} = {value}: write {allowed}"))
 }
 
-fn optimizer(text: &str) -> Result<SindyOptimizer, Error> {
-    use SindyOptimizer::{Auto, Frols, Lasso, LeastSquares, Sr3, Ssr, Stlsq};
-    let known = [Auto, Stlsq, Sr3, Ssr, Frols, Lasso, LeastSquares];
-    known.into_iter().find(|optimizer| optimizer.name() == text).ok_or_else(|| {
-        let names: Vec<&str> = known.iter().map(|optimizer| optimizer.name()).collect();
-        refused("optimizer", text, &names.join(", "))
-    })
-}
-
 fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
     let allowed =
         "chunks, episodes or library, with the number of members after a colon where it is not 100: `episodes:1000`";
@@ -306,7 +300,7 @@ mod tests {
     use super::*;
 
     fn options(text: &str) -> Result<SindyOptions, String> {
-        let section: SindySection = toml::from_str(text).unwrap();
+        let section: SindySection = toml::from_str(text).map_err(|error| error.to_string())?;
         SindyOptions::new(&section).map_err(|error| error.to_string())
     }
 
@@ -347,14 +341,14 @@ mod tests {
     #[test]
     fn what_is_not_allowed_is_said_with_what_is() {
         for (text, parts) in [
-            ("optimizer = \"lars\"", ["optimizer = lars", "frols"]),
+            ("optimizer = \"lars\"", ["lars", "`frols`"]),
             ("threshold = -1.0", ["threshold = -1", "zero or more"]),
             ("threshold = \"small\"", ["threshold = small", "auto"]),
             ("threshold = 0.1\noptimizer = \"frols\"", ["frols has no threshold", "terms"]),
             ("threshold = 0.1\nterms = 3", ["both", "leave one"]),
             ("terms = 0", ["terms = 0", "from 1 on"]),
             ("ridge = -0.1", ["ridge = -0.1", "zero or more"]),
-            ("select = \"r2\"", ["select = r2", "one-se"]),
+            ("select = \"r2\"", ["r2", "`one-se`"]),
             ("folds = \"1\"", ["folds = 1", "from 2 on"]),
             ("ensemble = \"days\"", ["ensemble = days", "episodes:1000"]),
             ("ensemble = \"chunks:1\"", ["ensemble = chunks:1", "episodes:1000"]),

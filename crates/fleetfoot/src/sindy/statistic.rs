@@ -15,13 +15,12 @@ impl Evidence {
     pub(super) fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<(Self, Recipe), Error> {
         refuse_rows(recipe)?;
         let file = logs.statistic()?;
-        let (own, scanned) = file.task()?;
+        let (mut own, scanned) = file.task()?;
         let mut recipe = recipe.clone();
         if recipe.states.is_empty() && recipe.model.predict.is_none() {
-            let Recipe { sindy, library, .. } = recipe;
-            let degree = own.model.degree.or(Some(1));
-            recipe = Recipe { sindy, library, ..own };
-            recipe.model.degree = degree;
+            own.say(recipe.sindy);
+            own.model.degree = own.model.degree.or(Some(1));
+            recipe = Recipe { library: recipe.library, ..own };
         }
         let task = EquationTask::resolve(&recipe.expand(&file.fields)?, &file.fields)?;
         let task = task.over(&scanned)?;

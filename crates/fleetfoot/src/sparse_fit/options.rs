@@ -1,9 +1,10 @@
 //! How a sparse regression goes: the words of `[sparse]`, checked once.
 
 use fleetfoot_sparse::bolasso::BootstrapUnit;
+use serde::{Deserialize, Serialize};
 
 use super::words;
-use crate::{Error, FoldRule, SparseSection};
+use crate::{Error, FoldRule, SparseSection, recipe::seed};
 
 /// How lambda is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,13 +17,19 @@ pub enum LambdaRule {
     OverRoot(f64),
 }
 
-/// What lambda is chosen by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What lambda, or the number of terms, is chosen by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum Criterion {
-    /// The least cross-validated error.
-    CrossValidation,
-    /// The largest lambda whose cross-validated error is within one standard error of the least.
+    /// The sparsest model whose cross-validated error is within one standard error of the least.
+    #[default]
+    #[serde(rename = "one-se")]
+    #[value(name = "one-se")]
     OneStandardError,
+    /// The least cross-validated error.
+    #[serde(rename = "cv")]
+    #[value(name = "cv")]
+    CrossValidation,
     /// Akaike's information criterion.
     Aic,
     /// The Bayesian information criterion, with the effective number of rows.
@@ -97,12 +104,10 @@ impl SparseOptions {
                 "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
             ));
         }
-        let select = section.select.as_deref().unwrap_or("one-se");
         let folds = section.folds.as_deref().unwrap_or("auto");
         Ok(Self {
             lambda: lambda(section.lambda.as_deref().unwrap_or("auto"))?,
-            criterion: words::criterion(select)
-                .ok_or_else(|| refused("select", select, "cv, one-se, aic, bic or ebic"))?,
+            criterion: section.select.unwrap_or_default(),
             folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
             l1_ratio,
             adaptive: section.adaptive.unwrap_or(false),
@@ -111,7 +116,7 @@ impl SparseOptions {
             stability,
             unscaled: section.unscaled.unwrap_or(false),
             prior_strength,
-            seed: section.seed.unwrap_or(0),
+            seed: seed("sparse", section.seed)?,
         })
     }
 }
@@ -160,7 +165,7 @@ mod tests {
     use super::*;
 
     fn options(text: &str) -> Result<SparseOptions, String> {
-        let section: SparseSection = toml::from_str(text).unwrap();
+        let section: SparseSection = toml::from_str(text).map_err(|error| error.to_string())?;
         SparseOptions::new(&section).map_err(|error| error.to_string())
     }
 
@@ -182,7 +187,7 @@ mod tests {
         for (text, parts) in [
             ("lambda = \"big\"", ["lambda = big", "auto"]),
             ("lambda = \"-1\"", ["lambda = -1", "zero or more"]),
-            ("select = \"r2\"", ["select = r2", "one-se"]),
+            ("select = \"r2\"", ["r2", "`one-se`"]),
             ("folds = \"1\"", ["folds = 1", "from 2 on"]),
             ("folds = \"splits:x\"", ["folds = splits:x", "splits:30"]),
             ("bolasso = \"days\"", ["bolasso = days", "episodes"]),

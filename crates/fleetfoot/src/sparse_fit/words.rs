@@ -1,22 +1,9 @@
 //! Words that the recipe's sections share.
 
-use super::Criterion;
 use crate::FoldRule;
 
 /// What [`folds`] reads.
 pub(crate) const FOLDS: &str = "`auto`, a number of folds from 2 on, `episodes`, or `splits:30`";
-
-/// What is chosen by.
-pub(crate) fn criterion(text: &str) -> Option<Criterion> {
-    Some(match text {
-        "cv" => Criterion::CrossValidation,
-        "one-se" => Criterion::OneStandardError,
-        "aic" => Criterion::Aic,
-        "bic" => Criterion::Bic,
-        "ebic" => Criterion::Ebic,
-        _ => return None,
-    })
-}
 
 /// Which rows are held out.
 pub(crate) fn folds(text: &str) -> Option<FoldRule> {

@@ -230,7 +230,7 @@ class Identifier:
             else:
                 dataset = open_data(x, t=t, dt=dt)
                 data, recipe = dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
-        recipe = _recipe.over(self._own_recipe(), self._roles(recipe, is_arrays(x)))
+        recipe = _recipe.say(self._own_recipe(), self._roles(recipe, is_arrays(x)))
         if self.weight is not None:
             recipe = _recipe.over({"model": {"weight": self.weight}}, recipe)
         return data, recipe

@@ -96,6 +96,8 @@ SAYS = {
     "ridge": "alpha",
     "terms": "max_iter",
     "normalize": "normalize_columns",
+    "max_iterations": "max_iter",
+    "kappa": "kappa",
 }
 
 #: What says in this package what an option of an optimiser says there.

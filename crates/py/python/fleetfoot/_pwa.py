@@ -34,24 +34,27 @@ class PWA(Identifier):
         Past rows of every state and input that stand beside the present one.
     partition_on : list of str, optional
         What partitions look at; the states when not given.
-    select : {"cv", "bic"}
-        How one of several partitions is chosen.
-    folds : int
-        Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none.
-    purge : float
-        Seconds between held-out and training rows of one episode; 0: a tenth of the held-out span.
-    shrinkage : float or "auto"
-        Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation.
-    unseen_labels : {"refuse", "pool"}
-        What happens to labels that training did not see.
-    seed, restarts, iterations : int
-        Of k-means.
-    tsqr : bool
+    select : {"cv", "bic", "rollout"}, optional
+        How one of several partitions is chosen: ``"cv"`` when not given; ``"rollout"`` by simulations of spans that did
+        not train.
+    horizon : int, optional
+        Steps of these rollouts, and of those that choose a span ``{"over": "auto"}``; 50 when not given.
+    folds : int, optional
+        Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none, 10 when not given.
+    purge : float, optional
+        Seconds between held-out and training rows of one episode; a tenth of the held-out span when not given.
+    shrinkage : float or "auto", optional
+        Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation; 0 when not given.
+    unseen_labels : {"refuse", "pool"}, optional
+        What happens to labels that training did not see; an error when not given.
+    seed, restarts, iterations : int, optional
+        Of k-means; 0, 1 and 100 when not given.
+    tsqr : bool, optional
         Fit by TSQR in one more pass.
     keep_all : bool
         Keep the models of all partitions, ``models_``.
-    memory : int
-        Bytes for the rows that k-means keeps; beyond it a sample is clustered.
+    memory : int, optional
+        Bytes for the rows that k-means keeps; beyond it a sample is clustered. 512 MiB when not given.
     COMMON
 
     Attributes
@@ -84,17 +87,18 @@ class PWA(Identifier):
         degree: int | None = None,
         lags: int | None = None,
         partition_on: Sequence[str] | None = None,
-        select: str = "cv",
-        folds: int = 10,
-        purge: float = 0.0,
-        shrinkage: float | str = 0.0,
-        unseen_labels: str = "refuse",
-        seed: int = 0,
-        restarts: int = 1,
-        iterations: int = 100,
-        tsqr: bool = False,
+        select: str | None = None,
+        horizon: int | None = None,
+        folds: int | None = None,
+        purge: float | None = None,
+        shrinkage: float | str | None = None,
+        unseen_labels: str | None = None,
+        seed: int | None = None,
+        restarts: int | None = None,
+        iterations: int | None = None,
+        tsqr: bool | None = None,
         keep_all: bool = False,
-        memory: int = 512 << 20,
+        memory: int | None = None,
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
@@ -111,6 +115,7 @@ class PWA(Identifier):
         self.lags = lags
         self.partition_on = partition_on
         self.select = select
+        self.horizon = horizon
         self.folds = folds
         self.purge = purge
         self.shrinkage = shrinkage
@@ -139,22 +144,21 @@ class PWA(Identifier):
             partition=partition(self.partition),
             partition_on=None if self.partition_on is None else list(self.partition_on),
         )
-        return {"model": model} if model else {}
+        least = {"horizon": 1, "folds": 0, "seed": 0, "restarts": 1, "iterations": 1}
+        whole = {name: getattr(self, name) for name in least}
+        pwa = _recipe.said(
+            **{name: None if value is None else count(name, value, least[name]) for name, value in whole.items()},
+            select=self.select,
+            purge=None if self.purge is None else number("purge", self.purge),
+            shrinkage=self.shrinkage if self.shrinkage in (None, "auto") else number("shrinkage", self.shrinkage),
+            unseen_labels=self.unseen_labels,
+            # The recipe has MiB.
+            memory=None if self.memory is None else count("memory", self.memory, 1) / 2**20,
+            tsqr=self.tsqr,
+        )
+        return {name: section for name, section in (("model", model), ("pwa", pwa)) if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        options = {
-            "folds": count("folds", self.folds, 0),
-            "purge": number("purge", self.purge),
-            "select": self.select,
-            "shrinkage": None if self.shrinkage == "auto" else number("shrinkage", self.shrinkage),
-            "unseen_labels": self.unseen_labels,
-            "seed": count("seed", self.seed, 0),
-            "restarts": count("restarts", self.restarts, 1),
-            "iterations": count("iterations", self.iterations, 1),
-            "tsqr": bool(self.tsqr),
-            "keep_all": bool(self.keep_all),
-            "memory": count("memory", self.memory, 1),
-        }
-        chosen, report, models = _core.fit_pwa(data, recipe, options, self.cache, progress)
+        chosen, report, models = _core.fit_pwa(data, recipe, bool(self.keep_all), self.cache, progress)
         self.models_ = [Model(one) for one in models]
         return Model(chosen), json.loads(report)

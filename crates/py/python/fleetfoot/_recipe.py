@@ -36,6 +36,18 @@ def over(above: Mapping[str, Any], below: Mapping[str, Any]) -> Recipe:
     return joined
 
 
+#: The sections that say how methods go.
+METHODS = tuple(section for section, _ in _core.settings())
+
+
+def say(arguments: Mapping[str, Any], recipe: Mapping[str, Any]) -> Recipe:
+    """``recipe`` with what the caller's arguments say above it, by the rule of the command line's flags: what is said
+    of a method also silences what contradicts it."""
+    settings = {name: arguments[name] for name in METHODS if name in arguments}
+    below: Mapping[str, Any] = json.loads(_core.say(to_json(settings), to_json(recipe))) if settings else recipe
+    return over({name: value for name, value in arguments.items() if name not in settings}, below)
+
+
 def said(**entries: Any) -> Recipe:
     """The entries that say something."""
     return {name: value for name, value in entries.items() if value is not None}

@@ -46,8 +46,14 @@ class SINDy(Identifier):
         The number of terms of every equation.
     ridge : float, optional
         Weight of the squared coefficients in STLSQ.
-    normalize : bool, optional
-        Whether thresholds see coefficients of columns of unit length.
+    normalize : bool or "length", optional
+        Whether thresholds and ridge see shares of the target instead of physical coefficients; ``"length"``:
+        coefficients of columns of length 1, as pysindy's ``normalize_columns`` has them.
+    max_iterations : int, optional
+        Regressions of STLSQ at most.
+    kappa : float, optional
+        Forward regression (``"frols"``) chooses the number of terms by its error reduction ratios: this is the weight of
+        a term, relative to the condition number of the columns.
     select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
         What is chosen by.
     folds : int or str, optional
@@ -107,7 +113,9 @@ class SINDy(Identifier):
         threshold: float | str | None = None,
         terms: int | None = None,
         ridge: float | None = None,
-        normalize: bool | None = None,
+        normalize: bool | str | None = None,
+        max_iterations: int | None = None,
+        kappa: float | None = None,
         select: str | None = None,
         folds: int | str | None = None,
         ensemble: str | None = None,
@@ -139,6 +147,8 @@ class SINDy(Identifier):
         self.terms = terms
         self.ridge = ridge
         self.normalize = normalize
+        self.max_iterations = max_iterations
+        self.kappa = kappa
         self.select = select
         self.folds = folds
         self.ensemble = ensemble
@@ -192,6 +202,8 @@ class SINDy(Identifier):
             terms=None if self.terms is None else count("terms", self.terms, 1),
             ridge=None if self.ridge is None else number("ridge", self.ridge),
             normalize=self.normalize,
+            max_iterations=None if self.max_iterations is None else count("max_iterations", self.max_iterations, 1),
+            kappa=None if self.kappa is None else number("kappa", self.kappa),
             select=self.select,
             folds=None if self.folds is None else str(self.folds),
             ensemble=self.ensemble,

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import fleetfoot as ff
+from fleetfoot import _core, _recipe
 from fleetfoot.exceptions import DataError, FitError, ModelError, RequestError
 from recordings import recording
 
@@ -344,6 +345,60 @@ def test_bad_options_are_refused_by_name(estimator, words):
     t, x, _ = lorenz(60)
     with pytest.raises((RequestError, FitError), match=words):
         estimator().fit(x, t)
+
+
+#: Entries that are words or switches: a value, and another one. The others take numbers.
+WORDS = {
+    "select": ("bic", "cv"),
+    "unseen_labels": ("pool", "refuse"),
+    "order": ("auto", "fixed"),
+    "effort": ("low", "high"),
+    "ensemble": ("chunks:5", "library:5"),
+    "bolasso": ("chunks:5", "rows:5"),
+    "optimizer": ("stlsq", "sr3"),
+    **dict.fromkeys(("tsqr", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
+}
+
+
+@pytest.mark.parametrize(
+    ("estimator", "section"), [(ff.PWA, "pwa"), (ff.BlockSparse, "sparse"), (ff.SINDy, "sindy"), (ff.NARX, "narx")]
+)
+def test_every_option_of_a_method_is_an_argument_that_stands_above_the_recipe(estimator, section):
+    entries = dict(_core.settings())[section]
+    assert len(entries) > 9
+    assert section not in estimator()._own_recipe(), "what is not said stays with the recipe"
+    for entry in entries:
+        value, other = WORDS.get(entry, (2, 3))
+        given = estimator(**{{"lambda": "lam"}.get(entry, entry): value})._own_recipe()
+        assert list(given) == [section] and list(given[section]) == [entry]
+        if isinstance(given[section][entry], str):
+            other = str(other)
+        below = {section: {entry: other}}
+        assert _recipe.say(given, below) == given, entry
+        assert _recipe.say({section: {}}, below) == below, entry
+
+
+def test_what_is_said_silences_what_contradicts_it():
+    t, x, _ = lorenz(400)
+    recipe = {"sindy": {"terms": 1}}
+    given = ff.SINDy(threshold=0.1, recipe=recipe).fit(x, t)
+    assert np.array_equal(given.coefficients(), ff.SINDy(threshold=0.1).fit(x, t).coefficients())
+    assert "terms" not in given.report_["recipe"]
+
+
+def test_a_saved_recipe_fits_the_same_model(tmp_path):
+    t, x, _ = lorenz(600)
+    data = ff.open({"t": t, **{f"x{i}": x[:, i] for i in range(3)}}, t="t")
+    states = ["x0", "x1", "x2"]
+    for given in (
+        ff.PWA(["average", 2], states=states, folds=4, shrinkage=5.0, seed=3, restarts=2, memory=1 << 20),
+        ff.SINDy(threshold=0.2, states=states, ensemble="chunks:10", seed=2),
+        ff.NARX(2, 0, 1, states=states[:1], terms=2, folds=4),
+        ff.BlockSparse(states=states, degree=2, select="cv", folds=4),
+    ):
+        model = given.fit(data).model_
+        again = type(given)(recipe=model.recipe).fit(data).model_
+        assert again.to_json() == model.to_json(), type(given).__name__
 
 
 def test_parameters_behave_as_in_scikit_learn():

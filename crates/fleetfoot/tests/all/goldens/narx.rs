@@ -1,11 +1,11 @@
 //! `fit narx`.
 
-use fleetfoot::{NarxFitted, NarxRequest, Silent, fit_narx};
+use fleetfoot::{NarxFitted, NarxRequest, Recipe, Silent, fit_narx};
 
 use super::{
     book::{Entry, check},
     logs::logs,
-    recipe,
+    recipe, refits,
 };
 
 /// A configuration: its name and its recipe, beside outputs and inputs.
@@ -39,14 +39,15 @@ const CASES: [Case; 7] = [
     ),
 ];
 
-fn fit((name, text): &Case) -> NarxFitted {
-    let recipe = recipe(&format!("[states]\ny = {{}}\n[inputs]\nu = \"u\"\n{text}"));
+fn fit(name: &str, recipe: &Recipe) -> NarxFitted {
     let request = NarxRequest { free_run: (&logs("machine", 2..3)).into() };
-    fit_narx(&recipe, &request, &logs("machine", 0..2), &Silent).unwrap_or_else(|error| panic!("{name}: {error}"))
+    fit_narx(recipe, &request, &logs("machine", 0..2), &Silent).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn entry(case: &Case) -> Entry {
-    let fitted = fit(case);
+    let (name, text) = *case;
+    let fitted = fit(name, &recipe(&format!("[states]\ny = {{}}\n[inputs]\nu = \"u\"\n{text}")));
+    refits(name, &fitted.model, |recipe| fit(name, recipe).model);
     let report = fitted.report.to_json();
     let mut entry = Entry::new(case.0);
     entry.model(&fitted.model);

@@ -1,27 +1,18 @@
 //! `fit pwa`.
 
-use fleetfoot::{
-    Fitted, RolloutRule, Silent, fit_pwa, fit_pwa_by_rollouts,
-    model::UnseenLabel,
-    pwa::{Options, Selection, Shrinkage},
-};
+use fleetfoot::{Fitted, PwaRequest, Recipe, Silent, fit_pwa};
 
 use super::{
     book::{Entry, check},
     logs::logs,
-    recipe,
+    recipe, refits,
 };
 
-/// A configuration: its name, its recipe, and what is no part of a recipe.
+/// A configuration: its name and its recipe.
 struct Case {
     name: &'static str,
     recipe: &'static str,
-    options: fn(&mut Options),
-    purge: Option<f64>,
-    rollouts: Option<usize>,
 }
-
-const NOTHING: Case = Case { name: "", recipe: "", options: |_| {}, purge: None, rollouts: None };
 
 /// Between them: every partition, ways to choose one, folds of spans and of episodes, what is predicted, lags, angles, weights, given equations, k-means on a sample.
 const CASES: [Case; 8] = [
@@ -37,7 +28,6 @@ const CASES: [Case; 8] = [
             partition = "null,average,kmeans:2,3,5"
             partition_on = ["v"]
         "#,
-        ..NOTHING
     },
     Case {
         name: "balls and labels by BIC",
@@ -50,12 +40,10 @@ const CASES: [Case; 8] = [
             r = "r"
             [model]
             partition = "zscore:1.5,labels:mode,labels:mode+kmeans:2"
+            [pwa]
+            select = "bic"
+            unseen_labels = "pool"
         "#,
-        options: |options| {
-            options.selection = Selection::Bic;
-            options.unseen = UnseenLabel::Pool;
-        },
-        ..NOTHING
     },
     Case {
         name: "next values with lags, shrunk",
@@ -63,12 +51,8 @@ const CASES: [Case; 8] = [
             states = { v = {}, w = {} }
             inputs = { u = "u" }
             model = { predict = "next", lags = 2, partition = "kmeans:3" }
+            pwa = { shrinkage = "auto", folds = 4 }
         "#,
-        options: |options| {
-            options.shrinkage = Shrinkage::Auto;
-            options.folds = 4;
-        },
-        ..NOTHING
     },
     Case {
         name: "differences of weighted angles, quadratic",
@@ -76,22 +60,16 @@ const CASES: [Case; 8] = [
             states = { v = {}, w = {}, phi = { kind = "angle" } }
             inputs = { u = "u", r = "r" }
             model = { predict = "delta", weight = "load", degree = 2, partition = "average,kmeans:2", partition_on = ["v", "phi"] }
+            pwa = { folds = 8, purge = 0.03 }
         "#,
-        options: |options| options.folds = 8,
-        purge: Some(0.03),
-        ..NOTHING
     },
     Case {
         name: "a column, by QR and without folds",
         recipe: r#"
             inputs = { v = "v", u = "u" }
             model = { predict = "dv", partition = "labels:mode" }
+            pwa = { folds = 0, tsqr = true }
         "#,
-        options: |options| {
-            options.folds = 0;
-            options.tsqr = true;
-        },
-        ..NOTHING
     },
     Case {
         name: "k-means of a sample, restarted",
@@ -105,15 +83,13 @@ const CASES: [Case; 8] = [
             [model]
             partition = "kmeans:4"
             partition_on = ["v", "w", "u"]
+            [pwa]
+            seed = 7
+            restarts = 3
+            iterations = 5
+            memory = 0.015625
+            shrinkage = 10
         "#,
-        options: |options| {
-            options.seed = 7;
-            options.restarts = 3;
-            options.iterations = 5;
-            options.memory = 16 << 10;
-            options.shrinkage = Shrinkage::Rows(10.0);
-        },
-        ..NOTHING
     },
     Case {
         name: "partition and span by rollouts",
@@ -121,9 +97,8 @@ const CASES: [Case; 8] = [
             states = { v = { derivative = { over = "auto" } } }
             inputs = { u = "u" }
             model = { partition = "average,kmeans:2" }
+            pwa = { select = "rollout", horizon = 10 }
         "#,
-        rollouts: Some(10),
-        ..NOTHING
     },
     Case {
         name: "central differences of order six",
@@ -131,25 +106,19 @@ const CASES: [Case; 8] = [
             states = { v = { derivative = "central6" }, w = { derivative = { over = 3 } } }
             inputs = { u = "u", r = "r" }
             model = { partition = "kmeans:2" }
+            pwa = { folds = 5 }
         "#,
-        options: |options| options.folds = 5,
-        ..NOTHING
     },
 ];
 
-fn fit(case: &Case) -> Fitted {
-    let mut options = Options::default();
-    (case.options)(&mut options);
-    let (recipe, logs) = (recipe(case.recipe), logs("robot", 0..5));
-    let fitted = match case.rollouts {
-        None => fit_pwa(&recipe, &options, case.purge, &logs, &Silent),
-        Some(steps) => fit_pwa_by_rollouts(&recipe, &options, case.purge, RolloutRule::new(steps), &logs, &Silent),
-    };
-    fitted.unwrap_or_else(|error| panic!("{}: {error}", case.name))
+fn fit(name: &str, recipe: &Recipe) -> Fitted {
+    let fitted = fit_pwa(recipe, PwaRequest::default(), &logs("robot", 0..5), &Silent);
+    fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn entry(case: &Case) -> Entry {
-    let fitted = fit(case);
+    let fitted = fit(case.name, &recipe(case.recipe));
+    refits(case.name, &fitted.identification.model, |recipe| fit(case.name, recipe).identification.model);
     let (model, report) = (&fitted.identification.model, fitted.to_json());
     let mut entry = Entry::new(case.name);
     entry.model(model);

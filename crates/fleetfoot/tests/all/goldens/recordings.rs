@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    NarxRequest, Recipe, Silent, SindyRequest, SparseRequest, fit_narx, fit_pwa, fit_sindy, fit_sparse, pwa::Options,
+    NarxRequest, PwaRequest, Recipe, Silent, SindyRequest, SparseRequest, fit_narx, fit_pwa, fit_sindy, fit_sparse,
 };
 
 use super::{
@@ -71,7 +71,7 @@ const CASES: [Case; 5] = [
 ];
 
 fn pwa(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
-    let fitted = fit_pwa(recipe, &Options::default(), None, logs, &Silent).unwrap();
+    let fitted = fit_pwa(recipe, PwaRequest::default(), logs, &Silent).unwrap();
     let report = fitted.to_json();
     entry.model(&fitted.identification.model);
     entry.report("report", &report);

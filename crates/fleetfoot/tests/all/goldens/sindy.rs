@@ -1,7 +1,7 @@
 //! `fit sindy`.
 
 use fleetfoot::{
-    Logs, Silent, SindyFitted, SindyRequest, fit_sindy,
+    Logs, Recipe, Silent, SindyFitted, SindyRequest, fit_sindy,
     statistic::{ScanOptions, StatisticFile, scan, scan_part},
 };
 
@@ -9,7 +9,7 @@ use super::{
     book::{Entry, check},
     found::{bare, bytes_of},
     logs::logs,
-    recipe,
+    recipe, refits,
 };
 
 /// A configuration: its name, the plant, and its recipe.
@@ -84,9 +84,9 @@ fn trained(plant: &str) -> u64 {
     if plant == "lorenz" { 3 } else { 2 }
 }
 
-fn fit(case: &Case, logs: impl Into<Logs>) -> SindyFitted {
-    let fitted = fit_sindy(&recipe(&text(case)), SindyRequest { front: true }, logs, &Silent);
-    fitted.unwrap_or_else(|error| panic!("{}: {error}", case.0))
+fn fit(name: &str, recipe: &Recipe, logs: impl Into<Logs>) -> SindyFitted {
+    let fitted = fit_sindy(recipe, SindyRequest { front: true }, logs, &Silent);
+    fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// The model and what is told of it.
@@ -112,7 +112,9 @@ fn entry(name: &str, fitted: &SindyFitted) -> Entry {
 
 fn from_logs(case: &Case) -> Entry {
     let (name, plant, _) = *case;
-    let fitted = fit(case, &logs(plant, 0..trained(plant)));
+    let trained_by = logs(plant, 0..trained(plant));
+    let fitted = fit(name, &recipe(&text(case)), &trained_by);
+    refits(name, &fitted.model, |recipe| fit(name, recipe, &trained_by).model);
     let mut entry = entry(name, &fitted);
     let held_out = logs(plant, trained(plant)..trained(plant) + 1);
     if ["terms by one standard error", "equations in labelled regions", "next values"].contains(&name) {
@@ -141,7 +143,17 @@ fn from_statistic() -> Vec<Entry> {
     let file = scanned(&text(&case), &logs("lorenz", 0..3));
     let mut statistic = Entry::new("the statistic");
     statistic.statistic(&file);
-    vec![statistic, entry(case.0, &fit(&case, Logs::of_statistic(file.into())))]
+    let file = Logs::of_statistic(file.into());
+    let fitted = fit(case.0, &recipe(&text(&case)), &file);
+    refits(case.0, &fitted.model, |recipe| fit(case.0, recipe, &file).model);
+    // What a recipe does not say, that of the scan does.
+    let silent = fit(case.0, &Recipe::default(), &file);
+    assert!(
+        bare(&silent.model) == bare(&fitted.model),
+        "{} is not that of the scan's recipe",
+        silent.model.training.recipe
+    );
+    vec![statistic, entry(case.0, &fitted)]
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! `fit sparse`.
 
-use fleetfoot::{Logs, Silent, SparseFitted, SparseRequest, fit_sparse};
+use fleetfoot::{Logs, Recipe, Silent, SparseFitted, SparseRequest, fit_sparse};
 
 use super::{
     book::{Entry, check},
     logs::logs,
-    recipe,
+    recipe, refits,
     sindy::scanned,
 };
 
@@ -59,8 +59,14 @@ const CASES: [Case; 12] = [
 ];
 
 fn fit(name: &str, text: &str, request: &SparseRequest, logs: impl Into<Logs>) -> Vec<SparseFitted> {
-    let fitted = fit_sparse(&recipe(text), request, logs, &Silent);
-    fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
+    let logs = logs.into();
+    let of = |recipe: &Recipe| {
+        let fitted = fit_sparse(recipe, request, &logs, &Silent);
+        fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let fitted = of(&recipe(text));
+    refits(name, &fitted[0].model, |recipe| of(recipe).swap_remove(0).model);
+    fitted
 }
 
 fn entry(name: &str, fitted: &SparseFitted) -> Entry {

@@ -1,0 +1,67 @@
+//! `[pwa]`: piecewise-affine models. Partitions, degree and what is predicted stand in `[model]`.
+
+use serde::{Deserialize, Serialize};
+
+use super::settings::{Tunable, settings};
+
+/// How one of several partitions is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum PartitionChoice {
+    /// The smallest model whose cross-validated error is within one standard error of the best.
+    Cv,
+    /// The lowest Bayesian information criterion, with the effective sample size.
+    Bic,
+    /// The least error of rollouts over the horizon on spans that did not train.
+    Rollout,
+}
+
+/// What happens to labels that training did not see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum UnseenLabels {
+    /// An error.
+    Refuse,
+    /// They get a model fitted on all rows.
+    Pool,
+}
+
+settings! {
+    pwa, |_, _| {};
+    /// How a piecewise-affine model is found. Every entry is the flag of `fit pwa` of the same name.
+    pub struct PwaSection {
+        /// How one of several partitions is chosen (default: cv).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub select: PartitionChoice,
+        /// Steps of the rollouts that `--select rollout`, or a span of `over:auto`, compares (default: 50).
+        #[arg(long, value_name = "STEPS")]
+        pub horizon: u32,
+        /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode; 0 for none (default: 10).
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=100))]
+        pub folds: u16,
+        /// Seconds between held-out and training rows of one episode (default: a tenth of the held-out span).
+        #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+        pub purge: f64,
+        /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation; default: 0).
+        #[arg(long, value_name = "ROWS", allow_negative_numbers = true)]
+        pub shrinkage: Tunable,
+        /// What happens to labels that were not seen in training (default: refuse).
+        #[arg(long, value_enum, value_name = "WHAT")]
+        pub unseen_labels: UnseenLabels,
+        /// Seed of k-means++ (default: 0).
+        #[arg(long, value_name = "SEED")]
+        pub seed: u64,
+        /// Restarts of k-means; the best is kept (default: 1).
+        #[arg(long, value_name = "N")]
+        pub restarts: usize,
+        /// Iterations of k-means at most (default: 100).
+        #[arg(long, value_name = "N")]
+        pub iterations: usize,
+        /// Memory for the rows that k-means keeps; beyond it a sample is clustered (default: 512).
+        #[arg(long, value_name = "MiB", allow_negative_numbers = true)]
+        pub memory: f64,
+        /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix.
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub tsqr: bool,
+    }
+}

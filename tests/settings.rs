@@ -1,0 +1,97 @@
+//! What a fit is told: flags above the recipe, the recipe above the defaults; and the recipe that a model carries says all of it.
+
+use std::fs;
+
+use crate::runner::*;
+
+/// A method, flags that say something of each kind, and a recipe that says otherwise.
+const METHODS: [(&str, &[&str], &str); 4] = [
+    (
+        "pwa",
+        &[
+            "--partition",
+            "average,kmeans:2,3",
+            "--select=bic",
+            "--folds=4",
+            "--purge=0.05",
+            "--shrinkage=5",
+            "--unseen-labels=pool",
+            "--seed=3",
+            "--restarts=2",
+            "--iterations=20",
+            "--memory=0.02",
+            "--tsqr=false",
+        ],
+        "[model]\npartition = \"null\"\n[pwa]\nselect = \"cv\"\nfolds = 8\npurge = 0.2\nshrinkage = \"auto\"\nunseen_labels = \"refuse\"\nseed = 1\n\
+         restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\n",
+    ),
+    (
+        "sparse",
+        &["--degree=2", "--lambda=auto", "--select=cv", "--folds=4", "--l1-ratio=0.9", "--adaptive=false", "--seed=2"],
+        "[model]\ndegree = 1\n[sparse]\nlambda = \"1\"\nselect = \"aic\"\nfolds = \"8\"\nl1_ratio = 0.1\nadaptive = true\nseed = 7\n",
+    ),
+    (
+        "sindy",
+        &[
+            "--threshold=0.2",
+            "--ridge=0.01",
+            "--normalize=false",
+            "--folds=4",
+            "--ensemble=chunks:8",
+            "--inclusion=0.5",
+            "--seed=2",
+        ],
+        "[sindy]\nterms = 1\nridge = 3.0\nnormalize = true\nfolds = \"8\"\nensemble = \"library:4\"\ninclusion = 0.9\nseed = 7\n",
+    ),
+    (
+        "narx",
+        &[
+            "--degree=1",
+            "--lags-out=2",
+            "--lags-in=1",
+            "--direct=false",
+            "--terms=3",
+            "--folds=4",
+            "--decimate=2",
+            "--test-share=0.1",
+            "--seed=2",
+        ],
+        "[model]\ndegree = 3\n[narx]\nlags_out = 5\nlags_in = 4\ndirect = true\nterms = \"all\"\nfolds = 8\ndecimate = 1\ntest_share = 0.5\nseed = 7\n",
+    ),
+];
+
+/// What is modelled, as every recipe and every command line here has it.
+const COLUMNS: &str =
+    "columns = { v = \"`v [m/s]`\" }\nstates = { v = {} }\ninputs = { u = \"u\" }\ntime = { column = \"t\" }\n";
+
+fn recipe_of(folder: &Path, model: &str) -> String {
+    let text = fs::read_to_string(folder.join(model)).expect("a model");
+    let model: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    model["model"]["training"]["recipe"].as_str().expect("a recipe").to_owned()
+}
+
+#[test]
+fn flags_stand_above_recipes_and_a_saved_recipe_fits_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    for run in 0..2 {
+        fs::write(path.join(format!("run_{run}.csv")), robot_csv(700, f64::from(run))).expect("a file");
+    }
+    fs::write(path.join("columns.toml"), COLUMNS).expect("a file");
+    for (method, flags, otherwise) in METHODS {
+        let fit = |recipe: &str, flags: &[&str], output: &str| {
+            let fixed = ["fit", method, "-c", recipe, "run_0.csv", "run_1.csv", "-o", output];
+            fleetfoot(path, &[&fixed[..], flags].concat()).ok();
+            fs::read(path.join(output)).expect("a model")
+        };
+        fs::write(path.join("other.toml"), format!("{COLUMNS}{otherwise}")).expect("a file");
+        let flagged = fit("columns.toml", flags, "flagged.json");
+        assert!(flagged == fit("other.toml", flags, "above.json"), "{method}: {}", recipe_of(path, "above.json"));
+        assert!(flagged != fit("other.toml", &[], "other.json"), "{method}: the recipe says nothing");
+        for model in ["flagged.json", "other.json"] {
+            fs::write(path.join("saved.toml"), recipe_of(path, model)).expect("a file");
+            let again = fit("saved.toml", &[], "again.json");
+            assert!(again == fs::read(path.join(model)).expect("a model"), "{method}: {}", recipe_of(path, model));
+        }
+    }
+}
