@@ -12,7 +12,7 @@ pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
     command.build();
     let pages = pages(&command);
     let folder = &arguments.output;
-    let refused = |problem: std::io::Error| Error::Request(format!("{} cannot be made: {problem}", folder.display()));
+    let refused = |problem: std::io::Error| Error::output(format!("{} cannot be made: {problem}", folder.display()));
     std::fs::create_dir_all(folder).map_err(refused)?;
     let mut files = Vec::new();
     for (name, page) in &pages {

@@ -82,7 +82,7 @@ fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>
     let compared = section.select == Some(PartitionChoice::Rollout) || !open_spans(recipe).is_empty();
     match (section.horizon, compared) {
         (None, false) => Ok(None),
-        (Some(steps), false) => Err(Error::Request(format!(
+        (Some(steps), false) => Err(Error::conflict(format!(
             "[pwa] horizon = {steps} (--horizon {steps}): nothing is chosen by rollouts; add select = \"rollout\" (--select rollout), or leave it away"
         ))),
         (steps, true) => {
@@ -111,7 +111,7 @@ fn checked<T: std::fmt::Display>(
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::Request(format!("[pwa] {what} = {value}: write {allowed}"))
+    Error::value(format!("[pwa] {what} = {value}: write {allowed}"))
 }
 
 #[cfg(test)]

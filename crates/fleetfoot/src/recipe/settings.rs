@@ -89,7 +89,7 @@ pub(crate) use settings;
 pub(crate) fn seed(section: &str, seed: Option<u64>) -> Result<u64, Error> {
     match seed.unwrap_or(0) {
         seed if i64::try_from(seed).is_ok() => Ok(seed),
-        seed => Err(Error::Request(format!("[{section}] seed = {seed}: write a number up to {}", i64::MAX))),
+        seed => Err(Error::value(format!("[{section}] seed = {seed}: write a number up to {}", i64::MAX))),
     }
 }
 

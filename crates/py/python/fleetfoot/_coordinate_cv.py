@@ -303,8 +303,8 @@ class ElasticNetCV(_PathCV):
         The alphas that were compared, descending.
     mse_path_ : ndarray of shape (n_l1_ratio, n_alphas, n_folds), axes of length 1 left out
         Mean squared errors on the held-out rows.
-    coef_, intercept_, dual_gap_, n_iter_, n_features_in_, feature_names_in_
-        As for :class:`LassoCV`.
+    coef_, intercept_, dual_gap_, n_iter_
+        As for :class:`LassoCV`, with ``n_features_in_`` and ``feature_names_in_``.
 
     Examples
     --------

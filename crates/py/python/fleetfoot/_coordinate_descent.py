@@ -497,8 +497,8 @@ class Lasso(ElasticNet):
 
     Attributes
     ----------
-    coef_, intercept_, dual_gap_, n_iter_, sparse_coef_, n_features_in_, feature_names_in_
-        As for :class:`ElasticNet`.
+    coef_, intercept_, dual_gap_, n_iter_, sparse_coef_
+        As for :class:`ElasticNet`, with ``n_features_in_`` and ``feature_names_in_``.
 
     See Also
     --------

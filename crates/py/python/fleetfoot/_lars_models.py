@@ -118,7 +118,7 @@ class Lars(MultiOutputMixin, LarsModel):
         Number of steps.
     n_features_in_ : int
         Number of features.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape ``(n_features_in_,)``
         Their names, where X has them.
 
     Examples
