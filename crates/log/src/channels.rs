@@ -1,4 +1,4 @@
-//! Robots' logs (MCAP): channels of messages become one table of rows on one clock.
+//! Robots' logs: channels of messages become one table of rows on one clock.
 //!
 //! A log is opened in four steps: some messages tell which fields there are ([`sample`]), the selected columns become fields of topics
 //! ([`plan`]), all messages are decoded in parallel into series ([`decode`]), and the series are joined on the stamps of the base
@@ -19,18 +19,15 @@ pub use message_columns::{MessageColumns, MessageField};
 pub use messages::{MessageRow, Messages};
 pub(crate) use names::Names;
 
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{collections::BTreeSet, path::Path, sync::Arc};
 
 use fleetfoot_data::{Column, ColumnKind, Progress, nearest_one};
 
 use crate::{
     Error, Estimate, Format, Selection, Stamp, TimeSpec,
+    breaks::Breaks,
+    container::{self, Container, summary},
     join::{Base, JoinKind, join},
-    mcap::Container,
     parquet::{self, MAX_CATEGORIES},
     recording::Opened,
     store::{Budget, StoreBuilder, StoredTable},
@@ -50,13 +47,13 @@ pub(crate) fn open(
     progress: &dyn Progress,
 ) -> Result<Opened, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = Container::open(path, format, progress)?;
-    let files: Vec<PathBuf> = container.paths().map(Path::to_path_buf).collect();
+    let container = container::open(path, format, progress)?;
+    let files = container.files();
     let slot = cache::slot(&files, selection)?;
     if let Some((table, meta)) = slot.as_ref().and_then(|slot| slot.load(cursors)) {
         return Ok(opened(table, meta));
     }
-    let (plan, decoded, codes, meta) = decode_all(path, &container, selection, budget, progress)?;
+    let (plan, decoded, codes, meta) = decode_all(path, container.as_ref(), selection, budget, progress)?;
     let table: Box<dyn Table> = match slot {
         None if nothing_to_join(&plan, &codes) => {
             let columns: Vec<usize> = plan.columns.iter().map(|column| column.join.column).collect();
@@ -90,7 +87,7 @@ pub(crate) fn open(
 /// Decodes the selected columns into series, and describes them.
 fn decode_all(
     path: &Path,
-    container: &Container,
+    container: &dyn Container,
     selection: &Selection,
     budget: &Arc<Budget>,
     progress: &dyn Progress,
@@ -103,11 +100,11 @@ fn decode_all(
     notes.extend(container.notes());
     notes.extend(tell(&plan, &decoded));
     let (columns, codes) = categories(path, &plan, &decoded)?;
-    let log_offset = match plan.base {
-        Base::Series(series) => decoded.series[series].offset,
-        Base::Rate(_) => decoded.series.iter().find_map(|series| series.offset),
+    let (log_offset, breaks) = match plan.base {
+        Base::Series(series) => (decoded.series[series].offset, decoded.series[series].breaks.clone()),
+        Base::Rate(_) => (decoded.series.iter().find_map(|series| series.offset), Breaks::default()),
     };
-    let meta = Meta { columns, notes, stamp: Some(plan.stamp), log_offset: log_offset.unwrap_or(0) };
+    let meta = Meta { columns, notes, stamp: Some(plan.stamp), log_offset: log_offset.unwrap_or(0), breaks };
     Ok((plan, decoded, codes, meta))
 }
 
@@ -119,9 +116,9 @@ pub(crate) fn estimate(
     progress: &dyn Progress,
 ) -> Result<Estimate, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = Container::open(path, format, progress)?;
-    let plan = plan(path, &container, selection, progress)?;
-    let info = container.summary_info(progress)?;
+    let container = container::open(path, format, progress)?;
+    let plan = plan(path, container.as_ref(), selection, progress)?;
+    let info = summary(container.as_ref(), progress)?;
     let rows = match plan.base {
         Base::Series(series) => {
             let base = plan.topics.iter().rev().find(|topic| topic.first_series <= series);
@@ -135,19 +132,19 @@ pub(crate) fn estimate(
             (plan.topics.iter().map(span).fold(f64::INFINITY, f64::min) * hz) as u64 + 1
         }
     };
+    let files = container.files();
     let mut bytes = 0;
-    for file in container.paths() {
-        let io = |source| Error::Io { path: file.into(), action: "read", source };
+    for file in &files {
+        let io = |source| Error::Io { path: file.clone(), action: "read", source };
         bytes += std::fs::metadata(file).map_err(io)?.len();
     }
-    let files: Vec<PathBuf> = container.paths().map(Path::to_path_buf).collect();
     let cached = cache::slot(&files, selection)?.is_some_and(|slot| slot.exists());
     Ok(Estimate { bytes, rows, decoded_bytes: rows.saturating_mul(8 * (1 + plan.columns.len() as u64)), cached })
 }
 
 fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
-    let Meta { notes, stamp, log_offset, .. } = meta;
-    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, stamp, log_offset }
+    let Meta { notes, stamp, log_offset, breaks, .. } = meta;
+    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, stamp, log_offset, breaks }
 }
 
 /// Stamps are the messages': a column or a fixed step would join what does not belong together.

@@ -33,7 +33,7 @@ pub fn estimate<P: AsRef<Path>>(
     let mut total = Estimate { cached: true, ..Estimate::default() };
     for path in paths {
         let path = path.as_ref();
-        let Some(format @ (Format::Mcap(_) | Format::Rosbag2)) = Format::of(path) else { return Ok(None) };
+        let Some(format) = Format::of(path).filter(|format| format.is_log()) else { return Ok(None) };
         let own = channels::estimate(path, format, selection, progress)?;
         total.bytes += own.bytes;
         total.rows = total.rows.saturating_add(own.rows);

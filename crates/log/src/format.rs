@@ -61,6 +61,11 @@ impl Format {
         }
     }
 
+    /// Whether it is a robot's log: messages by topic, not rows of a table.
+    pub(crate) fn is_log(self) -> bool {
+        !matches!(self, Self::Parquet | Self::Csv(_))
+    }
+
     /// Why a robot's log in another format cannot be read, and how to convert it; `None` for all other files.
     pub(crate) fn foreign(path: &Path) -> Option<Error> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();

@@ -6,6 +6,7 @@ use fleetfoot_data::{Fingerprint, Progress, ScalarBuffer, parallel_fold};
 
 use crate::{
     Error, MaxGap,
+    breaks::Breaks,
     row_mask::RowMask,
     steps::Steps,
     table::{MISSING, Table},
@@ -95,9 +96,17 @@ pub(crate) fn uniform(path: &Path, rows: usize, dt: f64) -> Result<FileIndex, Er
 }
 
 /// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their median step, else once.
-pub(crate) fn build(table: &dyn Table, max_gap: MaxGap, progress: &dyn Progress) -> Result<FileIndex, Error> {
+///
+/// Where it does, rows are parted that are known to have lost others between them, too.
+pub(crate) fn build(
+    table: &dyn Table,
+    max_gap: MaxGap,
+    breaks: &Breaks,
+    progress: &dyn Progress,
+) -> Result<FileIndex, Error> {
     let mut steps = Steps::default();
     let mut last = MISSING;
+    let mut period = None;
     let gap = match max_gap {
         MaxGap::Unlimited => None,
         MaxGap::Seconds(seconds) => Some((seconds * 1e9).round().min(9.2e18) as i64),
@@ -110,10 +119,12 @@ pub(crate) fn build(table: &dyn Table, max_gap: MaxGap, progress: &dyn Progress)
                     last = stamp;
                 }
             })?;
-            steps.median().map(|period| i64::try_from(period).unwrap_or(i64::MAX).saturating_mul(5))
+            period = steps.median();
+            period.map(|period| i64::try_from(period).unwrap_or(i64::MAX).saturating_mul(5))
         }
     };
     let mut cutter = Cutter::new(gap);
+    cutter.lost = (breaks.clone(), period);
     scan(table, progress, |stamps| cutter.feed(stamps))?;
     Ok(cutter.finish())
 }
@@ -139,6 +150,8 @@ fn usable(stamp: i64) -> bool {
 /// Cuts a stream of stamps into episodes.
 struct Cutter {
     gap: Option<i64>,
+    /// Where rows were lost, and the median step that tells whether; idle where the step is not known.
+    lost: (Breaks, Option<u64>),
     row: usize,
     used: usize,
     last: i64,
@@ -157,6 +170,7 @@ impl Cutter {
         let max_gap = gap.map_or(f64::INFINITY, |gap| gap as f64 * 1e-9);
         Self {
             gap,
+            lost: (Breaks::default(), None),
             row: 0,
             used: 0,
             last: MISSING,
@@ -190,7 +204,8 @@ impl Cutter {
             } else {
                 let step = stamp.abs_diff(self.last);
                 self.clock.largest_step = self.clock.largest_step.max(step as f64 * 1e-9);
-                if self.gap.is_some_and(|gap| step > gap.unsigned_abs()) {
+                let (breaks, period) = &self.lost;
+                if self.gap.is_some_and(|gap| step > gap.unsigned_abs()) || breaks.lost(self.last, stamp, *period) {
                     self.clock.gaps += 1;
                     self.begin(stamp);
                 } else {

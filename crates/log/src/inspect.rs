@@ -1,6 +1,9 @@
 //! What a file holds: columns, units, clock, and, when asked, the range of the values.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use fleetfoot_data::{ColumnKind, Halo, Progress, Silent, Source, parallel_fold};
 
@@ -34,6 +37,8 @@ pub struct FileInfo {
     pub clock: Option<ClockSummary>,
     /// Episodes; only when the values were scanned.
     pub episodes: Option<usize>,
+    /// What a robot's log says of itself beside its messages ([`crate::metadata`]); empty for tables.
+    pub metadata: BTreeMap<String, String>,
     /// What a person should know.
     pub notes: Vec<String>,
 }
@@ -114,9 +119,6 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
     };
     let bytes = size(path)?;
     let (columns, clock, rows, notes) = match format {
-        Format::Mcap(_) | Format::Rosbag2 => {
-            return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?));
-        }
         Format::Parquet => {
             let found = parquet::describe(path)?;
             (found.columns, found.clock, Some(found.rows), Vec::new())
@@ -125,6 +127,7 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
             let found = csv::describe(path, compression)?;
             (found.columns.into_iter().map(|column| (column, Ok(()))).collect(), found.clock, None, found.notes)
         }
+        _ => return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?)),
     };
     let time = clock.map(|clock| TimeInfo {
         column: columns[clock.column].0.name.clone(),
@@ -141,8 +144,19 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
             statistics: None,
         })
         .collect();
-    let topics = Vec::new();
-    Ok(FileInfo { path: path.into(), format, bytes, rows, columns, topics, time, clock: None, episodes: None, notes })
+    Ok(FileInfo {
+        path: path.into(),
+        format,
+        bytes,
+        rows,
+        columns,
+        topics: Vec::new(),
+        metadata: BTreeMap::new(),
+        time,
+        clock: None,
+        episodes: None,
+        notes,
+    })
 }
 
 /// Bytes of a file, or of all files of a recording's folder.
@@ -167,6 +181,7 @@ fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Descriptio
         rows: None,
         columns: found.columns,
         topics: found.topics,
+        metadata: found.metadata,
         time: None,
         clock: None,
         episodes: None,
@@ -177,7 +192,7 @@ fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Descriptio
 /// As [`inspect`], and reads all rows once: ranges of the values, rates, gaps, backward stamps. Memory stays bounded.
 pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<FileInfo, Error> {
     let path = path.as_ref();
-    if let Some(format @ (Format::Mcap(_) | Format::Rosbag2)) = Format::of(path) {
+    if let Some(format) = Format::of(path).filter(|format| format.is_log()) {
         return Ok(log_info(path, format, size(path)?, channels::statistics(path, format, progress)?));
     }
     let mut info = inspect(path)?;

@@ -1,4 +1,4 @@
-//! Recordings in and out of files: Parquet, CSV.
+//! Recordings in and out of files: MCAP, Parquet, CSV.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
@@ -7,7 +7,8 @@
 //! Parquet is read in place. Text is decoded once into columns, in memory up to a budget and in an unnamed temporary file
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
 //! range of rows; everything else (episodes, identities, categories over several files) is common to all formats, and to
-//! tables in memory ([`MemoryTable`]).
+//! tables in memory ([`MemoryTable`]). A robot's log is a `Container`: topics with messages, in pieces, whichever format it is in; its channels
+//! are joined into such a table.
 //!
 //! ```
 //! use fleetfoot_data::{Halo, Source};
@@ -24,8 +25,10 @@
 //! ```
 
 mod atomic;
+mod breaks;
 mod channels;
 mod column_set;
+mod container;
 mod csv;
 mod csv_writer;
 mod destination;

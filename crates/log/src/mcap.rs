@@ -1,26 +1,27 @@
 //! The MCAP container: from a path to the bytes of messages, in parallel, in bounded memory, whatever the damage.
 //!
-//! A [`Container`] is one file or the files of a rosbag2 folder. Opening maps the files and hops over their records: chunks become pieces,
+//! A [`McapContainer`] is one file or the files of a rosbag2 folder. Opening maps the files and hops over their records: chunks become pieces,
 //! known by their place and, from the indexes behind them, by their channels. A piece is then decompressed, checked and read as a whole, by
 //! whichever thread takes it; pieces without a wanted topic are not touched.
 //!
 //! Nothing that a file says is believed unchecked. Lengths are held against the bytes that are there, indexes against the summary, chunks
-//! against their checksums. What cannot be read is skipped up to the next sound place and counted ([`Damage`]).
+//! against their checksums. What cannot be read is skipped up to the next sound place and counted ([`crate::container::Damage`]).
 
 mod channels;
 mod chunk;
 mod container;
-mod damage;
 mod file;
-mod info;
+mod index;
 mod layout;
-mod map;
 mod metadata;
 mod record;
 mod summary;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use container::{Container, Topic};
-pub(crate) use damage::Damage;
-pub(crate) use metadata::metadata;
+pub(crate) use container::McapContainer;
+
+use crate::container::Kind;
+
+/// What MCAP files begin with.
+const KIND: Kind = Kind { name: "MCAP", magic: mcap::MAGIC };

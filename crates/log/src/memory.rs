@@ -118,6 +118,7 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Resul
         notes: clock.and_then(|clock| clock.assumed).into_iter().collect(),
         stamp: None,
         log_offset: 0,
+        breaks: Default::default(),
     })
 }
 

@@ -2,13 +2,17 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use crate::{Error, Format, mcap, parquet};
+use fleetfoot_data::Silent;
+
+use crate::{Error, Format, container, parquet};
 
 /// The metadata record of an MCAP file that is ours.
 pub(crate) const RECORD: &str = "fleetfoot";
 
-/// The key-value metadata of a Parquet file, or of the records named `fleetfoot` in an MCAP file: what [`crate::McapOptions::metadata`]
-/// and [`crate::WriteOptions::metadata`] were. Empty where there are none.
+/// The key-value metadata of a file; empty where there are none.
+///
+/// Of a Parquet file what [`crate::WriteOptions::metadata`] was; of MCAP the records named `fleetfoot`, what [`crate::McapOptions::metadata`]
+/// was.
 ///
 /// # Errors
 /// A file of another format, one that cannot be read, and a damaged one.
@@ -16,7 +20,7 @@ pub fn metadata(path: impl AsRef<Path>) -> Result<BTreeMap<String, String>, Erro
     let path = path.as_ref();
     match Format::of(path) {
         Some(Format::Parquet) => parquet::metadata(path),
-        Some(Format::Mcap(compression)) => mcap::metadata(path, compression, RECORD),
+        Some(format) if format.is_log() => Ok(container::open(path, format, &Silent)?.metadata()),
         _ => Err(Error::UnknownFormat { path: path.into() }),
     }
 }

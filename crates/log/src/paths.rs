@@ -8,14 +8,14 @@ use std::{
 
 use fleetfoot_data::nearest_one;
 
-use crate::{Error, Format, rosbag2};
+use crate::{Error, Format, container};
 
 /// Folders inside folders are followed this deep: a loop of links ends here.
 const MAX_DEPTH: usize = 32;
 
 /// The files that arguments name: files, glob patterns (`runs/**/*.csv`) and folders (recursively, files of known formats).
 ///
-/// A rosbag2 folder, named or met on the way, is one recording: its own path is in the answer and its files are not.
+/// A folder that is one recording (rosbag2), named or met on the way, is in the answer by its own path, and its files are not.
 ///
 /// The answer is sorted and each file appears once, so that the order of the arguments does not matter. A named file of an unknown
 /// format is an error, and so is an argument that matches nothing; both say what to do.
@@ -63,11 +63,11 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut Found) -> Result<(), 
     if depth > MAX_DEPTH {
         return Ok(());
     }
-    if rosbag2::is_bag(folder) {
-        match rosbag2::files(folder) {
+    if let Some(readable) = container::folder(folder) {
+        match readable {
             Err(error @ Error::WrongFormat { .. }) if depth > 0 => found.foreign = found.foreign.take().or(Some(error)),
             Err(error) => return Err(error),
-            Ok(_) => {
+            Ok(()) => {
                 found.files.insert(folder.into());
             }
         }

@@ -14,7 +14,9 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, channels,
+    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec,
+    breaks::Breaks,
+    channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
@@ -85,6 +87,8 @@ pub(crate) struct Opened {
     pub stamp: Option<crate::Stamp>,
     /// What must be added to the stamps to get the log's, nanoseconds.
     pub log_offset: i64,
+    /// Where rows are known to be lost.
+    pub breaks: Breaks,
 }
 
 /// Opens files as one recording. See [`open_with_progress`].
@@ -218,9 +222,7 @@ fn open_file(
     match Format::of(path) {
         Some(Format::Parquet) => parquet::open(path, selection, cache),
         Some(Format::Csv(compression)) => csv::open(path, compression, selection, budget),
-        Some(format @ (Format::Mcap(_) | Format::Rosbag2)) => {
-            channels::open(path, format, selection, budget, cache, progress)
-        }
+        Some(format) => channels::open(path, format, selection, budget, cache, progress),
         None => Err(Error::UnknownFormat { path: path.into() }),
     }
 }
@@ -279,7 +281,7 @@ fn index_file(
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
         return index::uniform(path, table.rows(), dt_seconds);
     }
-    let index = index::build(table, selection.max_gap, progress)?;
+    let index = index::build(table, selection.max_gap, &opened.breaks, progress)?;
     if index.spans.is_empty() {
         let column = opened.time_column.clone().unwrap_or_default();
         return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });

@@ -158,7 +158,7 @@ fn file_json(info: &FileInfo) -> Value {
         "rows": info.rows, "episodes": info.episodes, "clock": clock, "notes": info.notes,
         "time": time.map(|time| json!({ "column": time.column, "unit": time.unit.symbol(), "assumed": time.assumed })),
         "columns": info.columns.iter().map(column_json).collect::<Vec<_>>(),
-        "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(),
+        "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(), "metadata": info.metadata,
     })
 }
 

@@ -66,6 +66,9 @@ fn log_to_text(info: &FileInfo) -> String {
     } else {
         text.push_str("\n  fields: `fleetfoot init` lists them, --values their ranges");
     }
+    if !info.metadata.is_empty() {
+        text.push_str(&format!("\n  metadata: {} (--json lists them)", count(info.metadata.len(), "value")));
+    }
     for note in &info.notes {
         text.push_str(&format!("\n  note: {note}"));
     }
@@ -181,6 +184,6 @@ fn to_json(info: &FileInfo) -> serde_json::Value {
                 "count": s.count, "missing": s.missing, "min": real(s.min), "mean": real(s.mean), "max": real(s.max) })),
         })).collect::<Vec<_>>(),
         "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(),
-        "notes": info.notes,
+        "metadata": info.metadata, "notes": info.notes,
     })
 }

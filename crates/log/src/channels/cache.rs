@@ -11,6 +11,7 @@ use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
 
 use crate::{
     Cache, Error, ParquetWriter, Selection, Stamp, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions,
+    breaks::Breaks,
     parquet,
     table::{Table, TableColumn, TableRows},
 };
@@ -31,6 +32,8 @@ pub(super) struct Meta {
     pub stamp: Option<Stamp>,
     /// What must be added to the stamps to get the log's, nanoseconds.
     pub log_offset: i64,
+    /// Where samples of the base are known to be lost.
+    pub breaks: Breaks,
 }
 
 /// A place in the cache for the columns of one recording.
@@ -173,8 +176,9 @@ impl Meta {
             })
             .collect();
         let stamp = self.stamp.map(Stamp::name);
-        serde_json::json!({ "columns": columns, "notes": self.notes, "stamp": stamp, "log_offset": self.log_offset })
-            .to_string()
+        serde_json::json!({ "columns": columns, "notes": self.notes, "stamp": stamp, "log_offset": self.log_offset,
+            "breaks": self.breaks.moments() })
+        .to_string()
     }
 
     fn parse(text: &str) -> Option<Self> {
@@ -197,7 +201,11 @@ impl Meta {
             })
             .collect::<Option<_>>()?;
         let stamp = Stamp::parse(value["stamp"].as_str()?);
-        Some(Self { columns, notes: strings(&value["notes"])?, stamp, log_offset: value["log_offset"].as_i64()? })
+        let moments: Vec<i64> =
+            value["breaks"].as_array().into_iter().flatten().map(serde_json::Value::as_i64).collect::<Option<_>>()?;
+        let breaks = Breaks::new(&moments, 0);
+        let log_offset = value["log_offset"].as_i64()?;
+        Some(Self { columns, notes: strings(&value["notes"])?, stamp, log_offset, breaks })
     }
 }
 
@@ -219,6 +227,7 @@ mod tests {
             notes: vec!["one".into()],
             stamp: Some(Stamp::Header),
             log_offset: -1_700_000_000_123_456_789,
+            breaks: Breaks::new(&[-5, 1_700_000_000_123_456_789], 0),
         };
         assert_eq!(Meta::parse(&meta.to_text()), Some(meta));
         assert_eq!(Meta::parse("{}"), None);

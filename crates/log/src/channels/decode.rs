@@ -12,8 +12,9 @@ use super::{
 };
 use crate::{
     Error, Stamp,
+    breaks::Breaks,
+    container::{Container, Damage},
     join::{self, Series, SeriesBuilder},
-    mcap::{Container, Damage},
     store::Budget,
 };
 
@@ -63,7 +64,7 @@ struct Samples {
 /// Decodes all wanted fields of a log. Memory holds a few pieces a thread, and what the budget allows of the series.
 pub(super) fn decode(
     path: &Path,
-    container: &Container,
+    container: &dyn Container,
     plan: &Plan,
     window: i64,
     budget: &Arc<Budget>,
@@ -82,7 +83,12 @@ pub(super) fn decode(
     sink.finish(container)
 }
 
-fn decode_piece(container: &Container, piece: usize, plan: &Plan, wanted: &[usize]) -> Result<Vec<TopicPart>, Error> {
+fn decode_piece(
+    container: &dyn Container,
+    piece: usize,
+    plan: &Plan,
+    wanted: &[usize],
+) -> Result<Vec<TopicPart>, Error> {
     let mut rows: Vec<Row> = plan.topics.iter().map(|topic| Row::new(topic.extract.as_ref())).collect();
     let mut topics: Vec<TopicPart> = plan.topics.iter().map(TopicPart::new).collect();
     container.read_piece(piece, wanted, &mut |topic, log_time, publish_time, data| {
@@ -205,9 +211,14 @@ impl<'a> Sink<'a> {
         Ok(())
     }
 
-    fn finish(self, container: &Container) -> Result<Decoded, Error> {
+    fn finish(self, container: &dyn Container) -> Result<Decoded, Error> {
+        let finish = |builder: SeriesBuilder| {
+            let series = builder.finish()?;
+            let breaks = Breaks::new(container.breaks(), series.offset.unwrap_or(0));
+            Ok::<_, Error>(Series { breaks, ..series })
+        };
         Ok(Decoded {
-            series: self.builders.into_iter().map(SeriesBuilder::finish).collect::<Result<_, _>>()?,
+            series: self.builders.into_iter().map(finish).collect::<Result<_, _>>()?,
             fields: self.fields,
             damage: container.damage(),
             failed: self.failed,

@@ -1,6 +1,6 @@
 //! What a robot's log holds, for people: topics, and the fields found in some or all of its messages.
 
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
 use fleetfoot_message::{Codec, FieldInfo, FieldKind, FieldTree};
@@ -11,33 +11,36 @@ use super::{
 };
 use crate::{
     ColumnInfo, ColumnStatistics, Error, Format, HeaderOffset, TopicInfo,
-    mcap::{Container, Topic},
+    container::{self, Container, Topic, summary},
 };
 
 /// What a log holds.
 pub(crate) struct Description {
     pub columns: Vec<ColumnInfo>,
     pub topics: Vec<TopicInfo>,
+    pub metadata: BTreeMap<String, String>,
     pub notes: Vec<String>,
 }
 
 /// Describes a log by its indexes and some of its messages.
 pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = Container::open(path, format, progress)?;
-    let (topics, samples, mut notes) = look(&container, progress)?;
+    let container = container::open(path, format, progress)?;
+    let container = container.as_ref();
+    let (topics, samples, mut notes) = look(container, progress)?;
     let mut columns = Vec::new();
     for (topic, sample) in container.topics().iter().zip(&samples) {
         columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, false)));
         notes.extend(skipped(topic, &sample.tree));
     }
-    tell_damage(&container, &mut notes);
-    Ok(Description { columns, topics, notes })
+    tell_damage(container, &mut notes);
+    Ok(Description { columns, topics, metadata: container.metadata(), notes })
 }
 
 /// As [`describe`], from all messages: the range of every field.
 pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = Container::open(path, format, progress)?;
-    let (topics, samples, mut notes) = look(&container, progress)?;
+    let container = container::open(path, format, progress)?;
+    let container = container.as_ref();
+    let (topics, samples, mut notes) = look(container, progress)?;
     let codecs: Vec<Option<&dyn Codec>> =
         samples.iter().map(|sample| sample.codec.as_ref().ok().map(AsRef::as_ref)).collect();
     let wanted: Vec<usize> =
@@ -45,7 +48,7 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
     let mut trees: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
     progress.stage("reading messages");
     parallel_fold(
-        container.pieces().len(),
+        container.pieces(),
         progress,
         |piece| {
             let mut own: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
@@ -74,11 +77,11 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
             notes.push(format!("{}: {failed} messages cannot be decoded", topic.name));
         }
     }
-    tell_damage(&container, &mut notes);
-    Ok(Description { columns, topics, notes })
+    tell_damage(container, &mut notes);
+    Ok(Description { columns, topics, metadata: container.metadata(), notes })
 }
 
-fn tell_damage(container: &Container, notes: &mut Vec<String>) {
+fn tell_damage(container: &dyn Container, notes: &mut Vec<String>) {
     let damage = container.damage();
     if !damage.is_empty() {
         notes.push(damage.to_string());
@@ -113,8 +116,8 @@ fn column(topic: &Topic, field: &FieldInfo, scanned: bool) -> ColumnInfo {
 /// Topics, a sample of each, and notes.
 type Looked = (Vec<TopicInfo>, Vec<Sample>, Vec<String>);
 
-fn look(container: &Container, progress: &dyn Progress) -> Result<Looked, Error> {
-    let info = container.summary_info(progress)?;
+fn look(container: &dyn Container, progress: &dyn Progress) -> Result<Looked, Error> {
+    let info = summary(container, progress)?;
     let all: Vec<usize> = (0..container.topics().len()).collect();
     let samples = sample(container, &all, progress)?;
     let topics = container
@@ -161,6 +164,6 @@ fn any_field(sample: &Sample) -> Vec<fleetfoot_message::FieldPath> {
 }
 
 /// The topics of a log.
-pub(super) fn topic_infos(container: &Container, progress: &dyn Progress) -> Result<Vec<TopicInfo>, Error> {
+pub(super) fn topic_infos(container: &dyn Container, progress: &dyn Progress) -> Result<Vec<TopicInfo>, Error> {
     Ok(look(container, progress)?.0)
 }

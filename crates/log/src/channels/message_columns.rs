@@ -46,7 +46,7 @@ impl Messages {
     /// A topic that does not exist, and messages that cannot be decoded.
     pub fn fields(&self, topic: &str, progress: &dyn Progress) -> Result<Vec<(String, ColumnKind)>, Error> {
         let index = self.container.topic(topic)?;
-        let mut samples = sample(&self.container, &[index], progress)?;
+        let mut samples = sample(self.container.as_ref(), &[index], progress)?;
         let Some(sample) = samples.pop() else { return Ok(Vec::new()) };
         let own = &self.container.topics()[index];
         let wrong = |problem: String| Error::Topic {
@@ -100,7 +100,7 @@ impl Messages {
             true => (self.container.topic(topic)?, None),
             false => self.extract(topic, &names).map(|(index, extract)| (index, Some(extract)))?,
         };
-        let pieces = having(&self.container, &[index]);
+        let pieces = having(self.container.as_ref(), &[index]);
         let mut sink = Sink::new(self, topic, &wanted);
         sink.reserve(self.container.topics()[index].count);
         progress.stage("decoding messages");

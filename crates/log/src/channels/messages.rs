@@ -6,12 +6,15 @@ use fleetfoot_data::{Progress, Silent, parallel_fold};
 use fleetfoot_message::{Extract, FieldPath, Row, codec};
 
 use super::sample::having;
-use crate::{Error, Format, TopicInfo, mcap::Container};
+use crate::{
+    Error, Format, TopicInfo,
+    container::{self, Container},
+};
 
-/// An MCAP file or rosbag2 folder, for reading the messages of a topic in the order of the file.
+/// A robot's log, for reading the messages of a topic in the order of the file.
 pub struct Messages {
     pub(super) path: PathBuf,
-    pub(super) container: Container,
+    pub(super) container: Box<dyn Container>,
 }
 
 /// One message.
@@ -40,11 +43,11 @@ impl Messages {
     /// Opens a log.
     ///
     /// # Errors
-    /// A file that is no MCAP file, or cannot be read.
+    /// A file that is no robot's log, or cannot be read.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let format = Format::of(path).ok_or_else(|| Error::UnknownFormat { path: path.into() })?;
-        Ok(Self { path: path.into(), container: Container::open(path, format, &Silent)? })
+        Ok(Self { path: path.into(), container: container::open(path, format, &Silent)? })
     }
 
     /// Its topics, sorted by name, with counts and rates from the file's indexes.
@@ -52,7 +55,7 @@ impl Messages {
     /// # Errors
     /// A file that cannot be read.
     pub fn topics(&self) -> Result<Vec<TopicInfo>, Error> {
-        super::describe::topic_infos(&self.container, &Silent)
+        super::describe::topic_infos(self.container.as_ref(), &Silent)
     }
 
     /// Decodes these fields of a topic, given by their paths within a message, and hands on message by message, in the order of the file.
@@ -68,7 +71,7 @@ impl Messages {
         mut each: impl FnMut(MessageRow<'_>) -> Result<(), Error> + Send,
     ) -> Result<u64, Error> {
         let (index, extract) = self.extract(topic, fields)?;
-        let pieces = having(&self.container, &[index]);
+        let pieces = having(self.container.as_ref(), &[index]);
         let mut failed = 0;
         parallel_fold(
             pieces.len(),
@@ -115,9 +118,7 @@ impl Messages {
                 })
             })
             .collect::<Result<_, _>>()?;
-        let schema =
-            own.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]));
-        let extract = codec(&own.message_encoding, schema).and_then(|codec| codec.compile(&paths));
+        let extract = codec(&own.message_encoding, own.schema()).and_then(|codec| codec.compile(&paths));
         let extract = extract.map_err(|problem| Error::Topic {
             path: self.path.clone(),
             topic: topic.to_owned(),

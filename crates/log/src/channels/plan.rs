@@ -12,8 +12,8 @@ use super::{
 };
 use crate::{
     Base, Error, JoinKind, MaxGap, Selection, Stamp, TimeSpec, TimeUnit,
+    container::Container,
     join::{Base as JoinBase, JoinColumn},
-    mcap::Container,
 };
 
 /// What is decoded and how it is joined.
@@ -65,7 +65,7 @@ struct Asked {
 /// Finds the topics and fields of the selected columns.
 pub(super) fn plan(
     path: &Path,
-    container: &Container,
+    container: &dyn Container,
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Plan, Error> {
@@ -120,7 +120,7 @@ fn base_topic(path: &Path, names: &Names, selection: &Selection, asked: &[Asked]
 
 struct Builder<'a> {
     path: &'a Path,
-    container: &'a Container,
+    container: &'a dyn Container,
     names: Names,
     /// Topics in use, by their index in the container.
     used: Vec<usize>,

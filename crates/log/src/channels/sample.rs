@@ -3,7 +3,7 @@
 use fleetfoot_data::{Progress, parallel_map};
 use fleetfoot_message::{Codec, FieldPath, FieldTree, MISSING, Row, SchemaError, codec};
 
-use crate::{Error, mcap::Container};
+use crate::{Error, container::Container};
 
 /// Messages of a topic that are looked at in one piece of the file.
 const MESSAGES: usize = 64;
@@ -31,7 +31,11 @@ pub(super) struct Message {
 }
 
 /// Looks at messages of these topics at the beginning, in the middle and at the end of the file. One sample a topic, in their order.
-pub(super) fn sample(container: &Container, topics: &[usize], progress: &dyn Progress) -> Result<Vec<Sample>, Error> {
+pub(super) fn sample(
+    container: &dyn Container,
+    topics: &[usize],
+    progress: &dyn Progress,
+) -> Result<Vec<Sample>, Error> {
     let pieces = places(container, topics);
     let mut found: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
     for part in parallel_map(pieces.len(), progress, |i| look(container, pieces[i], topics))? {
@@ -39,7 +43,7 @@ pub(super) fn sample(container: &Container, topics: &[usize], progress: &dyn Pro
             all.extend(own);
         }
     }
-    let rest = (0..container.pieces().len()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
+    let rest = (0..container.pieces()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
     for piece in rest {
         let missing: Vec<usize> = (0..topics.len()).filter(|&t| found[t].is_empty()).collect();
         if missing.is_empty() || missing.iter().all(|&t| container.topics()[topics[t]].count == Some(0)) {
@@ -54,12 +58,12 @@ pub(super) fn sample(container: &Container, topics: &[usize], progress: &dyn Pro
 }
 
 /// The pieces that may have messages of one of these topics.
-pub(super) fn having(container: &Container, topics: &[usize]) -> Vec<usize> {
-    (0..container.pieces().len()).filter(|&piece| container.wanted_messages(piece, topics) != Some(0)).collect()
+pub(super) fn having(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
+    (0..container.pieces()).filter(|&piece| container.wanted_messages(piece, topics) != Some(0)).collect()
 }
 
 /// The pieces to look at: for each topic the first, the middle and the last that has it.
-fn places(container: &Container, topics: &[usize]) -> Vec<usize> {
+fn places(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
     let mut places = Vec::new();
     for &topic in topics {
         let having = having(container, &[topic]);
@@ -73,7 +77,7 @@ fn places(container: &Container, topics: &[usize]) -> Vec<usize> {
 }
 
 /// The first messages of each topic in a piece.
-fn look(container: &Container, piece: usize, topics: &[usize]) -> Result<Vec<Vec<Message>>, Error> {
+fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec<Vec<Message>>, Error> {
     let mut found: Vec<(usize, Vec<Message>)> = topics.iter().map(|_| (0, Vec::new())).collect();
     container.read_piece(piece, topics, &mut |topic, log_time, _, data| {
         if let Some(place) = topics.iter().position(|&own| own == topic) {
@@ -88,10 +92,9 @@ fn look(container: &Container, piece: usize, topics: &[usize]) -> Result<Vec<Vec
     Ok(found.into_iter().map(|(_, messages)| messages).collect())
 }
 
-fn judge(container: &Container, topic: usize, messages: Vec<Message>) -> Sample {
+fn judge(container: &dyn Container, topic: usize, messages: Vec<Message>) -> Sample {
     let topic = &container.topics()[topic];
-    let schema = topic.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]));
-    let codec = codec(&topic.message_encoding, schema);
+    let codec = codec(&topic.message_encoding, topic.schema());
     let (mut tree, mut failed) = (FieldTree::default(), None);
     if let Ok(codec) = &codec {
         for message in &messages {

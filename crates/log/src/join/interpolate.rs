@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::breaks::Breaks;
+
 /// Where a wanted stamp lies among samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
@@ -11,26 +13,42 @@ pub(super) struct Place {
     pub fraction: f64,
 }
 
+/// How far a sample reaches.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach<'a> {
+    /// Nanoseconds; `None` is no limit.
+    pub limit: Option<u64>,
+    /// Where samples were lost, and the median step that tells whether.
+    pub breaks: Option<(&'a Breaks, Option<u64>)>,
+}
+
+impl Reach<'_> {
+    fn bridges(&self, from: i64, to: i64) -> bool {
+        self.limit.is_none_or(|limit| to.abs_diff(from) <= limit)
+            && self.breaks.is_none_or(|(breaks, period)| !breaks.lost(from, to, period))
+    }
+}
+
 /// Finds the places of `wanted` stamps among the stamps of samples; both rise, and no wanted stamp lies before the first sample.
 ///
-/// Between two samples more than `limit` nanoseconds apart, and beyond the last sample, there is no answer.
-pub(super) fn places_between(time: &[i64], wanted: &[i64], limit: Option<u64>, places: &mut Vec<Place>) {
+/// Between two samples of which one does not reach the other, and beyond the last sample, there is no answer.
+pub(super) fn places_between(time: &[i64], wanted: &[i64], reach: Reach<'_>, places: &mut Vec<Place>) {
     walk(time, wanted, places, |before, stamp| match (time.get(before), time.get(before + 1)) {
         (Some(&sample), _) if sample == stamp => 0.0,
-        (Some(&sample), Some(&next)) if limit.is_none_or(|limit| next.abs_diff(sample) <= limit) => {
+        (Some(&sample), Some(&next)) if reach.bridges(sample, next) => {
             stamp.abs_diff(sample) as f64 / next.abs_diff(sample) as f64
         }
         _ => f64::NAN,
     });
 }
 
-/// Finds the samples that hold at `wanted` stamps: the last at or before, when it is at most `limit` nanoseconds old.
+/// Finds the samples that hold at `wanted` stamps: the last at or before, where it reaches them.
 ///
 /// Beyond `end`, the last stamp of the series' run, only what holds without limit goes on.
-pub(super) fn places_held(time: &[i64], wanted: &[i64], limit: Option<u64>, end: i64, places: &mut Vec<Place>) {
+pub(super) fn places_held(time: &[i64], wanted: &[i64], reach: Reach<'_>, end: i64, places: &mut Vec<Place>) {
     walk(time, wanted, places, |before, stamp| {
-        let good = |limit| stamp <= end && time.get(before).is_some_and(|sample| stamp.abs_diff(*sample) <= limit);
-        if limit.is_none_or(good) { 0.0 } else { f64::NAN }
+        let good = || stamp <= end && time.get(before).is_some_and(|&sample| reach.bridges(sample, stamp));
+        if reach.limit.is_none() || good() { 0.0 } else { f64::NAN }
     });
 }
 

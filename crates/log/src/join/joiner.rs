@@ -9,7 +9,7 @@ use crate::{
     join::{
         Run, Series,
         grid::Grid,
-        interpolate::{Place, SignCarry, angle, linear, places_between, places_held, slerp},
+        interpolate::{Place, Reach, SignCarry, angle, linear, places_between, places_held, slerp},
         overlap::{LogTimes, no_overlap, shared},
         plan::{Feed, JoinColumn, feeds},
     },
@@ -313,6 +313,8 @@ impl Joiner<'_> {
         // The sample after the last that is needed, and its successor.
         let end = (last_at_or_before(series, from..run.rows.end, last)? + 2).min(run.rows.end);
         let mut places = Vec::new();
+        let breaks = feed.breaks.then_some((&series.breaks, series.median_step));
+        let reach = Reach { limit: feed.limit, breaks };
         while at < stamps.len() {
             let to = from.saturating_add(self.block_rows).min(end);
             let samples = series.store.values(from..to)?;
@@ -322,9 +324,9 @@ impl Joiner<'_> {
             };
             let wanted = &stamps[at..upto];
             if feed.held {
-                places_held(&samples.time, wanted, feed.limit, run.end, &mut places);
+                places_held(&samples.time, wanted, reach, run.end, &mut places);
             } else {
-                places_between(&samples.time, wanted, feed.limit, &mut places);
+                places_between(&samples.time, wanted, reach, &mut places);
             }
             let values: Vec<&[f64]> = samples.columns.iter().map(|column| &column[..]).collect();
             fill(feed, &places, &values, at..upto, columns, rotations);

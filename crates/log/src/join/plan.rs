@@ -33,6 +33,8 @@ pub(super) struct Feed {
     pub held: bool,
     /// Nanoseconds; `None` is no limit.
     pub limit: Option<u64>,
+    /// Where samples are known to be lost, neighbours are none.
+    pub breaks: bool,
     pub scalars: Vec<Scalar>,
     pub rotations: Vec<Rotation>,
 }
@@ -68,9 +70,12 @@ pub(super) fn feeds(series: &[Series], columns: &[JoinColumn]) -> Vec<Feed> {
     let mut feeds: Vec<Feed> = Vec::new();
     for (output, column) in columns.iter().enumerate() {
         let (held, limit) = (column.kind == JoinKind::Hold, limit(&series[column.series], column.gap));
-        let alike = |feed: &Feed| (feed.series, feed.held, feed.limit) == (column.series, held, limit);
+        let breaks = column.gap == MaxGap::Auto && !series[column.series].breaks.moments().is_empty();
+        let rule = (column.series, held, limit, breaks);
+        let alike = |feed: &Feed| (feed.series, feed.held, feed.limit, feed.breaks) == rule;
         let place = feeds.iter().position(alike).unwrap_or_else(|| {
-            feeds.push(Feed { series: column.series, held, limit, scalars: Vec::new(), rotations: Vec::new() });
+            let (scalars, rotations) = (Vec::new(), Vec::new());
+            feeds.push(Feed { series: column.series, held, limit, breaks, scalars, rotations });
             feeds.len() - 1
         });
         let feed = &mut feeds[place];

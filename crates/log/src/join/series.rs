@@ -8,6 +8,7 @@ use std::{
 
 use crate::{
     Error,
+    breaks::Breaks,
     join::reorder::Reorder,
     steps::Steps,
     store::{Budget, ColumnStore, StoreBuilder},
@@ -33,6 +34,8 @@ pub(crate) struct Series {
     pub counts: Counts,
     /// Median of log time less stamp, nanoseconds, over at most a few thousand rows spread evenly; `None` without rows.
     pub offset: Option<i64>,
+    /// Where samples are known to be lost.
+    pub breaks: Breaks,
 }
 
 /// Rows over which the clock did not jump back.
@@ -161,6 +164,7 @@ impl SeriesBuilder {
             median_step: steps.median(),
             counts,
             offset: offsets.median(),
+            breaks: Breaks::default(),
         })
     }
 }

@@ -1,9 +1,6 @@
 //! Schemas and channels: which topic a message belongs to, and what its bytes mean.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetfoot_data::{Progress, parallel_map};
 use mcap::records::op;
@@ -13,21 +10,10 @@ use super::{
     layout::{Layout, Piece},
     record::{Fields, for_each_record},
 };
-use crate::Error;
+use crate::{Error, container::SchemaRecord};
 
 /// Contradictions that are told of a file.
 const MAX_NOTES: usize = 5;
-
-/// What describes a message type.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct SchemaRecord {
-    /// The message type, e.g. `nav_msgs/msg/Odometry`.
-    pub(crate) name: String,
-    /// e.g. `ros2msg`.
-    pub(crate) encoding: String,
-    /// The text or descriptor.
-    pub(crate) data: Arc<[u8]>,
-}
 
 /// A channel record.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -2,21 +2,24 @@
 
 use std::{
     collections::BTreeMap,
+    ops::Range,
     path::{Path, PathBuf},
 };
 
 use fleetfoot_data::Progress;
 
 use super::{
+    KIND,
     channels::Definitions,
     chunk,
-    damage::{Damage, Lost},
     layout::{Layout, Piece, PieceKind},
-    map::Map,
-    record::{Chunk, Fields},
+    record::Chunk,
     summary::{self, Statistics},
 };
-use crate::{Compression, Error};
+use crate::{
+    Compression, Error,
+    container::{Damage, Lost, Map},
+};
 
 /// An open file.
 #[derive(Debug)]
@@ -27,10 +30,8 @@ pub(super) struct McapFile {
     pub(super) definitions: Definitions,
     /// Messages of each channel; `None` where neither indexes nor a believable summary tell.
     pub(super) counts: Option<BTreeMap<u16, u64>>,
-    /// e.g. `ros2`; empty where the file does not say.
-    pub(super) profile: String,
-    /// What wrote the file.
-    pub(super) library: String,
+    /// The bodies of its metadata records.
+    pub(super) metadata: Vec<Range<usize>>,
     /// What was lost before any chunk was read.
     pub(super) damage: Damage,
     pub(super) notes: Vec<String>,
@@ -39,7 +40,7 @@ pub(super) struct McapFile {
 impl McapFile {
     /// Opens a file and finds its parts and channels. Chunks are decompressed only when channels are not defined outside them.
     pub(super) fn open(path: &Path, compression: Compression, progress: &dyn Progress) -> Result<Self, Error> {
-        let map = Map::open(path, compression)?;
+        let map = Map::open(path, compression, KIND)?;
         let mut layout = Layout::find(&map);
         refuse_unknown_compression(path, &map, &layout.pieces)?;
         let mut notes = Vec::new();
@@ -68,14 +69,10 @@ impl McapFile {
         if lost > 0 {
             notes.push(format!("{lost} messages are of channels that nothing defines: they are left out"));
         }
-        let header = layout.header.clone().and_then(|body| map.get(body)).unwrap_or_default();
-        let mut fields = Fields(header);
-        let mut text = || String::from_utf8_lossy(fields.bytes().unwrap_or_default()).into_owned();
-        let (profile, library) = (text(), text());
-        let Layout { pieces, damage, .. } = layout;
+        let Layout { pieces, metadata, damage, .. } = layout;
         // The system maps more around each record that was looked at than was asked for.
         map.release(0..map.len());
-        Ok(Self { path: path.into(), map, pieces, definitions, counts, profile, library, damage, notes })
+        Ok(Self { path: path.into(), map, pieces, definitions, counts, metadata, damage, notes })
     }
 
     /// The head of a chunk; `None` for a run of messages.

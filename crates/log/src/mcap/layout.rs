@@ -4,10 +4,8 @@ use std::ops::Range;
 
 use mcap::{MAGIC, records::op};
 
-use super::{
-    damage::{Damage, Lost},
-    record::{Chunk, Message, MessageIndex, RECORD_HEAD, Record, record_at, sound_record_at},
-};
+use super::record::{Chunk, Message, MessageIndex, RECORD_HEAD, Record, record_at, sound_record_at};
+use crate::container::{Damage, Lost};
 
 /// Bytes after which a run of messages outside chunks is cut.
 const RUN: usize = 4 << 20;
@@ -50,8 +48,8 @@ pub(super) struct Layout {
     pub(super) pieces: Vec<Piece>,
     /// The bodies of schema and channel records outside chunks, in the order of the file.
     pub(super) definitions: Vec<(u8, Range<usize>)>,
-    /// The body of the header.
-    pub(super) header: Option<Range<usize>>,
+    /// The bodies of metadata records, in the order of the file.
+    pub(super) metadata: Vec<Range<usize>>,
     /// Offset of the end of the data section; `None` for a file without its end mark.
     pub(super) data_end: Option<usize>,
     pub(super) damage: Damage,
@@ -128,13 +126,13 @@ impl Finder {
                 self.layout.definitions.push((record.opcode, body));
                 self.extend_run(record, None);
             }
+            op::METADATA => {
+                self.close(true);
+                self.layout.metadata.push(body);
+            }
             op::DATA_END | op::FOOTER => {
                 self.close(true);
                 self.layout.data_end = Some(record.end());
-            }
-            op::HEADER => {
-                self.close(true);
-                self.layout.header.get_or_insert(body);
             }
             _ => self.close(true),
         }

@@ -11,7 +11,11 @@ use fleetfoot_data::Silent;
 use mcap::{Compression as ChunkCompression, WriteOptions, Writer, records::MessageHeader};
 
 use super::*;
-use crate::{Compression, Error, Format};
+use crate::{
+    Compression, Error, Format,
+    container::{Container, summary},
+    rosbag2,
+};
 
 mod damaged;
 
@@ -85,8 +89,12 @@ fn write(options: WriteOptions, count: u64) -> Vec<u8> {
     writer.into_inner().into_inner()
 }
 
-fn open(path: &Path) -> Result<Container, Error> {
-    Container::open(path, Format::of(path).expect("a known extension"), &Silent)
+fn open(path: &Path) -> Result<McapContainer, Error> {
+    let files = match Format::of(path).expect("a known extension") {
+        Format::Mcap(compression) => vec![(path.to_path_buf(), compression)],
+        _ => rosbag2::files(path)?,
+    };
+    McapContainer::open(path, &files, &Silent)
 }
 
 /// A file in a folder of its own.
@@ -103,28 +111,27 @@ impl Scrap {
         self.folder.path().join("run.mcap")
     }
 
-    fn open(&self, bytes: &[u8]) -> Result<Container, Error> {
+    fn open(&self, bytes: &[u8]) -> Result<McapContainer, Error> {
         fs::write(self.path(), bytes).unwrap();
         open(&self.path())
     }
 }
 
-fn read(container: &Container, wanted: &[usize]) -> Messages {
+fn read(container: &McapContainer, wanted: &[usize]) -> Messages {
     let mut messages = Messages::new();
-    for piece in 0..container.pieces().len() {
-        let report = container
+    for piece in 0..container.pieces() {
+        container
             .read_piece(piece, wanted, &mut |topic, log, publish, data| {
                 let name = container.topics()[topic].name.clone();
                 messages.entry(name).or_default().push((log, publish, data.to_vec()));
                 Ok(())
             })
             .unwrap();
-        assert!(!report.skipped || report.messages == 0);
     }
     messages
 }
 
-fn read_all(container: &Container) -> Messages {
+fn read_all(container: &McapContainer) -> Messages {
     read(container, &(0..container.topics().len()).collect::<Vec<_>>())
 }
 
@@ -163,7 +170,7 @@ fn counts_rates_and_gaps_come_from_the_indexes() {
     let (scrap, truth) = (Scrap::new(), truth(1000));
     for (name, options) in variants() {
         let container = scrap.open(&write(options, 1000)).unwrap();
-        let info = container.summary_info(&Silent).unwrap();
+        let info = summary(&container, &Silent).unwrap();
         for (topic, times) in container.topics().iter().zip(&info.topics) {
             let stamps: Vec<i64> = truth[&topic.name].iter().map(|message| message.0).collect();
             assert_eq!(
@@ -176,13 +183,6 @@ fn counts_rates_and_gaps_come_from_the_indexes() {
             assert_eq!(times.rate, Some(1e9 / periods[periods.len() / 2] as f64), "{name}");
             assert_eq!(times.gaps, Some(0));
         }
-        assert_eq!((info.start, info.end), (Some(1_000_000_000), Some(10_990_000_000)));
-        assert_eq!(
-            (info.profiles.first().unwrap().as_str(), info.libraries.first().unwrap().as_str()),
-            ("ros2", "test")
-        );
-        let chunked = !name.starts_with("unchunked");
-        assert_eq!(info.chunks.values().sum::<u64>() > 10, chunked, "{name}");
         assert_eq!(info.notes.is_empty(), !matches!(name, "no index" | "neither"), "{name}: {:?}", info.notes);
     }
 }
@@ -201,9 +201,8 @@ fn a_piece_without_a_wanted_topic_is_not_decompressed() {
     let mut bytes = writer.into_inner().into_inner();
     let scrap = Scrap::new();
     let container = scrap.open(&bytes).unwrap();
-    let (late, pieces) = (container.topic("/late").unwrap(), container.pieces().len());
-    let mut each = |_: usize, _: i64, _: i64, _: &[u8]| Ok(());
-    let skipped = (0..pieces).filter(|&piece| container.read_piece(piece, &[late], &mut each).unwrap().skipped).count();
+    let (late, pieces) = (container.topic("/late").unwrap(), container.pieces());
+    let skipped = (0..pieces).filter(|&piece| container.wanted_messages(piece, &[late]) == Some(0)).count();
     assert!(skipped > 1 && skipped < pieces, "{skipped} of {pieces}");
     // Damage in a piece that is skipped costs nothing, and is counted once by whoever reads it.
     let first = container.files[0].pieces[0].bytes.end - 10;
@@ -216,7 +215,7 @@ fn a_piece_without_a_wanted_topic_is_not_decompressed() {
         let damage = container.damage();
         assert_eq!(
             (damage.chunks_lost, damage.more_lost, Some(damage.messages_lost)),
-            (1, false, container.pieces()[0].messages)
+            (1, false, container.messages(0))
         );
         assert!(damage.to_string().contains("lost 1 chunk"), "{damage}");
     }
@@ -246,7 +245,7 @@ fn a_folder_of_rosbag2_is_one_recording() {
         container.topic("/imu").map(|topic| container.topics()[topic].count).unwrap(),
         Some(both["/imu"].len() as u64)
     );
-    assert_eq!(container.paths().count(), 2);
+    assert_eq!(container.files().len(), 2);
     // The same files without metadata are two recordings.
     fs::remove_file(folder.path().join("metadata.yaml")).unwrap();
     assert_eq!(crate::paths([folder.path()]).unwrap().len(), 2);
@@ -268,7 +267,8 @@ fn topics_that_contradict_themselves_are_refused_only_when_used() {
     let scrap = Scrap::new();
     let container = scrap.open(&writer.into_inner().into_inner()).unwrap();
     let same = container.topic("/same").unwrap();
-    assert_eq!(container.topics()[same].channels, [vec![1, 2]]);
+    let channels = container.topic_of[0].iter().filter(|(_, topic)| **topic == same).map(|(channel, _)| *channel);
+    assert_eq!(channels.collect::<Vec<_>>(), [1, 2]);
     assert_eq!(read(&container, &[same])["/same"].len(), 2);
     let message = container.topic("/differs").unwrap_err().to_string();
     assert!(message.contains("a/One") && message.contains("a/Two") && message.contains("/differs"), "{message}");

@@ -227,7 +227,8 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     dict
         ``path``, ``format``, ``bytes``, ``rows``, ``columns`` (name, unit, kind, statistics, ...), ``topics`` (name,
         type, messages, rate in Hz,
-        gaps, ...), ``time`` (the guessed clock), ``clock`` (periods and gaps in seconds), ``episodes``, ``notes``.
+        gaps, ...), ``metadata`` (what a log says of itself), ``time`` (the guessed clock), ``clock`` (periods and gaps
+        in seconds), ``episodes``, ``notes``.
         ``None`` where a thing is not known.
 
     Raises

@@ -109,7 +109,7 @@ fn changed_bytes_invent_nothing_and_what_is_lost_is_told() {
                 }
             };
             let read = read_all(&container);
-            container.summary_info(&Silent).unwrap();
+            summary(&container, &Silent).unwrap();
             let told = !container.damage().is_empty() || !container.notes().is_empty();
             // Outside chunks there are no checksums: one message may be changed, or moved to another channel, in silence.
             let free = usize::from(name.starts_with("unchunked"));
@@ -143,7 +143,7 @@ fn many_changes_and_noise_do_no_harm() {
             }
             if let Ok(container) = scrap.open(&damaged) {
                 read_all(&container);
-                container.summary_info(&Silent).unwrap();
+                summary(&container, &Silent).unwrap();
                 assert!(!container.damage().is_empty() || !container.notes().is_empty());
             }
         }

@@ -7,7 +7,6 @@ use std::{
     path::Path,
 };
 
-use mcap::MAGIC;
 use memmap2::Mmap;
 
 use crate::{Compression, Error};
@@ -18,12 +17,21 @@ const FREE_GROWTH: u64 = 1 << 30;
 /// Beyond [`FREE_GROWTH`], how many times its size a compressed file may grow: robots' logs shrink by 2 to 50.
 const MAX_RATIO: u64 = 1000;
 
-/// A whole MCAP file in memory, page by page as it is read.
+/// What a container's files begin with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Kind {
+    /// e.g. `MCAP`.
+    pub(crate) name: &'static str,
+    /// The first bytes.
+    pub(crate) magic: &'static [u8],
+}
+
+/// A whole file in memory, page by page as it is read.
 #[derive(Debug)]
-pub(super) struct Map {
+pub(crate) struct Map {
     bytes: Mmap,
     /// Why the bytes end before the file does, for a compressed file that is cut.
-    pub(super) cut: Option<String>,
+    pub(crate) cut: Option<String>,
 }
 
 impl Deref for Map {
@@ -35,8 +43,8 @@ impl Deref for Map {
 }
 
 impl Map {
-    /// Maps a file; a compressed one is first unpacked into an unnamed temporary file.
-    pub(super) fn open(path: &Path, compression: Compression) -> Result<Self, Error> {
+    /// Maps a file of a kind; a compressed one is first unpacked into an unnamed temporary file.
+    pub(crate) fn open(path: &Path, compression: Compression, kind: Kind) -> Result<Self, Error> {
         let io = |source| Error::Io { path: path.into(), action: "read", source };
         let file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
@@ -57,8 +65,8 @@ impl Map {
             action: "map into memory",
             source,
         })?;
-        if !bytes.starts_with(MAGIC) {
-            return Err(wrong_magic(path, &bytes));
+        if !bytes.starts_with(kind.magic) {
+            return Err(wrong_magic(path, &bytes, kind));
         }
         Ok(Self { bytes, cut })
     }
@@ -68,7 +76,7 @@ impl Map {
     /// Tells the system that some of the bytes are not needed soon, so that what this process has in memory does not grow with the file.
     /// They stay readable: the system's cache has them, or the disk.
     #[cfg(unix)]
-    pub(super) fn release(&self, bytes: Range<usize>) {
+    pub(crate) fn release(&self, bytes: Range<usize>) {
         use memmap2::UncheckedAdvice::DontNeed;
         if bytes.start < bytes.end && bytes.end <= self.bytes.len() {
             // SAFETY: the advice throws away what was written into private or anonymous pages. This mapping is of a file, shared, and cannot
@@ -80,7 +88,7 @@ impl Map {
 
     /// Nothing to advise here.
     #[cfg(not(unix))]
-    pub(super) fn release(&self, _bytes: Range<usize>) {}
+    pub(crate) fn release(&self, _bytes: Range<usize>) {}
 }
 
 /// Unpacks a file as far as it is sound, to at most `limit` bytes; the second answer is why it ends early.
@@ -124,14 +132,15 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
     Ok((unpacked, cut))
 }
 
-/// Says what a file looks like that is not MCAP.
-fn wrong_magic(path: &Path, bytes: &[u8]) -> Error {
-    let looks: [(&[u8], &str, &'static str); 7] = [
+/// Says what a file looks like that is not of its kind.
+fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
+    let looks: [(&[u8], &str, &'static str); 8] = [
+        (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
         (b"#ROSBAG V", "a ROS 1 bag", crate::format::CONVERT_BAG),
         (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", crate::format::CONVERT_DB3),
         (b"PAR1", "Parquet", "give it the extension .parquet"),
-        (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "give it the extension .mcap.zst"),
-        (&[0x1f, 0x8b], "compressed by gzip", "give it the extension .mcap.gz"),
+        (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "add .zst to its name"),
+        (&[0x1f, 0x8b], "compressed by gzip", "add .gz to its name"),
         (b"PK\x03\x04", "a zip archive", "unpack it"),
         (b"\x89HDF", "HDF5", "convert it to Parquet or CSV"),
     ];
@@ -140,19 +149,24 @@ fn wrong_magic(path: &Path, bytes: &[u8]) -> Error {
     let text = start.iter().all(|&byte| byte >= 0x20 || matches!(byte, b'\t' | b'\n' | b'\r'));
     let (what, mend) = match found {
         Some((_, what, mend)) => (format!("it is {what}"), *mend),
-        None if MAGIC.starts_with(start) => ("only the first bytes are there".to_owned(), "copy it again"),
+        None if kind.magic.starts_with(start) => ("only the first bytes are there".to_owned(), "copy it again"),
         None if text => ("it is text".to_owned(), "give it the extension of what it is (.csv, .tsv)"),
         None if start.iter().all(|&byte| byte == 0) => {
             ("it begins with zeros, as after a loss of power or a broken copy".to_owned(), "copy it again")
         }
-        None => ("its first bytes are not MCAP's".to_owned(), "give it the extension of what it is, or copy it again"),
+        None => {
+            let what = format!("its first bytes are not {}'s", kind.name);
+            (what, "give it the extension of what it is, or copy it again")
+        }
     };
-    Error::WrongFormat { path: path.into(), problem: format!("this is no MCAP file: {what}"), mend }
+    Error::WrongFormat { path: path.into(), problem: format!("this is no {} file: {what}", kind.name), mend }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const KIND: Kind = Kind { name: "MCAP", magic: mcap::MAGIC };
 
     #[test]
     fn other_files_are_recognised_by_their_first_bytes() {
@@ -167,11 +181,11 @@ mod tests {
             (&[0x28, 0xb5, 0x2f, 0xfd, 0], "zstd"),
             (b"t,x,y\n1,2,3\n", "text"),
             (&[0; 40], "zeros"),
-            (&MAGIC[..4], "first bytes"),
+            (&KIND.magic[..4], "first bytes"),
             (&[1, 2, 3], "first bytes"),
         ] {
             std::fs::write(&path, bytes).unwrap();
-            let message = Map::open(&path, Compression::None).unwrap_err().to_string();
+            let message = Map::open(&path, Compression::None, KIND).unwrap_err().to_string();
             assert!(message.contains("run.mcap") && message.contains(word), "{message}");
         }
     }
@@ -181,14 +195,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap.zst");
         // Two frames, so that the cut leaves a whole one.
-        let mut bytes = zstd::encode_all(MAGIC, 3).unwrap();
+        let mut bytes = zstd::encode_all(KIND.magic, 3).unwrap();
         let second = zstd::encode_all(&[7_u8; 1000][..], 3).unwrap();
         bytes.extend(&second);
         std::fs::write(&path, &bytes).unwrap();
-        let map = Map::open(&path, Compression::Zstd).unwrap();
+        let map = Map::open(&path, Compression::Zstd, KIND).unwrap();
         assert_eq!((map.len(), map.cut.as_deref()), (1008, None));
         std::fs::write(&path, &bytes[..bytes.len() - 3]).unwrap();
-        let map = Map::open(&path, Compression::Zstd).unwrap();
+        let map = Map::open(&path, Compression::Zstd, KIND).unwrap();
         assert!(map.len() >= 8 && map.cut.is_some());
         let file = File::open(&path).unwrap();
         assert!(unpack(&path, file, Compression::Zstd, 7).unwrap_err().to_string().contains("more than 7 bytes"));

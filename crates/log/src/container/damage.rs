@@ -28,7 +28,7 @@ impl Damage {
     }
 
     /// Adds a damaged place of a file.
-    pub(super) fn add(&mut self, at: usize, why: &str, lost: Lost) {
+    pub(crate) fn add(&mut self, at: usize, why: &str, lost: Lost) {
         self.bytes_lost += lost.bytes as u64;
         self.chunks_lost += u64::from(lost.chunk);
         match lost.messages {
@@ -42,7 +42,7 @@ impl Damage {
     }
 
     /// Another witness tells how many messages were lost up to now.
-    pub(super) fn know_messages(&mut self, messages: u64) {
+    pub(crate) fn know_messages(&mut self, messages: u64) {
         (self.messages_lost, self.more_lost) = (messages, false);
     }
 
@@ -60,11 +60,11 @@ impl Damage {
 
 /// What one damaged place costs.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Lost {
-    pub(super) bytes: usize,
-    pub(super) chunk: bool,
+pub(crate) struct Lost {
+    pub(crate) bytes: usize,
+    pub(crate) chunk: bool,
     /// `None` where nothing tells how many.
-    pub(super) messages: Option<u64>,
+    pub(crate) messages: Option<u64>,
 }
 
 impl fmt::Display for Damage {

@@ -1,0 +1,156 @@
+//! The seam for containers of messages: what a robot's log gives, whichever format it is in.
+//!
+//! A [`Container`] is a recording in one file or in several: topics whose messages are bytes of some encoding, in pieces that are read as a
+//! whole by whichever thread takes them. Behind this file nobody knows which format it is; [`open`] is the one place that does. A further format is an
+//! implementation of the trait, a line in [`open`], and its name in [`Format`].
+//!
+//! Nothing that a file says is believed unchecked. What cannot be read is skipped up to the next sound place and counted ([`Damage`]).
+
+mod damage;
+mod map;
+mod times;
+
+use std::{
+    collections::BTreeMap,
+    fmt,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use fleetfoot_data::{Progress, nearest_one};
+
+pub(crate) use damage::{Damage, Lost};
+pub(crate) use map::{Kind, Map};
+pub(crate) use times::{Span, summary};
+
+use crate::{Error, Format, mcap::McapContainer, rosbag2};
+
+/// Takes a message: its topic, log time and publish time in nanoseconds, and its bytes.
+pub(crate) type Each<'a> = dyn FnMut(usize, i64, i64, &[u8]) -> Result<(), Error> + 'a;
+
+/// A recording of messages.
+///
+/// Times are log times, nanoseconds: when messages were recorded, as far as the format tells. What is asked by piece may be asked by several
+/// threads at once.
+pub(crate) trait Container: fmt::Debug + Send + Sync {
+    /// What was opened: a file, or the folder of several.
+    fn path(&self) -> &Path;
+
+    /// The files, in the order of the recording.
+    fn files(&self) -> Vec<PathBuf>;
+
+    /// The topics, sorted by name.
+    fn topics(&self) -> &[Topic];
+
+    /// The place of a topic among [`Self::topics`].
+    ///
+    /// # Errors
+    /// A topic that the recording does not have, with the nearest name; one whose definitions contradict each other or are not there.
+    fn topic(&self, name: &str) -> Result<usize, Error> {
+        let Ok(place) = self.topics().binary_search_by(|topic| topic.name.as_str().cmp(name)) else {
+            let nearest = nearest_one(name, self.topics().iter().map(|topic| topic.name.as_str()));
+            return Err(Error::MissingColumn { path: self.path().into(), column: name.into(), nearest });
+        };
+        match self.topics().get(place).and_then(|topic| topic.problem.clone()) {
+            Some(problem) => Err(Error::UnusableTopic { path: self.path().into(), topic: name.into(), problem }),
+            None => Ok(place),
+        }
+    }
+
+    /// How many pieces there are. Their order is that of the recording.
+    fn pieces(&self) -> usize;
+
+    /// Messages of all topics in a piece, where the file tells without reading it.
+    fn messages(&self, piece: usize) -> Option<u64>;
+
+    /// Messages of some topics in a piece, where the file tells without reading it. `Some(0)`: reading it would do nothing.
+    fn wanted_messages(&self, piece: usize, wanted: &[usize]) -> Option<u64>;
+
+    /// Hands over the messages of the wanted topics in a piece, in the order of the file, the bytes in place where the format allows. An error
+    /// of `each` ends the reading.
+    ///
+    /// Whatever is damaged in the piece is passed over, and counted once however often the piece is read.
+    ///
+    /// # Errors
+    /// Only those of `each`.
+    fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error>;
+
+    /// Log times of a piece by topic, from an index; `None` where only reading the piece tells.
+    fn indexed_times(&self, _piece: usize) -> Option<BTreeMap<usize, Vec<i64>>> {
+        None
+    }
+
+    /// First and last log times of a piece by topic, from an index; `None` where only reading the piece tells.
+    fn indexed_spans(&self, _piece: usize) -> Option<BTreeMap<usize, Span>> {
+        None
+    }
+
+    /// Moments on the log's clock at which its writer says that messages were lost: what lies about them is no neighbour. Sorted.
+    fn breaks(&self) -> &[i64] {
+        &[]
+    }
+
+    /// What the recording says of itself beside its messages.
+    fn metadata(&self) -> BTreeMap<String, String>;
+
+    /// What opening and all reading up to now have lost, the end of the file included.
+    fn damage(&self) -> Damage;
+
+    /// What a person should know of the recording, besides damage.
+    fn notes(&self) -> Vec<String>;
+
+    /// Tells the system that what was read will not be needed soon.
+    fn release(&self) {}
+}
+
+/// A topic with all that carries it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Topic {
+    /// e.g. `/odom`.
+    pub(crate) name: String,
+    /// e.g. `nav_msgs/msg/Odometry`; empty without a schema.
+    pub(crate) type_name: String,
+    /// e.g. `cdr`.
+    pub(crate) message_encoding: String,
+    pub(crate) schema: Option<SchemaRecord>,
+    /// Messages, where the recording tells.
+    pub(crate) count: Option<u64>,
+    /// Why its messages cannot be decoded.
+    pub(crate) problem: Option<String>,
+}
+
+impl Topic {
+    /// What the decoder needs to know of the schema.
+    pub(crate) fn schema(&self) -> Option<(&str, &str, &[u8])> {
+        self.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]))
+    }
+}
+
+/// What describes a message type.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct SchemaRecord {
+    /// The message type, e.g. `nav_msgs/msg/Odometry`.
+    pub(crate) name: String,
+    /// e.g. `ros2msg`.
+    pub(crate) encoding: String,
+    /// The text or descriptor.
+    pub(crate) data: Arc<[u8]>,
+}
+
+/// Opens a recording of messages: finds its pieces and topics.
+///
+/// # Errors
+/// Files that are not there or are not what their name says, metadata that cannot be read, compressions that are not known, a user who
+/// stops. Damage inside a file is no error.
+pub(crate) fn open(path: &Path, format: Format, progress: &dyn Progress) -> Result<Box<dyn Container>, Error> {
+    Ok(match format {
+        Format::Mcap(compression) => Box::new(McapContainer::open(path, &[(path.into(), compression)], progress)?),
+        Format::Rosbag2 => Box::new(McapContainer::open(path, &rosbag2::files(path)?, progress)?),
+        Format::Parquet | Format::Csv(_) => return Err(Error::UnknownFormat { path: path.into() }),
+    })
+}
+
+/// Whether a folder is one recording, not a place for several: `None` where it is not, else why it cannot be read, if so.
+pub(crate) fn folder(path: &Path) -> Option<Result<(), Error>> {
+    rosbag2::is_bag(path).then(|| rosbag2::files(path).map(drop))
+}
