@@ -9,12 +9,13 @@ use crate::{Codec, SchemaError, json, protobuf, ros};
 pub fn codec(message_encoding: &str, schema: Option<(&str, &str, &[u8])>) -> Result<Box<dyn Codec>, SchemaError> {
     match (message_encoding, schema) {
         ("cdr", Some((name, encoding @ ("ros2msg" | "ros2idl"), data)))
-        | ("ros1", Some((name, encoding @ "ros1msg", data))) => ros::codec(message_encoding, name, encoding, data),
+        | ("ros1", Some((name, encoding @ "ros1msg", data)))
+        | ("ulog", Some((name, encoding @ "ulog", data))) => ros::codec(message_encoding, name, encoding, data),
         ("protobuf", Some((name, "protobuf", data))) => protobuf::codec(name, data),
         ("json", Some((name, "jsonschema", data))) => json::codec(name, Some(data)),
         // A schema without an encoding says nothing.
         ("json", None | Some((_, "", _))) => json::codec("", None),
-        ("cdr" | "ros1" | "protobuf", None | Some((_, "", []))) => {
+        ("cdr" | "ros1" | "ulog" | "protobuf", None | Some((_, "", []))) => {
             Err(SchemaError::NoSchema { message: message_encoding.to_owned() })
         }
         (_, schema) => Err(SchemaError::UnknownEncoding {
@@ -39,7 +40,7 @@ mod tests {
         let error = |message, schema| codec(message, schema).err().unwrap();
         assert!(matches!(error("json", Some(("t", "jsonschema", b"?"))), SchemaError::Malformed { .. }));
         assert!(matches!(error("protobuf", Some(("t", "protobuf", b""))), SchemaError::Malformed { .. }));
-        for encoding in ["cdr", "ros1", "protobuf"] {
+        for encoding in ["cdr", "ros1", "ulog", "protobuf"] {
             assert_eq!(error(encoding, None), SchemaError::NoSchema { message: encoding.to_owned() });
         }
         for (message, schema) in

@@ -40,6 +40,7 @@ pub use error::{DecodeError, SchemaError};
 pub use extract::{Codec, Extract, Group, MISSING, Row, Texts};
 pub use fields::{FieldInfo, FieldTree};
 pub use path::{FieldPath, PathError, Step};
+pub use ros::ulog::{UlogLayout, ulog_layout};
 pub use schema::{Extensibility, Field, Length, Scalar, Schema, StructType, Type};
 pub use tally::FieldKind;
 pub use value::Value;

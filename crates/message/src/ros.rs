@@ -1,4 +1,4 @@
-//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in ROS 1's own layout and in CDR.
+//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in ROS 1's own layout and in CDR. ULog's messages are packed as ROS 1's are.
 
 mod block;
 mod compile;
@@ -9,6 +9,7 @@ mod msg;
 mod program;
 mod reference;
 mod run;
+pub(crate) mod ulog;
 mod want;
 mod wire;
 
@@ -24,7 +25,7 @@ use self::{
 };
 use crate::{Codec, DecodeError, Extract, FieldPath, Group, MISSING, Row, Schema, SchemaError, Value};
 
-/// The decoder for a channel of ROS messages: `cdr` with `ros2msg` or `ros2idl`, `ros1` with `ros1msg`.
+/// The decoder for a channel of ROS messages: `cdr` with `ros2msg` or `ros2idl`, `ros1` with `ros1msg`, and `ulog` with `ulog`.
 ///
 /// # Errors
 /// Other encodings, and schemas that cannot be understood or that lack a definition.
@@ -37,10 +38,11 @@ pub(crate) fn codec(
     let unknown =
         || SchemaError::UnknownEncoding { message: message_encoding.to_owned(), schema: schema_encoding.to_owned() };
     let text = String::from_utf8_lossy(schema_data);
-    let (schema, ros1) = match (message_encoding, schema_encoding) {
+    let (schema, packed) = match (message_encoding, schema_encoding) {
         ("cdr", "ros2msg") => (msg::parse(schema_name, &text, msg::Ros::Two), false),
         ("cdr", "ros2idl") => (idl::parse(schema_name, &text), false),
         ("ros1", "ros1msg") => (msg::parse(schema_name, &text, msg::Ros::One), true),
+        ("ulog", "ulog") => (ulog::parse(schema_name, &text), true),
         _ => return Err(unknown()),
     };
     let schema = schema.map_err(|problem| SchemaError::Malformed {
@@ -48,14 +50,15 @@ pub(crate) fn codec(
         name: schema_name.to_owned(),
         problem,
     })?;
-    Ok(Box::new(RosCodec::new(schema, ros1)))
+    Ok(Box::new(RosCodec::new(schema, packed)))
 }
 
 /// What every decoder of a channel shares.
 #[derive(Debug)]
 struct Layouts {
     schema: Schema,
-    ros1: bool,
+    /// Laid out as in ROS 1: packed, little-endian, without a header.
+    packed: bool,
     /// By wire.
     sizes: [Sizes; Wire::ALL.len()],
 }
@@ -63,7 +66,7 @@ struct Layouts {
 impl Layouts {
     /// The layout of a message, whether it is big-endian, and the bytes before its body.
     fn of(&self, message: &[u8]) -> Result<(Wire, bool, usize), DecodeError> {
-        if self.ros1 {
+        if self.packed {
             return Ok((Wire::Ros1, false, 0));
         }
         wire::encapsulation(message).map(|(wire, big)| (wire, big, ENCAPSULATION))
@@ -78,9 +81,9 @@ impl Layouts {
 struct RosCodec(Arc<Layouts>);
 
 impl RosCodec {
-    fn new(schema: Schema, ros1: bool) -> Self {
+    fn new(schema: Schema, packed: bool) -> Self {
         let sizes = Wire::ALL.map(|wire| Sizes::new(&schema, wire));
-        Self(Arc::new(Layouts { schema, ros1, sizes }))
+        Self(Arc::new(Layouts { schema, packed, sizes }))
     }
 }
 
@@ -97,7 +100,7 @@ impl Codec for RosCodec {
         // Fields outside of named elements are in every message.
         let present = wanted.groups.iter().map(|group| group.key.is_none()).collect();
         let extract = RosExtract { layouts: Arc::clone(&self.0), wanted, present, programs: Default::default() };
-        extract.program(if self.0.ros1 { Wire::Ros1 } else { Wire::Xcdr1 });
+        extract.program(if self.0.packed { Wire::Ros1 } else { Wire::Xcdr1 });
         Ok(Box::new(extract))
     }
 }

@@ -56,6 +56,13 @@ pub enum Type {
         /// UTF-16 instead of UTF-8.
         wide: bool,
     },
+    /// A text without a count before it, up to its first NUL.
+    PlainText {
+        /// The bytes that it always has; `None`: all that are left of the message.
+        size: Option<usize>,
+    },
+    /// So many bytes that mean nothing.
+    Padding(usize),
     /// A struct, by its index in [`Schema::structs`].
     Struct(usize),
     /// Many of one type.

@@ -63,6 +63,10 @@ impl Compiler<'_> {
                 block.place(scalar.size(), self.wire.alignment(scalar.size()));
             }
             Type::Text { wide } => block.push(Op::SkipText { unit: self.wire.text_unit(*wide) }, self.wire),
+            Type::PlainText { size: Some(size) } | Type::Padding(size) => {
+                block.place(*size, 1);
+            }
+            Type::PlainText { size: None } => block.push(Op::LoadRest { slots: Box::default() }, self.wire),
             Type::Struct(index) if self.wire.struct_header(self.schema, *index) => block.push(Op::SkipPart, self.wire),
             Type::Struct(index) if self.is_inline(*index) => self.skip_fields(block, *index, None),
             Type::Struct(index) => block.push(Op::Call(*index), self.wire),
@@ -90,13 +94,22 @@ impl Compiler<'_> {
         let Some(own) = self.schema.structs.get(index) else { return };
         for (place, field) in own.fields.iter().enumerate() {
             if key == Some(place) {
-                block.push(Op::KeyText, self.wire);
+                self.key(block, &field.kind);
             } else if field.optional {
                 self.optional(block, |block| self.skip(block, &field.kind));
             } else {
                 self.skip(block, &field.kind);
             }
         }
+    }
+
+    /// The name of the element that is being walked.
+    fn key(&self, block: &mut Block, kind: &Type) {
+        let op = match kind {
+            Type::PlainText { size } => Op::PlainKey { size: size.unwrap_or(0) },
+            _ => Op::KeyText,
+        };
+        block.push(op, self.wire);
     }
 
     fn optional(&self, block: &mut Block, field: impl FnOnce(&mut Block)) {
@@ -118,6 +131,16 @@ impl Compiler<'_> {
             Type::Text { wide } => {
                 let (unit, slots) = (self.wire.text_unit(*wide), want.slots.clone().into());
                 block.push(Op::LoadText { wide: *wide, unit, slots }, self.wire);
+            }
+            Type::PlainText { size: Some(size) } => {
+                let offset = block.place(*size, 1);
+                block.load(Load::Text { offset, size: *size, slots: want.slots.clone().into() });
+            }
+            Type::PlainText { size: None } => {
+                block.push(Op::LoadRest { slots: want.slots.clone().into() }, self.wire);
+            }
+            Type::Padding(size) => {
+                block.place(*size, 1);
             }
             Type::Struct(index) if self.wire.struct_header(self.schema, *index) => {
                 let mut inside = self.anywhere();
@@ -283,7 +306,7 @@ impl Compiler<'_> {
                     let (key, own) = (key(*index).unwrap_or(0), &self.schema.structs[*index]);
                     for (place, field) in own.fields.iter().enumerate().take(key + 1) {
                         self.field(&mut inside, true, field.optional, |block| match place == key {
-                            true => block.push(Op::KeyText, self.wire),
+                            true => self.key(block, &field.kind),
                             false => self.skip(block, &field.kind),
                         });
                     }

@@ -124,6 +124,8 @@ impl Linker<'_> {
     fn never_has_bytes(&self, kind: &Type) -> bool {
         match kind {
             Type::Scalar(_) | Type::Text { .. } => false,
+            Type::PlainText { size } => *size == Some(0),
+            Type::Padding(size) => *size == 0,
             Type::Struct(index) => self.empty.get(*index).copied().unwrap_or(false),
             Type::Array { length: Length::Fixed(0), .. } => true,
             Type::Array { element, length: Length::Fixed(_) } => self.never_has_bytes(element),

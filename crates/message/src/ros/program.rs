@@ -23,6 +23,10 @@ pub(super) enum Op {
     LoadText { wide: bool, unit: usize, slots: Box<[usize]> },
     /// A text that names the element of the array that is being walked.
     KeyText,
+    /// As [`Op::KeyText`], in so many bytes.
+    PlainKey { size: usize },
+    /// All that is left, as a text that goes to slots.
+    LoadRest { slots: Box<[usize]> },
     /// A sequence of numbers.
     SkipNumbers { size: usize, alignment: usize },
     /// Numbers of which some go to slots.
@@ -52,6 +56,8 @@ pub(super) enum Op {
 pub(super) enum Load {
     /// Numbers that lie side by side, into slots that lie side by side.
     Numbers { scalar: Scalar, offset: usize, slot: usize, count: usize },
+    /// A text in so many bytes, into slots.
+    Text { offset: usize, size: usize, slots: Box<[usize]> },
     /// The seconds of these groups' stamp, which counts from here on.
     Seconds { signed: bool, offset: usize, groups: Box<[usize]> },
     /// The nanoseconds, which are added.

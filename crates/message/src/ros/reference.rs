@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::wire::{Sizes, Wire, narrow, number, wide};
+use super::wire::{Sizes, Wire, narrow, number, plain, wide};
 use crate::{DecodeError, Length, Scalar, Schema, Type, Value, value::LONG_ARRAY};
 
 /// Values that one message is decoded into at the most; arrays beyond are only counted. What a message takes in memory is so bounded, even
@@ -101,7 +101,9 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
             let is_cut = header && self.place == self.end;
             let value =
                 if is_cut || (field.optional && !self.present()?) { Value::Null } else { self.any(&field.kind)? };
-            fields.push((Arc::clone(&field.name), value));
+            if !matches!(field.kind, Type::Padding(_)) {
+                fields.push((Arc::clone(&field.name), value));
+            }
         }
         if header {
             self.leave(outer);
@@ -120,6 +122,12 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
         match kind {
             Type::Scalar(scalar) => self.scalar(*scalar),
             Type::Text { wide } => self.text(*wide),
+            Type::PlainText { size } => {
+                let size = size.unwrap_or(self.end.saturating_sub(self.place));
+                let bytes = plain(self.take(size, "a text")?);
+                Ok(Value::Text(String::from_utf8_lossy(bytes).into_owned()))
+            }
+            Type::Padding(size) => self.take(*size, "padding").map(|_| Value::Null),
             Type::Struct(index) => self.structure(*index),
             Type::Array { element, length } => {
                 let header = self.wire.array_header(element);

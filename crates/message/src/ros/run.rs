@@ -2,7 +2,7 @@
 
 use super::{
     program::{Elements, Load, Names, Numbers, Op, Program},
-    wire::{Wire, narrow, wide},
+    wire::{Wire, narrow, plain, wide},
 };
 use crate::{DecodeError, MISSING, Row, Scalar};
 
@@ -88,6 +88,11 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
                 }
                 Op::LoadText { wide, unit, slots } => self.load_text(*wide, *unit, slots)?,
                 Op::KeyText => self.key = Some(self.narrow()?),
+                Op::PlainKey { size } => self.key = Some(plain(self.take(*size)?)),
+                Op::LoadRest { slots } => {
+                    let bytes = self.take(self.left())?;
+                    self.set_texts(slots, plain(bytes));
+                }
                 Op::SkipNumbers { size, alignment } => {
                     self.numbers(None, *size, *alignment)?;
                 }
@@ -170,10 +175,15 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
             let text = wide::<BIG>(self.text(unit)?, unit);
             slots.iter().for_each(|&slot| self.row.set_text(slot, &text));
         } else {
-            let text = String::from_utf8_lossy(self.narrow()?);
-            slots.iter().for_each(|&slot| self.row.set_text(slot, &text));
+            let bytes = self.narrow()?;
+            self.set_texts(slots, bytes);
         }
         Ok(())
+    }
+
+    fn set_texts(&mut self, slots: &[usize], bytes: &[u8]) {
+        let text = String::from_utf8_lossy(bytes);
+        slots.iter().for_each(|&slot| self.row.set_text(slot, &text));
     }
 
     #[inline]
@@ -192,6 +202,10 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
                     return;
                 };
                 numbers::<BIG>(*scalar, bytes, into);
+            }
+            Load::Text { offset, size, slots } => {
+                let bytes = run.get(*offset..).and_then(|rest| rest.get(..*size)).unwrap_or_default();
+                self.set_texts(slots, plain(bytes));
             }
             Load::Seconds { signed, offset, groups } => {
                 let nanoseconds = time(*signed, *offset) * 1_000_000_000;

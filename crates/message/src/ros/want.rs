@@ -199,7 +199,9 @@ pub(super) fn names_field(own: &StructType) -> Option<usize> {
 pub(super) fn key_field(own: &StructType) -> Option<usize> {
     let find = |wanted: &&str| {
         own.fields.iter().position(|field| {
-            *field.name == **wanted && matches!(field.kind, Type::Text { wide: false }) && !field.optional
+            *field.name == **wanted
+                && matches!(field.kind, Type::Text { wide: false } | Type::PlainText { .. })
+                && !field.optional
         })
     };
     KEY_FIELDS.iter().find_map(find)
@@ -271,7 +273,8 @@ fn path(schema: &Schema, path: &FieldPath) -> Result<Resolved, SchemaError> {
     }
     let kind = match kind {
         Type::Scalar(Scalar::LongDouble) => "a number of 16 bytes, which cannot be read".to_owned(),
-        Type::Scalar(_) | Type::Text { .. } => return Ok(Resolved { moves, key }),
+        Type::Scalar(_) | Type::Text { .. } | Type::PlainText { .. } => return Ok(Resolved { moves, key }),
+        Type::Padding(_) => "padding".to_owned(),
         Type::Struct(index) => format!("a struct `{}`", schema.structs.get(*index).map_or("", |own| &own.name)),
         Type::Array { .. } => "an array".to_owned(),
     };

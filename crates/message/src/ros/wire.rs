@@ -127,6 +127,8 @@ impl Sizes {
         match kind {
             Type::Scalar(scalar) => scalar.size(),
             Type::Text { .. } => 4,
+            Type::PlainText { size } => size.unwrap_or(0),
+            Type::Padding(size) => *size,
             Type::Struct(index) => self.least.get(*index).copied().unwrap_or(0),
             Type::Array { length: Length::Sequence(_), .. } => 4,
             Type::Array { element, length: Length::Fixed(count) } => self.least(element).saturating_mul(*count),
@@ -162,6 +164,11 @@ pub(super) fn number<const BIG: bool>(scalar: Scalar, bytes: &[u8]) -> Option<f6
 /// A text from its bytes, without the NUL at its end.
 pub(super) fn narrow(bytes: &[u8]) -> &[u8] {
     bytes.strip_suffix(b"\0").unwrap_or(bytes)
+}
+
+/// A text without a count: up to the first NUL.
+pub(super) fn plain(bytes: &[u8]) -> &[u8] {
+    bytes.split(|&byte| byte == 0).next().unwrap_or_default()
 }
 
 /// A text in UTF-16, each unit in 4 bytes or (whatever else `unit` says) in 2.

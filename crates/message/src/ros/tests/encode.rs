@@ -69,6 +69,12 @@ impl Encoder<'_> {
                 self.count(text.len() + nul);
                 self.bytes.extend(text.bytes().chain(std::iter::repeat_n(0, nul)));
             }
+            (Type::PlainText { size }, Value::Text(text)) => {
+                // What follows the NUL means nothing.
+                let filling = std::iter::once(0).chain(std::iter::repeat(0xAA));
+                let size = size.unwrap_or(text.len());
+                self.bytes.extend(text.bytes().chain(filling).take(size));
+            }
             (Type::Text { wide: true }, Value::Text(text)) => {
                 let units: Vec<u16> = text.encode_utf16().collect();
                 self.count(if self.wire == Wire::Xcdr1 { units.len() } else { 2 * units.len() });

@@ -44,6 +44,9 @@ const SCALARS: [Scalar; 12] = [
     Scalar::LongDouble,
 ];
 
+/// A text that has room for every word.
+const PLAIN: Type = Type::PlainText { size: Some(12) };
+
 /// A schema whose structs only use earlier ones. Two are as robots have them: with a header, and with parallel arrays.
 pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
     let field = |name: &str, kind| Field { name: Arc::from(name), kind, optional: false };
@@ -72,7 +75,8 @@ pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
         }
         if random.chance(2) {
             let place = random.below(fields.len() + 1);
-            fields.insert(place, field("id", text.clone()));
+            let id = if random.chance(3) { PLAIN } else { text.clone() };
+            fields.insert(place, field("id", id));
         }
         if random.chance(3) {
             let place = random.below(fields.len() + 1);
@@ -90,6 +94,7 @@ pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
 fn kind(random: &mut Random, structs: usize, depth: usize) -> Type {
     match random.below(if depth < 3 { 10 } else { 6 }) {
         0..=2 => Type::Scalar(SCALARS[random.below(12)]),
+        3 if random.chance(3) => PLAIN,
         3 => Type::Text { wide: random.chance(3) },
         4 | 5 => Type::Struct(random.below(structs)),
         6 | 7 => Type::Array { element: Box::new(kind(random, structs, depth + 1)), length: Length::Sequence(None) },
@@ -118,7 +123,8 @@ pub(super) fn value(random: &mut Random, schema: &Schema, kind: &Type) -> Value 
             Scalar::F64 => Value::Float(bits as i64 as f64 / 1e9),
             Scalar::LongDouble => Value::Null,
         },
-        Type::Text { .. } => Value::Text(random.word()),
+        Type::Text { .. } | Type::PlainText { .. } => Value::Text(random.word()),
+        Type::Padding(_) => Value::Null,
         Type::Struct(index) => {
             let fields = schema.structs[*index].fields.iter().map(|field| {
                 let absent = field.optional && random.chance(2);
@@ -147,7 +153,8 @@ pub(super) fn paths(schema: &Schema) -> Vec<FieldPath> {
 fn walk(schema: &Schema, kind: &Type, beside: Option<bool>, steps: &mut Vec<Step>, all: &mut Vec<FieldPath>) {
     match kind {
         Type::Scalar(Scalar::LongDouble) => {}
-        Type::Scalar(_) | Type::Text { .. } => all.push(FieldPath { steps: steps.clone() }),
+        Type::Padding(_) => {}
+        Type::Scalar(_) | Type::Text { .. } | Type::PlainText { .. } => all.push(FieldPath { steps: steps.clone() }),
         Type::Struct(index) => {
             let own = &schema.structs[*index];
             for field in &own.fields {
