@@ -216,7 +216,7 @@ pub(crate) struct TimeArgs {
     pub(crate) channels: ChannelArgs,
 }
 
-/// How the channels of a robot's log (MCAP) become rows.
+/// How the channels of a robot's log (MCAP, ULog) become rows.
 #[derive(Debug, Args, Default)]
 pub(crate) struct ChannelArgs {
     /// The clock of a robot's log (default: header where every channel in use has one, else log).

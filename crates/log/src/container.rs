@@ -23,7 +23,7 @@ pub(crate) use damage::{Damage, Lost};
 pub(crate) use map::{Kind, Map};
 pub(crate) use times::{Span, summary};
 
-use crate::{Error, Format, mcap::McapContainer, rosbag2};
+use crate::{Error, Format, mcap::McapContainer, rosbag2, ulog::UlogContainer};
 
 /// Takes a message: its topic, log time and publish time in nanoseconds, and its bytes.
 pub(crate) type Each<'a> = dyn FnMut(usize, i64, i64, &[u8]) -> Result<(), Error> + 'a;
@@ -146,6 +146,7 @@ pub(crate) fn open(path: &Path, format: Format, progress: &dyn Progress) -> Resu
     Ok(match format {
         Format::Mcap(compression) => Box::new(McapContainer::open(path, &[(path.into(), compression)], progress)?),
         Format::Rosbag2 => Box::new(McapContainer::open(path, &rosbag2::files(path)?, progress)?),
+        Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
         Format::Parquet | Format::Csv(_) => return Err(Error::UnknownFormat { path: path.into() }),
     })
 }

@@ -6,7 +6,7 @@ use crate::{Error, rosbag2};
 
 /// What is readable, for messages.
 pub(crate) const KNOWN: &str =
-    ".mcap, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
+    ".mcap, .ulg, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
 
 /// What to do with a ROS 1 bag.
 pub(crate) const CONVERT_BAG: &str =
@@ -25,6 +25,9 @@ pub enum Format {
     Csv(Compression),
     /// A robot's log in one MCAP file.
     Mcap(Compression),
+    /// A log of PX4. Its topics are `/vehicle_attitude`, and `/sensor_accel.1` for a further instance; fields have the names that pyulog gives
+    /// them.
+    Ulog(Compression),
     /// A folder of MCAP files with the `metadata.yaml` of rosbag2: one recording.
     Rosbag2,
 }
@@ -57,6 +60,7 @@ impl Format {
             ("parquet" | "pq", Compression::None) => Some(Self::Parquet),
             ("csv" | "tsv" | "txt", compression) => Some(Self::Csv(compression)),
             ("mcap", compression) => Some(Self::Mcap(compression)),
+            ("ulg", compression) => Some(Self::Ulog(compression)),
             _ => None,
         }
     }
@@ -87,6 +91,9 @@ impl Format {
             Self::Mcap(Compression::None) => "MCAP",
             Self::Mcap(Compression::Gzip) => "MCAP (gzip)",
             Self::Mcap(Compression::Zstd) => "MCAP (zstd)",
+            Self::Ulog(Compression::None) => "ULog",
+            Self::Ulog(Compression::Gzip) => "ULog (gzip)",
+            Self::Ulog(Compression::Zstd) => "ULog (zstd)",
             Self::Rosbag2 => "rosbag2 (MCAP)",
         }
     }

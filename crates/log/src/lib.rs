@@ -1,4 +1,4 @@
-//! Recordings in and out of files: MCAP, Parquet, CSV.
+//! Recordings in and out of files: MCAP, ULog, Parquet, CSV.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
@@ -61,6 +61,7 @@ mod table;
 mod table_writer;
 mod time_column;
 mod topic_info;
+mod ulog;
 mod writer;
 
 pub use atomic::{AtomicFile, write_atomic};

@@ -12,7 +12,8 @@ pub(crate) const RECORD: &str = "fleetfoot";
 /// The key-value metadata of a file; empty where there are none.
 ///
 /// Of a Parquet file what [`crate::WriteOptions::metadata`] was; of MCAP the records named `fleetfoot`, what [`crate::McapOptions::metadata`]
-/// was.
+/// was; of ULog what its writer told of itself (`sys_name`, `ver_sw`, ...), parameters (`parameter.NAME`), their changes (`changed.NAME`) and their
+/// defaults (`default.system.NAME`, `default.setup.NAME`).
 ///
 /// # Errors
 /// A file of another format, one that cannot be read, and a damaged one.

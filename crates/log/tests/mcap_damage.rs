@@ -14,6 +14,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+#[path = "all/ulog_writer.rs"]
+mod ulog_writer;
+
 use fleetfoot_data::Silent;
 use fleetfoot_log::{Error, McapOptions, McapWriter, Messages, Selection, Stamp, inspect_values, open};
 use fleetfoot_message::write::{Float64, Header, Imu, JointState, Odometry, Pose, Time, Twist};
@@ -287,4 +290,43 @@ fn changed_bytes_of_compressed_chunks_invent_nothing() {
 #[test]
 fn changed_bytes_of_plain_chunks_are_caught_by_their_checksums() {
     change_bytes(false, if full() { 4000 } else { 800 }, 12);
+}
+
+/// As a recording, as messages and as what `info --values` tells.
+fn read_ulog(path: &Path) {
+    let _ = open(&[path], &Selection::new(["/gyro.rate[0]", "/a.b[0].x[0]"]));
+    let _ = inspect_values(path, &Silent);
+    let Ok(log) = Messages::open(path) else { return };
+    for topic in log.topics().unwrap() {
+        let _ = log.columns(&topic.name, None, &Silent);
+    }
+}
+
+#[test]
+fn ulogs_that_lie_take_no_memory() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.ulg");
+    let mut log = ulog_writer::flight(400);
+    log.format("a:uint64_t timestamp;b[4000000000] b;").format("b:double[4000000000] x;").subscribe(0, 60_000, "a");
+    // Thousands of subscriptions, each of a format that uses one whose fields are many.
+    let fields: String = (0..4000).map(|field| format!("uint8_t a{field};")).collect();
+    log.format(&format!("long:{fields}"));
+    for id in 1000..9000_u16 {
+        log.format(&format!("f{id}:uint64_t timestamp;long x;")).subscribe(1, id, &format!("f{id}"));
+    }
+    log.data(60_000, &[&[0; 64]]).data(8999, &[&[0; 4008]]).sync().sync().sync();
+    fs::write(&path, &log.bytes).unwrap();
+    bounded("a file of definitions that lie", || read_ulog(&path));
+    // Flags, lengths and texts of nonsense behind a sound beginning.
+    let mut random = Random(3);
+    for turn in 0..if full() { 400 } else { 40 } {
+        let mut bytes = ulog_writer::flight(200).bytes;
+        for _ in 0..30 {
+            let at = 16 + random.below(bytes.len() as u64 - 16) as usize;
+            bytes[at] = random.below(256) as u8;
+        }
+        fs::write(&path, &bytes).unwrap();
+        bounded(&format!("nonsense {turn}"), || read_ulog(&path));
+    }
 }

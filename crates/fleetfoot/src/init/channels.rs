@@ -147,7 +147,8 @@ impl Odometry {
 
 /// What may be a state or an input: no text, no stamp of a header, no covariance.
 fn is_signal(column: &Column) -> bool {
-    let stamp = [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec"];
+    let stamp =
+        [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec", ".timestamp", ".timestamp_sample"];
     !matches!(column.kind, ColumnKind::Category(_))
         && !column.name.contains("covariance")
         && !column.name.contains(".header.")

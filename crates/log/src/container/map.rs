@@ -9,7 +9,7 @@ use std::{
 
 use memmap2::Mmap;
 
-use crate::{Compression, Error};
+use crate::{Compression, Error, ulog};
 
 /// Bytes that a compressed file may grow to, whatever its size.
 const FREE_GROWTH: u64 = 1 << 30;
@@ -134,8 +134,9 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
 
 /// Says what a file looks like that is not of its kind.
 fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
-    let looks: [(&[u8], &str, &'static str); 8] = [
+    let looks: [(&[u8], &str, &'static str); 9] = [
         (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
+        (ulog::KIND.magic, "ULog", "give it the extension .ulg"),
         (b"#ROSBAG V", "a ROS 1 bag", crate::format::CONVERT_BAG),
         (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", crate::format::CONVERT_DB3),
         (b"PAR1", "Parquet", "give it the extension .parquet"),

@@ -11,3 +11,5 @@ mod fixtures;
 mod mcap_writer;
 mod parquet;
 mod peers;
+mod ulog;
+mod ulog_writer;

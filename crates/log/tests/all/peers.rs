@@ -4,6 +4,7 @@
 
 mod hold;
 mod oracle;
+mod ulog;
 
 use std::{
     collections::BTreeMap,

@@ -72,7 +72,7 @@ def open(  # noqa: A001
     Parameters
     ----------
     source : path, table, array, mapping, list or iterator
-        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, Parquet and CSV files, or a statistic
+        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, ULog, Parquet and CSV files, or a statistic
           (``.stats``). They stream.
         - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2 and
           later, duckdb).

@@ -58,7 +58,7 @@ def read_mcap(
     stamp: Literal["header", "log", "publish"] | str | None = None,
     progress: Progress = None,
 ) -> Table | dict[str, Table]:
-    """Reads a robot's log (an MCAP file or a rosbag2 folder) into a table.
+    """Reads a robot's log (an MCAP or ULog file, or a rosbag2 folder) into a table.
 
     Either the messages of a topic as they are, one row each (``topic``); or rows of several topics joined on one clock
     (``columns`` or
@@ -216,7 +216,7 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     Parameters
     ----------
     path : path
-        An MCAP, Parquet or CSV file, or a rosbag2 folder.
+        An MCAP, ULog, Parquet or CSV file, or a rosbag2 folder.
     values : bool
         Read all rows once: ranges of the values, gaps of the clock, episodes.
     progress : bool or callable, optional

@@ -46,8 +46,13 @@ pub(crate) fn write_logs(python: &OsStr) -> tempfile::TempDir {
 pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, Told> {
     let option: &[&OsStr] = if long { &[OsStr::new("--long")] } else { &[] };
     let arguments: Vec<&OsStr> = option.iter().copied().chain(files.iter().map(|file| file.as_os_str())).collect();
+    read_lines(&run(python, "read_logs.py", &arguments))
+}
+
+/// What lines tell, by the names of the files.
+pub(crate) fn read_lines(lines: &str) -> BTreeMap<String, Told> {
     let mut told: BTreeMap<String, Told> = BTreeMap::new();
-    for line in run(python, "read_logs.py", &arguments).lines() {
+    for line in lines.lines() {
         let json: serde_json::Value = serde_json::from_str(line).unwrap();
         let file = told.entry(json["file"].as_str().unwrap().to_owned()).or_default();
         match json["damage"].as_str() {
@@ -68,7 +73,8 @@ pub(crate) fn truth(file: &Path) -> Option<Vec<Topic>> {
     Some(topics)
 }
 
-fn run(python: &OsStr, script: &str, arguments: &[&OsStr]) -> String {
+/// What a script prints.
+pub(crate) fn run(python: &OsStr, script: &str, arguments: &[&OsStr]) -> String {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers").join(script);
     let output = Command::new(python).arg(script).args(arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
