@@ -85,7 +85,7 @@ fn trained(plant: &str) -> u64 {
 }
 
 fn fit(name: &str, recipe: &Recipe, logs: impl Into<Logs>) -> SindyFitted {
-    let fitted = fit_sindy(recipe, SindyRequest { front: true }, logs, &Silent);
+    let fitted = fit_sindy(recipe, SindyRequest { front: true, ..SindyRequest::default() }, logs, &Silent);
     fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
