@@ -141,7 +141,7 @@ fn a_plain_regression_of_several_columns_needs_no_clock() {
         .collect();
     assert_eq!(terms, [vec!["1", "a", "b"], vec!["b"], vec!["a*b"]]);
     // The structured lasso, of the logs and of their statistic.
-    let options = ["--inputs", "a,b", "--predict", "x,y,z", "--library", "poly(2)", "--force"];
+    let options = ["--inputs", "a,b", "--predict", "x,y,z", "--degree", "2"];
     let sparse = run(&[&["fit", "sparse", "rows.csv", "-o", "logs.json"], &options[..]].concat()).ok();
     assert!(sparse.err.contains("no time stamps"), "{}", sparse.err);
     assert!(run(&["show", "logs.json"]).ok().out.contains("a*b"));

@@ -16,11 +16,11 @@ pub(crate) struct FitNarx {
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
     pub(crate) narx: NarxSection,
-    /// Outputs, separated by commas: the recipe's states.
+    /// Outputs, separated by commas (default: the recipe's states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) outputs: Option<List>,
     /// Functions of outputs and inputs of one row, separated by commas (`y, u, y^2, sqrt(max(y,0))`): the candidates are the lags of each, in the place of
-    /// products of lags.
+    /// products of lags (default: products of lags).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Partitions: average, zscore:1.5, kmeans:10, labels:COLUMN. Each region has terms of its own; of several (`average,kmeans:2,5,10`) one is

@@ -36,10 +36,10 @@ settings! {
         /// Spans of the training rows that are held out in turn (default: 5).
         #[arg(long, value_name = "N")]
         pub folds: usize,
-        /// Keep every n-th row.
+        /// Keep every n-th row (default: 1, all of them).
         #[arg(long, value_name = "N")]
         pub decimate: usize,
-        /// The last share of the rows of every episode, which does not train and is simulated.
+        /// The last share of the rows of every episode, which does not train and is simulated (default: 0).
         #[arg(long, value_name = "SHARE")]
         pub test_share: f64,
         /// Seed of k-means (default: 0).

@@ -60,7 +60,7 @@ settings! {
         /// Memory for the rows that k-means keeps; beyond it a sample is clustered (default: 512).
         #[arg(long, value_name = "MiB", allow_negative_numbers = true)]
         pub memory: f64,
-        /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix.
+        /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub tsqr: bool,
     }

@@ -70,10 +70,10 @@ settings! {
         #[arg(long, value_name = "N")]
         pub max_iterations: usize,
         /// Forward regression (frols) chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the
-        /// condition number of the columns.
+        /// condition number of the columns (default: by --select).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub kappa: f64,
-        /// Number of terms of every equation, in place of a threshold.
+        /// Number of terms of every equation, in place of a threshold (default: by the threshold).
         #[arg(long, value_name = "N")]
         pub terms: usize,
         /// What the number of terms is chosen by (default: one-se).
@@ -83,7 +83,7 @@ settings! {
         /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
-        /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100`.
+        /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100` (default: one fit).
         #[arg(long, value_name = "WHAT[:N]")]
         pub ensemble: String,
         /// Share of an ensemble's fits that must have a term (default: 0.6).

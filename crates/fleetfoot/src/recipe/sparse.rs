@@ -79,23 +79,23 @@ settings! {
         /// Share of the l1 penalty in an elastic net (default: 1, the lasso).
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub l1_ratio: f64,
-        /// Adaptive lasso: penalty factors from a first least-squares fit.
+        /// Adaptive lasso: penalty factors from a first least-squares fit (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub adaptive: bool,
         /// Bolasso: keep what the replicates agree on. Resample rows (the paper's way; needs the logs), chunks or episodes, 128 times or as many as said:
-        /// `episodes:1000`.
+        /// `episodes:1000` (default: no bolasso).
         #[arg(long, value_name = "UNIT[:B]", conflicts_with = "stability")]
         pub bolasso: String,
         /// Share of the replicates that must select a column (default: 1, of a stability selection 0.9).
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub threshold: f64,
-        /// Stability selection by complementary halves, with its bound on false selections.
+        /// Stability selection by complementary halves, with its bound on false selections (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub stability: bool,
-        /// Strength lambda_t of all priors; in a recipe of those that name none.
+        /// Strength lambda_t of all priors; in a recipe of those that name none (default: 1).
         #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true)]
         pub prior_strength: f64,
-        /// Penalise coefficients in raw units instead of in those of their columns.
+        /// Penalise coefficients in raw units instead of in those of their columns (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub unscaled: bool,
         /// Seed of everything random (default: 0).

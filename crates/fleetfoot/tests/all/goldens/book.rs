@@ -142,7 +142,7 @@ fn line_differences(place: &str, (old, new): (&str, &str), exact: bool, said: &m
     let largest = golden.iter().map(|item| item.value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
     for (at, (old, new)) in golden.iter().zip(&found).enumerate() {
         let change = (new.value - old.value).abs() / largest;
-            if old.text != new.text && (exact || change.is_nan() || change > TOLERANCE) {
+        if old.text != new.text && (exact || change.is_nan() || change > TOLERANCE) {
             let label = if old.label.is_empty() { format!("number {}", at + 1) } else { old.label.to_owned() };
             said.push(format!("{place}, {label}: was {}, is {} ({change:.1e} of the line)", old.text, new.text));
         }
