@@ -16,7 +16,10 @@
 //! glmnet rescales penalty factors to the sum p; here they are taken as they are.
 //!
 //! ```
-//! use fleetfoot_sparse::{LarsOptions, Penalty, Quadratic, lars};
+//! use fleetfoot_sparse::{
+//!     Penalty, Quadratic,
+//!     lars::{LarsOptions, lars},
+//! };
 //! use fleetfoot_stats::Gram;
 //!
 //! // y = 2 a, beside a column b that says nothing: the whole path of the lasso from one statistic.
