@@ -5,7 +5,7 @@ const LONGEST: usize = 128;
 
 /// Up to three of `candidates` that resemble `name`, the most alike first.
 ///
-/// Alike is a Damerau-Levenshtein similarity above one half, or equality without case, or one that ends with the other.
+/// Alike is a Damerau-Levenshtein similarity of one half or more, or equality without case, or one that ends with the other.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let wanted = name.to_lowercase();
     if wanted.is_empty() || wanted.len() > LONGEST {
@@ -15,7 +15,7 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .into_iter()
         .filter(|candidate| !candidate.is_empty() && candidate.len() <= LONGEST)
         .map(|candidate| (similarity(&wanted, &candidate.to_lowercase()), candidate))
-        .filter(|&(similarity, _)| similarity > 0.5)
+        .filter(|&(similarity, _)| similarity >= 0.5)
         .collect();
     alike.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
     alike.dedup_by(|a, b| a.1 == b.1);

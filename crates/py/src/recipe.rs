@@ -23,7 +23,7 @@ pub(crate) fn recipe(
     if let Some(dt) = dt
         && !(dt > 0.0 && dt.is_finite())
     {
-        return Err(Kind::Request.error(format!("dt = {dt}: the sampling period must be positive")));
+        return Err(Kind::Option.error(format!("dt = {dt}: the sampling period must be positive")));
     }
     if clock.is_some() || dt.is_some() {
         recipe.time = Time { column: clock, unit, dt, ..recipe.time };
