@@ -407,8 +407,9 @@ def _regions(
     palette = get_cmap("tab20" if len(seen) > 10 else "tab10")
     colours = ListedColormap([palette(at % palette.N) for at in range(len(seen))])
     norm = BoundaryNorm(np.arange(len(seen) + 1) - 0.5, len(seen))
+    masked_less: Any = np.ma.masked_less  # some versions of numpy give it no types
     image = ax.imshow(
-        np.ma.masked_less(shown, 0),
+        masked_less(shown, 0),
         origin="lower",
         extent=extent,
         aspect="auto",
