@@ -63,8 +63,6 @@ pub(super) struct Channel {
     /// Its topic among those found.
     pub(super) topic: usize,
     from: usize,
-    /// What the number stood for before.
-    before: Option<usize>,
     described: Option<Arc<Described>>,
 }
 
@@ -104,8 +102,8 @@ pub(super) struct Definitions {
     found: Vec<Found>,
     topics: BTreeMap<(String, u8), usize>,
     channels: Vec<Channel>,
-    /// The latest channel of each number.
-    by_id: Vec<Option<usize>>,
+    /// The channels that each number has stood for, in the order of the file.
+    by_id: Vec<Vec<usize>>,
     pub(super) notes: BTreeSet<String>,
 }
 
@@ -118,7 +116,7 @@ impl Default for Definitions {
             found: Vec::new(),
             topics: BTreeMap::new(),
             channels: Vec::new(),
-            by_id: vec![None; LOGGED_TAGGED + 1],
+            by_id: vec![Vec::new(); LOGGED_TAGGED + 1],
             notes: BTreeSet::new(),
         };
         for (id, name, fields) in LOGGED_FORMATS {
@@ -139,11 +137,11 @@ impl Definitions {
     #[inline]
     pub(super) fn channel<'a>(&self, message: &Message<'a>) -> Option<(&Channel, &'a [u8])> {
         let (id, data) = message.data()?;
-        let mut channel = self.channels.get((*self.by_id.get(id)?)?)?;
-        while message.start < channel.from {
-            channel = self.channels.get(channel.before?)?;
-        }
-        Some((channel, data))
+        let own = self.by_id.get(id)?;
+        // A file may say anew what a number stands for as often as it likes: halving keeps that from being slow.
+        let began = |channel: &usize| self.channels.get(*channel).is_some_and(|channel| channel.from <= message.start);
+        let latest = own.get(own.partition_point(began).checked_sub(1)?)?;
+        Some((self.channels.get(*latest)?, data))
     }
 
     /// Adds a format.
@@ -187,13 +185,13 @@ impl Definitions {
             self.found.push(Found { name, format, described: described() });
             self.found.len() - 1
         });
-        let Some(latest) = self.by_id.get_mut(id) else { return };
-        if latest.and_then(|latest| self.channels.get(latest)).is_some_and(|channel| channel.topic == topic) {
+        let Some(own) = self.by_id.get_mut(id) else { return };
+        if own.last().and_then(|latest| self.channels.get(*latest)).is_some_and(|channel| channel.topic == topic) {
             return;
         }
         let described = self.found.get(topic).and_then(|found| found.described.as_ref().ok().cloned());
-        self.channels.push(Channel { topic, from, before: *latest, described });
-        *latest = Some(self.channels.len() - 1);
+        own.push(self.channels.len());
+        self.channels.push(Channel { topic, from, described });
     }
 
     fn describe(&mut self, name: &str) -> Result<Arc<Described>, String> {
