@@ -55,15 +55,7 @@ pub(crate) fn open(
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
     let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
-    Ok(Opened {
-        table: Box::new(table),
-        assumed_unit,
-        time_column,
-        notes,
-        stamp: None,
-        log_offset: 0,
-        breaks: Default::default(),
-    })
+    Ok(Opened::of_table(Box::new(table), assumed_unit, time_column, notes))
 }
 
 fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {

@@ -111,15 +111,9 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Resul
         clock: clock.as_ref().map(|clock| (clock.column, clock.unit)),
         table: table.clone(),
     };
-    Ok(Opened {
-        table: Box::new(selected),
-        assumed_unit: clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit),
-        time_column,
-        notes: clock.and_then(|clock| clock.assumed).into_iter().collect(),
-        stamp: None,
-        log_offset: 0,
-        breaks: Default::default(),
-    })
+    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
+    let notes = clock.and_then(|clock| clock.assumed).into_iter().collect();
+    Ok(Opened::of_table(Box::new(selected), assumed_unit, time_column, notes))
 }
 
 fn find(path: &Path, columns: &[Column], name: &str) -> Result<usize, Error> {

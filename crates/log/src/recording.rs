@@ -91,6 +91,18 @@ pub(crate) struct Opened {
     pub breaks: Breaks,
 }
 
+impl Opened {
+    /// A table whose stamps are a column of its own, or none.
+    pub(crate) fn of_table(
+        table: Box<dyn Table>,
+        assumed_unit: Option<crate::TimeUnit>,
+        time_column: Option<String>,
+        notes: Vec<String>,
+    ) -> Self {
+        Self { table, assumed_unit, time_column, notes, stamp: None, log_offset: 0, breaks: Breaks::default() }
+    }
+}
+
 /// Opens files as one recording. See [`open_with_progress`].
 pub fn open<P: AsRef<Path>>(paths: &[P], selection: &Selection) -> Result<Recording, Error> {
     open_with_progress(paths, selection, &Silent)

@@ -108,15 +108,7 @@ pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -
         time,
         leaves: wanted,
     };
-    Ok(Opened {
-        table: Box::new(table),
-        assumed_unit,
-        time_column,
-        notes,
-        stamp: None,
-        log_offset: 0,
-        breaks: Default::default(),
-    })
+    Ok(Opened::of_table(Box::new(table), assumed_unit, time_column, notes))
 }
 
 type TimeRule = Option<(usize, Rule)>;
