@@ -1,27 +1,28 @@
 //! Logs opened for a recipe or for a model.
 
 mod clock;
+mod cost;
+mod selection;
 
-use std::{collections::BTreeSet, path::Path};
+use std::path::Path;
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
-use fleetfoot_log::{
-    Base, ColumnInfo, ColumnJoin, Estimate, FileInfo, JoinKind, JoinSpec, LabelRule, Log, MaxGap, Recording, Selection,
-    Stamp, TimeSpec, TimeUnit, TopicInfo,
-};
+use fleetfoot_log::{ColumnInfo, FileInfo, Log, Recording, TimeSpec, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Equation, Model, Role, Rule, auxiliary_columns};
 
 use crate::{
-    Error, Gap, Logs, Recipe,
-    dataset::clock::{Clock, clock, clock_of_model},
+    Error, Logs, Recipe,
     labels::Labelled,
     period,
     sindy::EquationTask,
     structure::StructuredTask,
     task::{Aliases, KnownTask, Task, aliases_of_model},
-    wildcard::is_match,
 };
+
+use clock::{Clock, clock, clock_of_model};
+pub(crate) use cost::{estimate, estimate_equations, estimate_structure};
+use selection::{full_selection, label_names, renames};
 
 /// Logs as the columns of a recipe or a model.
 pub struct Dataset {
@@ -93,194 +94,6 @@ fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     };
     let place = info.path.display();
     Error::undetermined(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
-}
-
-/// Topics as the recipe calls them, and as the files do.
-fn renames(recipe: &Recipe) -> Vec<(String, String)> {
-    recipe.rename.iter().map(|(own, file)| (own.clone(), file.clone())).collect()
-}
-
-fn label_names(recipe: &Recipe) -> Vec<String> {
-    let mut names: Vec<String> = recipe.episodes.iter().flat_map(|rule| rule.labels.keys().cloned()).collect();
-    names.sort();
-    names.dedup();
-    names
-}
-
-fn max_gap(gap: Option<&Gap>, place: &str) -> Result<MaxGap, Error> {
-    match gap {
-        None => Ok(MaxGap::Auto),
-        Some(Gap::Seconds(seconds)) if *seconds > 0.0 => Ok(MaxGap::Seconds(*seconds)),
-        Some(Gap::Word(word)) if word == "auto" => Ok(MaxGap::Auto),
-        Some(Gap::Word(word)) if word == "none" => Ok(MaxGap::Unlimited),
-        Some(gap) => Err(Error::value(format!("{place} max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
-    }
-}
-
-/// What the recipe says about the channels of a robot's log.
-fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
-    let time = &recipe.time;
-    let mut join = JoinSpec { cache: recipe.cache.clone(), ..JoinSpec::default() };
-    join.renames = renames(recipe);
-    if let Some(text) = &time.stamp {
-        join.stamp = Some(Stamp::parse(text).ok_or_else(|| {
-            Error::value(format!("[time] stamp = \"{text}\": write \"header\", \"log\" or \"publish\""))
-        })?);
-    }
-    join.base = match (&time.base, time.rate) {
-        (Some(_), Some(_)) => {
-            return Err(Error::conflict("[time] has both `base` and `rate`; the rows come from one of them".into()));
-        }
-        (Some(topic), None) => Some(Base::Channel(topic.clone())),
-        (None, Some(rate)) => Some(Base::Rate(rate)),
-        (None, None) => None,
-    };
-    join.reorder_seconds = time.reorder.unwrap_or(join.reorder_seconds);
-    for (pattern, rule) in &recipe.join {
-        let (table, place) = (rule.table(), format!("[join] {pattern}"));
-        let kind = match table.kind.as_deref() {
-            None => None,
-            Some(text) => Some(JoinKind::parse(text).ok_or_else(|| {
-                Error::value(format!("{place}: `{text}` is no kind of join; write linear, hold, angle or slerp"))
-            })?),
-        };
-        let rule = ColumnJoin { kind, max_gap: max_gap(table.max_gap.as_ref(), &place)? };
-        for column in columns.iter().filter(|column| is_match(pattern, column)) {
-            join.columns.insert(column.clone(), rule);
-        }
-    }
-    Ok(join)
-}
-
-/// Joins as the roles of the columns ask for: inputs are held, angles go along the shorter arc. What the recipe says stands above.
-fn add_roles(join: &mut JoinSpec, columns: &[ModelColumn], aliases: &[(Column, Expr)]) {
-    let mut rule = |field: &str, kind| {
-        let rule = join.columns.entry(field.to_owned()).or_default();
-        rule.kind = rule.kind.or(Some(kind));
-    };
-    let uses = |role: Role| {
-        aliases
-            .iter()
-            .zip(columns)
-            .filter(move |(_, column)| column.role == role)
-            .flat_map(|((_, expr), _)| expr.sources())
-    };
-    let states: BTreeSet<String> = uses(Role::State).map(|name| name.to_string()).collect();
-    for field in uses(Role::Input).filter(|field| !states.contains(&**field)) {
-        rule(&field, JoinKind::Hold);
-    }
-    for ((_, expression), column) in aliases.iter().zip(columns) {
-        if let Some(field) = expression.as_column()
-            && column.angle
-        {
-            rule(field, JoinKind::Angle);
-        }
-    }
-}
-
-/// The fields that aliases speak of, and how they are read and joined.
-fn full_selection(recipe: &Recipe, model: &[ModelColumn], aliases: &[(Column, Expr)]) -> Result<Selection, Error> {
-    let labels = label_names(recipe);
-    let mut columns: Vec<String> = Vec::new();
-    for (_, expression) in aliases {
-        columns.extend(expression.sources().iter().map(|name| name.to_string()).filter(|name| !labels.contains(name)));
-    }
-    // The channel of the first column makes the rows unless the recipe says otherwise.
-    let first = columns.first().cloned().map(Base::Channel);
-    columns.sort();
-    columns.dedup();
-    let mut selection = selection(recipe, columns)?;
-    add_roles(&mut selection.join, model, aliases);
-    selection.join.base = selection.join.base.or(first);
-    Ok(selection)
-}
-
-/// What opening robots' logs for a recipe will cost, with the columns and the task; `None` for tables, which are opened to count their rows.
-pub(crate) fn estimate(
-    recipe: &Recipe,
-    labels: &[String],
-    logs: &Logs,
-    progress: &dyn Progress,
-) -> Result<Option<(Task, Vec<String>, Estimate)>, Error> {
-    let (fields, info) = fields(recipe, logs)?;
-    let recipe = &recipe.expand(&fields)?;
-    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
-    let selection = full_selection(recipe, &task.problem.columns, &task.aliases)?;
-    let estimate = cost(logs, &selection, progress)?;
-    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
-}
-
-/// What opening robots' logs for a structured regression will cost, with its task and the fields that are read; `None` for tables.
-pub(crate) fn estimate_structure(
-    recipe: &Recipe,
-    logs: &Logs,
-    progress: &dyn Progress,
-) -> Result<Option<(StructuredTask, Vec<String>, Estimate)>, Error> {
-    let (recipe, _, task) = Dataset::structure(recipe, logs)?;
-    let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
-    let estimate = cost(logs, &selection, progress)?;
-    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
-}
-
-/// What opening robots' logs for a fit of equations will cost, with its task and the fields that are read; `None` for tables.
-pub(crate) fn estimate_equations(
-    recipe: &Recipe,
-    logs: &Logs,
-    progress: &dyn Progress,
-) -> Result<Option<(EquationTask, Vec<String>, Estimate)>, Error> {
-    let (recipe, task) = Dataset::equations(recipe, logs)?;
-    let selection = full_selection(&recipe, &task.columns, &task.aliases)?;
-    let estimate = cost(logs, &selection, progress)?;
-    Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
-}
-
-fn cost(logs: &Logs, selection: &Selection, progress: &dyn Progress) -> Result<Option<Estimate>, Error> {
-    let files = logs.files();
-    if files.len() < logs.len() {
-        return Ok(None);
-    }
-    Ok(fleetfoot_log::estimate(&files, selection, progress)?)
-}
-
-/// What the recipe says about clock and episodes.
-fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> {
-    let time = &recipe.time;
-    let mut selection = Selection::new(columns);
-    selection.join = join_spec(recipe, &selection.columns)?;
-    selection.time = match (&time.column, time.dt) {
-        (Some(_), Some(_)) => {
-            return Err(Error::conflict("[time] has both `column` and `dt`; the stamps come from one of them".into()));
-        }
-        (None, Some(dt)) if dt > 0.0 && dt.is_finite() => TimeSpec::Uniform { dt_seconds: dt },
-        (None, Some(dt)) => {
-            return Err(Error::value(format!("[time] dt = {dt}: the sampling period must be positive")));
-        }
-        (Some(name), None) => {
-            let unit = match time.unit.as_deref() {
-                None => None,
-                Some(text) => Some(
-                    TimeUnit::parse(text)
-                        .ok_or_else(|| Error::value(format!("[time] unit = \"{text}\": write s, ms, us or ns")))?,
-                ),
-            };
-            TimeSpec::Column { name: name.clone(), unit }
-        }
-        (None, None) => TimeSpec::Auto,
-    };
-    selection.max_gap = max_gap(time.max_gap.as_ref(), "[time]")?;
-    selection.label_rules = recipe
-        .episodes
-        .iter()
-        .map(|rule| LabelRule {
-            pattern: rule.pattern.clone(),
-            labels: rule
-                .labels
-                .iter()
-                .map(|(key, value)| (key.clone(), value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
-                .collect(),
-        })
-        .collect();
-    Ok(selection)
 }
 
 /// Aliases, each with what its numbers stand for, which is known once all files are open.
