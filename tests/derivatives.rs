@@ -143,27 +143,17 @@ fn the_span_of_an_angle_wraps_its_steps() {
     assert!((coefficient(equation, "1") - 2.5).abs() < 1e-6, "{equation}");
 }
 
+/// `fit METHOD` of the robot's log in `log.csv`, with more options, which have no blanks of their own.
+fn of_robot<'a>(method: &'a str, more: &'a str) -> Vec<&'a str> {
+    let fixed = ["fit", method, "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u"];
+    fixed.into_iter().chain(more.split_whitespace()).collect()
+}
+
 #[test]
 fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("log.csv"), robot_csv(3000, 0.3)).expect("a file");
-    let fixed = [
-        "fit",
-        "pwa",
-        "log.csv",
-        "--alias",
-        "v=`v [m/s]`",
-        "--states",
-        "v",
-        "--inputs",
-        "u",
-        "--select",
-        "rollout",
-        "--horizon",
-        "20",
-    ];
-    let with = |more: &[&'static str]| fixed.into_iter().chain(more.iter().copied()).collect::<Vec<_>>();
-    let all = with(&["--partition", "average,kmeans:2,6", "--json"]);
+    let all = of_robot("pwa", "--select rollout --horizon 20 --partition average,kmeans:2,6 --json");
     let found = fleetfoot(folder.path(), &all).ok().json();
     let choice = &found["rollouts"];
     let candidates = choice["candidates"].as_array().expect("candidates");
@@ -180,43 +170,14 @@ fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
         assert!(folds.len() == 5 && (mean / candidate["error_over_persistence"].as_f64().unwrap() - 1.0).abs() < 1e-12);
     }
     // An open span is compared with central differences, and the model tells which was taken.
-    let open = [
-        "fit",
-        "pwa",
-        "log.csv",
-        "--alias",
-        "v=`v [m/s]`",
-        "--states",
-        "v",
-        "--inputs",
-        "u",
-        "--derivative",
-        "v=over:auto",
-        "--horizon",
-        "20",
-    ];
+    let open = of_robot("pwa", "--derivative v=over:auto --horizon 20");
     let said = fleetfoot(folder.path(), &open).ok();
     assert!(
         said.out.contains("central") && said.out.contains("over 20 rows") && said.out.contains("<- chosen"),
         "{}",
         said.out
     );
-    let open = [
-        "fit",
-        "sindy",
-        "log.csv",
-        "--alias",
-        "v=`v [m/s]`",
-        "--states",
-        "v",
-        "--inputs",
-        "u",
-        "--degree",
-        "1",
-        "--derivative",
-        "v=over:auto",
-    ];
-    let open: Vec<&str> = open.into_iter().chain(["--horizon", "20", "--json"]).collect();
+    let open = of_robot("sindy", "--degree 1 --derivative v=over:auto --horizon 20 --json");
     let found = fleetfoot(folder.path(), &open).ok().json();
     let candidates = found["rollouts"]["candidates"].as_array().expect("candidates");
     assert_eq!(candidates.len(), 6, "{found}");
@@ -226,29 +187,15 @@ fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
         Some(rows) => assert!(label.ends_with(&format!("over {rows} rows")), "{label}"),
         None => assert!(label.ends_with("/dt"), "{label}"),
     }
-    let planned = fleetfoot(folder.path(), &with(&["--partition", "average,kmeans:2", "--dry-run"])).ok();
+    let dry = of_robot("pwa", "--select rollout --horizon 20 --partition average,kmeans:2 --dry-run");
+    let planned = fleetfoot(folder.path(), &dry).ok();
     assert!(
         planned.out.contains("18 passes") && planned.out.contains("2 x 5 x 50 rollouts of 20 steps"),
         "{}",
         planned.out
     );
-    let alone =
-        ["fit", "pwa", "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "--horizon", "20"];
+    let alone = of_robot("pwa", "--horizon 20");
     fleetfoot(folder.path(), &alone).fails(&["--horizon 20", "--select rollout"]);
-    let long = [
-        "fit",
-        "pwa",
-        "log.csv",
-        "--alias",
-        "v=`v [m/s]`",
-        "--states",
-        "v",
-        "--inputs",
-        "u",
-        "--select",
-        "rollout",
-        "--horizon",
-        "900",
-    ];
+    let long = of_robot("pwa", "--select rollout --horizon 900");
     fleetfoot(folder.path(), &long).fails(&["900 steps", "shorter --horizon"]);
 }
