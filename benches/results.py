@@ -1,0 +1,201 @@
+"""Makes the tables of docs/results.md that hang on folds and choices again: `python3 benches/results.py --fleetfoot target/release/fleetfoot --data FOLDER`.
+
+Each table stands between two comments of the page and is replaced by what this run found; commit and machine stand below it.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import platform
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "results.md"
+
+
+class Bench:
+    """Commands in a folder of their own."""
+
+    def __init__(self, fleetfoot, folder):
+        self.fleetfoot, self.folder = str(fleetfoot), folder
+
+    def run(self, *arguments):
+        """What a command prints as JSON."""
+        words = [self.fleetfoot, *map(str, arguments), "--json"]
+        done = subprocess.run(words, cwd=self.folder, capture_output=True, text=True)
+        if done.returncode:
+            raise SystemExit(f"{' '.join(words)}\n{done.stderr}")
+        return json.loads(done.stdout)
+
+    def write(self, name, text):
+        (self.folder / name).write_text(text)
+
+    def split(self, file, share):
+        """The first rows of a CSV as train.csv, the others as test.csv."""
+        head, *rows = file.read_text().splitlines(keepends=True)
+        cut = int(len(rows) * share)
+        self.write("train.csv", head + "".join(rows[:cut]))
+        self.write("test.csv", head + "".join(rows[cut:]))
+
+
+@contextlib.contextmanager
+def bench(fleetfoot):
+    with tempfile.TemporaryDirectory() as folder:
+        yield Bench(fleetfoot, Path(folder))
+
+
+def over_null(score):
+    return ", ".join(f"{target['mae_over_null']['value']:.3f}" for target in score["targets"])
+
+
+def over_baseline(score):
+    """How many times smaller the model's mean absolute error is than that of the best baseline, per target."""
+    ratios = []
+    for target in score["targets"]:
+        best = min(target["baselines"], key=lambda row: row["mae"] / row["model_mae"])
+        ratios.append(f"{best['mae'] / best['model_mae']:.1f} ({best['name']})")
+    return f"error of the best baseline over its own: {', '.join(ratios)}"
+
+
+def free_run(rollout):
+    """The Mahalanobis score at the last step beside the best baseline's, and what left."""
+    last = lambda scores: scores["mahalanobis"][-1][0]
+    name, best = min(((name, last(scores)) for name, scores in rollout["baselines"].items()), key=lambda pair: pair[1])
+    own = last(rollout["model"])
+    return f"{rollout['time'][-1]:.3g} s: {own:.3g} against {best:.3g} ({name}); {rollout['diverged']} of {rollout['rollouts']} diverged"
+
+
+def chosen(fit):
+    return fit["candidates"][fit["chosen"]]["partition"]
+
+
+def quadrotor_in_wind(bench, data):
+    recipe = '[columns]\nTx = "R_13*T_sp"\nTy = "R_23*T_sp"\nTz = "R_33*T_sp"\n[states]\n'
+    recipe += "".join(f'v_{axis} = {{ derivative = "forward" }}\n' for axis in "xyz")
+    bench.write("quad.toml", recipe + '[inputs]\nTx = "Tx"\nTy = "Ty"\nTz = "Tz"\n')
+    flights = {name: data / "neural-fly" / f"{name}.csv" for name in ("nowind", "35wind", "70wind", "100wind")}
+    for name, file in flights.items():
+        bench.split(file, 0.5)
+        for part in ("train", "test"):
+            (bench.folder / f"{part}.csv").rename(bench.folder / f"{part}-{name}.csv")
+    for left_out, label in (((), "first halves of four flights, wind of 0 to 12.1 m/s"), (("100wind",), "the same without the 12.1 m/s flight, scored on it")):
+        train = [f"train-{name}.csv" for name in flights if name not in left_out]
+        test = [f"test-{name}.csv" for name in (left_out or flights)]
+        fit = bench.run("fit", "pwa", "-c", "quad.toml", *train, "--partition", "null,average,kmeans:2,5,10,20")
+        score = bench.run("score", "model.json", *test)
+        rollout = bench.run("rollout", "model.json", *test, "--horizon", 50, "--starts", 500)
+        outside = score["rows_outside_training"] / max(score["rows"], 1)
+        yield f"quadrotor (`neural-fly`), {label}", f"velocities, thrust vector; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training", free_run(rollout)
+
+
+def positioning(bench, data):
+    bench.split(data / "emps.csv", 0.8)
+    bench.write("emps.toml", '[columns]\nqd = "central(qm)"\n[states]\nqm = { known = "qd", regressor = false }\nqd = {}\n[inputs]\nvir = "vir"\n')
+    fit = bench.run("fit", "pwa", "-c", "emps.toml", "train.csv", "--partition", "average,kmeans:2", "--purge", "0.1")
+    score = bench.run("score", "model.json", "test.csv")
+    rollout = bench.run("rollout", "model.json", "test.csv", "--horizon", 500, "--starts", 100)
+    yield "positioning system (`emps`), last fifth", f"position, speed, voltage; {chosen(fit)}", f"MAE over null {over_null(score)}, R2 {score['targets'][0]['r2']:.3f}", free_run(rollout)
+
+
+def placement(bench, data):
+    bench.split(data / "pick-and-place.csv", 50_000 / 60_000)
+    fit = bench.run("fit", "pwa", "train.csv", "--states", "y", "--inputs", "u", "--predict", "next", "--lags", 3, "--partition", "average,kmeans:2,5,10,20", "--partition-on", "y,lag(y,1),u", "--purge", "0.05")
+    score = bench.run("score", "model.json", "test.csv")
+    rollout = bench.run("rollout", "model.json", "test.csv", "--horizon", 1000, "--starts", 100)
+    yield "placement head (`pick-and-place`), rows after the 50,000th", f"next value, 3 lags; {chosen(fit)}", over_baseline(score), free_run(rollout)
+
+
+def quadrotor_on_the_bench(bench, data):
+    bench.split(data / "crazyflie-thrust.csv", 0.7)
+    fit = bench.run("fit", "pwa", "train.csv", "--inputs", "m1,m2,m3,m4", "--predict", "acc_z_mps2", "--lags", 20, "--partition", "average,kmeans:3", "--purge", "0.5")
+    score = bench.run("score", "model.json", "test.csv")
+    yield "quadrotor on the bench (`crazyflie-thrust`), last 30 %", f"vertical acceleration of motors and its own past, 20 lags; {chosen(fit)}", over_baseline(score), "-"
+    bench.split(data / "crazyflie-roll-pitch.csv", 0.7)
+    fit = bench.run("fit", "pwa", "train.csv", "--states", "gyro_x_rads,gyro_y_rads", "--inputs", "m1,m2,m3,m4", "--predict", "next", "--lags", 5, "--partition", "average,kmeans:4", "--purge", "0.5")
+    score = bench.run("score", "model.json", "test.csv")
+    rollout = bench.run("rollout", "model.json", "test.csv", "--horizon", 20, "--starts", 300)
+    yield "the same (`crazyflie-roll-pitch`), last 30 %", f"body rates, next value, 5 lags; {chosen(fit)}", over_baseline(score), free_run(rollout)
+
+
+def airliner(bench, data):
+    bench.split(data / "a320-flight.csv", 0.8)
+    fit = bench.run("fit", "pwa", "train.csv", "--states", "altitude,CAS,weight", "--inputs", "pitch,fuelflow", "--partition", "average,kmeans:2,3,6", "--partition-on", "altitude,CAS", "--purge", "60")
+    score = bench.run("score", "model.json", "test.csv")
+    rollout = bench.run("rollout", "model.json", "test.csv", "--horizon", 60, "--starts", 100)
+    outside = score["rows_outside_training"] / max(score["rows"], 1)
+    yield "airliner (`a320-flight`), last fifth: a descent never seen in training", f"altitude, speed, weight; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training", free_run(rollout)
+
+
+def recordings(fleetfoot, data):
+    rows = ["| recording, held out | model, chosen by cross-validation | one step, held out | free run, held out: Mahalanobis score |", "|---|---|---|---|"]
+    for study in (quadrotor_in_wind, positioning, placement, quadrotor_on_the_bench, airliner):
+        with bench(fleetfoot) as own:
+            rows += [f"| {' | '.join(row)} |" for row in study(own, data)]
+    return "\n".join(rows)
+
+
+def with_interval(interval):
+    return f"{interval['value']:.3f} ± {(interval['high'] - interval['low']) / 2:.3f}"
+
+
+def hexapod(fleetfoot, _data):
+    with bench(fleetfoot) as own:
+        for folder, options in (("train", ("--minutes", 62, "--runs", 37, "--seed", 1)), ("test", ("--minutes", 15, "--runs", 9, "--seed", 2))):
+            words = [own.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "-o", folder]
+            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
+        fit = own.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "null,average,kmeans:10,50", "--folds", "10", "--keep-all")
+        rows = [f"| model | {' | '.join(fit['targets'])} |", "|---" * (len(fit["targets"]) + 1) + "|"]
+        for candidate in fit["candidates"]:
+            rows.append(f"| {candidate['partition']} | {' | '.join(with_interval(own) for own in candidate['mae_over_null_intervals'])} |")
+        rows += ["", f"{fit['rows']:,} rows in {fit['episodes']} runs; chosen: {chosen(fit)}. Free runs with the controller closing the loop, 1,000 starts in nine runs of another seed:", ""]
+        times = (1, 11, 40, 60, 100, 200)
+        rows += [f"| model | {' | '.join(f'{time} ms' for time in times)} | diverged |", "|---" * (len(times) + 2) + "|"]
+        baselines = {}
+        for name in ("average", "kmeans10", "kmeans50"):
+            rollout = own.run("rollout", f"model_{name}.json", "test", "--horizon", 200, "--starts", 1000, "--controller", "treadmill")
+            score = lambda scores: " | ".join(f"{scores['mahalanobis'][time - 1][0]:.3g}" for time in times)
+            rows.append(f"| {name} | {score(rollout['model'])} | {rollout['diverged']} |")
+            baselines = rollout["baselines"]
+        rows += [f"| {name} | {score(scores)} | - |" for name, scores in baselines.items()]
+    return "\n".join(rows)
+
+
+
+
+TABLES = {"recordings": recordings, "hexapod": hexapod}
+
+
+def machine():
+    with open("/proc/cpuinfo") as info:
+        model = re.search(r"model name\s*: (.*)", info.read())
+    return f"{model.group(1) if model else platform.processor()}, {os.cpu_count()} processors"
+
+
+def commit():
+    return subprocess.run(["git", "describe", "--always", "--dirty=+"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+
+
+def fill(name, text):
+    """Replaces what stands between a table's two comments."""
+    begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
+    page = PAGE.read_text()
+    if begin not in page or end not in page:
+        raise SystemExit(f"{PAGE} has no place for {name}")
+    before, rest = page.split(begin, 1)
+    after = rest.split(end, 1)[1]
+    PAGE.write_text(f"{before}{begin}\n\n{text}\n\nMade by `benches/results.py` at {commit()} on {machine()}.\n\n{end}{after}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fleetfoot", type=Path, required=True, help="the released command")
+    parser.add_argument("--data", type=Path, default=os.environ.get("FLEETFOOT_DATA"), help="the folder of the recordings [FLEETFOOT_DATA]")
+    parser.add_argument("tables", nargs="*", default=sorted(TABLES), help=f"those wanted, of {', '.join(sorted(TABLES))} [all]")
+    arguments = parser.parse_args()
+    for name in arguments.tables:
+        fill(name, TABLES[name](arguments.fleetfoot.resolve(), arguments.data))
+        print(name)
