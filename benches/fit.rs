@@ -1,6 +1,6 @@
 //! The whole identification: K-50 with 10-fold cross-validation on 1e6 rows of 16 states and 8 targets, beside a careful scikit-learn script.
 //!
-//! Same rows, same folds (ten contiguous spans), same starting centroids, same number of iterations of Lloyd's algorithm at most, and the same
+//! Same rows, same folds (ten contiguous spans, with no gap beside them), same starting centroids, same number of iterations of Lloyd's algorithm at most, and the same
 //! questions: per fold, cluster the standardised training rows, fit an affine map per region, measure squared and absolute errors on the held-out
 //! rows; then the model of all rows. What must be done at least: eleven clusterings (20 GFMA each by the plain product), and reading each row for eleven
 //! partitions (a Gram of 24 columns: 300 FMA a row and partition).
@@ -114,6 +114,7 @@ fn main() {
     let mut options = Options::default();
     options.partitions = vec![Specification::KMeans(CLUSTERS)];
     options.folds = 10;
+    options.purge = Some(0);
     options.iterations = ITERATIONS;
     options.start = Some(start);
     let problem = problem();
