@@ -20,7 +20,8 @@ test-rust:
 wheel: target/maturin/bin/maturin
 	$< build --release --locked --strip --manifest-path crates/py/Cargo.toml --out dist
 
-# The wheel as the tests' profile builds it, into a fresh environment; then the package's tests, its examples and its types.
+# The wheel as the tests' profile builds it, into a fresh environment; then the package's tests (a process a core, each file in one of them), its
+# examples and its types.
 test-python: target/maturin/bin/maturin
 	rm -rf $(VENV) $(WHEELS)/test
 	$< build --profile dev --locked --strip --manifest-path crates/py/Cargo.toml --out $(WHEELS)/test
@@ -28,7 +29,7 @@ test-python: target/maturin/bin/maturin
 	$(VENV)/bin/pip install --quiet $(WHEELS)/test/*.whl
 	$(VENV)/bin/python crates/py/python/tests/smoke.py
 	$(VENV)/bin/pip install --quiet --requirement crates/py/requirements-test.txt
-	cd crates/py && FLEETFOOT_PEERS=installed FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q
+	cd crates/py && FLEETFOOT_PEERS=installed FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q -n auto --dist loadfile
 	cd crates/py && ../../$(VENV)/bin/python -m pytest -q --pyargs --doctest-modules fleetfoot
 	$(MAKE) lint-python
 
