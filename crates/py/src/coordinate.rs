@@ -5,6 +5,7 @@ use fleetfoot::{
     sparse::{
         Penalty, Quadratic, Sign,
         coordinate::{CoordinateOptions, Descended, coordinate_descent_from, lambda_max},
+        estimator::ElasticNet,
         lars::{LarsOptions, lars},
         select::{CriteriaOptions, SelectOptions, information_criteria, solve_grid},
     },
@@ -205,7 +206,8 @@ pub(crate) fn fold_errors<'py>(
     }
     let alphas = alphas.as_array().to_vec();
     let descent = CoordinateOptions { max_epochs, ..CoordinateOptions::default() };
-    let options = SelectOptions { l1_ratio, descent, ..SelectOptions::default() };
+    let net = ElasticNet { l1_ratio, descent, ..ElasticNet::default() };
+    let options = SelectOptions { estimator: net.into(), ..SelectOptions::default() };
     let found = run_any(py, progress, |progress| {
         progress.stage("folds");
         parallel_map(folds.len(), progress, |fold| {

@@ -6,7 +6,7 @@
 //!
 //! `1/2 (1 - s)^2 |r|^2 + sum (l_j |d_j| - s g_j d_j)`,
 //!
-//! a sum of terms that are not negative: nothing cancels (the gap of Kim, Koh, Lustig, Boyd, Gorinevsky 2007, rearranged). Columns without an
+//! and likewise for any penalty that is a norm, with its dual norm in place of the limits ([`Shape`]): a sum of terms that are not negative: nothing cancels (the gap of Kim, Koh, Lustig, Boyd, Gorinevsky 2007, rearranged). Columns without an
 //! l1 penalty demand g_j = 0 of the dual, and next to none is as bad for the scaling: there the residual r - v, v = A step, is taken that has the
 //! gradients which such columns should have; it adds `1/2 |v|^2 + (1 - s) (r - v)'v`.
 
@@ -15,7 +15,8 @@ use faer::Mat;
 use crate::{
     Penalty, Quadratic, SparseError, Strength, cholesky,
     kernel::Slab,
-    penalty::{Sign, Weights},
+    penalty::Weights,
+    shape::{Columns, Shape},
 };
 
 /// An l1 penalty, as a correlation, that rounding of the gradient may be above.
@@ -57,7 +58,8 @@ pub fn certificate(
     }
     let size = problem.target_length();
     let delta = Slab::from_fn(p, 1, |j, _| coefficients[j] * (problem.length[j] / size));
-    let mut found = certify(problem, &weights, &[strength.l1], strength.l2, &delta);
+    let shape = Columns { weights: &weights, l1: strength.l1 / weights.tau, l2: strength.l2 };
+    let mut found = certify(problem, &weights, strength.l2, &[shape], &delta);
     // A column that takes no part has no place in correlation form.
     if (0..p).any(|j| coefficients[j] != 0.0 && !weights.used(j)) {
         found[0].0.kkt = f64::INFINITY;
@@ -65,20 +67,21 @@ pub fn certificate(
     Ok(found[0].0)
 }
 
-/// Certificates and squared residuals (unit target) of coefficients in correlation form, one column a problem, at the l1 strengths `l1` (raw).
-pub(crate) fn certify(
+/// Certificates and squared residuals (unit target) of coefficients in correlation form, one column and one shape of the penalty a problem; `l2` is the weight of
+/// the squares.
+pub(crate) fn certify<S: Shape>(
     problem: &Quadratic,
     weights: &Weights,
-    l1: &[f64],
     l2: f64,
+    shapes: &[S],
     delta: &Slab,
 ) -> Vec<(Certificate, f64)> {
     let (correlations, rss) = problem.residual_correlations(delta);
-    let certify = |k: usize| {
+    let certify = |(k, shape): (usize, &S)| {
         let point = Point {
             problem,
             weights,
-            l1: l1[k] / weights.tau,
+            shape,
             l2,
             delta: delta.column(k),
             correlations: correlations.column(k),
@@ -86,58 +89,31 @@ pub(crate) fn certify(
         };
         (point.certificate(), rss[k])
     };
-    (0..delta.columns()).map(certify).collect()
+    shapes.iter().enumerate().map(certify).collect()
 }
 
 /// Coefficients with all that is known about them, in correlation form.
-struct Point<'a> {
+struct Point<'a, S> {
     problem: &'a Quadratic,
     weights: &'a Weights,
-    l1: f64,
+    shape: &'a S,
     l2: f64,
     delta: &'a [f64],
     correlations: &'a [f64],
     rss: f64,
 }
 
-impl Point<'_> {
-    fn limit(&self, j: usize) -> f64 {
-        self.l1 * self.weights.omega[j]
-    }
-
-    /// g_j: the correlation less the ridge.
-    fn gradient(&self, j: usize) -> f64 {
-        self.correlations[j] - self.l2 * self.weights.rho[j] * self.delta[j]
-    }
-
-    /// The part of g_j that pushes column j from zero to where it is allowed to go.
-    fn push(&self, j: usize, gradient: f64) -> f64 {
-        match self.weights.signs[j] {
-            Sign::Free => gradient.abs(),
-            Sign::NonNegative => gradient,
-            Sign::NonPositive => -gradient,
-        }
-    }
-
-    fn violation(&self, j: usize) -> f64 {
-        let (delta, gradient) = (self.delta[j], self.gradient(j));
-        if !self.weights.signs[j].allows(delta) {
-            f64::INFINITY
-        } else if delta != 0.0 {
-            (gradient - self.limit(j) * delta.signum()).abs()
-        } else {
-            (self.push(j, gradient) - self.limit(j)).max(0.0)
-        }
+impl<S: Shape> Point<'_, S> {
+    /// The correlations less the ridge (p).
+    fn gradient(&self) -> Vec<f64> {
+        let gradient = |j: usize| self.correlations[j] - self.l2 * self.weights.rho[j] * self.delta[j];
+        (0..self.problem.columns()).map(gradient).collect()
     }
 
     fn certificate(&self) -> Certificate {
+        let kkt = self.shape.violation(self.delta, &self.gradient());
+        let objective = self.weights.tau.powi(2) * (0.5 * self.rss + self.shape.value(self.delta));
         let used: Vec<usize> = (0..self.problem.columns()).filter(|&j| self.weights.used(j)).collect();
-        let kkt = used.iter().map(|&j| self.violation(j)).fold(0.0, f64::max);
-        let penalty = used.iter().map(|&j| {
-            let delta = self.delta[j];
-            self.limit(j) * delta.abs() + 0.5 * self.l2 * self.weights.rho[j] * delta * delta
-        });
-        let objective = self.weights.tau.powi(2) * (0.5 * self.rss + penalty.sum::<f64>());
         Certificate { kkt, gap: if kkt.is_finite() { self.best_gap(&used) } else { f64::INFINITY }, objective }
     }
 
@@ -151,21 +127,23 @@ impl Point<'_> {
     /// they belong.
     fn gap(&self, used: &[usize], least: f64) -> f64 {
         let ridge = |j: usize| self.l2 * self.weights.rho[j];
-        let original: Vec<f64> = (0..self.problem.columns()).map(|j| self.gradient(j)).collect();
+        let original = self.gradient();
+        let wanted = self.shape.goals(self.delta, &original);
         let mut gradient = original.clone();
         let mut moved: Vec<usize> = Vec::new();
         // |v|^2 and g'step.
         let (mut length, mut along) = (0.0, 0.0);
         // Columns that the step of the others pushes beyond their bounds take part from then on.
         loop {
-            let out = |&j: &usize| self.limit(j) <= least && gradient[j] != self.goal(j, gradient[j]);
+            let goals = self.shape.goals(self.delta, &gradient);
+            let out = |&j: &usize| self.shape.limit(j) <= least && gradient[j] != goals[j];
             let more: Vec<usize> = used.iter().copied().filter(|j| out(j) && !moved.contains(j)).collect();
             if more.is_empty() {
                 break;
             }
             moved.extend(more);
             let mut excess = vec![0.0; original.len()];
-            moved.iter().for_each(|&j| excess[j] = original[j] - self.goal(j, original[j]));
+            moved.iter().for_each(|&j| excess[j] = original[j] - wanted[j]);
             let step = self.project(&moved, &excess);
             let explained = self.explained(&step);
             for &j in used {
@@ -173,39 +151,18 @@ impl Point<'_> {
             }
             // What is reached but for rounding is reached. Without a penalty all columns get there; with one, columns that depend on each other may not.
             for &j in &moved {
-                let goal = self.goal(j, original[j]);
-                if self.limit(j) == 0.0 || (gradient[j] - goal).abs() <= REACHED {
-                    gradient[j] = goal;
+                if self.shape.limit(j) == 0.0 || (gradient[j] - wanted[j]).abs() <= REACHED {
+                    gradient[j] = wanted[j];
                 }
             }
             length = moved.iter().map(|&j| step[j] * (original[j] - gradient[j])).sum::<f64>().max(0.0);
             along = moved.iter().map(|&j| step[j] * gradient[j]).sum();
         }
-        let feasible = |scale: f64, &j: &usize| {
-            let (push, limit) = (self.push(j, gradient[j]), self.limit(j));
-            if push > limit { scale.min(limit / push) } else { scale }
-        };
-        let scale = used.iter().fold(1.0, feasible);
+        let scale = self.shape.feasible(&gradient);
         let whole = self.rss + used.iter().map(|&j| ridge(j) * self.delta[j].powi(2)).sum::<f64>();
         let left = (whole - length - 2.0 * along).max(0.0);
-        let slack = used.iter().map(|&j| {
-            let delta = self.delta[j];
-            (self.limit(j) * delta.abs() - scale * gradient[j] * delta).max(0.0)
-        });
-        0.5 * length + 0.5 * (1.0 - scale).powi(2) * left + (1.0 - scale) * along.max(0.0) + slack.sum::<f64>()
-    }
-
-    /// The gradient nearest to `gradient` that belongs to a minimiser with these coefficients.
-    fn goal(&self, j: usize, gradient: f64) -> f64 {
-        let limit = self.limit(j);
-        if self.delta[j] != 0.0 {
-            return limit * self.delta[j].signum();
-        }
-        match self.weights.signs[j] {
-            Sign::Free => gradient.clamp(-limit, limit),
-            Sign::NonNegative => gradient.min(limit),
-            Sign::NonPositive => gradient.max(-limit),
-        }
+        let slack = self.shape.slack(scale, self.delta, &gradient);
+        0.5 * length + 0.5 * (1.0 - scale).powi(2) * left + (1.0 - scale) * along.max(0.0) + slack
     }
 
     /// The step of the given columns, the others fixed, that lowers their gradients by `excess`. Entries of the others are zero.

@@ -1,19 +1,40 @@
 //! Solves with a positive semidefinite matrix, whose columns may depend on each other.
 
-use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
+use faer::{
+    Mat, Side,
+    linalg::solvers::{Llt, Solve},
+};
 
 /// A solution of `M x = b`, M symmetric (k x k, both triangles): by Cholesky, and where the square of a pivot would be below `level` of the diagonal,
 /// by one that passes over the columns that depend on the ones before; they get 0.
 pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
     let k = b.len();
-    let pivots = |factor: MatRef<'_, f64>| (0..k).all(|i| factor[(i, i)].powi(2) > level * matrix[(i, i)]);
-    match matrix.llt(Side::Lower) {
-        Ok(factor) if pivots(factor.L()) => {
+    match independent(matrix, level) {
+        Some(factor) => {
             let solution = factor.solve(Mat::from_fn(k, 1, |i, _| b[i]));
             (0..k).map(|i| solution[(i, 0)]).collect()
         }
-        _ => solve_dependent(matrix, b, level),
+        None => solve_dependent(matrix, b, level),
     }
+}
+
+/// Trace of `M^-1 A` (k x k both), M as in [`solve`].
+pub(crate) fn trace_of_ratio(a: &Mat<f64>, matrix: &Mat<f64>, level: f64) -> f64 {
+    let k = matrix.nrows();
+    match independent(matrix, level) {
+        Some(factor) => {
+            let ratio = factor.solve(a);
+            (0..k).map(|i| ratio[(i, i)]).sum()
+        }
+        None => (0..k).map(|i| solve_dependent(matrix, a.col_as_slice(i), level)[i]).sum(),
+    }
+}
+
+/// The Cholesky factor, where no column depends on the ones before.
+fn independent(matrix: &Mat<f64>, level: f64) -> Option<Llt<f64>> {
+    let factor = matrix.llt(Side::Lower).ok()?;
+    let pivot = |i: usize| factor.L()[(i, i)].powi(2) > level * matrix[(i, i)];
+    (0..matrix.nrows()).all(pivot).then_some(factor)
 }
 
 /// Row by row, because faer's factorisation stops at the first column that depends on others.

@@ -3,10 +3,9 @@
 use crate::{
     Penalty, Quadratic, Solution, SparseError, Strength,
     descent::{Small, violation},
-    kernel::add_scaled,
     path::{Point, finish},
-    penalty::{Weights, check_ratio, check_strength},
-    quadratic::Form,
+    penalty::{Weights, check_ratio, check_strength, check_tolerance},
+    residual::Residual,
 };
 
 /// Columns that join the working set at once, at least.
@@ -83,7 +82,7 @@ pub fn coordinate_descent_from(
     descend(problem, penalty, lambdas, options, Some(start))
 }
 
-fn descend(
+pub(crate) fn descend(
     problem: &Quadratic,
     penalty: &Penalty,
     lambdas: &[f64],
@@ -91,9 +90,7 @@ fn descend(
     start: Option<&[f64]>,
 ) -> Result<Vec<Descended>, SparseError> {
     check_ratio(options.l1_ratio)?;
-    if !(1e-15..=1.0).contains(&options.tolerance) {
-        return Err(SparseError::Tolerance { value: options.tolerance });
-    }
+    check_tolerance(options.tolerance)?;
     for &lambda in lambdas {
         check_strength("lambda", lambda)?;
     }
@@ -106,7 +103,7 @@ fn descend(
     for &lambda in lambdas {
         let strength = Strength::elastic_net(lambda, options.l1_ratio);
         let (converged, used) = descent.solve(strength.l1 / weights.tau, strength.l2, options);
-        let delta = descent.delta.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
+        let delta = descent.left.delta.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         points.push(Point { l1: strength.l1, l2: strength.l2, delta, converged });
         epochs.push(used);
     }
@@ -127,7 +124,7 @@ pub fn lambda_max(problem: &Quadratic, penalty: &Penalty, l1_ratio: f64) -> Resu
     let mut descent = Descent::new(problem, &weights);
     descent.solve(f64::INFINITY, 0.0, &CoordinateOptions::default());
     let entry = |j: usize| {
-        let push = weights.signs[j].sides().iter().map(|side| side * descent.gradient[j]).fold(0.0, f64::max);
+        let push = weights.signs[j].sides().iter().map(|side| side * descent.left.gradient[j]).fold(0.0, f64::max);
         if weights.omega[j] > 0.0 && push > problem.noise[j] { push / weights.omega[j] } else { 0.0 }
     };
     let used = (0..problem.columns()).filter(|&j| weights.used(j));
@@ -146,72 +143,65 @@ pub fn lambda_grid(
     count: usize,
     ratio: f64,
 ) -> Result<Vec<f64>, SparseError> {
+    check_grid(count, ratio)?;
+    Ok(equal_factors(lambda_max(problem, penalty, l1_ratio)?, count, ratio))
+}
+
+pub(crate) fn check_grid(count: usize, ratio: f64) -> Result<(), SparseError> {
     if count == 0 || !(ratio > 0.0 && ratio <= 1.0) {
         return Err(SparseError::Grid { count, ratio });
     }
-    let largest = lambda_max(problem, penalty, l1_ratio)?;
+    Ok(())
+}
+
+/// `count` values from `largest` down to `ratio` of it.
+pub(crate) fn equal_factors(largest: f64, count: usize, ratio: f64) -> Vec<f64> {
     let step = if count > 1 { ratio.ln() / (count - 1) as f64 } else { 0.0 };
-    Ok((0..count).map(|k| largest * (step * k as f64).exp()).collect())
+    (0..count).map(|k| largest * (step * k as f64).exp()).collect()
 }
 
 /// Coefficients that are carried from lambda to lambda, in correlation form.
 struct Descent<'a> {
-    problem: &'a Quadratic,
     weights: &'a Weights,
-    /// Gram columns that were needed so far (square-root form).
-    formed: Vec<Option<Vec<f64>>>,
-    target: Vec<f64>,
-    delta: Vec<f64>,
-    /// Correlations with the residual of `delta`, without ridge (padded).
-    gradient: Vec<f64>,
-    /// Strength of the solution that `delta` is.
+    left: Residual<'a>,
+    /// Strength of the solution that the coefficients are.
     l1: f64,
 }
 
 impl<'a> Descent<'a> {
     fn new(problem: &'a Quadratic, weights: &'a Weights) -> Self {
-        let p = problem.columns();
-        let target = problem.target_correlations();
-        Self {
-            problem,
-            weights,
-            formed: vec![None; p],
-            delta: vec![0.0; p],
-            gradient: target.clone(),
-            target,
-            l1: f64::INFINITY,
-        }
+        Self { weights, left: Residual::new(problem), l1: f64::INFINITY }
     }
 
     /// Goes on from these coefficients, in raw units.
     fn start(&mut self, raw: &[f64]) {
-        let size = self.problem.target_length();
+        let size = self.left.problem.target_length();
         for (j, &value) in raw.iter().enumerate() {
             let used = value != 0.0 && self.weights.used(j) && self.weights.signs[j].allows(value);
-            self.delta[j] = if used { value * (self.problem.length[j] / size) } else { 0.0 };
+            self.left.delta[j] = if used { value * (self.left.problem.length[j] / size) } else { 0.0 };
             if used {
-                self.form(j);
+                self.left.form(j);
             }
         }
-        self.refresh();
+        self.left.refresh();
     }
 
     /// The minimiser at these strengths, from the present coefficients on; whether it meets the tolerance, and the sweeps that it took.
     fn solve(&mut self, l1: f64, l2: f64, options: &CoordinateOptions) -> (bool, usize) {
-        let p = self.problem.columns();
+        let p = self.left.problem.columns();
         let limit: Vec<f64> =
             self.weights.omega.iter().map(|&omega| if omega == 0.0 { 0.0 } else { l1 * omega }).collect();
         // A column may have risen by as much as the penalty fell.
         let bound =
             |j: usize| if limit[j] == 0.0 { 0.0 } else { limit[j] - (self.l1 - l1).max(0.0) * self.weights.omega[j] };
         let strong = |j: &usize| {
-            let gradient = self.gradient[*j] - l2 * self.weights.rho[*j] * self.delta[*j];
-            self.weights.used(*j) && (self.delta[*j] != 0.0 || limit[*j] == 0.0 || gradient.abs() >= bound(*j))
+            let gradient = self.left.gradient[*j] - l2 * self.weights.rho[*j] * self.left.delta[*j];
+            self.weights.used(*j) && (self.left.delta[*j] != 0.0 || limit[*j] == 0.0 || gradient.abs() >= bound(*j))
         };
         let mut working: Vec<usize> = if self.l1.is_finite() {
             (0..p).filter(strong).collect()
         } else {
-            (0..p).filter(|&j| self.weights.used(j) && (limit[j] == 0.0 || self.delta[j] != 0.0)).collect()
+            (0..p).filter(|&j| self.weights.used(j) && (limit[j] == 0.0 || self.left.delta[j] != 0.0)).collect()
         };
         self.l1 = l1;
         // A violation as large as the penalty itself would be no solution.
@@ -220,16 +210,16 @@ impl<'a> Descent<'a> {
         let (mut epochs, mut idle) = (options.max_epochs, 0);
         loop {
             let small = self.small(&working, &limit, l2);
-            let mut delta: Vec<f64> = working.iter().map(|&j| self.delta[j]).collect();
+            let mut delta: Vec<f64> = working.iter().map(|&j| self.left.delta[j]).collect();
             let (_, used) = small.minimise(&mut delta, 0.5 * tolerance, epochs);
-            working.iter().zip(&delta).for_each(|(&j, &delta)| self.delta[j] = delta);
-            self.refresh();
+            working.iter().zip(&delta).for_each(|(&j, &delta)| self.left.delta[j] = delta);
+            self.left.refresh();
             epochs -= used.min(epochs);
             let mut broken: Vec<(f64, usize)> = (0..p)
                 .filter(|&j| self.weights.used(j))
                 .map(|j| {
-                    let gradient = self.gradient[j] - l2 * self.weights.rho[j] * self.delta[j];
-                    (violation(self.weights.signs[j], limit[j], self.delta[j], gradient), j)
+                    let gradient = self.left.gradient[j] - l2 * self.weights.rho[j] * self.left.delta[j];
+                    (violation(self.weights.signs[j], limit[j], self.left.delta[j], gradient), j)
                 })
                 .filter(|&(violation, _)| violation > tolerance)
                 .collect();
@@ -253,15 +243,15 @@ impl<'a> Descent<'a> {
 
     /// The problem in the columns of the working set; all others are zero.
     fn small(&mut self, working: &[usize], limit: &[f64], l2: f64) -> Small {
-        working.iter().for_each(|&j| self.form(j));
+        working.iter().for_each(|&j| self.left.form(j));
         let mut matrix = crate::kernel::Slab::zeros(working.len(), working.len());
         for (at, &j) in working.iter().enumerate() {
-            let source = self.column(j);
+            let source = self.left.column(j);
             let column = matrix.column_mut(at);
             column.iter_mut().zip(working).for_each(|(entry, &i)| *entry = source[i]);
             column[at] += l2 * self.weights.rho[j];
         }
-        let mut target: Vec<f64> = working.iter().map(|&j| self.target[j]).collect();
+        let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();
         target.resize(matrix.stride(), 0.0);
         Small {
             matrix,
@@ -269,31 +259,5 @@ impl<'a> Descent<'a> {
             limit: working.iter().map(|&j| limit[j]).collect(),
             signs: working.iter().map(|&j| self.weights.signs[j]).collect(),
         }
-    }
-
-    /// Makes the Gram column of j available.
-    fn form(&mut self, j: usize) {
-        if matches!(self.problem.form, Form::Root { .. }) && self.formed[j].is_none() {
-            let mut column = vec![0.0; self.target.len()];
-            self.problem.correlations_of(j, &mut column);
-            self.formed[j] = Some(column);
-        }
-    }
-
-    fn column(&self, j: usize) -> &[f64] {
-        match &self.problem.form {
-            Form::Gram { g, .. } => g.column(j),
-            Form::Root { .. } => self.formed[j].as_deref().unwrap_or(&[]),
-        }
-    }
-
-    /// Computes the gradient of all columns anew.
-    fn refresh(&mut self) {
-        let mut gradient = std::mem::take(&mut self.gradient);
-        gradient.copy_from_slice(&self.target);
-        for j in (0..self.delta.len()).filter(|&j| self.delta[j] != 0.0) {
-            add_scaled(-self.delta[j], self.column(j), &mut gradient);
-        }
-        self.gradient = gradient;
     }
 }

@@ -117,6 +117,44 @@ pub enum SparseError {
         /// The smallest lambda of the path.
         end: f64,
     },
+    /// A lambda between two knots of a path that is not linear.
+    #[error("lambda = {lambda} lies between two knots, and the path is not linear there: solve for it, or take a knot")]
+    BetweenKnots {
+        /// The lambda that was asked for.
+        lambda: f64,
+    },
+    /// Targets of other rows.
+    #[error(
+        "a target has rows of weight {found} and another {expected}: targets that are fitted together have the same rows"
+    )]
+    OtherRows {
+        /// Weight of the one.
+        found: f64,
+        /// Weight of the other.
+        expected: f64,
+    },
+    /// The number of a group is too large.
+    #[error(
+        "column {column} is in group {group}: groups are numbered from 0, and below the number of columns, {columns}"
+    )]
+    GroupNumber {
+        /// The column.
+        column: usize,
+        /// Its group.
+        group: usize,
+        /// How many columns there are.
+        columns: usize,
+    },
+    /// The weight of a group is negative or not finite.
+    #[error(
+        "the weight of group {group} is {value}: it is finite and not negative, and 0 leaves the group's norm unpenalised"
+    )]
+    GroupWeight {
+        /// The group.
+        group: usize,
+        /// Its weight.
+        value: f64,
+    },
     /// A path and a problem that do not belong together.
     #[error("the path is that of another problem: it has {found} columns, the problem {expected}")]
     OtherProblem {

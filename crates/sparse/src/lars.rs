@@ -2,6 +2,7 @@
 
 use crate::{
     Path, PathStatus, Penalty, Quadratic, Sign, Solution, SparseError,
+    estimator::Estimator,
     homotopy::{Homotopy, Settled},
     path::{Point, finish},
     penalty::{Weights, check_strength},
@@ -81,6 +82,8 @@ pub fn lars(problem: &Quadratic, penalty: &Penalty, options: &LarsOptions) -> Re
         columns: problem.columns(),
         penalty: penalty.clone(),
         l2: options.l2,
+        estimator: Estimator::default(),
+        linear: true,
     })
 }
 

@@ -15,6 +15,9 @@
 //! scikit-learn's `alpha` is this lambda, and its `Lasso`, `ElasticNet`, `LassoLars` and `lars_path_gram` have this objective with w = u = s = 1.
 //! glmnet rescales penalty factors to the sum p; here they are taken as they are.
 //!
+//! [`GroupLasso`](group::GroupLasso) has norms of groups of columns in place of the squares. What chooses among solutions knows an
+//! [`Estimator`](estimator::Estimator) and not its penalty.
+//!
 //! ```
 //! use fleetfoot_sparse::{
 //!     Penalty, Quadratic,
@@ -39,6 +42,8 @@ pub mod bolasso;
 pub mod constrained;
 pub mod coordinate;
 pub mod dense;
+pub mod estimator;
+pub mod group;
 pub mod inference;
 pub mod lars;
 pub mod narx;
@@ -58,7 +63,10 @@ mod moments;
 mod path;
 mod penalty;
 mod quadratic;
+mod residual;
 mod rows;
+mod shape;
+mod stacked;
 mod warm;
 
 pub use certificate::{Certificate, certificate};

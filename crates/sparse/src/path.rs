@@ -1,10 +1,12 @@
-//! Solutions, and the piecewise-linear path between them.
+//! Solutions, and the paths that they lie on.
 
 use crate::{
     Certificate, Penalty, Quadratic, SparseError,
     certificate::certify,
+    estimator::Estimator,
     kernel::Slab,
     penalty::{Weights, check_strength},
+    shape::{Columns, Shape},
 };
 
 /// Solutions that are certified at once, as one matrix product.
@@ -14,7 +16,7 @@ const BATCH: usize = 64;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Solution {
-    /// Weight of the absolute values; for an elastic net given by `lambda` and `l1_ratio`, their product.
+    /// Weight of the absolute values; for an elastic net given by `lambda` and `l1_ratio`, their product. Of group penalties, lambda.
     pub l1: f64,
     /// Weight of the squares.
     pub l2: f64,
@@ -71,7 +73,7 @@ pub enum PathStatus {
     Stalled,
 }
 
-/// A regularisation path over decreasing lambda, linear between its knots.
+/// A regularisation path over decreasing lambda: of LARS linear between its knots, of other penalties the solutions at a grid of lambdas.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Path {
@@ -87,13 +89,18 @@ pub struct Path {
     pub(crate) columns: usize,
     pub(crate) penalty: Penalty,
     pub(crate) l2: f64,
+    /// What its solutions minimise.
+    pub(crate) estimator: Estimator,
+    /// Whether it is linear between its knots.
+    pub(crate) linear: bool,
 }
 
 impl Path {
-    /// Coefficients (p, raw units) at any lambda of the path, by interpolation between the knots: exact up to rounding.
+    /// Coefficients (p, raw units) at any lambda of the path, by interpolation between the knots: exact up to rounding. A path that is not linear is known at its
+    /// knots.
     ///
     /// # Errors
-    /// When `lambda` is negative, not finite, or below the end of a path that was stopped.
+    /// When `lambda` is negative, not finite, below the end of a path that was stopped, or between two knots of a path that is not linear.
     pub fn coefficients(&self, lambda: f64) -> Result<Vec<f64>, SparseError> {
         check_strength("lambda", lambda)?;
         let end = self.knots.last().map_or(0.0, |knot| knot.l1);
@@ -104,6 +111,9 @@ impl Path {
         let below = &self.knots[after.min(self.knots.len() - 1)];
         let mut dense = below.dense(self.columns);
         if after > 0 && below.l1 < lambda {
+            if !self.linear {
+                return Err(SparseError::BetweenKnots { lambda });
+            }
             let above = &self.knots[after - 1];
             let share = (lambda - below.l1) / (above.l1 - below.l1);
             dense.iter_mut().for_each(|value| *value *= 1.0 - share);
@@ -112,13 +122,18 @@ impl Path {
         Ok(dense)
     }
 
-    /// The solution at any lambda of the path, certified.
+    /// The solution at any lambda of the path, certified; of a path that is not linear it is solved for.
     ///
     /// # Errors
     /// As [`Path::coefficients`], and when `problem` has another number of columns than the path.
     pub fn at(&self, problem: &Quadratic, lambda: f64) -> Result<Solution, SparseError> {
         if problem.columns() != self.columns {
             return Err(SparseError::OtherProblem { found: self.columns, expected: problem.columns() });
+        }
+        if !self.linear {
+            check_strength("lambda", lambda)?;
+            let mut found = self.estimator.solutions(problem, &self.penalty, &[lambda])?;
+            return Ok(found.remove(0));
         }
         let raw = self.coefficients(lambda)?;
         let size = problem.target_length();
@@ -140,7 +155,18 @@ pub(crate) struct Point {
 }
 
 /// Solutions in raw units with their certificates.
-pub(crate) fn finish(problem: &Quadratic, weights: &Weights, mut points: Vec<Point>) -> Vec<Solution> {
+pub(crate) fn finish(problem: &Quadratic, weights: &Weights, points: Vec<Point>) -> Vec<Solution> {
+    let shape = |point: &Point| Columns { weights, l1: point.l1 / weights.tau, l2: point.l2 };
+    finish_shaped(problem, weights, points, shape)
+}
+
+/// [`finish`] for any penalty, by its shape at every point.
+pub(crate) fn finish_shaped<S: Shape>(
+    problem: &Quadratic,
+    weights: &Weights,
+    mut points: Vec<Point>,
+    shape: impl Fn(&Point) -> S,
+) -> Vec<Solution> {
     let mut solutions = Vec::with_capacity(points.len());
     for point in &mut points {
         point.delta.retain(|(_, delta)| *delta != 0.0);
@@ -153,8 +179,8 @@ pub(crate) fn finish(problem: &Quadratic, weights: &Weights, mut points: Vec<Poi
             for (k, point) in batch.iter().enumerate() {
                 point.delta.iter().for_each(|&(j, value)| delta.column_mut(k)[j] = value);
             }
-            let l1: Vec<f64> = batch.iter().map(|point| point.l1).collect();
-            let certified = certify(problem, weights, &l1, batch[0].l2, &delta);
+            let shapes: Vec<S> = batch.iter().map(&shape).collect();
+            let certified = certify(problem, weights, batch[0].l2, &shapes, &delta);
             let finished = batch.iter().zip(certified).map(|(point, found)| solution(problem, point, found));
             solutions.extend(finished);
         }

@@ -86,6 +86,10 @@ pub(crate) fn check_strength(name: &'static str, value: f64) -> Result<f64, Spar
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(SparseError::Strength { name, value }) }
 }
 
+pub(crate) fn check_tolerance(value: f64) -> Result<f64, SparseError> {
+    if (1e-15..=1.0).contains(&value) { Ok(value) } else { Err(SparseError::Tolerance { value }) }
+}
+
 pub(crate) fn check_ratio(value: f64) -> Result<f64, SparseError> {
     if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(SparseError::L1Ratio { value }) }
 }

@@ -1,4 +1,5 @@
-//! Sparse models by thresholding and by greedy selection, on the statistic: STLSQ, SR3, stepwise and forward regression, the lasso's path.
+//! Sparse models by thresholding and by greedy selection, on the statistic: STLSQ, SR3, stepwise and forward regression, the
+//! paths of penalties.
 //!
 //! The problem is a [`Compressed`](fleetfoot_stats::Compressed): least squares of targets on p candidate columns without an intercept of its own, so that
 //! the constant is a candidate like the others. Sums of squares are over weighted rows, not means: ridges and penalties have the units they have in pysindy.
@@ -9,8 +10,8 @@ mod ensemble;
 mod error;
 mod frols;
 mod joint;
-mod lasso;
 mod optimizer;
+mod path;
 mod prepared;
 mod refits;
 mod select;
@@ -30,8 +31,8 @@ pub use ensemble::{Ensemble, EnsembleOptions, ensemble};
 pub use error::ThresholdError;
 pub use frols::{Frols, FrolsChoice};
 pub use joint::Joint;
-pub use lasso::LassoPath;
 pub use optimizer::{Optimizer, Scaling, optimize};
+pub use path::PenalisedPath;
 pub use refits::refit_supports;
 pub use select::{Choice, Sweep, SweepOptions, sweep};
 pub use sr3::{Regularizer, Sr3};

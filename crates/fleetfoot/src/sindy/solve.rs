@@ -11,7 +11,7 @@ use fleetfoot_sparse::{
     system::SystemScan,
     threshold::{
         Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Frols,
-        FrolsChoice, LassoPath, Optimizer, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
+        FrolsChoice, Optimizer, PenalisedPath, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
         Thresholds, ensemble, optimize, score_supports, sweep,
     },
 };
@@ -235,7 +235,9 @@ impl<'a> Solver<'a> {
                 let scaling = if options.kappa.is_some() { scaling } else { Scaling::Physical };
                 Optimizer::Frols(Frols { max_terms: most, scaling, choice: FrolsChoice::Last, ..Frols::default() })
             }
-            SindyOptimizer::Lasso => Optimizer::Lasso(LassoPath { max_terms: options.terms, ..LassoPath::default() }),
+            SindyOptimizer::Lasso => {
+                Optimizer::Path(PenalisedPath { max_terms: options.terms, ..PenalisedPath::default() })
+            }
             SindyOptimizer::LeastSquares => Optimizer::LeastSquares,
         }
     }

@@ -4,6 +4,7 @@ use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
     bolasso::{bach_lambda, refit},
     coordinate::lambda_max,
+    estimator::ElasticNet,
     lars::{LarsOptions, lars},
     select::{
         CriteriaOptions, CrossValidation, Folds, Lambdas, SelectError, SelectOptions, cross_validate, effective_rows,
@@ -136,7 +137,7 @@ fn validate(
     progress: &dyn Progress,
 ) -> Result<CrossValidation, Error> {
     progress.stage("folds");
-    let select = SelectOptions { lambdas, l1_ratio: options.l1_ratio, ..SelectOptions::default() };
+    let select = SelectOptions { lambdas, estimator: ElasticNet::new(options.l1_ratio).into() };
     let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
     found.map_err(|error| match error {
         SelectError::Cancelled(cancelled) => cancelled.into(),

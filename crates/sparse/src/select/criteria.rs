@@ -6,7 +6,6 @@ use fleetfoot_stats::SquareRoot;
 use super::{HeldOut, SelectError, held_out::Coefficients};
 use crate::{
     Path, Penalty, Quadratic,
-    adaptive::degrees_of_freedom,
     structured::{Assembled, Assembly, Structure},
 };
 
@@ -42,7 +41,7 @@ impl Default for CriteriaOptions {
 }
 
 /// Criteria at the knots of a path; the least value is the best. With L the Gaussian likelihood of N observations and df the degrees of freedom
-/// ([`degrees_of_freedom`], and 1 for an intercept):
+/// ([`Estimator::degrees_of_freedom`](crate::estimator::Estimator::degrees_of_freedom), and 1 for an intercept):
 ///
 /// - AIC `-2 log L + 2 df`, BIC `-2 log L + ln(N) df`,
 /// - EBIC `BIC + 2 gamma ln C(p, k)`, k of p penalised columns in the model (Chen and Chen 2008).
@@ -124,7 +123,7 @@ fn criteria(
         return Err(SelectError::Gamma { value: options.gamma });
     }
     let intercept = f64::from(u8::from(problem.has_intercept()));
-    let df = path.knots.iter().map(|knot| Ok(degrees_of_freedom(problem, penalty, knot)? + intercept));
+    let df = path.knots.iter().map(|knot| Ok(path.estimator.degrees_of_freedom(problem, penalty, knot)? + intercept));
     let df = df.collect::<Result<Vec<f64>, SelectError>>()?;
     let deviance = deviances(path, &mse, &df, observations, options.variance)?;
 

@@ -7,9 +7,8 @@ use fleetfoot_stats::{Gram, SquareRoot};
 use super::{CrossValidation, Folds, HeldOut, SelectError, held_out::Coefficients, score::Scored};
 use crate::{
     Path, Penalty, Quadratic, Solution, SparseError,
-    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid},
-    lars::{LarsOptions, lars},
-    penalty::{check_ratio, check_strength},
+    estimator::Estimator,
+    penalty::check_strength,
     structured::{Assembly, Banks, Structure},
 };
 
@@ -34,23 +33,14 @@ pub enum Lambdas {
 pub struct SelectOptions {
     /// Which lambdas are compared.
     pub lambdas: Lambdas,
-    /// Share of the l1 penalty: 1 is the lasso; below it, coordinate descent solves the elastic net.
-    pub l1_ratio: f64,
-    /// The most columns for which whole LARS paths are followed; beyond, coordinate descent goes from lambda to lambda.
-    pub most_for_lars: usize,
-    /// Options of coordinate descent; its `l1_ratio` is the one above.
-    pub descent: CoordinateOptions,
+    /// What is fitted at each of them.
+    pub estimator: Estimator,
 }
 
 impl Default for SelectOptions {
     /// The lasso at 100 lambdas over three decades.
     fn default() -> Self {
-        Self {
-            lambdas: Lambdas::Grid { count: 100, ratio: 1e-3 },
-            l1_ratio: 1.0,
-            most_for_lars: 400,
-            descent: CoordinateOptions::default(),
-        }
+        Self { lambdas: Lambdas::Grid { count: 100, ratio: 1e-3 }, estimator: Estimator::default() }
     }
 }
 
@@ -158,7 +148,7 @@ pub fn cross_validate_problems(
     check(full.0, splits, options)?;
     let solver = Solver { options, columns: full.0.columns() };
     let given = match &options.lambdas {
-        Lambdas::Grid { count, ratio } => Some(lambda_grid(full.0, full.1, options.l1_ratio, *count, *ratio)?),
+        Lambdas::Grid { count, ratio } => Some(options.estimator.lambda_grid(full.0, full.1, *count, *ratio)?),
         Lambdas::List(list) => Some(list.clone()),
         Lambdas::Knots => None,
     };
@@ -188,8 +178,8 @@ pub struct GridSolutions {
     pub exact: Vec<bool>,
 }
 
-/// The models that a fold compares: at all `lambdas` (best descending), from the path of LARS or by coordinate descent, as `options` says. Its own lambdas
-/// do not count.
+/// The models that a fold compares: at all `lambdas` (best descending), from a piecewise-linear path or one by one, as the estimator of `options` does. Its own
+/// lambdas do not count.
 ///
 /// # Errors
 /// When an option, a lambda or the penalty is out of range.
@@ -199,7 +189,6 @@ pub fn solve_grid(
     lambdas: &[f64],
     options: &SelectOptions,
 ) -> Result<GridSolutions, SelectError> {
-    check_ratio(options.l1_ratio)?;
     for &lambda in lambdas {
         check_strength("lambda", lambda)?;
     }
@@ -211,7 +200,6 @@ pub fn solve_grid(
 }
 
 fn check(full: &Quadratic, splits: &[Split], options: &SelectOptions) -> Result<(), SelectError> {
-    check_ratio(options.l1_ratio)?;
     if let Lambdas::List(list) = &options.lambdas {
         if list.is_empty() {
             return Err(SelectError::NoLambdas);
@@ -258,15 +246,11 @@ struct Solver<'a> {
 impl Solver<'_> {
     /// The path of a fold, where one is followed.
     fn path(&self, problem: &Quadratic, penalty: &Penalty, end: f64) -> Result<Option<Path>, SelectError> {
-        let wanted = self.options.lambdas == Lambdas::Knots || self.columns <= self.options.most_for_lars;
-        if !wanted || self.options.l1_ratio < 1.0 {
-            return Ok(None);
-        }
-        let options = LarsOptions { lambda_min: end, ..LarsOptions::default() };
-        Ok(Some(lars(problem, penalty, &options)?))
+        let always = self.options.lambdas == Lambdas::Knots;
+        Ok(self.options.estimator.knots(problem, penalty, end, always)?)
     }
 
-    /// Errors of a fold at all lambdas: from its path, and by coordinate descent where there is none or it ended before.
+    /// Errors of a fold at all lambdas: from its path, and one by one where there is none or it ended before.
     fn score(&self, split: &Split, path: Option<&Path>, lambdas: &[f64]) -> Result<Scored, SelectError> {
         let count = lambdas.len();
         let (solved, exact) = self.solve(&split.train, &split.penalty, path, lambdas)?;
@@ -302,8 +286,7 @@ impl Solver<'_> {
             }
         }
         if on_path < count {
-            let options = CoordinateOptions { l1_ratio: self.options.l1_ratio, ..self.options.descent.clone() };
-            let found: Vec<Solution> = coordinate_descent(problem, penalty, &lambdas[on_path..], &options)?;
+            let found: Vec<Solution> = self.options.estimator.solutions(problem, penalty, &lambdas[on_path..])?;
             for (solution, k) in found.iter().zip(on_path..) {
                 solved.intercepts[k] = solution.intercept;
                 solved.values.col_as_slice_mut(k).copy_from_slice(&solution.dense(self.columns));

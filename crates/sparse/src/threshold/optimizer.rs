@@ -3,7 +3,7 @@
 use fleetfoot_stats::Compressed;
 
 use super::{
-    Frols, LassoPath, Regularizer, Sr3, Ssr, Stlsq, Terms, ThresholdError, Trail, criteria::rounding,
+    Frols, PenalisedPath, Regularizer, Sr3, Ssr, Stlsq, Terms, ThresholdError, Trail, criteria::rounding,
     prepared::Prepared,
 };
 
@@ -35,8 +35,8 @@ pub enum Optimizer {
     Ssr(Ssr),
     /// Forward regression.
     Frols(Frols),
-    /// The path of the lasso.
-    Lasso(LassoPath),
+    /// The path of the lasso or of another penalty.
+    Path(PenalisedPath),
 }
 
 impl Optimizer {
@@ -83,7 +83,7 @@ pub fn optimize(
         Optimizer::Sr3(sr3) => sr3.trail(problem, target, terms),
         Optimizer::Ssr(ssr) => ssr.trail(problem, target, terms),
         Optimizer::Frols(frols) => frols.trail(problem, target, terms),
-        Optimizer::Lasso(lasso) => lasso.trail(problem, target, terms),
+        Optimizer::Path(path) => path.trail(problem, target, terms),
     }?;
     trail.rounding = rounding(problem, target);
     Ok(trail)

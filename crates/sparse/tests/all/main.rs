@@ -7,6 +7,7 @@ mod constrained;
 mod constrained_latent;
 mod coordinate;
 mod degenerate;
+mod groups;
 mod inference;
 mod lars;
 mod laws;

@@ -6,6 +6,8 @@ use fleetfoot_data::{Column, EpisodeId, MemorySource, Silent, Source, with_threa
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_sparse::{
     Penalty, Quadratic,
+    estimator::{ElasticNet, Estimator},
+    group::{GroupLasso, Groups},
     lars::{LarsOptions, lars},
     select::{
         CriteriaOptions, CrossValidation, Folds, Lambdas, NoiseVariance, RandomSplits, SelectError, SelectOptions,
@@ -104,8 +106,8 @@ fn cross_validation_is_that_of_scikit_learn() {
         for (kind, parameters, lines) in case.answers.iter().filter(|(kind, ..)| kind.ends_with("CV")) {
             let who = format!("{}, {kind} {}", case.name, parameters[0]);
             let run = |lambdas: Lambdas, most_for_lars: usize| {
-                let options =
-                    SelectOptions { lambdas, l1_ratio: parameters[0], most_for_lars, ..SelectOptions::default() };
+                let net = ElasticNet { l1_ratio: parameters[0], most_for_lars, ..ElasticNet::default() };
+                let options = SelectOptions { lambdas, estimator: net.into() };
                 cross_validate_task(&banks, 0, &Penalty::default(), &folds, &options, &Silent).expect("errors")
             };
             let mut alphas: Vec<f64> = lines.iter().map(|line| line[0]).collect();
@@ -358,6 +360,59 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 /// Between knots the errors are quadratic in lambda, so that a fine grid finds nothing far below the best knot, and the grid's errors lie on the same curve.
+/// Groups are chosen by the same folds and rule as single columns, with the same bits on any number of threads.
+#[test]
+fn groups_are_cross_validated_like_columns() {
+    let study = study();
+    let structure = study.regression.structure();
+    let banks = banks(&study.regression, 16, &study.source);
+    let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
+    let run = |threads: usize, estimator: Estimator| {
+        let options = SelectOptions { lambdas: Lambdas::Grid { count: 30, ratio: 1e-4 }, estimator };
+        let find = || cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
+        with_threads(threads, find)
+    };
+    let lasso = |of: &[usize], l1_ratio: f64| {
+        Estimator::from(GroupLasso { l1_ratio, ..GroupLasso::new(Groups::new(of.to_vec())) })
+    };
+    // The constant, the powers of x, those of z, and the product.
+    let signals = [0, 1, 1, 1, 2, 2, 3];
+    for l1_ratio in [0.0, 0.5] {
+        let found = run(1, lasso(&signals, l1_ratio));
+        assert_eq!(found, run(3, lasso(&signals, l1_ratio)));
+        assert!(found.inexact.is_empty() && found.one_standard_error <= found.best);
+        assert!(found.mean[found.best] < 0.2 * found.mean[0]);
+    }
+    let (ones, plain) = (run(2, lasso(&[0, 1, 2, 3, 4, 5, 6], 0.0)), run(2, Estimator::default()));
+    assert!(ones.mean.iter().zip(&plain.mean).all(|(a, b)| relative(*a, *b) < 1e-8));
+    assert_eq!((ones.best, ones.one_standard_error), (plain.best, plain.one_standard_error));
+    // An error of a fold is that of the rows of its episode.
+    let lambda = 0.05 * run(1, lasso(&signals, 0.0)).lambdas[0];
+    let options = SelectOptions { lambdas: Lambdas::List(vec![lambda]), estimator: lasso(&signals, 0.0) };
+    let found = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
+    let mut of_episode: Vec<f64> = Vec::new();
+    for episode in 0..study.episodes.len() {
+        let train = study.rows(|e| e != episode);
+        let assembled = structure.assemble(&train.roots(), &study.assembly).expect("a problem");
+        let solution = options.estimator.solutions(&assembled.problem, &assembled.penalty, &[lambda]);
+        let theta = assembled.coefficients(&solution.expect("a solution")[0]);
+        let test = study.rows(|e| e == episode);
+        let error = |task: usize| {
+            let (rows, columns) = (&test.rows[task], structure.columns(task));
+            let left = |i: usize| {
+                rows[(i, columns.len())]
+                    - columns.iter().enumerate().map(|(k, &j)| rows[(i, k)] * theta[j]).sum::<f64>()
+            };
+            (0..rows.nrows()).map(|i| left(i).powi(2)).sum::<f64>() / rows.nrows() as f64
+        };
+        of_episode.push(error(0) + 1e-4 * error(1));
+    }
+    let mut of_fold: Vec<f64> = (0..5).map(|fold| found.errors[(0, fold)]).collect();
+    of_fold.sort_by(f64::total_cmp);
+    of_episode.sort_by(f64::total_cmp);
+    assert!(of_fold.iter().zip(&of_episode).all(|(a, b)| relative(*a, *b) < 1e-9), "{of_fold:?} {of_episode:?}");
+}
+
 #[test]
 fn knots_and_grids_agree() {
     let study = study();
@@ -365,7 +420,8 @@ fn knots_and_grids_agree() {
     let banks = banks(&study.regression, 16, &study.source);
     let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     let run = |lambdas: Lambdas, most_for_lars: usize| {
-        let options = SelectOptions { lambdas, most_for_lars, ..SelectOptions::default() };
+        let net = ElasticNet { most_for_lars, ..ElasticNet::default() };
+        let options = SelectOptions { lambdas, estimator: net.into() };
         cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors")
     };
     let knots = run(Lambdas::Knots, 400);

@@ -6,9 +6,9 @@ use fleetfoot_sparse::{
     Penalty, Quadratic,
     lars::{LarsOptions, lars},
     threshold::{
-        Choice, Criterion, CriterionOptions, EnsembleOptions, FoldProblem, Frols, FrolsChoice, LassoPath, Optimizer,
-        Regularizer, Removal, Scaling, Sr3, Ssr, Status, Stlsq, SweepOptions, Terms, ThresholdError, Thresholds,
-        ensemble, optimize, sweep, sweep_thresholds,
+        Choice, Criterion, CriterionOptions, EnsembleOptions, FoldProblem, Frols, FrolsChoice, Optimizer,
+        PenalisedPath, Regularizer, Removal, Scaling, Sr3, Ssr, Status, Stlsq, SweepOptions, Terms, ThresholdError,
+        Thresholds, ensemble, optimize, sweep, sweep_thresholds,
     },
 };
 use fleetfoot_stats::{Compressed, Factor};
@@ -52,7 +52,7 @@ fn every_optimizer() -> Vec<Optimizer> {
         Optimizer::Ssr(Ssr::default()),
         Optimizer::Ssr(Ssr { removal: Removal::Residual, ..Ssr::default() }),
         Optimizer::Frols(Frols::default()),
-        Optimizer::Lasso(LassoPath::default()),
+        Optimizer::Path(PenalisedPath::default()),
     ]
 }
 
@@ -143,9 +143,9 @@ fn a_free_constant_is_a_free_intercept_for_the_lasso() {
     let root = factor.square_root();
     let centred = Quadratic::from_square_root(&root, 0).expect("a problem");
     let path = lars(&centred, &Penalty::default(), &LarsOptions::default()).expect("a path");
-    let lasso = LassoPath { standardise: false, refit: false, ..LassoPath::default() };
+    let lasso = PenalisedPath { standardise: false, refit: false, ..PenalisedPath::default() };
     let constant = Terms { fixed: vec![0], ..Terms::all() };
-    let trail = optimize(&root.compressed(true), 0, &Optimizer::Lasso(lasso), &constant).expect("a path");
+    let trail = optimize(&root.compressed(true), 0, &Optimizer::Path(lasso), &constant).expect("a path");
     assert_eq!(trail.steps.len(), path.knots.len());
     for (step, knot) in trail.steps.iter().zip(&path.knots) {
         assert!((step.parameter - knot.l1).abs() < 1e-12 && (step.coefficients[0] - knot.intercept).abs() < 1e-11);
@@ -205,7 +205,7 @@ fn sweeps_find_the_truth_by_folds_and_by_criteria() {
                 let support = &sweep.choice().support;
                 // A criterion lets a column of noise in now and then; what is true is always in.
                 // And on the lasso's path one may come in before the last true one does.
-                let greedy = !matches!(optimizer, Optimizer::Lasso(_));
+                let greedy = !matches!(optimizer, Optimizer::Path(_));
                 let more = if choice == Choice::Auto && greedy { 0 } else { 2 };
                 if !truth.iter().all(|j| support.contains(j)) || support.len() > 3 + more {
                     wrong.push(format!("{optimizer:?} {choice:?} {target}: {support:?}"));

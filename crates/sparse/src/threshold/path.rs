@@ -1,4 +1,4 @@
-//! The lasso's path on compressed rows, its supports refitted.
+//! The path of a penalty on compressed rows, its supports refitted.
 
 use fleetfoot_stats::Compressed;
 
@@ -10,13 +10,15 @@ use super::{
 };
 use crate::{
     Penalty, Quadratic, Solution, SparseError,
+    estimator::{Estimator, Stop},
     kernel::{Slab, norm},
-    lars::{LarsOptions, lars},
 };
 
-/// The path of the lasso ([`lars`]) over decreasing lambda, with a model for every support on it.
+/// The path of the lasso or of another penalty over decreasing lambda ([`Estimator::path`]), with a model for every support on it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LassoPath {
+pub struct PenalisedPath {
+    /// The penalty.
+    pub estimator: Estimator,
     /// Whether coefficients are penalised in units of their column's root mean square. Fixed terms are not penalised: fix the constant for a free intercept.
     pub standardise: bool,
     /// Where the path ends, in the units of the target.
@@ -31,9 +33,10 @@ pub struct LassoPath {
     pub options: CriterionOptions,
 }
 
-impl Default for LassoPath {
+impl Default for PenalisedPath {
     fn default() -> Self {
         Self {
+            estimator: Estimator::default(),
             standardise: true,
             lambda_min: 0.0,
             max_terms: None,
@@ -44,7 +47,7 @@ impl Default for LassoPath {
     }
 }
 
-impl LassoPath {
+impl PenalisedPath {
     pub(super) fn trail(&self, problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
         let prepared = Prepared::new(problem, terms, Scaling::Physical, 0.0)?;
         prepared.check_target(target)?;
@@ -54,8 +57,7 @@ impl LassoPath {
         let penalty = Penalty { standardise: self.standardise, factors, signs: Vec::new() };
         let fixed = prepared.open.iter().filter(|&&j| prepared.fixed[j]).count();
         let max_features = self.max_terms.map(|most| most.saturating_add(fixed));
-        let options = LarsOptions { lambda_min: self.lambda_min, max_features, ..LarsOptions::default() };
-        let path = lars(&quadratic, &penalty, &options)?;
+        let path = self.estimator.path(&quadratic, &penalty, &Stop { lambda: self.lambda_min, max_features })?;
         let mut knots = path.knots;
         let models = match self.refit {
             true => {
