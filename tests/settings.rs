@@ -5,7 +5,7 @@ use std::fs;
 use crate::runner::*;
 
 /// A method, flags that say something of each kind, and a recipe that says otherwise.
-const METHODS: [(&str, &[&str], &str); 4] = [
+const METHODS: [(&str, &[&str], &str); 6] = [
     (
         "pwa",
         &[
@@ -29,6 +29,16 @@ const METHODS: [(&str, &[&str], &str); 4] = [
         "sparse",
         &["--degree=2", "--lambda=auto", "--select=cv", "--folds=4", "--l1-ratio=0.9", "--adaptive=false", "--seed=2"],
         "[model]\ndegree = 1\n[sparse]\nlambda = \"1\"\nselect = \"aic\"\nfolds = \"8\"\nl1_ratio = 0.1\nadaptive = true\nseed = 7\n",
+    ),
+    (
+        "sparse",
+        &["--degree=2", "--groups=speed=v,force=u", "--l1-ratio=0.2", "--select=bic"],
+        "[sparse]\ngroups = \"term\"\nl1_ratio = 0.7\nselect = \"aic\"\n",
+    ),
+    (
+        "sindy",
+        &["--groups=signal", "--l1-ratio=0.3", "--select=bic"],
+        "[sindy]\ngroups = { speed = [\"v\"] }\nl1_ratio = 0.9\n",
     ),
     (
         "sindy",

@@ -134,6 +134,30 @@ fn lorenz_by_every_optimiser() {
     }
 }
 
+/// The functions of a signal are in an equation together or not at all; products are groups of their own.
+#[test]
+fn lorenz_by_groups() {
+    let folder = folder("lorenz.csv", &lorenz(4000));
+    let path = folder.path();
+    let base = with(&["lorenz.csv", "--states", "x,y,z", "--library", "poly(2)"], &EXACT);
+    let found = fit(path, &with(&base, &["--groups", "signal"])).ok().json();
+    assert_eq!(found["optimizer"].as_str().unwrap_or("group-lasso"), "group-lasso", "{found}");
+    for ((label, terms), (_, exact)) in equations(&found, 0).iter().zip(LORENZ) {
+        let has = |name: &str| terms.iter().any(|(function, _)| function == name);
+        assert!(exact.iter().all(|(name, _)| has(name)), "{label}: {terms:?}");
+        for signal in ["x", "y", "z"] {
+            assert_eq!(has(signal), has(&format!("{signal}^2")), "{label}: {terms:?}");
+        }
+        for (function, value) in terms {
+            let wanted = exact.iter().find(|(name, _)| name == function).map_or(0.0, |(_, value)| *value);
+            assert!((value - wanted).abs() < 1e-8, "{label}, {function}: {value}");
+        }
+    }
+    let sparse = ["--optimizer", "group-lasso", "--l1-ratio", "0.5", "--terms", "4"];
+    let found = fit(path, &with(&base, &sparse)).ok().json();
+    assert!(equations(&found, 0).iter().all(|(_, terms)| terms.len() <= 4), "{found}");
+}
+
 /// Central differences of order 2 are wrong by the square of the step: so are the coefficients, of the right terms.
 #[test]
 fn lorenz_by_finite_differences() {
@@ -395,6 +419,9 @@ fn bad_input_is_explained() {
         (with(&states, &["--threshold", "big"]), &["threshold = big", "auto"]),
         (with(&states, &["--optimizer", "frols", "--threshold", "0.1"]), &["frols has no threshold"]),
         (with(&states, &["--ensemble", "rows:10"]), &["ensemble = rows:10", "chunks"]),
+        (with(&states, &["--groups", "term"]), &["groups = term", "fit sparse"]),
+        (with(&states, &["--groups", "legs=q"]), &["groups legs", "`q`"]),
+        (with(&states, &["--l1-ratio", "0.5"]), &["l1_ratio", "group-lasso"]),
         (with(&states, &["--nominal", "q=1"]), &["`q` is not a state"]),
         (with(&states, &["--nominal", "x=y*w"]), &["[states] x nominal", "w"]),
         (with(&states, &["--fixed", "x=w^2"]), &["[states] x fixed", "w"]),

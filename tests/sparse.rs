@@ -262,6 +262,79 @@ fn a_plain_recipe_is_what_pwa_fits_without_a_penalty() {
     assert_eq!((plan["passes"].as_u64(), plan["rows"].as_u64()), (Some(1), Some(1600)));
 }
 
+/// Two equations of three signals: `a` and its powers are in both, `b` in one, `c` in none.
+#[test]
+fn groups_of_functions_enter_together() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let mut state = 7_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    for run in 0..6 {
+        let mut text = String::from("t,a,b,c,y,z\n");
+        for i in 0..300 {
+            let [a, b, c] = [2.0 * noise(), 2.0 * noise(), 2.0 * noise()];
+            let (y, z) = (1.0 + 2.0 * a - a * a + 0.3 * noise(), 0.5 * a * a * a + b - 3.0 * a + 0.3 * noise());
+            text.push_str(&format!("{},{a},{b},{c},{y},{z}\n", 0.1 * f64::from(i)));
+        }
+        fs::write(path.join(format!("run{run}.csv")), text).expect("a file");
+    }
+    let latent = "{ of = [\"a\", \"b\", \"c\"], degree = 3 }";
+    let recipe = format!(
+        "[time]\ncolumn = \"t\"\n[latents]\nf = {latent}\ng = {latent}\n[tasks]\ny = {{ target = \"y\", right = \"f\" }}\n\
+         z = {{ target = \"z\", right = \"g\" }}\n"
+    );
+    let recipe = recipe.replace("\ny = {", "\nfirst = {").replace("\nz = {", "\nsecond = {");
+    fs::write(path.join("r.toml"), recipe).expect("a recipe");
+    let logs = ["run0.csv", "run1.csv", "run2.csv", "run3.csv", "run4.csv", "run5.csv"];
+    let run = |more: &[&'static str]| {
+        let all: Vec<&str> = ["-c", "r.toml"].into_iter().chain(more.iter().copied()).chain(logs).collect();
+        fit(path, &all).ok().json()
+    };
+    let selected = |found: &serde_json::Value, latent: usize| -> Vec<String> {
+        let functions = found["latents"][latent]["functions"].as_array().unwrap();
+        let chosen = functions.iter().filter(|function| function["selected"] == true);
+        chosen.map(|function| function["function"].as_str().unwrap().to_owned()).collect()
+    };
+    let found = run(&["--groups", "signal"]);
+    assert!(found["selection"].as_str().unwrap().starts_with("the group lasso"), "{found}");
+    assert!(number(&found["certificate"]["gap"]) < 1e-10 && number(&found["certificate"]["kkt"]) < 1e-8);
+    let (first, second) = (selected(&found, 0), selected(&found, 1));
+    assert!(["a", "a^2", "a^3"].iter().all(|name| first.iter().any(|one| one == name)), "{first:?}");
+    assert!(
+        ["a", "a^2", "a^3", "b", "b^2", "b^3"].iter().all(|name| second.iter().any(|one| one == name)),
+        "{second:?}"
+    );
+    for signal in ["a", "b", "c"] {
+        let powers = [signal.to_owned(), format!("{signal}^2"), format!("{signal}^3")];
+        assert!([0, 3].contains(&powers.iter().filter(|power| first.contains(power)).count()), "{first:?}");
+    }
+    // A function is in all equations or in none.
+    let found = run(&["--groups", "term"]);
+    let constant = |names: Vec<String>| names.into_iter().filter(|name| name != "1").collect::<Vec<String>>();
+    assert_eq!(constant(selected(&found, 0)), constant(selected(&found, 1)));
+    assert!(["a", "a^2", "a^3", "b"].iter().all(|name| selected(&found, 0).iter().any(|one| one == name)));
+    // Absolute values beside the norms let single functions leave; criteria choose too, and a model's recipe says how it was found.
+    let found = run(&["--groups", "signal", "--l1-ratio", "0.8", "--select", "bic", "-o", "m.json"]);
+    assert!(found["selection"].as_str().unwrap().starts_with("the sparse-group lasso"), "{found}");
+    assert!(selected(&found, 0).iter().any(|name| name == "a^2"));
+    let model = fs::read_to_string(path.join("m.json")).expect("a model");
+    assert!(model.contains("groups = \\\"signal\\\"") && model.contains("sparse-group lasso"), "{model}");
+    let named = run(&["--groups", "first=a,b", "--lambda", "0.05"]);
+    let signals = selected(&named, 0);
+    assert!(signals.iter().any(|name| name == "a*b") && signals.iter().any(|name| name == "b^3"), "{signals:?}");
+    for (more, words) in [
+        (&["--groups", "leg"][..], &["groups = leg", "signal, term"][..]),
+        (&["--groups", "legs=d"], &["groups legs", "`d`"]),
+        (&["--groups", "signal", "--bolasso", "episodes"], &["groups with a bolasso"]),
+    ] {
+        let all: Vec<&str> = ["-c", "r.toml"].into_iter().chain(more.iter().copied()).chain(logs).collect();
+        fit(path, &all).fails(words);
+    }
+}
+
 #[test]
 fn what_cannot_be_done_is_said() {
     let folder = climbs();

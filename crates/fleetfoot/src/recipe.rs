@@ -321,6 +321,7 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::GroupWords;
 
     const TEXT: &str = r#"
 [columns]
@@ -378,6 +379,11 @@ terrain = "grass"
         assert_eq!((recipe.sparse.stability, recipe.latents["T"].prior_strength), (None, None));
         recipe.say(SparseSection { stability: Some(true), ..SparseSection::default() });
         assert_eq!((recipe.sparse.stability, recipe.sparse.bolasso.clone()), (Some(true), None));
+        let groups = Some(GroupWords::Word("signal".into()));
+        recipe.say(SparseSection { groups: groups.clone(), ..SparseSection::default() });
+        assert_eq!((recipe.sparse.stability, &recipe.sparse.groups), (None, &groups));
+        recipe.say(SparseSection { bolasso: Some("rows".into()), ..SparseSection::default() });
+        assert_eq!((recipe.sparse.bolasso.as_deref(), &recipe.sparse.groups), (Some("rows"), &None));
     }
 
     #[test]

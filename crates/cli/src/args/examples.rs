@@ -58,6 +58,7 @@ pub(crate) const FIT_SPARSE: &str = "\
 Examples:
   fleetfoot fit sparse -c aircraft.toml climbs/ --bolasso episodes:200 --threshold 0.9
   fleetfoot fit sparse -c aircraft.toml run.stats --lambda 0.0002
+  fleetfoot fit sparse -c aircraft.toml run.stats --groups signal
   fleetfoot fit sparse -c aircraft.toml fleet.stats --by aircraft --frequencies frequencies.parquet";
 
 pub(crate) const FIT_SINDY: &str = "\

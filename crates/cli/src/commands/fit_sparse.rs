@@ -155,8 +155,9 @@ fn summary(report: &SparseReport) -> String {
 fn one_text(report: &SparseReport) -> String {
     let [border, incomplete] = report.left_out;
     let mut text = format!(
-        "{}\n{border} rows left out at borders, {incomplete} incomplete; the lasso at lambda: optimality conditions to {:.1e}, duality gap {:.1e}\n",
+        "{}\n{border} rows left out at borders, {incomplete} incomplete; the {} at lambda: optimality conditions to {:.1e}, duality gap {:.1e}\n",
         summary(report),
+        report.penalty,
         report.certificate.kkt,
         report.certificate.gap
     );

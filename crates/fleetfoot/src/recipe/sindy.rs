@@ -6,7 +6,7 @@ use super::{
     Recipe,
     settings::{Tunable, settings},
 };
-use crate::{Criterion, SindyOptimizer};
+use crate::{Criterion, GroupWords, SindyOptimizer};
 
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -53,7 +53,7 @@ settings! {
     sindy, SindySection::silenced;
     /// How equations are found. Every entry is the flag of `fit sindy` of the same name.
     pub struct SindySection {
-        /// How terms are found (default: auto; stlsq for a given threshold).
+        /// How terms are found (default: auto; stlsq for a given threshold, group-lasso for given groups).
         #[arg(long, value_enum, value_name = "NAME")]
         pub optimizer: SindyOptimizer,
         /// Smallest coefficient that stays, of stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
@@ -92,6 +92,13 @@ settings! {
         /// Seed of everything random (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
+        /// Share of the absolute values in the penalty of the group lasso, beside the norms of its groups (default: 0).
+        #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+        pub l1_ratio: f64,
+        /// Functions that enter together, of the group lasso: signal (a signal with its powers and lags), or the functions of named signals, `legs=q1,q2,arms=q3,q4`
+        /// (default of group-lasso: signal).
+        #[arg(long, value_name = "RULE|NAME=SIGNALS")]
+        pub groups: GroupWords,
     }
 }
 

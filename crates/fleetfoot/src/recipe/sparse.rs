@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Recipe, settings::settings};
-use crate::Criterion;
+use crate::{Criterion, GroupWords};
 
 /// An unknown function and the candidates that it may be made of: monomials of variables, or functions one by one.
 ///
@@ -76,7 +76,8 @@ settings! {
         /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
-        /// Share of the l1 penalty in an elastic net (default: 1, the lasso).
+        /// Share of the absolute values in the penalty: beside squares in an elastic net (default: 1, the lasso), beside norms with groups (default: 0, the group
+        /// lasso).
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub l1_ratio: f64,
         /// Adaptive lasso: penalty factors from a first least-squares fit (default: false).
@@ -101,17 +102,25 @@ settings! {
         /// Seed of everything random (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
+        /// Group lasso, functions that enter together: signal (a signal with its powers and lags), term (a function in all equations), or the functions of named
+        /// signals, `legs=q1,q2,arms=q3,q4` (default: every function alone).
+        #[arg(long, value_name = "RULE|NAME=SIGNALS")]
+        pub groups: GroupWords,
     }
 }
 
 impl SparseSection {
-    /// A bolasso and stability selection exclude each other, and a strength that is said explicitly is that of all priors.
+    /// A bolasso, stability selection and groups exclude each other, and a strength that is said explicitly is that of all priors.
     fn silenced(&self, recipe: &mut Recipe) {
-        if self.bolasso.is_some() {
+        let (bolasso, stability) = (self.bolasso.is_some(), self.stability == Some(true));
+        if bolasso || self.groups.is_some() {
             recipe.sparse.stability = None;
         }
-        if self.stability == Some(true) {
+        if stability || self.groups.is_some() {
             recipe.sparse.bolasso = None;
+        }
+        if bolasso || stability {
+            recipe.sparse.groups = None;
         }
         if self.prior_strength.is_some() {
             recipe.latents.values_mut().for_each(|latent| latent.prior_strength = None);

@@ -6,7 +6,7 @@ use fleetfoot_sparse::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{Criterion, Error, FoldRule, Normalize, SindySection, Tunable, recipe::seed, sparse_fit::words};
+use crate::{Criterion, Error, FoldRule, GroupRule, Normalize, SindySection, Tunable, recipe::seed, sparse_fit::words};
 
 /// Which optimiser looks for the terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
@@ -25,6 +25,8 @@ pub enum SindyOptimizer {
     Frols,
     /// The path of the lasso.
     Lasso,
+    /// The path of the group lasso, or of the sparse-group lasso.
+    GroupLasso,
     /// Least squares on all candidates.
     #[serde(rename = "ols")]
     #[value(name = "ols")]
@@ -41,6 +43,7 @@ impl SindyOptimizer {
             Self::Ssr => "ssr",
             Self::Frols => "frols",
             Self::Lasso => "lasso",
+            Self::GroupLasso => "group-lasso",
             Self::LeastSquares => "ols",
         }
     }
@@ -86,6 +89,10 @@ pub struct SindyOptions {
     pub ensemble: Option<(Ensemble, usize)>,
     /// Share of the members that must have a term.
     pub inclusion: f64,
+    /// Functions that enter together, of the group lasso.
+    pub groups: GroupRule,
+    /// Share of the absolute values in its penalty.
+    pub l1_ratio: f64,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -112,11 +119,13 @@ impl SindyOptions {
             }
             Some(Tunable::Word(word)) => return Err(refused("threshold", word, "auto, or a number of zero or more")),
         };
-        // A given threshold is one of stlsq.
+        // A given threshold is one of stlsq, and groups are those of the group lasso.
         let optimizer = match (optimizer, threshold) {
+            (SindyOptimizer::Auto, _) if section.groups.is_some() => SindyOptimizer::GroupLasso,
             (SindyOptimizer::Auto, Some(_)) => SindyOptimizer::Stlsq,
             (optimizer, _) => optimizer,
         };
+        let groups = groups(section, optimizer)?;
         if let (Some(value), false) = (threshold, optimizer.thresholds()) {
             return Err(Error::conflict(format!(
                 "[sindy] threshold = {value}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
@@ -158,6 +167,8 @@ impl SindyOptions {
             folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
             ensemble: section.ensemble.as_deref().map(ensemble).transpose()?,
             inclusion,
+            groups,
+            l1_ratio: section.l1_ratio.unwrap_or(0.0),
             seed: seed("sindy", section.seed)?,
         })
     }
@@ -177,6 +188,9 @@ impl SindyOptions {
             }
             (true, Some(threshold)) => format!("{}, threshold {threshold} on {units}", self.optimizer.name()),
             (true, None) => format!("{}, thresholds on {units}", self.optimizer.name()),
+            (false, _) if self.optimizer == SindyOptimizer::GroupLasso => {
+                format!("{}, {}", self.optimizer.name(), self.groups.in_words())
+            }
             (false, _) => self.optimizer.name().to_owned(),
         }
     }
@@ -269,6 +283,29 @@ fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64
     }
 }
 
+/// What enters together, and a look at what only the group lasso has.
+fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule, Error> {
+    let given = [("groups", section.groups.is_some()), ("l1_ratio", section.l1_ratio.is_some())];
+    if let Some((what, _)) = given.iter().find(|(_, given)| *given && optimizer != SindyOptimizer::GroupLasso) {
+        return Err(Error::conflict(format!(
+            "[sindy] {what}: it is that of group-lasso, and the optimizer is {}; leave it away",
+            optimizer.name()
+        )));
+    }
+    if let Some(value) = section.l1_ratio.filter(|value| !(0.0..=1.0).contains(value)) {
+        return Err(refused("l1_ratio", value, "a share from 0 (the group lasso) to 1 (the lasso)"));
+    }
+    match section.groups.as_ref().map(|words| GroupRule::new(words, "sindy")).transpose()? {
+        None => Ok(GroupRule::Signal),
+        Some(GroupRule::Term) => Err(Error::value(
+            "[sindy] groups = term: every equation finds its terms alone; `fit sparse --groups term` fits all equations together, \
+             so that a function is in all of them or in none"
+                .into(),
+        )),
+        Some(groups) => Ok(groups),
+    }
+}
+
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
     Error::value(format!("[sindy] {what} = {value}: write {allowed}"))
 }
@@ -321,6 +358,13 @@ mod tests {
         assert_eq!(options("optimizer = \"frols\"\nterms = 3").unwrap().terms, Some(3));
         let peer = options("threshold = 0.1\nnormalize = \"length\"\nmax_iterations = 1").unwrap();
         assert_eq!((peer.scaling, peer.max_iterations), (Scaling::Length, 1));
+        let grouped = options("groups = \"signal\"").unwrap();
+        assert_eq!((grouped.optimizer, grouped.groups), (SindyOptimizer::GroupLasso, GroupRule::Signal));
+        let sparse = options("optimizer = \"group-lasso\"\nl1_ratio = 0.2").unwrap();
+        assert_eq!(
+            (sparse.l1_ratio, sparse.method_in_words()),
+            (0.2, "group-lasso, the functions of a signal together".into())
+        );
         assert_eq!(options("optimizer = \"frols\"\nkappa = 0.1").unwrap().kappa, Some(0.1));
     }
 
@@ -360,6 +404,12 @@ mod tests {
             ("max_iterations = 5\noptimizer = \"frols\"", ["max_iterations = 5", "frols"]),
             ("kappa = 0.1", ["kappa = 0.1", "the optimizer is auto"]),
             ("kappa = -0.1\noptimizer = \"frols\"", ["kappa = -0.1", "zero or more"]),
+            ("groups = \"signal\"\noptimizer = \"lasso\"", ["groups: it is that of group-lasso", "lasso"]),
+            ("l1_ratio = 0.5", ["l1_ratio: it is that of group-lasso", "auto"]),
+            ("groups = \"term\"", ["groups = term", "fit sparse"]),
+            ("groups = \"legs\"", ["groups = legs", "signal"]),
+            ("groups = \"signal\"\nl1_ratio = 2.0", ["l1_ratio = 2", "from 0"]),
+            ("groups = \"signal\"\nthreshold = 0.1", ["group-lasso has no threshold", "terms"]),
         ] {
             let message = options(text).expect_err(text);
             assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");

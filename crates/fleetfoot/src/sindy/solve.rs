@@ -4,8 +4,10 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 use fleetfoot_data::Progress;
+use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
     bolasso::{BootstrapUnit, multinomial_counts},
+    group::GroupLasso,
     inference::system_effective_rows,
     select::Folds,
     system::SystemScan,
@@ -63,6 +65,8 @@ pub(super) struct Solver<'a> {
     /// Whether models of other sizes than the chosen are wanted too.
     pub(super) front: bool,
     folds: Option<Folds>,
+    /// The penalty of groups, where it is asked for.
+    groups: Option<GroupLasso>,
 }
 
 impl<'a> Solver<'a> {
@@ -83,7 +87,8 @@ impl<'a> Solver<'a> {
             }
             Err(error) => return Err(error.into()),
         };
-        Ok(Self { evidence, options, front, folds })
+        let groups = (options.optimizer == SindyOptimizer::GroupLasso).then(|| group_lasso(&evidence.task, options));
+        Ok(Self { evidence, options, front, folds, groups: groups.transpose()? })
     }
 
     /// How rows are held out, for people; `None` where they are not.
@@ -235,8 +240,9 @@ impl<'a> Solver<'a> {
                 let scaling = if options.kappa.is_some() { scaling } else { Scaling::Physical };
                 Optimizer::Frols(Frols { max_terms: most, scaling, choice: FrolsChoice::Last, ..Frols::default() })
             }
-            SindyOptimizer::Lasso => {
-                Optimizer::Path(PenalisedPath { max_terms: options.terms, ..PenalisedPath::default() })
+            SindyOptimizer::Lasso | SindyOptimizer::GroupLasso => {
+                let estimator = self.groups.clone().map_or_else(Default::default, Into::into);
+                Optimizer::Path(PenalisedPath { estimator, max_terms: options.terms, ..PenalisedPath::default() })
             }
             SindyOptimizer::LeastSquares => Optimizer::LeastSquares,
         }
@@ -348,6 +354,14 @@ impl EquationTask {
         };
         self.fitted.iter().map(terms).collect()
     }
+}
+
+/// The group lasso on the candidates of all equations.
+fn group_lasso(task: &EquationTask, options: &SindyOptions) -> Result<GroupLasso, Error> {
+    let one = Expr::number(1.0);
+    let functions = task.constant.then_some(&one).into_iter().chain(&task.functions);
+    let functions: Vec<(usize, &Expr)> = functions.map(|function| (0, function)).collect();
+    options.groups.estimator(&functions, options.l1_ratio)
 }
 
 /// One target of a problem.

@@ -2,10 +2,9 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::{
+    SparseError,
     bolasso::{bach_lambda, refit},
-    coordinate::lambda_max,
-    estimator::ElasticNet,
-    lars::{LarsOptions, lars},
+    estimator::{ElasticNet, Estimator, Stop},
     select::{
         CriteriaOptions, CrossValidation, Folds, Lambdas, SelectError, SelectOptions, cross_validate, effective_rows,
         task_criteria,
@@ -34,7 +33,7 @@ pub struct LambdaChoice {
     pub folds: usize,
     /// How rows were held out, for people; `None` where they were not.
     pub fold_rule: Option<String>,
-    /// The held-out errors of the lasso at every lambda that was compared, where there are folds.
+    /// The held-out errors of the penalised fits at every lambda that was compared, where there are folds.
     pub validation: Option<CrossValidation>,
 }
 
@@ -74,7 +73,7 @@ pub(super) fn choose(
     notes: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<LambdaChoice, Error> {
-    let largest = lambda_max(&problem.assembled.problem, &problem.assembled.penalty, options.l1_ratio.max(1e-3))?;
+    let largest = largest(problem)?;
     let (value, how) = match options.lambda {
         LambdaRule::Value(value) => (value, "given".to_owned()),
         LambdaRule::OverRoot(value) => {
@@ -90,8 +89,19 @@ pub(super) fn choose(
             criterion => by_criterion(problem, options, criterion)?,
         },
     };
-    let validation = folds.map(|folds| validate(problem, options, folds, Lambdas::List(vec![value]), progress));
+    let validation = folds.map(|folds| validate(problem, folds, Lambdas::List(vec![value]), progress));
     Ok(LambdaChoice { validation: validation.transpose()?, ..LambdaChoice::new(value, how, largest, folds) })
+}
+
+/// The smallest lambda at which every penalised coefficient is zero; of a net that is almost a ridge, that of the net with the least share that has one.
+fn largest(problem: &Problem<'_>) -> Result<f64, Error> {
+    let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
+    Ok(match problem.estimator.lambda_max(quadratic, penalty) {
+        Err(SparseError::NoLambdaMax { .. }) => {
+            Estimator::from(ElasticNet::new(1e-3)).lambda_max(quadratic, penalty)?
+        }
+        found => found?,
+    })
 }
 
 impl LambdaChoice {
@@ -111,7 +121,7 @@ fn validated(
     progress: &dyn Progress,
 ) -> Result<LambdaChoice, Error> {
     let grid = Lambdas::Grid { count: LAMBDAS, ratio: LEAST_LAMBDA };
-    let validation = validate(problem, options, folds, grid, progress)?;
+    let validation = validate(problem, folds, grid, progress)?;
     let (index, rule) = match options.criterion {
         Criterion::CrossValidation => (validation.best, "least held-out error"),
         _ => (validation.one_standard_error, "one standard error from the least held-out error"),
@@ -131,13 +141,12 @@ fn validated(
 /// Held-out errors at some lambdas.
 fn validate(
     problem: &Problem<'_>,
-    options: &SparseOptions,
     folds: &Folds,
     lambdas: Lambdas,
     progress: &dyn Progress,
 ) -> Result<CrossValidation, Error> {
     progress.stage("folds");
-    let select = SelectOptions { lambdas, estimator: ElasticNet::new(options.l1_ratio).into() };
+    let select = SelectOptions { lambdas, estimator: problem.estimator.clone() };
     let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
     found.map_err(|error| match error {
         SelectError::Cancelled(cancelled) => cancelled.into(),
@@ -149,13 +158,13 @@ fn validate(
 
 /// By an information criterion at the knots of the path.
 fn by_criterion(problem: &Problem<'_>, options: &SparseOptions, criterion: Criterion) -> Result<(f64, String), Error> {
-    if options.l1_ratio < 1.0 {
+    if options.l1_ratio < 1.0 && options.groups.is_none() {
         return Err(Error::conflict(
             "information criteria compare the knots of the lasso's path, and an elastic net has none; use `--select cv`, or leave --l1-ratio away".into(),
         ));
     }
     let assembled = &problem.assembled;
-    let path = lars(&assembled.problem, &assembled.penalty, &LarsOptions::default())?;
+    let path = problem.estimator.path(&assembled.problem, &assembled.penalty, &Stop::default())?;
     let theta = path.knots.last().map_or_else(|| vec![0.0; assembled.scale.len()], |knot| assembled.coefficients(knot));
     let measured = problem.structure.tasks.iter().filter(|task| !task.prior).count() as f64;
     let independent = effective_rows(&problem.structure, &problem.banks, &theta)?;

@@ -4,7 +4,7 @@ use fleetfoot_sparse::bolasso::BootstrapUnit;
 use serde::{Deserialize, Serialize};
 
 use super::words;
-use crate::{Error, FoldRule, SparseSection, recipe::seed};
+use crate::{Error, FoldRule, GroupRule, SparseSection, recipe::seed};
 
 /// How lambda is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +58,8 @@ pub struct SparseOptions {
     pub folds: FoldRule,
     /// Share of the absolute values in the penalty.
     pub l1_ratio: f64,
+    /// Functions that enter together: then the rest of the penalty is the norms of the groups, else squares.
+    pub groups: Option<GroupRule>,
     /// Penalty factors from a first fit.
     pub adaptive: bool,
     /// What a bolasso resamples, and how often.
@@ -84,8 +86,12 @@ impl SparseOptions {
         if let Some(value) = threshold.filter(|value| !(*value > 0.0 && *value <= 1.0)) {
             return Err(refused("threshold", value, "a share of the replicates above 0, at most 1"));
         }
-        let l1_ratio = section.l1_ratio.unwrap_or(1.0);
-        if !(l1_ratio > 0.0 && l1_ratio <= 1.0) {
+        let groups = section.groups.as_ref().map(|words| GroupRule::new(words, "sparse")).transpose()?;
+        let l1_ratio = section.l1_ratio.unwrap_or(if groups.is_some() { 0.0 } else { 1.0 });
+        if groups.is_some() && !(0.0..=1.0).contains(&l1_ratio) {
+            return Err(refused("l1_ratio", l1_ratio, "a share from 0 (the group lasso) to 1 (the lasso)"));
+        }
+        if groups.is_none() && !(l1_ratio > 0.0 && l1_ratio <= 1.0) {
             return Err(refused("l1_ratio", l1_ratio, "a share above 0, at most 1 (the lasso)"));
         }
         let prior_strength = section.prior_strength.unwrap_or(1.0);
@@ -99,6 +105,11 @@ impl SparseOptions {
                 "[sparse] has both `bolasso` and `stability`; both choose the columns, so take one of them".into(),
             ));
         }
+        if groups.is_some() && (bolasso.is_some() || stability) {
+            return Err(Error::conflict(
+                "[sparse] groups with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
+            ));
+        }
         if l1_ratio < 1.0 && (bolasso.is_some() || stability) {
             return Err(Error::conflict(
                 "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
@@ -110,6 +121,7 @@ impl SparseOptions {
             criterion: section.select.unwrap_or_default(),
             folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
             l1_ratio,
+            groups,
             adaptive: section.adaptive.unwrap_or(false),
             bolasso,
             threshold,
@@ -177,6 +189,8 @@ mod tests {
         assert_eq!(options("lambda = \"0.5 / sqrt(n)\"").unwrap().lambda, LambdaRule::OverRoot(0.5));
         assert_eq!(options("lambda = \"1e-3\"").unwrap().lambda, LambdaRule::Value(1e-3));
         assert_eq!(options("folds = \"splits:30\"").unwrap().folds, FoldRule::Splits(30));
+        let grouped = options("groups = \"signal\"").unwrap();
+        assert_eq!((grouped.groups, grouped.l1_ratio, default.l1_ratio), (Some(GroupRule::Signal), 0.0, 1.0));
         assert_eq!(options("bolasso = \"rows\"").unwrap().bolasso, Some((Resampled::Rows, 128)));
         let episodes = Resampled::Units(BootstrapUnit::Episode);
         assert_eq!(options("bolasso = \"episodes:1000\"").unwrap().bolasso, Some((episodes, 1000)));
@@ -197,6 +211,9 @@ mod tests {
             ("prior_strength = -1.0", ["prior_strength = -1", "zero or more"]),
             ("bolasso = \"rows\"\nstability = true", ["both", "one of them"]),
             ("bolasso = \"rows\"\nl1_ratio = 0.5", ["l1_ratio below 1", "lassos"]),
+            ("bolasso = \"rows\"\ngroups = \"signal\"", ["groups with a bolasso", "lassos"]),
+            ("groups = \"leg\"", ["groups = leg", "signal, term"]),
+            ("groups = \"signal\"\nl1_ratio = -0.1", ["l1_ratio = -0.1", "group lasso"]),
         ] {
             let message = options(text).expect_err(text);
             assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");

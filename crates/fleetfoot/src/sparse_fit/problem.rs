@@ -1,7 +1,9 @@
 //! The assembled problem of a statistic: weights of the tasks, penalty factors, signs.
 
+use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
     adaptive::{Initial, adaptive},
+    estimator::{ElasticNet, Estimator},
     structured::{Assembled, Assembly, Banks, Structure},
 };
 use fleetfoot_stats::{Key, SquareRoot};
@@ -18,6 +20,8 @@ pub(super) struct Problem<'a> {
     pub(super) roots: Vec<SquareRoot>,
     pub(super) assembly: Assembly,
     pub(super) assembled: Assembled,
+    /// What is fitted at every lambda.
+    pub(super) estimator: Estimator,
     /// The error of every task that counts as one.
     pub(super) scales: Vec<f64>,
 }
@@ -60,7 +64,8 @@ impl<'a> Problem<'a> {
             assembly.factors = first_fit(&assembled)?;
             assembled.penalty.factors.clone_from(&assembly.factors);
         }
-        Ok(Self { task, structure, banks, roots, assembly, assembled, scales })
+        let estimator = estimator(task, options)?;
+        Ok(Self { task, structure, banks, roots, assembly, assembled, estimator, scales })
     }
 
     /// Number of rows, weights included.
@@ -82,6 +87,15 @@ impl<'a> Problem<'a> {
         let function = &candidates.functions[coefficient - self.task.regression.first(latent)];
         format!("{}: {function}", candidates.name)
     }
+}
+
+/// The penalty of the options on the functions of a task.
+fn estimator(task: &StructuredTask, options: &SparseOptions) -> Result<Estimator, Error> {
+    let Some(groups) = &options.groups else { return Ok(ElasticNet::new(options.l1_ratio).into()) };
+    let latents = task.regression.latents.iter().enumerate();
+    let functions: Vec<(usize, &Expr)> =
+        latents.flat_map(|(index, latent)| latent.functions.iter().map(move |function| (index, function))).collect();
+    Ok(groups.estimator(&functions, options.l1_ratio)?.into())
 }
 
 /// The error of a task that counts as one: what the recipe says, else the standard deviation of the target, of a prior its root mean square.

@@ -26,7 +26,9 @@ pub struct SparseReport {
     pub tasks: Vec<TaskReport>,
     /// The latents.
     pub latents: Vec<LatentReport>,
-    /// Certificate of the lasso on all rows at lambda.
+    /// What was fitted at lambda, for people: `lasso`, `group lasso`.
+    pub penalty: &'static str,
+    /// Certificate of the penalised fit of all rows at lambda.
     pub certificate: Certificate,
     /// The largest violation of the optimality conditions of any replicate, where there are any.
     pub worst_replicate: Option<f64>,
@@ -109,6 +111,7 @@ impl SparseReport {
             tasks: tasks(problem, held_out, theta),
             latents: latents(problem, support, theta, errors)?,
             lambda,
+            penalty: problem.estimator.name(),
             certificate: support.lasso.certificate,
             worst_replicate: support.replicates.as_ref().map(|replicates| replicates.worst_kkt),
             confounded,

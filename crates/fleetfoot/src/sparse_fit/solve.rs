@@ -56,7 +56,7 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
         None => file.task()?,
     };
     let mut options = SparseOptions::new(&recipe.sparse)?;
-    options.l1_ratio = l1_ratio;
+    (options.l1_ratio, options.groups) = (l1_ratio, None);
     let mut notes = Vec::new();
     if task.bounds.iter().flatten().any(|bound| bound.is_finite()) {
         notes.push("the bounds of latents (at_least, at_most) need rows, and were not used".to_owned());
@@ -68,7 +68,7 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
         let errors = standard_errors(&problem, &theta, &mut notes);
         (theta, errors)
     } else {
-        let (found, more) = support::lasso(&problem, &options, lambda)?;
+        let (found, more) = support::penalised(&problem, lambda)?;
         notes.extend(more);
         (problem.assembled.coefficients(&found), None)
     };

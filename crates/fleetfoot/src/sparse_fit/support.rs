@@ -1,11 +1,10 @@
-//! Which columns stay: the lasso at lambda, what the replicates of a bolasso agree on, or a stability selection.
+//! Which columns stay: those of the penalised fit at lambda, what the replicates of a bolasso agree on, or a stability selection.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_sparse::{
-    Certificate, Path, PathStatus, Solution, Strength,
+    Certificate, Path, PathStatus, Solution,
     bolasso::{BootstrapOptions, Selection, StabilityOptions, block_bootstrap, row_bootstrap, stability_selection},
-    coordinate::{CoordinateOptions, coordinate_descent, lambda_grid},
-    lars::{LarsOptions, lars},
+    coordinate::lambda_grid,
 };
 
 use super::{Resampled, SparseOptions, problem::Problem};
@@ -20,13 +19,13 @@ const STABILITY_PAIRS: usize = 50;
 pub(super) struct Support {
     /// Columns, ascending.
     pub(super) columns: Vec<usize>,
-    /// The lasso on all rows at lambda.
+    /// The penalised fit of all rows at lambda.
     pub(super) lasso: Solution,
     /// Share of the replicates that select every column (p), where there are replicates.
     pub(super) frequency: Option<Vec<f64>>,
     /// The replicates of a bolasso.
     pub(super) replicates: Option<Selection>,
-    /// The method, as a model is called by it: `lasso`, `bolasso`, `stability`.
+    /// The method, as a model is called by it: `lasso`, `group lasso`, `bolasso`, `stability`.
     pub(super) method: &'static str,
     /// How it was selected, for people.
     pub(super) how: String,
@@ -34,31 +33,20 @@ pub(super) struct Support {
     pub(super) notes: Vec<String>,
 }
 
-/// The lasso (or elastic net) on all rows at lambda, and what its path said.
-pub(super) fn lasso(
-    problem: &Problem<'_>,
-    options: &SparseOptions,
-    lambda: f64,
-) -> Result<(Solution, Vec<String>), Error> {
+/// The penalised fit of all rows at lambda, and what its path said.
+pub(super) fn penalised(problem: &Problem<'_>, lambda: f64) -> Result<(Solution, Vec<String>), Error> {
     let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
-    let strength = Strength::elastic_net(lambda, options.l1_ratio);
-    let path =
-        lars(quadratic, penalty, &LarsOptions { lambda_min: strength.l1, l2: strength.l2, ..LarsOptions::default() })?;
+    let (solution, path) = problem.estimator.at(quadratic, penalty, lambda)?;
     let mut notes = path_notes(problem, &path);
-    let solution = match path.at(quadratic, strength.l1) {
-        Ok(solution) => solution,
-        Err(_) => {
-            notes.push(format!(
-                "rounding ended the path at lambda = {:.3e}, before {lambda:.3e}; coordinate descent went on",
-                path.knots.last().map_or(f64::NAN, |knot| knot.l1)
-            ));
-            let descent = CoordinateOptions { l1_ratio: options.l1_ratio, ..CoordinateOptions::default() };
-            let mut found = coordinate_descent(quadratic, penalty, &[lambda], &descent)?;
-            found.pop().ok_or_else(|| Error::missing("no lambda was given".into()))?
-        }
-    };
+    if let Some(end) = path.knots.last().filter(|knot| knot.l1 > solution.l1) {
+        notes.push(format!(
+            "rounding ended the path at lambda = {:.3e}, before {lambda:.3e}; coordinate descent went on",
+            end.l1
+        ));
+    }
     if !solution.converged {
-        notes.push(format!("the lasso at lambda = {lambda:.3e} did not converge: {}", words(&solution.certificate)));
+        let (name, certificate) = (problem.estimator.name(), words(&solution.certificate));
+        notes.push(format!("the {name} at lambda = {lambda:.3e} did not converge: {certificate}"));
     }
     Ok((solution, notes))
 }
@@ -95,14 +83,16 @@ pub(super) fn select(
     source: Option<&dyn Source>,
     progress: &dyn Progress,
 ) -> Result<Support, Error> {
-    let (lasso, notes) = lasso(problem, options, lambda)?;
+    let (lasso, notes) = penalised(problem, lambda)?;
+    let name = problem.estimator.name();
+    let together = options.groups.as_ref().map_or_else(String::new, |groups| format!(", {}", groups.in_words()));
     let mut support = Support {
         columns: lasso.support.clone(),
         lasso,
         frequency: None,
         replicates: None,
-        method: if options.l1_ratio < 1.0 { "elastic net" } else { "lasso" },
-        how: if options.l1_ratio < 1.0 { "the elastic net" } else { "the lasso" }.into(),
+        method: name,
+        how: format!("the {name}{together}"),
         notes,
     };
     if let Some((what, replicates)) = options.bolasso {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import _core, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number
+from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, groups_of, number
 from ._model import Model
 from ._progress import Progress
 
@@ -42,7 +42,11 @@ class BlockSparse(Identifier):
     folds : int or str, optional
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     l1_ratio : float, optional
-        Share of the absolute values in the elastic net's penalty.
+        Share of the absolute values in the penalty: beside squares (the elastic net), or with `groups` beside the
+        groups' norms.
+    groups : str or dict of str to list of str, optional
+        Group lasso, functions that enter together: ``"signal"`` (a signal with its powers and lags), ``"term"`` (a
+        function in all equations), or lists of signals by the names of the groups.
     adaptive : bool, optional
         Penalty factors from a first fit.
     bolasso : str, optional
@@ -107,6 +111,7 @@ class BlockSparse(Identifier):
         select: str | None = None,
         folds: int | str | None = None,
         l1_ratio: float | None = None,
+        groups: str | Mapping[str, Sequence[str]] | None = None,
         adaptive: bool | None = None,
         bolasso: str | None = None,
         threshold: float | None = None,
@@ -134,6 +139,7 @@ class BlockSparse(Identifier):
         self.select = select
         self.folds = folds
         self.l1_ratio = l1_ratio
+        self.groups = groups
         self.adaptive = adaptive
         self.bolasso = bolasso
         self.threshold = threshold
@@ -162,6 +168,7 @@ class BlockSparse(Identifier):
             **{"lambda": None if self.lam is None else _text(self.lam)},
             select=self.select,
             folds=None if self.folds is None else str(self.folds),
+            groups=groups_of(self.groups),
             adaptive=self.adaptive,
             bolasso=self.bolasso,
             stability=self.stability,

@@ -341,6 +341,15 @@ def number(name: str, value: Any) -> float:
     return float(value)
 
 
+def groups_of(given: Any) -> Any:
+    """A word, or lists of signals by name."""
+    if given is None or isinstance(given, str):
+        return given
+    if isinstance(given, Mapping):
+        return {name: [one] if isinstance(one, str) else list(one) for name, one in given.items()}
+    raise RequestError(f"groups={given!r}: give 'signal', 'term', or a dict of lists of signals")
+
+
 def partition(given: Any) -> str | None:
     """``5`` is ``kmeans:5``; of several one is chosen."""
     if given is None or isinstance(given, str):

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core, _peers, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number, partition
+from ._identify import (
+    AnyRecipe,
+    Derivative,
+    Identifier,
+    States,
+    count,
+    documented,
+    groups_of,
+    number,
+    partition,
+)
 from ._model import Model
 from ._progress import Progress
 from .exceptions import RequestError
@@ -32,8 +42,9 @@ class SINDy(Identifier):
     ----------
     optimizer : str or object, optional
         ``"auto"`` (as when not given: thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
-        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of pysindy or of this package:
-        then the terms are those that it keeps. What it says takes effect, and what cannot is refused.
+        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of
+        pysindy or of this package: then the terms are those that it keeps. What it says takes effect, and what cannot
+        is refused.
     library : str, list of str or object, optional
         Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
         identity, concatenated or tensored library of pysindy.
@@ -62,6 +73,11 @@ class SINDy(Identifier):
         ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
     inclusion : float, optional
         Share of the members of an ensemble that must have a term.
+    groups : str or dict of str to list of str, optional
+        Functions that enter together, of the group lasso: ``"signal"`` (a signal with its powers and lags, as when not
+        given), or lists of signals by the names of the groups.
+    l1_ratio : float, optional
+        Share of the absolute values in the penalty of the group lasso.
     seed : int, optional
         Of everything random.
     nominal : dict of str to str, optional
@@ -120,6 +136,8 @@ class SINDy(Identifier):
         folds: int | str | None = None,
         ensemble: str | None = None,
         inclusion: float | None = None,
+        groups: str | Mapping[str, Sequence[str]] | None = None,
+        l1_ratio: float | None = None,
         seed: int | None = None,
         nominal: Mapping[str, str] | None = None,
         fixed: Mapping[str, Sequence[str]] | None = None,
@@ -153,6 +171,8 @@ class SINDy(Identifier):
         self.folds = folds
         self.ensemble = ensemble
         self.inclusion = inclusion
+        self.groups = groups
+        self.l1_ratio = l1_ratio
         self.seed = seed
         self.nominal = nominal
         self.fixed = fixed
@@ -208,6 +228,8 @@ class SINDy(Identifier):
             folds=None if self.folds is None else str(self.folds),
             ensemble=self.ensemble,
             inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
+            groups=groups_of(self.groups),
+            l1_ratio=None if self.l1_ratio is None else number("l1_ratio", self.l1_ratio),
             seed=None if self.seed is None else count("seed", self.seed, 0),
         )
         given = _peers.optimizer(self.optimizer)

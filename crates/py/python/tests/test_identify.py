@@ -356,6 +356,7 @@ WORDS = {
     "ensemble": ("chunks:5", "library:5"),
     "bolasso": ("chunks:5", "rows:5"),
     "optimizer": ("stlsq", "sr3"),
+    "groups": ("signal", "term"),
     **dict.fromkeys(("tsqr", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
 }
 
