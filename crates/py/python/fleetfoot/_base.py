@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         ClusterMixin,
         ConvergenceWarning,
         DataConversionWarning,
+        KFold,
         MultiOutputMixin,
         NotFittedError,
         RegressorMixin,
@@ -36,7 +37,7 @@ else:
     try:
         from sklearn.base import BaseEstimator, ClusterMixin, MultiOutputMixin, RegressorMixin, TransformerMixin
         from sklearn.exceptions import ConvergenceWarning, DataConversionWarning, NotFittedError
-        from sklearn.model_selection import check_cv
+        from sklearn.model_selection import KFold, check_cv
         from sklearn.utils.validation import check_is_fitted
         from sklearn.utils.validation import validate_data as _validate
 
@@ -47,6 +48,7 @@ else:
             ClusterMixin,
             ConvergenceWarning,
             DataConversionWarning,
+            KFold,
             MultiOutputMixin,
             NotFittedError,
             RegressorMixin,
@@ -64,6 +66,7 @@ __all__ = [
     "ClusterMixin",
     "ConvergenceWarning",
     "DataConversionWarning",
+    "KFold",
     "MultiOutputMixin",
     "NotFittedError",
     "RegressorMixin",

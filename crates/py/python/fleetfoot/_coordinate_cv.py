@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import HAS_SKLEARN, ConvergenceWarning, check_weight, check_xy, splits
+from ._base import HAS_SKLEARN, ConvergenceWarning, check_weight, check_xy
 from ._coordinate_descent import enet_path, lasso_path
 from ._descent import Posed, given_gram, grid, largest_alpha
-from ._folds import FoldDesigns, fold_designs
+from ._folds import FoldDesigns, cross_validation
 from ._linear import LinearModel
 from ._params import (
     ARRAY,
@@ -113,7 +113,7 @@ class _PathCV(LinearModel):
         weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
         given_gram(X, weight, self.precompute, intercept=self.fit_intercept, check=True)
         ratios = self._ratios()
-        design, folds = fold_designs(X, y, splits(self.cv, X, y, **params), weight)
+        design, folds = cross_validation(X, y, self.cv, weight, **params)
         if design is None:
             design = _core.Design(X, y, weight)
         whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)

@@ -5,16 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import HAS_SKLEARN, check_cv
+from ._base import HAS_SKLEARN, KFold, check_cv, splits
 from ._core import Design
 
 #: Groups of rows beyond which folds share so little that each is read by itself.
 _MOST_GROUPS = 256
+
+
+class Groups(NamedTuple):
+    """Rows that are in the same folds on the same sides, as groups."""
+
+    #: Group of every row (rows,).
+    labels: NDArray[np.uint32]
+    #: For every fold the groups that train.
+    trains: list[list[int]]
+    #: For every fold the groups that test.
+    tests: list[list[int]]
 
 
 @dataclass(frozen=True)
@@ -24,34 +35,77 @@ class FoldDesigns:
     folds: list[tuple[Design, list[int], list[int]]]
 
 
-def fold_groups(
-    splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], rows: int
-) -> tuple[NDArray[np.uint32], list[list[int]], list[list[int]]] | None:
-    """Labels of the rows (rows,), and the labels that every fold trains on and tests on.
+def neighbour_groups(splitter: Any, rows: int) -> Groups | None:
+    """The groups of plain folds of neighbouring rows, without a list of indices; `None` for other folds."""
+    if type(splitter) is not KFold or getattr(splitter, "shuffle", False):
+        return None
+    count = int(splitter.n_splits)
+    if not 2 <= count <= min(rows, _MOST_GROUPS):
+        return None
+    # The first folds have the rows that are left over.
+    sizes = np.full(count, rows // count)
+    sizes[: rows % count] += 1
+    labels = np.repeat(np.arange(count, dtype=np.uint32), sizes)
+    trains = [[group for group in range(count) if group != fold] for fold in range(count)]
+    return Groups(labels, trains, [[fold] for fold in range(count)])
 
-    Rows that are in the same folds on the same sides share a group. `None` when a fold names a row twice (as bootstrap
-    samples do), or when there
-    would be too many groups.
+
+def fold_groups(splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], rows: int) -> Groups | None:
+    """The groups of any folds.
+
+    `None` when a fold names a row twice (as bootstrap samples do), or when there would be too many groups.
     """
-    labels = np.zeros(rows, dtype=np.int64)
+    labels = np.zeros(rows, dtype=np.uint32)
+    # For every group its side in every fold: 1 where it trains, 2 where it tests, 3 where both.
+    sides = np.zeros((1, 0), dtype=np.uint32)
     for train, test in splits:
-        side = np.zeros(rows, dtype=np.int64)
-        if len(np.unique(train)) != len(train) or len(np.unique(test)) != len(test):
+        trains, tests = (_mask(part, rows) for part in (train, test))
+        if trains is None or tests is None:
             return None
-        side[train] += 1
-        side[test] += 2
-        _, labels = np.unique(4 * labels + side, return_inverse=True)
-        if labels.max(initial=0) >= _MOST_GROUPS:
+        # Codes are few: a table renames them, where sorting the rows would cost more than reading them.
+        code = 4 * labels + trains + 2 * tests.view(np.uint8)
+        seen = np.zeros(4 * len(sides), dtype=bool)
+        seen[code] = True
+        codes = np.flatnonzero(seen)
+        if len(codes) > _MOST_GROUPS:
             return None
-    # The first row of every group speaks for it.
-    _, first = np.unique(labels, return_index=True)
+        names = np.cumsum(seen, dtype=np.uint32) - np.uint32(1)
+        labels = names[code]
+        sides = np.column_stack([sides[codes // 4], (codes % 4).astype(np.uint32)])
+    trains_on, tests_on = (
+        [[int(group) for group in np.flatnonzero(sides[:, fold] & side)] for fold in range(len(splits))]
+        for side in (1, 2)
+    )
+    return Groups(labels, trains_on, tests_on)
 
-    def union(part: NDArray[np.intp]) -> list[int]:
-        held = np.zeros(rows, dtype=bool)
-        held[part] = True
-        return [int(group) for group in np.flatnonzero(held[first])]
 
-    return labels.astype(np.uint32), [union(train) for train, _ in splits], [union(test) for _, test in splits]
+def _mask(part: NDArray[np.intp], rows: int) -> NDArray[np.bool_] | None:
+    """Which rows are named; `None` when one is named twice."""
+    found = np.zeros(rows, dtype=bool)
+    found[part] = True
+    return found if np.count_nonzero(found) == len(part) else None
+
+
+def cross_validation(
+    X: NDArray[np.floating],
+    y: NDArray[np.floating],
+    cv: Any,
+    weight: NDArray[np.float64] | None = None,
+    **params: Any,
+) -> tuple[Design | None, FoldDesigns]:
+    """As :func:`fold_designs`, from what a user gives as `cv`; `params` are for its `split`."""
+    splitter = check_cv(cv, classifier=False)
+    groups = None if params else neighbour_groups(splitter, len(X))
+    if groups is None:
+        return fold_designs(X, y, splits(splitter, X, y, **params), weight)
+    return _shared(X, y, groups, weight)
+
+
+def _shared(
+    X: NDArray[np.floating], y: NDArray[np.floating], groups: Groups, weight: NDArray[np.float64] | None
+) -> tuple[Design, FoldDesigns]:
+    design = Design(X, y, weight, groups.labels, int(groups.labels.max()) + 1)
+    return design, FoldDesigns([(design, train, test) for train, test in zip(groups.trains, groups.tests)])
 
 
 def fold_designs(
@@ -69,11 +123,9 @@ def fold_designs(
     for fold, (train, test) in enumerate(splits):
         if len(train) == 0 or len(test) == 0:
             raise ValueError(f"fold {fold} of cv has no rows to {'test' if len(train) else 'train'}")
-    found = fold_groups(splits, len(X))
-    if found is not None:
-        labels, trains, tests = found
-        design = Design(X, y, weight, labels, int(labels.max()) + 1)
-        return design, FoldDesigns([(design, train, test) for train, test in zip(trains, tests)])
+    groups = fold_groups(splits, len(X))
+    if groups is not None:
+        return _shared(X, y, groups, weight)
     folds = []
     for train, test in splits:
         rows = np.concatenate([train, test])

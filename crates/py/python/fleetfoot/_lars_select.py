@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import check_xy, splits
+from ._base import check_xy
 from ._core import Design, LarsPath, lars_paths
-from ._folds import fold_designs, fold_params, fold_router
+from ._folds import cross_validation, fold_params, fold_router
 from ._lars import EPS, STEPS, LarsRequest, centred_paths, known_gram
 from ._lars_models import COMMON_RULES, LarsModel
 from ._params import BOOLEAN, CV, NONE, Rule, check_params, integer, one_of, real
@@ -138,7 +138,7 @@ class LassoLarsCV(LarsModel):
             )
         request = self._request(0.0, self.max_iter)
         X, y = check_xy(self, X, y)
-        design, folds = fold_designs(X, y, splits(self.cv, X, y, **routed))
+        design, folds = cross_validation(X, y, self.cv, **routed)
         paths = [lars_paths(held, train, self.fit_intercept, request)[0] for held, train, _ in folds.folds]
         alphas = np.unique(np.concatenate([path.alphas for path in paths]))
         alphas = alphas[:: max(1, int(len(alphas) / self.max_n_alphas))]
