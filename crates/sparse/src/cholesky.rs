@@ -1,19 +1,15 @@
 //! Solves with a positive semidefinite matrix, whose columns may depend on each other.
 
 use faer::{
-    Mat, Side,
+    Mat, MatRef, Side,
     linalg::solvers::{Llt, Solve},
 };
 
 /// A solution of `M x = b`, M symmetric (k x k, both triangles): by Cholesky, and where the square of a pivot would be below `level` of the diagonal,
 /// by one that passes over the columns that depend on the ones before; they get 0.
 pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
-    let k = b.len();
-    match independent(matrix, level) {
-        Some(factor) => {
-            let solution = factor.solve(Mat::from_fn(k, 1, |i, _| b[i]));
-            (0..k).map(|i| solution[(i, 0)]).collect()
-        }
+    match Factor::new(matrix, level) {
+        Some(factor) => factor.solve(b),
         None => solve_dependent(matrix, b, level),
     }
 }
@@ -21,8 +17,8 @@ pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
 /// Trace of `M^-1 A` (k x k both), M as in [`solve`].
 pub(crate) fn trace_of_ratio(a: &Mat<f64>, matrix: &Mat<f64>, level: f64) -> f64 {
     let k = matrix.nrows();
-    match independent(matrix, level) {
-        Some(factor) => {
+    match Factor::new(matrix, level) {
+        Some(Factor(factor)) => {
             let ratio = factor.solve(a);
             (0..k).map(|i| ratio[(i, i)]).sum()
         }
@@ -30,15 +26,26 @@ pub(crate) fn trace_of_ratio(a: &Mat<f64>, matrix: &Mat<f64>, level: f64) -> f64
     }
 }
 
-/// The Cholesky factor, where no column depends on the ones before.
-fn independent(matrix: &Mat<f64>, level: f64) -> Option<Llt<f64>> {
-    let factor = matrix.llt(Side::Lower).ok()?;
-    let pivot = |i: usize| factor.L()[(i, i)].powi(2) > level * matrix[(i, i)];
-    (0..matrix.nrows()).all(pivot).then_some(factor)
+/// The Cholesky factor of a matrix whose columns do not depend on each other.
+pub(crate) struct Factor(Llt<f64>);
+
+impl Factor {
+    /// `None` where the square of a pivot would be below `level` of the diagonal.
+    pub(crate) fn new(matrix: &Mat<f64>, level: f64) -> Option<Self> {
+        let pivots =
+            |factor: MatRef<'_, f64>| (0..factor.nrows()).all(|i| factor[(i, i)].powi(2) > level * matrix[(i, i)]);
+        matrix.llt(Side::Lower).ok().filter(|factor| pivots(factor.L())).map(Self)
+    }
+
+    /// The solution of `M x = b`.
+    pub(crate) fn solve(&self, b: &[f64]) -> Vec<f64> {
+        let solution = self.0.solve(Mat::from_fn(b.len(), 1, |i, _| b[i]));
+        (0..b.len()).map(|i| solution[(i, 0)]).collect()
+    }
 }
 
-/// Row by row, because faer's factorisation stops at the first column that depends on others.
-fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
+/// As [`solve`], whatever depends on what: row by row, because faer's factorisation stops at the first column that depends on others.
+pub(crate) fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
     // Index, entries before the pivot, pivot, and entry of the forward substitution.
     let mut kept: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
     for j in 0..b.len() {

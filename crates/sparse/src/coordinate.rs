@@ -176,14 +176,12 @@ impl<'a> Descent<'a> {
     /// Goes on from these coefficients, in raw units.
     fn start(&mut self, raw: &[f64]) {
         let size = self.left.problem.target_length();
+        let mut delta = vec![0.0; raw.len()];
         for (j, &value) in raw.iter().enumerate() {
             let used = value != 0.0 && self.weights.used(j) && self.weights.signs[j].allows(value);
-            self.left.delta[j] = if used { value * (self.left.problem.length[j] / size) } else { 0.0 };
-            if used {
-                self.left.form(j);
-            }
+            delta[j] = if used { value * (self.left.problem.length[j] / size) } else { 0.0 };
         }
-        self.left.refresh();
+        self.left.start(delta);
     }
 
     /// The minimiser at these strengths, from the present coefficients on; whether it meets the tolerance, and the sweeps that it took.
@@ -243,12 +241,11 @@ impl<'a> Descent<'a> {
 
     /// The problem in the columns of the working set; all others are zero.
     fn small(&mut self, working: &[usize], limit: &[f64], l2: f64) -> Small {
-        working.iter().for_each(|&j| self.left.form(j));
+        self.left.products.form(working);
         let mut matrix = crate::kernel::Slab::zeros(working.len(), working.len());
         for (at, &j) in working.iter().enumerate() {
-            let source = self.left.column(j);
             let column = matrix.column_mut(at);
-            column.iter_mut().zip(working).for_each(|(entry, &i)| *entry = source[i]);
+            self.left.products.with(j, working, column);
             column[at] += l2 * self.weights.rho[j];
         }
         let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();

@@ -4,10 +4,15 @@ use faer::Mat;
 use pulp::{Simd, WithSimd};
 
 use crate::{
-    cholesky,
+    cholesky::{Factor, solve_dependent},
     kernel::{Slab, add_scaled_in},
     penalty::Sign,
 };
+
+/// Columns up to which a factorisation is as cheap as going on with the one before.
+const FEW: usize = 64;
+/// One in this many columns may leave a factorisation before the next one.
+const SHARE: usize = 8;
 
 /// `1/2 d'M d - b'd + sum limit_j |d_j|` under sign constraints, in k columns.
 pub(crate) struct Small {
@@ -97,19 +102,75 @@ impl Small {
             let gradient = self.gradient(delta);
             let wanted: Vec<f64> = support.iter().map(|&j| gradient[j] - self.limit[j] * sign_of(delta[j])).collect();
             let matrix = Mat::from_fn(support.len(), support.len(), |i, k| self.matrix.column(support[k])[support[i]]);
-            let step = cholesky::solve(&matrix, &wanted, 8.0 * f64::EPSILON * (self.columns() + 1) as f64);
-            let crossing = |(&j, step): (&usize, &f64)| {
-                let crosses = self.watched(j) && (delta[j] + step) * delta[j] <= 0.0;
-                crosses.then(|| (j, delta[j] / (delta[j] - (delta[j] + step))))
+            let level = 8.0 * f64::EPSILON * (self.columns() + 1) as f64;
+            let factor = Factor::new(&matrix, level);
+            let step = match &factor {
+                Some(factor) => factor.solve(&wanted),
+                None => solve_dependent(&matrix, &wanted, level),
             };
-            let first = support.iter().zip(&step).filter_map(crossing).min_by(|a, b| a.1.total_cmp(&b.1));
-            let share = first.map_or(1.0, |(_, share)| share);
-            support.iter().zip(&step).for_each(|(&j, step)| delta[j] += share * step);
-            match first {
-                Some((j, _)) => delta[j] = 0.0,
-                None => return,
+            let factor = factor.filter(|_| support.len() > FEW);
+            let mut walk = Walk { problem: self, support: &support, factor, dropped: Vec::new() };
+            if walk.go(delta, &step) {
+                return;
             }
         }
+    }
+}
+
+/// The way from coefficients to the solution of the problem with their signs.
+struct Walk<'a> {
+    problem: &'a Small,
+    support: &'a [usize],
+    /// M in the columns of the support; `None` where a new factor is as cheap as going on with it, or there is none.
+    factor: Option<Factor>,
+    /// Places in the support that reached zero, each with its column of the inverse without the ones before.
+    dropped: Vec<(usize, Vec<f64>)>,
+}
+
+impl Walk<'_> {
+    /// Goes by `step` (of the support), and from where a coefficient reaches zero on to the solution without that one; whether none did.
+    fn go(&mut self, delta: &mut [f64], step: &[f64]) -> bool {
+        let mut goal: Vec<f64> = self.support.iter().zip(step).map(|(&j, step)| delta[j] + step).collect();
+        let most = self.support.len() / SHARE;
+        loop {
+            let crossing = |(place, &j): (usize, &usize)| {
+                let stays = !self.problem.watched(j) || self.dropped.iter().any(|(dropped, _)| *dropped == place);
+                let crosses = !stays && goal[place] * delta[j] <= 0.0;
+                let share = if delta[j] == 0.0 { 0.0 } else { delta[j] / (delta[j] - goal[place]) };
+                crosses.then_some((place, share))
+            };
+            let first = self.support.iter().enumerate().filter_map(crossing).min_by(|a, b| a.1.total_cmp(&b.1));
+            let share = first.map_or(1.0, |(_, share)| share);
+            for (place, &j) in self.support.iter().enumerate() {
+                let left = if self.dropped.is_empty() { step[place] } else { goal[place] - delta[j] };
+                delta[j] += share * left;
+            }
+            let Some((place, _)) = first else { return self.dropped.is_empty() };
+            delta[self.support[place]] = 0.0;
+            match &self.factor {
+                Some(factor) if self.dropped.len() < most => {
+                    let mut unit = vec![0.0; goal.len()];
+                    unit[place] = 1.0;
+                    let inverse = factor.solve(&unit);
+                    self.drop(place, inverse, &mut goal);
+                }
+                _ => return false,
+            }
+        }
+    }
+
+    /// Takes a column out of the solution `goal`, given its column of the inverse: with u what is left of that beside the ones that were dropped before,
+    /// the inverse becomes `M^-1 - u u' / u_j`, and the solution `x - u x_j / u_j`.
+    fn drop(&mut self, place: usize, mut u: Vec<f64>, goal: &mut [f64]) {
+        let subtract = |u: &mut [f64], share: f64, v: &[f64]| u.iter_mut().zip(v).for_each(|(u, v)| *u -= share * v);
+        for (before, v) in &self.dropped {
+            let share = v[place] / v[*before];
+            subtract(&mut u, share, v);
+        }
+        let share = goal[place] / u[place];
+        subtract(goal, share, &u);
+        self.dropped.push((place, u));
+        self.dropped.iter().for_each(|(place, _)| goal[*place] = 0.0);
     }
 }
 

@@ -62,6 +62,7 @@ mod homotopy;
 mod moments;
 mod path;
 mod penalty;
+mod products;
 mod quadratic;
 mod residual;
 mod rows;

@@ -31,15 +31,13 @@ impl<'a> Descent<'a> {
 
     /// Goes on from these coefficients, in correlation form.
     pub(super) fn start(&mut self, delta: &[f64]) {
+        let mut allowed = vec![0.0; delta.len()];
         for block in self.blocks {
-            for (&j, sign) in block.columns.iter().zip(&block.signs).filter(|(j, _)| delta[**j] != 0.0) {
-                if sign.allows(delta[j]) {
-                    self.left.delta[j] = delta[j];
-                    self.left.form(j);
-                }
+            for (&j, _) in block.columns.iter().zip(&block.signs).filter(|(j, sign)| sign.allows(delta[**j])) {
+                allowed[j] = delta[j];
             }
         }
-        self.left.refresh();
+        self.left.start(allowed);
     }
 
     /// The minimiser at lambda (in units of the target's deviation), from the present coefficients on; whether it meets the tolerance, and the sweeps.
@@ -134,12 +132,13 @@ impl<'a> Descent<'a> {
 
     /// Correlations of some columns, each divided by both units.
     pub(super) fn matrix(&mut self, columns: &[(usize, f64)]) -> Slab {
-        columns.iter().for_each(|(j, _)| self.left.form(*j));
+        let members: Vec<usize> = columns.iter().map(|(j, _)| *j).collect();
+        self.left.products.form(&members);
         let mut matrix = Slab::zeros(columns.len(), columns.len());
         for (at, &(j, unit)) in columns.iter().enumerate() {
-            let source = self.left.column(j);
             let column = matrix.column_mut(at);
-            column.iter_mut().zip(columns).for_each(|(entry, (i, other))| *entry = source[*i] / unit / other);
+            self.left.products.with(j, &members, column);
+            column.iter_mut().zip(columns).for_each(|(entry, (_, other))| *entry = *entry / unit / other);
         }
         matrix
     }
@@ -150,8 +149,9 @@ impl<'a> Descent<'a> {
         if block.columns.len() == 1 || self.spectra[at].is_some() {
             return Ok(());
         }
-        let entry =
-            |i: usize, k: usize| self.left.column(block.columns[k])[block.columns[i]] / block.units[k] / block.units[i];
+        let entry = |i: usize, k: usize| {
+            self.left.products.pair(block.columns[i], block.columns[k]) / block.units[k] / block.units[i]
+        };
         let k = block.columns.len();
         let found = Spectrum::of(&Mat::from_fn(k, k, entry));
         self.spectra[at] = Some(found.ok_or(SparseError::ColumnNotFinite { column: block.columns[0] })?);

@@ -94,6 +94,31 @@ fn a_library_much_wider_than_the_data_is_solved() {
     assert!(solutions[0].support.is_empty() && solutions[11].support.len() > 20);
 }
 
+/// A target of noise alone, and lambdas far apart: between two of them hundreds of columns come, and dozens of signs turn.
+#[test]
+fn many_columns_that_come_and_go_are_solved() {
+    for (n, p) in [(700, 400), (350, 500)] {
+        let mut rows = random(2001, n, p);
+        rows.y = random(2002, n, 1).y;
+        for form in FORMS {
+            let problem = rows.problem(form);
+            let penalty = Penalty::standardised();
+            let lambdas = lambda_grid(&problem, &penalty, 1.0, 5, 1e-2).expect("a grid");
+            let solutions = coordinate_descent(&problem, &penalty, &lambdas, &CoordinateOptions::default());
+            let solutions = solutions.expect("solutions");
+            let options = LarsOptions { lambda_min: lambdas[4], ..LarsOptions::default() };
+            let path = lars(&problem, &penalty, &options).expect("a path");
+            for solution in &solutions {
+                assert!(solution.converged && solution.certificate.kkt < 1e-9, "{:e}", solution.certificate.kkt);
+                let other = path.coefficients(solution.l1).expect("on the path");
+                let apart = (0..p).map(|j| (solution.coefficient(j) - other[j]).abs()).fold(0.0, f64::max);
+                assert!(apart < 1e-8 * other.iter().fold(0.0, |most: f64, value| most.max(value.abs())), "{apart:e}");
+            }
+            assert!(solutions[4].support.len() > 200, "{}", solutions[4].support.len());
+        }
+    }
+}
+
 #[test]
 fn not_converging_is_a_status() {
     let rows = crate::common::polynomials();
