@@ -14,7 +14,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 
 use crate::{
-    design::Design,
+    design::{Design, Fold, check_folds, first_problem},
     error::{Kind, OrRaise},
     run::{Failure, guard, run_any},
 };
@@ -182,9 +182,6 @@ fn solutions<'py>(py: Python<'py>, problem: &Quadratic, found: &[Descended]) -> 
     ))
 }
 
-/// A fold: the design that holds its rows, and the groups of these that train and that test.
-type Fold = (Py<Design>, Vec<usize>, Vec<usize>);
-
 /// Mean squared errors of the first target on the held-out rows of every fold (alphas x folds), and the places of alphas where the solver of some fold
 /// missed its tolerance.
 #[pyfunction]
@@ -200,10 +197,7 @@ pub(crate) fn fold_errors<'py>(
     max_epochs: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<usize>)> {
-    for (design, train, test) in &folds {
-        design.get().chosen(Some(train.clone()))?;
-        design.get().chosen(Some(test.clone()))?;
-    }
+    check_folds(&folds)?;
     let alphas = alphas.as_array().to_vec();
     let descent = CoordinateOptions { max_epochs, ..CoordinateOptions::default() };
     let net = ElasticNet { l1_ratio, descent, ..ElasticNet::default() };
@@ -213,10 +207,9 @@ pub(crate) fn fold_errors<'py>(
         parallel_map(folds.len(), progress, |fold| {
             let (design, train, test) = &folds[fold];
             let design = design.get().of();
-            let problems = design.problems(Some(train), intercept)?;
-            let problem = problems.first().ok_or(Failure::Other(Kind::Internal, "a design without targets".into()))?;
+            let problem = first_problem(design, train, intercept)?;
             let penalty = penalty(problem.columns(), positive);
-            let solved = solve_grid(problem, &penalty, &alphas, &options).map_err(|e| Failure::of(Kind::Fit)(&e))?;
+            let solved = solve_grid(&problem, &penalty, &alphas, &options).map_err(|e| Failure::of(Kind::Fit)(&e))?;
             let values = (0..alphas.len()).flat_map(|k| solved.coefficients.col_as_slice(k)).copied();
             let values: Vec<f64> = values.collect();
             let errors = design.mean_squares(Some(test), 0, &values, &solved.intercepts, &Silent)?;

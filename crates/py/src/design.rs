@@ -13,7 +13,10 @@
 
 use std::{ops::Range, sync::Arc};
 
-use fleetfoot::sparse::dense::{DenseDesign, DenseError, DenseRows};
+use fleetfoot::sparse::{
+    Quadratic,
+    dense::{DenseDesign, DenseError, DenseRows},
+};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
@@ -120,6 +123,12 @@ impl Design {
         (self.of.rows(), self.of.regressors(), self.of.targets(), self.of.groups())
     }
 
+    /// Whether the sums of the rows show that all values are finite; false where they do not show it.
+    #[getter]
+    fn seen_finite(&self) -> bool {
+        self.of.is_seen_finite()
+    }
+
     /// Mean squared errors on the rows of some groups, of k models of a target: coefficients (k x p, model after model) and intercepts (k).
     #[pyo3(signature = (groups, target, coefficients, intercepts, progress=None))]
     fn mean_squares<'py>(
@@ -138,4 +147,22 @@ impl Design {
         })?;
         Ok(PyArray1::from_vec(py, found))
     }
+}
+
+/// A fold: the design that holds its rows, and the groups of these that train and that test.
+pub(crate) type Fold = (Py<Design>, Vec<usize>, Vec<usize>);
+
+/// Looks for groups that do not exist.
+pub(crate) fn check_folds(folds: &[Fold]) -> PyResult<()> {
+    for (design, train, test) in folds {
+        design.get().chosen(Some(train.clone()))?;
+        design.get().chosen(Some(test.clone()))?;
+    }
+    Ok(())
+}
+
+/// The problem of the first target on the rows of some groups.
+pub(crate) fn first_problem(design: &DenseDesign, train: &[usize], intercept: bool) -> Result<Quadratic, Failure> {
+    let problems = design.problems(Some(train), intercept)?;
+    problems.into_iter().next().ok_or_else(|| Failure::Other(Kind::Internal, "a design without targets".into()))
 }

@@ -1,15 +1,18 @@
 //! Least angle regression and its lasso modification.
 
-use fleetfoot::sparse::{
-    Path, PathStatus, Penalty, Quadratic, Sign,
-    lars::{LarsOptions, Method, lars},
+use fleetfoot::{
+    data::{Silent, parallel_map},
+    sparse::{
+        Path, PathStatus, Penalty, Quadratic, Sign,
+        lars::{LarsOptions, Method, lars},
+    },
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::{
     array::Array,
-    design::Design,
+    design::{Design, Fold, check_folds, first_problem},
     error::Kind,
     run::{Failure, run_any},
 };
@@ -90,6 +93,20 @@ impl LarsPath {
 }
 
 impl LarsPath {
+    /// Coefficients and intercept at any alpha: linear between knots, constant beyond the first and the last.
+    fn between(&self, alpha: f64) -> (Vec<f64>, f64) {
+        let knots = &self.path.knots;
+        let after = knots.partition_point(|knot| knot.l1 > alpha);
+        let (above, below) = (&knots[after.saturating_sub(1)], &knots[after.min(knots.len() - 1)]);
+        let share = if above.l1 > below.l1 { (above.l1 - alpha) / (above.l1 - below.l1) } else { 1.0 };
+        let mut coefficients = vec![0.0; self.columns];
+        for (knot, share) in [(above, 1.0 - share), (below, share)] {
+            let values = knot.support.iter().zip(&knot.coefficients);
+            values.for_each(|(&j, value)| coefficients[j] += share * value);
+        }
+        (coefficients, (1.0 - share) * above.intercept + share * below.intercept)
+    }
+
     fn of_knots<'py>(
         &self,
         py: Python<'py>,
@@ -168,4 +185,41 @@ pub(crate) fn lars_path_of_products(
         let problem = Quadratic::from_dense_products(&products, &joined(xy.values(&[0], 0..xy.rows())), yy, rows);
         request.follow(&problem.map_err(|error| Failure::of(Kind::Fit)(&error))?)
     })
+}
+
+/// Knots of the paths of all folds, ascending, about `most` of them, and mean squared errors of the first target there on the held-out rows (alphas x
+/// folds).
+#[pyfunction]
+#[pyo3(signature = (folds, intercept, request, most, progress=None))]
+pub(crate) fn lars_fold_errors<'py>(
+    py: Python<'py>,
+    folds: Vec<Fold>,
+    intercept: bool,
+    request: LarsRequest,
+    most: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    check_folds(&folds)?;
+    let (alphas, errors) = run_any(py, progress, |progress| {
+        progress.stage("paths of the folds");
+        let paths = parallel_map(folds.len(), progress, |fold| {
+            let (design, train, _) = &folds[fold];
+            request.follow(&first_problem(design.get().of(), train, intercept)?)
+        })?;
+        let mut knots: Vec<f64> = paths.iter().flat_map(|path| &path.path.knots).map(|knot| knot.l1).collect();
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        let alphas: Vec<f64> = knots.iter().copied().step_by((knots.len() / most.max(1)).max(1)).collect();
+        progress.stage("held-out errors");
+        let errors = parallel_map(folds.len(), progress, |fold| {
+            let (design, _, test) = &folds[fold];
+            let (models, intercepts): (Vec<Vec<f64>>, Vec<f64>) =
+                alphas.iter().map(|&alpha| paths[fold].between(alpha)).unzip();
+            Ok::<_, Failure>(design.get().of().mean_squares(Some(test), 0, &models.concat(), &intercepts, &Silent)?)
+        })?;
+        Ok((alphas, errors))
+    })?;
+    let shape = (alphas.len(), folds.len());
+    let by_alpha = (0..shape.0).flat_map(|k| errors.iter().map(move |errors| errors[k])).collect();
+    Ok((PyArray1::from_vec(py, alphas), PyArray1::from_vec(py, by_alpha).reshape(shape)?))
 }

@@ -55,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use crate::design::Design;
     #[pymodule_export]
-    use crate::lars::{LarsPath, lars_path_of_products, lars_paths};
+    use crate::lars::{LarsPath, lars_fold_errors, lars_path_of_products, lars_paths};
 
     // -- lasso
     #[pymodule_export]

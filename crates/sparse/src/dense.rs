@@ -134,6 +134,12 @@ impl DenseDesign {
         self.rows.rows()
     }
 
+    /// Whether the sums of the rows show that every value of a row with weight is finite. They may not show it: where rows are read anew for every problem, and
+    /// where squares overflow.
+    pub fn is_seen_finite(&self) -> bool {
+        self.sums.as_ref().is_some_and(Sums::is_finite)
+    }
+
     fn columns(&self) -> usize {
         self.regressors() + self.targets()
     }
@@ -197,10 +203,18 @@ impl DenseDesign {
         let models = MatRef::from_column_major_slice(coefficients, p, k);
         let chosen = self.chosen(groups);
         let errors = match &self.sums {
-            Some(sums) => sums.mean_squares(&chosen, target, models, intercepts),
-            None => self.errors_of_rows(&self.used(&chosen), target, models, intercepts, progress)?,
+            Some(sums) if !(sums.is_plain() && self.rows_are_cheaper(&chosen, k)) => {
+                sums.mean_squares(&chosen, target, models, intercepts)
+            }
+            _ => self.errors_of_rows(&self.used(&chosen), target, models, intercepts, progress)?,
         };
         if k > 0 && errors.is_empty() { Err(SparseError::NoRows.into()) } else { Ok(errors) }
+    }
+
+    /// Whether k models of the rows cost less than a factor of their products, and k products with that.
+    fn rows_are_cheaper(&self, chosen: &[bool], k: usize) -> bool {
+        let (p, rows) = (self.regressors() as f64, self.used(chosen).len() as f64);
+        rows * k as f64 <= p * (p / 3.0 + k as f64 / 2.0)
     }
 
     /// Whether each group is meant.

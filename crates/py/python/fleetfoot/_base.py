@@ -32,12 +32,14 @@ if TYPE_CHECKING:
     )
 
     HAS_SKLEARN: bool
+    _check_array: Any
     _validate: Any
 else:
     try:
         from sklearn.base import BaseEstimator, ClusterMixin, MultiOutputMixin, RegressorMixin, TransformerMixin
         from sklearn.exceptions import ConvergenceWarning, DataConversionWarning, NotFittedError
         from sklearn.model_selection import KFold, check_cv
+        from sklearn.utils.validation import check_array as _check_array
         from sklearn.utils.validation import check_is_fitted
         from sklearn.utils.validation import validate_data as _validate
 
@@ -58,7 +60,7 @@ else:
         )
 
         HAS_SKLEARN = False
-        _validate = None
+        _check_array = _validate = None
 
 __all__ = [
     "HAS_SKLEARN",
@@ -72,6 +74,7 @@ __all__ = [
     "RegressorMixin",
     "TransformerMixin",
     "check_cv",
+    "check_finite",
     "check_is_fitted",
     "check_weight",
     "check_x",
@@ -98,11 +101,12 @@ def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1) -> NDA
 
 
 def check_xy(
-    estimator: Any, X: Any, y: Any, *, multi_output: bool = False, min_samples: int = 1
+    estimator: Any, X: Any, y: Any, *, multi_output: bool = False, min_samples: int = 1, finite: bool = True
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """X as :func:`check_x` makes it (`reset`), and y as finite `float32` or `float64` of as many rows.
 
-    y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets).
+    y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets). Where not `finite`, nobody looks
+    whether X is: :func:`check_finite` does later, where nothing else has shown it.
     """
     if y is None:
         raise ValueError(
@@ -114,6 +118,7 @@ def check_xy(
             "y_numeric": True,
             "multi_output": multi_output,
             "ensure_min_samples": min_samples,
+            "ensure_all_finite": finite,
         }
         matrix, target = _validate(estimator, X, y, **options)
         if target.dtype not in (np.float32, np.float64):
@@ -121,6 +126,14 @@ def check_xy(
         return matrix, target
     matrix, target = _plain.validate_data(estimator, X, y, multi_output=multi_output, ensure_min_samples=min_samples)
     return matrix, target
+
+
+def check_finite(estimator: Any, X: NDArray[Any]) -> None:
+    """Raises the `ValueError` of :func:`check_xy` where X, a matrix that passed it otherwise, is not finite."""
+    if HAS_SKLEARN:
+        _check_array(X, dtype=None, estimator=estimator, input_name="X")
+    else:
+        _plain.as_matrix(X, type(estimator).__name__)
 
 
 def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:

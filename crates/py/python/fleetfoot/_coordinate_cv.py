@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import HAS_SKLEARN, ConvergenceWarning, check_weight, check_xy
+from ._base import HAS_SKLEARN, ConvergenceWarning, check_finite, check_weight, check_xy
 from ._coordinate_descent import enet_path, lasso_path
 from ._descent import Posed, given_gram, grid, largest_alpha
 from ._folds import FoldDesigns, cross_validation
@@ -107,7 +107,7 @@ class _PathCV(LinearModel):
             )
         check_params(self, self._rules)
         given = None if isinstance(self.alphas, Integral) else _checked(self.alphas)
-        X, y = check_xy(self, X, y)
+        X, y = check_xy(self, X, y, finite=not isinstance(self.precompute, (bool, np.bool_, str)))
         if X.dtype == np.float32:
             y = y.astype(np.float32, copy=False)
         weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
@@ -116,6 +116,9 @@ class _PathCV(LinearModel):
         design, folds = cross_validation(X, y, self.cv, weight, **params)
         if design is None:
             design = _core.Design(X, y, weight)
+        if weight is not None or not design.seen_finite:
+            # Rows without weight leave no trace in the sums.
+            check_finite(self, X)
         whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
         alphas = [self._grid(whole, ratio) if given is None else given for ratio in ratios]
         errors = [self._errors(folds, found, ratio) for found, ratio in zip(alphas, ratios)]

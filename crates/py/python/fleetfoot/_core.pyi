@@ -45,6 +45,8 @@ class Design:
     ) -> Design: ...
     @property
     def shape(self) -> tuple[int, int, int, int]: ...
+    @property
+    def seen_finite(self) -> bool: ...
     def mean_squares(
         self,
         groups: Sequence[int] | None,
@@ -78,6 +80,13 @@ class LarsPath:
 def lars_paths(
     design: Design, groups: Sequence[int] | None, intercept: bool, request: LarsRequest, progress: _Progress = None
 ) -> list[LarsPath]: ...
+def lars_fold_errors(
+    folds: Sequence[tuple[Design, list[int], list[int]]],
+    intercept: bool,
+    request: LarsRequest,
+    most: int,
+    progress: _Progress = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def lars_path_of_products(gram: Any, xy: Any, yy: float | None, rows: float, request: LarsRequest) -> LarsPath: ...
 
 # -- lasso

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import check_xy
-from ._core import Design, LarsPath, lars_paths
+from ._base import check_finite, check_xy
+from ._core import Design, LarsPath, lars_fold_errors, lars_paths
 from ._folds import cross_validation, fold_params, fold_router
 from ._lars import EPS, STEPS, LarsRequest, centred_paths, known_gram
 from ._lars_models import COMMON_RULES, LarsModel
@@ -137,15 +137,11 @@ class LassoLarsCV(LarsModel):
                 stacklevel=2,
             )
         request = self._request(0.0, self.max_iter)
-        X, y = check_xy(self, X, y)
+        X, y = check_xy(self, X, y, finite=False)
         design, folds = cross_validation(X, y, self.cv, **routed)
-        paths = [lars_paths(held, train, self.fit_intercept, request)[0] for held, train, _ in folds.folds]
-        alphas = np.unique(np.concatenate([path.alphas for path in paths]))
-        alphas = alphas[:: max(1, int(len(alphas) / self.max_n_alphas))]
-        errors = np.empty((len(alphas), len(paths)))
-        for fold, (path, (held, _, test)) in enumerate(zip(paths, folds.folds)):
-            coefficients, intercepts = _between_knots(path, alphas)
-            errors[:, fold] = held.mean_squares(test, 0, coefficients.ravel(), intercepts)
+        if design is None or not design.seen_finite:
+            check_finite(self, X)
+        alphas, errors = lars_fold_errors(folds.folds, self.fit_intercept, request, self.max_n_alphas)
         known = np.isfinite(errors).all(axis=1)
         alphas, errors = alphas[known], errors[known]
         best = int(np.argmin(errors.mean(axis=1)))
@@ -158,21 +154,6 @@ class LassoLarsCV(LarsModel):
     def get_metadata_routing(self) -> Any:
         """How extra arguments of `fit` reach the splitter (scikit-learn's metadata routing)."""
         return fold_router(self)
-
-
-def _between_knots(path: LarsPath, alphas: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coefficients (n_alphas, n_features) and intercepts (n_alphas,) at any alphas.
-
-    They are linear between knots, and constant beyond the first and the last.
-    """
-    knots, at = path.alphas[::-1], path.coefficients[::-1]
-    intercepts = np.interp(alphas, knots, path.intercepts[::-1])
-    if len(knots) == 1:
-        return np.repeat(at, len(alphas), axis=0), intercepts
-    above = np.clip(np.searchsorted(knots, alphas), 1, len(knots) - 1)
-    low, high = knots[above - 1], knots[above]
-    share = np.clip((alphas - low) / (high - low), 0.0, 1.0)[:, np.newaxis]
-    return (1.0 - share) * at[above - 1] + share * at[above], intercepts
 
 
 class LassoLarsIC(LarsModel):

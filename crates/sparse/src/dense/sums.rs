@@ -7,8 +7,14 @@ use fleetfoot_stats::{Gram, Preconditioner, SquareRoot};
 use super::{DenseDesign, DenseError, ROOT_COLUMNS};
 use crate::select::mean_squares;
 
-/// Values of a block that is in flight.
-const BLOCK_VALUES: usize = 1 << 21;
+/// Values of a block that is in flight: they stay in the cache of a core from the reading to the products.
+const BLOCK_VALUES: usize = 1 << 17;
+/// The same where groups alternate: every group of a block is a product of its own, which should have rows enough.
+const MIXED_VALUES: usize = 1 << 21;
+/// The most rows of a block.
+const BLOCK_ROWS: usize = 4096;
+/// Rows that a product takes at once: a block is made of whole ones.
+const TILE: usize = 512;
 /// Rows of the pilot sample at least, and a column: enough to tell columns apart, and few enough to factor.
 const PILOT_ROWS: usize = 1000;
 const PILOT_ROWS_A_COLUMN: usize = 4;
@@ -30,7 +36,7 @@ impl Sums {
         let plain = d > ROOT_COLUMNS;
         let preconditioner =
             if plain { Preconditioner::identity(design.regressors(), design.targets()) } else { pilot(design) };
-        let block = (BLOCK_VALUES / d).clamp(512, 4096);
+        let block = block_rows(design);
         let mut grams = vec![Gram::new(d); design.groups];
         progress.stage("products of the rows");
         parallel_fold(
@@ -63,6 +69,11 @@ impl Sums {
         self.plain
     }
 
+    /// Whether all sums are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.grams.iter().all(|gram| gram.mean.iter().chain(&gram.scatter).all(|value| value.is_finite()))
+    }
+
     /// The sum of some groups.
     pub(super) fn total(&self, chosen: &[bool]) -> Gram {
         let mut total = Gram::new(self.preconditioner.dimension());
@@ -86,6 +97,14 @@ impl Sums {
         let root = self.root(chosen);
         if root.weight > 0.0 { mean_squares(root, target, models, intercepts) } else { Vec::new() }
     }
+}
+
+/// Rows of a block.
+fn block_rows(design: &DenseDesign) -> usize {
+    let (n, d) = (design.rows.rows(), design.columns());
+    let rows = |values: usize| (values / d / TILE * TILE).clamp(TILE, BLOCK_ROWS);
+    let turns = design.labels.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if turns > n / rows(BLOCK_VALUES) { rows(MIXED_VALUES) } else { rows(BLOCK_VALUES) }
 }
 
 /// The coordinates that some runs of rows, spread evenly over all, ask for.
