@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 15] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -12,6 +12,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("fleetfoot-model", &["data", "library"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
     ("fleetfoot-message", &["data"]),
+    ("fleetfoot-signal", &["data"]),
     ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),

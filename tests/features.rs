@@ -33,7 +33,7 @@ fn every_package_is_compiled_once() {
         "{all:?}"
     );
     for name in [
-        "data", "library", "stats", "model", "dynamics", "message", "log", "sparse", "pwa", "estimate", "sim", "cli",
+        "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "sparse", "pwa", "estimate", "sim", "cli",
         "py",
     ] {
         let own = resolved(&["--package", &format!("fleetfoot-{name}")]);

@@ -1,0 +1,107 @@
+//! What can be wrong with a signal or with what is asked of it.
+
+/// Why a signal cannot be smoothed, filtered or aligned.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SignalError {
+    /// Arrays of different lengths.
+    #[error("{what} has {found} values, the stamps are {expected}: give one for every stamp")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The number of stamps.
+        expected: usize,
+    },
+    /// Too few values that are numbers.
+    #[error(
+        "{found} measured values; {needed} or more are needed: take a longer record, or one with fewer values missing"
+    )]
+    TooFew {
+        /// How many there are.
+        found: usize,
+        /// How many it takes.
+        needed: usize,
+    },
+    /// A stamp that does not come after the one before it.
+    #[error(
+        "stamp {row} is {time} s, the one before it {before} s: stamps must increase; sort the rows, and keep one of those that share a stamp"
+    )]
+    Stamp {
+        /// The row.
+        row: usize,
+        /// Its stamp.
+        time: f64,
+        /// The stamp before.
+        before: f64,
+    },
+    /// A weight that is negative or not finite.
+    #[error(
+        "the weight of row {row} is {weight}: weights are finite and not negative (0 for a value that does not count)"
+    )]
+    Weight {
+        /// The row.
+        row: usize,
+        /// Its weight.
+        weight: f64,
+    },
+    /// A value that is not finite where all must be.
+    #[error(
+        "the value of row {row} is {value}: this filter has no notion of missing values; fill the gap, or smooth by a spline"
+    )]
+    NotFinite {
+        /// The row.
+        row: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A number that is not within what it may be.
+    #[error("{what} = {value}: {expected}")]
+    Parameter {
+        /// Its name.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+        /// What may be given.
+        expected: &'static str,
+    },
+    /// A signal that is shorter than a filter needs.
+    #[error("{rows} rows; {what} needs more than {needed}: take a longer record, or a shorter filter")]
+    TooShort {
+        /// What needs them.
+        what: &'static str,
+        /// How many there are.
+        rows: usize,
+        /// How many it takes, and one more.
+        needed: usize,
+    },
+    /// Two records that share too little time, or too little motion, to be aligned.
+    #[error("{problem}: give records that share more of it")]
+    NotAligned {
+        /// What they lack.
+        problem: &'static str,
+    },
+}
+
+/// Refuses a number outside of what it may be.
+pub(crate) fn check(holds: bool, what: &'static str, value: f64, expected: &'static str) -> Result<(), SignalError> {
+    if holds { Ok(()) } else { Err(SignalError::Parameter { what, value, expected }) }
+}
+
+/// Refuses values that are not finite.
+pub(crate) fn check_finite(values: &[f64]) -> Result<(), SignalError> {
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(row) => Err(SignalError::NotFinite { row, value: values[row] }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses stamps that do not increase.
+pub(crate) fn check_stamps(times: &[f64]) -> Result<(), SignalError> {
+    let bad = times.windows(2).position(|pair| pair[1].partial_cmp(&pair[0]) != Some(std::cmp::Ordering::Greater));
+    match bad {
+        Some(row) => Err(SignalError::Stamp { row: row + 1, time: times[row + 1], before: times[row] }),
+        None => Ok(()),
+    }
+}

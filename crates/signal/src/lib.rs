@@ -1,0 +1,31 @@
+//! From raw channels to clean states and derivatives.
+//!
+//! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
+//! [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`] and [`align`] are for clocks.
+//!
+//! ```
+//! use fleetfoot_signal::{Lambda, Spline, smooth};
+//!
+//! let times: Vec<f64> = (0..100).map(|row| 0.1 * f64::from(row)).collect();
+//! let fall: Vec<f64> = times.iter().map(|t| 1.0 - 4.9 * t * t).collect();
+//! let smoothed = smooth(&times, &fall, None, Spline::Quintic, Lambda::Given(1e-6))?;
+//! assert!((smoothed.derivatives[2][50] + 9.8).abs() < 1e-6);
+//! # Ok::<(), fleetfoot_signal::SignalError>(())
+//! ```
+
+mod align;
+mod clock;
+mod error;
+mod least;
+mod outliers;
+mod savitzky_golay;
+mod sections;
+mod spline;
+
+pub use align::{Alignment, Record, align};
+pub use clock::{Dejittered, dejitter};
+pub use error::SignalError;
+pub use outliers::{Rejected, hampel, noise_of_differences, reject, saturated, stuck};
+pub use savitzky_golay::savitzky_golay;
+pub use sections::{Section, Sections, decimate};
+pub use spline::{Lambda, Smoothed, Spline, smooth};

@@ -1,0 +1,222 @@
+//! Values that a sensor did not measure: gross errors, stuck and saturated stretches.
+
+use std::{collections::BTreeSet, ops::Range};
+
+use crate::{Lambda, SignalError, Smoothed, Spline, error::check, smooth};
+
+/// The standard deviation of a normal distribution, of its median absolute deviation.
+const DEVIATIONS: f64 = 1.482_602_218_505_602;
+
+/// The noise falls below this share of what it was when the penalty was chosen: it is chosen anew.
+const CHOOSE_ANEW: f64 = 0.9;
+
+/// Rows to either side, at most, of which only the worst is left out at a time.
+const FARTHEST: usize = 100;
+
+/// A share of the measurements that is no longer a few gross errors.
+const MOST: f64 = 0.2;
+
+/// A channel smoothed without its gross errors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rejected {
+    /// The spline through what is left.
+    pub smoothed: Smoothed,
+    /// Rows that are left out, in order.
+    pub rows: Vec<usize>,
+    /// Splines that were fitted to find them.
+    pub passes: usize,
+    /// Whether a fifth of the measurements was rejected and the search given up: the channel is not a smooth curve with some gross errors.
+    pub gave_up: bool,
+}
+
+/// Smooths a channel, leaves out the measurements that lie more than `sigmas` standard deviations off the curve, and goes on until there are none.
+///
+/// The residual of a row is measured against its own deviation, noise * sqrt((1 - h) / w), h its share in the hat matrix: an error that drags the curve along is
+/// not hidden by it. Of neighbours within two bandwidths only the worst is left out at a time, as it is what bends the curve away from the others. The penalty
+/// is chosen anew whenever the noise has fallen by a tenth, and at the end. Then rows that the last curve expects after all are taken back, once.
+///
+/// # Errors
+/// Those of [`smooth`]; `sigmas` that is not positive.
+pub fn reject(
+    times: &[f64],
+    values: &[f64],
+    weights: Option<&[f64]>,
+    spline: Spline,
+    lambda: Lambda,
+    sigmas: f64,
+) -> Result<Rejected, SignalError> {
+    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
+    let channel = Channel { times, values, weights, spline, lambda, sigmas };
+    let mut search = Search { kept: values.to_vec(), rows: BTreeSet::new(), passes: 0 };
+    let mut smoothed = search.smooth(&channel, lambda)?;
+    let most = (MOST * smoothed.measured as f64) as usize;
+    search.leave_out(&channel, &mut smoothed, most)?;
+    if search.take_back(&channel, &smoothed) {
+        smoothed = search.smooth(&channel, lambda)?;
+        search.leave_out(&channel, &mut smoothed, most)?;
+    }
+    let gave_up = search.rows.len() > most;
+    Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes, gave_up })
+}
+
+/// What is searched.
+#[derive(Clone, Copy)]
+struct Channel<'a> {
+    times: &'a [f64],
+    values: &'a [f64],
+    weights: Option<&'a [f64]>,
+    spline: Spline,
+    lambda: Lambda,
+    sigmas: f64,
+}
+
+/// How far the search is.
+struct Search {
+    /// The values, NaN where they are left out.
+    kept: Vec<f64>,
+    rows: BTreeSet<usize>,
+    passes: usize,
+}
+
+impl Search {
+    fn smooth(&mut self, channel: &Channel<'_>, lambda: Lambda) -> Result<Smoothed, SignalError> {
+        self.passes += 1;
+        smooth(channel.times, &self.kept, channel.weights, channel.spline, lambda)
+    }
+
+    /// Leaves rows out until none stands out under the penalty that is chosen without them, or more than `most` are out.
+    fn leave_out(&mut self, channel: &Channel<'_>, smoothed: &mut Smoothed, most: usize) -> Result<(), SignalError> {
+        let mut chosen_at = smoothed.noise;
+        let mut is_chosen = true;
+        while self.rows.len() <= most {
+            let worst = channel.worst(smoothed, &self.kept);
+            if worst.is_empty() && is_chosen {
+                break;
+            }
+            is_chosen = worst.is_empty() || smoothed.noise < CHOOSE_ANEW * chosen_at;
+            worst.iter().for_each(|&row| self.kept[row] = f64::NAN);
+            self.rows.extend(worst);
+            let lambda = if is_chosen { channel.lambda } else { Lambda::Given(smoothed.lambda) };
+            *smoothed = self.smooth(channel, lambda)?;
+            if is_chosen {
+                chosen_at = smoothed.noise;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes rows back that are where the curve expects them; whether there were any.
+    fn take_back(&mut self, channel: &Channel<'_>, smoothed: &Smoothed) -> bool {
+        let expected = |&row: &usize| {
+            let deviation = channel.noise(smoothed, row).hypot(smoothed.deviations[0][row]);
+            (channel.values[row] - smoothed.derivatives[0][row]).abs() <= channel.sigmas * deviation
+        };
+        let back: Vec<usize> = self.rows.iter().copied().filter(expected).collect();
+        for row in &back {
+            self.rows.remove(row);
+            self.kept[*row] = channel.values[*row];
+        }
+        !back.is_empty()
+    }
+}
+
+impl Channel<'_> {
+    /// The deviation of a row's error of measurement.
+    fn noise(&self, smoothed: &Smoothed, row: usize) -> f64 {
+        smoothed.noise / self.weights.map_or(1.0, |weights| weights[row]).sqrt()
+    }
+
+    /// How many of its deviations a row's residual has; 0 where nothing was measured.
+    fn score(&self, smoothed: &Smoothed, values: &[f64], row: usize) -> f64 {
+        let noise = self.noise(smoothed, row);
+        let share = (smoothed.deviations[0][row] / noise).powi(2);
+        let deviation = noise * (1.0 - share).max(f64::EPSILON).sqrt();
+        let score = ((values[row] - smoothed.derivatives[0][row]) / deviation).abs();
+        if score.is_finite() { score } else { 0.0 }
+    }
+
+    /// Rows that stand out, and more than their neighbours.
+    fn worst(&self, smoothed: &Smoothed, values: &[f64]) -> Vec<usize> {
+        // A curve through all points has no noise to measure against.
+        if smoothed.measured as f64 - smoothed.freedom < 1.0 {
+            return Vec::new();
+        }
+        let scores: Vec<f64> = (0..values.len()).map(|row| self.score(smoothed, values, row)).collect();
+        let times = self.times;
+        let period = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+        let bandwidth = (smoothed.lambda * period).powf(0.5 / self.spline.states() as f64) / period;
+        let reach = ((2.0 * bandwidth).ceil() as usize).clamp(1, FARTHEST);
+        let stands_out = |&row: &usize| {
+            let around = row.saturating_sub(reach)..(row + reach + 1).min(scores.len());
+            // The first of equals.
+            let is_less = |other| scores[other] < scores[row] || (scores[other] == scores[row] && other >= row);
+            scores[row] > self.sigmas && around.clone().all(is_less)
+        };
+        (0..scores.len()).filter(stands_out).collect()
+    }
+}
+
+/// Rows that lie more than `sigmas` robust deviations (1.4826 median absolute deviations) off the median of the `2 reach + 1` rows around them (Hampel, 1974), and more than `floor`
+/// times `sigmas`, which keeps the steps of a quantised channel at rest. NaN are no values.
+///
+/// # Errors
+/// `sigmas` or `reach` that are not positive.
+pub fn hampel(values: &[f64], reach: usize, sigmas: f64, floor: f64) -> Result<Vec<usize>, SignalError> {
+    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
+    check(reach > 0, "reach", 0.0, "a window reaches one row or more to either side")?;
+    let mut window = Vec::with_capacity(2 * reach + 1);
+    let mut stands_out = |row: usize| {
+        let around = row.saturating_sub(reach)..(row + reach + 1).min(values.len());
+        window.clear();
+        window.extend(values[around].iter().filter(|value| !value.is_nan()));
+        let Some(middle) = median(&mut window) else { return false };
+        window.iter_mut().for_each(|value| *value = (*value - middle).abs());
+        let scale = DEVIATIONS * median(&mut window).unwrap_or(0.0);
+        (values[row] - middle).abs() > sigmas * scale.max(floor)
+    };
+    Ok((0..values.len()).filter(|&row| stands_out(row)).collect())
+}
+
+/// The standard deviation of the noise of a channel, from its second differences: those of motion are small beside those of noise at the rates of sensors. By their median, so that gross
+/// errors do not count; 0 for a channel at rest.
+pub fn noise_of_differences(values: &[f64]) -> f64 {
+    let mut second: Vec<f64> = values
+        .windows(3)
+        .map(|rows| (rows[0] - 2.0 * rows[1] + rows[2]).abs())
+        .filter(|difference| !difference.is_nan())
+        .collect();
+    DEVIATIONS * median(&mut second).unwrap_or(0.0) / 6.0_f64.sqrt()
+}
+
+/// The middle value, or the mean of the two middle ones; the values change their order.
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    let n = values.len();
+    if n == 0 {
+        return None;
+    }
+    let (below, &mut upper, _) = values.select_nth_unstable_by(n / 2, f64::total_cmp);
+    if n % 2 == 1 {
+        return Some(upper);
+    }
+    below.iter().copied().max_by(f64::total_cmp).map(|lower| 0.5 * (lower + upper))
+}
+
+/// Runs of one value, over more than `longest` rows: a sensor that no longer measures repeats its last value.
+pub fn stuck(values: &[f64], longest: usize) -> Vec<Range<usize>> {
+    let mut runs = Vec::new();
+    let mut first = 0;
+    for row in 1..=values.len() {
+        if row == values.len() || values[row] != values[first] {
+            if row - first > longest.max(1) {
+                runs.push(first..row);
+            }
+            first = row;
+        }
+    }
+    runs
+}
+
+/// Rows at or beyond the ends of a sensor's range.
+pub fn saturated(values: &[f64], low: f64, high: f64) -> Vec<usize> {
+    (0..values.len()).filter(|&row| values[row] <= low || values[row] >= high).collect()
+}

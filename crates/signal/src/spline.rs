@@ -1,0 +1,248 @@
+//! Smoothing splines with derivatives and standard deviations.
+//!
+//! The spline of order 2M-1 is the least of
+//!
+//! ```text
+//! sum_i w_i (y_i - f(t_i))^2  +  lambda * integral of (f^(M)(t))^2 dt
+//! ```
+//!
+//! M = 2 the cubic, M = 3 the quintic one; t in seconds, the objective unscaled (that of `scipy.interpolate.make_smoothing_spline`). It is the posterior mean of a Gaussian process whose M-th
+//! derivative is white noise of density sigma^2 / lambda, seen with errors of variance sigma^2 / w_i, with nothing known at the start (Wahba, "Improper priors,
+//! spline smoothing and the problem of guarding against model errors in regression", JRSS B 40, 1978). The process is a chain of integrators,
+//! so that a Kalman filter and a smoother find it in O(n) (Wecker and Ansley, "The signal extraction approach to nonlinear
+//! regression and spline smoothing", JASA 78, 1983), with the derivatives as further states, standard deviations of all, and the likelihood of lambda.
+
+mod chain;
+mod filter;
+mod head;
+mod smoother;
+
+use smoother::{Likelihood, Residuals, Rows, Smoother};
+
+use crate::{
+    SignalError,
+    error::{check, check_stamps},
+};
+
+/// Width of the logarithm of the bandwidth at which the search for it ends.
+const WIDTH: f64 = 1e-4;
+
+/// Which spline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Spline {
+    /// Penalises the second derivative (M = 2): value and slope.
+    #[default]
+    Cubic,
+    /// Penalises the third derivative (M = 3): value, slope and second derivative.
+    Quintic,
+}
+
+impl Spline {
+    /// M: the derivative that is penalised, and how many of f, f', f'', ... are to be had.
+    pub fn states(self) -> usize {
+        match self {
+            Self::Cubic => 2,
+            Self::Quintic => 3,
+        }
+    }
+
+    /// Rows over which a row is smoothed, where the share of its neighbours has fallen to one in a hundred of its own: ln(100) / sin(pi / 2M) bandwidths.
+    ///
+    /// `lambda` in s^(2M-1), `period` in s, `weight` a typical weight. The equivalent kernel decays by e over 1 / sin(pi / 2M) bandwidths (lambda period / weight)^(1/2M)
+    /// (Silverman, "Spline smoothing: the equivalent variable kernel method", Annals of Statistics 12, 1984, for M = 2).
+    pub fn correlation_rows(self, lambda: f64, period: f64, weight: f64) -> f64 {
+        let m = self.states() as f64;
+        let bandwidth = (lambda * period / weight).powf(0.5 / m);
+        100.0_f64.ln() / (std::f64::consts::PI / (2.0 * m)).sin() * bandwidth / period
+    }
+}
+
+/// How the penalty is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Lambda {
+    /// This one, s^(2M-1).
+    Given(f64),
+    /// The least score of generalised cross-validation, `n rss / (n - tr A)^2` (Craven and Wahba, 1979).
+    Gcv,
+    /// The greatest marginal likelihood, sigma profiled out and the unknown start left out (REML; Wahba, "A comparison of GCV and GML", Annals of Statistics 13, 1985).
+    #[default]
+    Likelihood,
+}
+
+/// A smoothed channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Smoothed {
+    /// The penalty, s^(2M-1).
+    pub lambda: f64,
+    /// Whether the choice stopped at an end of the range that was searched: the channel is without noise, or a polynomial.
+    pub at_end: bool,
+    /// Standard deviation of the error of a measurement of weight one: sqrt(rss / (n - tr A)).
+    pub noise: f64,
+    /// Measured rows.
+    pub measured: usize,
+    /// Trace of the hat matrix: the numbers that the curve spends, from M to the measured rows.
+    pub freedom: f64,
+    /// f, f', ..., f^(M-1) at every stamp.
+    pub derivatives: Vec<Vec<f64>>,
+    /// Their standard deviations, in the same order.
+    pub deviations: Vec<Vec<f64>>,
+}
+
+/// Smooths a channel: `times` in s, increasing; a value a stamp, NaN where nothing was measured; a weight a stamp (an error's variance is that of
+/// weight one over the weight), or 1 for all. O(n); beside the answer it holds a copy of stamps and values.
+///
+/// ```
+/// use fleetfoot_signal::{Lambda, Spline, smooth};
+///
+/// let times: Vec<f64> = (0..200).map(|row| 0.01 * f64::from(row)).collect();
+/// let noisy = |t: &f64| (3.0 * t).sin() + 0.02 * ((61.8 * t).fract() - 0.5);
+/// let measured: Vec<f64> = times.iter().map(noisy).collect();
+/// let smoothed = smooth(&times, &measured, None, Spline::Quintic, Lambda::Likelihood)?;
+/// let (rate, deviation) = (smoothed.derivatives[1][100], smoothed.deviations[1][100]);
+/// assert!((rate - 3.0 * 3.0_f64.cos()).abs() < 3.0 * deviation && deviation < 0.1);
+/// # Ok::<(), fleetfoot_signal::SignalError>(())
+/// ```
+///
+/// # Errors
+/// Arrays of different lengths, stamps that do not increase, weights that are negative, fewer than M + 1 measurements, a penalty that is not positive.
+pub fn smooth(
+    times: &[f64],
+    values: &[f64],
+    weights: Option<&[f64]>,
+    spline: Spline,
+    lambda: Lambda,
+) -> Result<Smoothed, SignalError> {
+    match spline {
+        Spline::Cubic => Channel::new(times, values, weights, 2)?.smooth::<2>(lambda),
+        Spline::Quintic => Channel::new(times, values, weights, 3)?.smooth::<3>(lambda),
+    }
+}
+
+/// A channel in units in which numbers are near one.
+struct Channel<'a> {
+    times: Vec<f64>,
+    values: Vec<f64>,
+    weights: Option<&'a [f64]>,
+    /// Seconds a unit of time.
+    unit: f64,
+    /// The mean of the measured values, which is subtracted.
+    centre: f64,
+    measured: usize,
+    weight: f64,
+}
+
+impl<'a> Channel<'a> {
+    fn new(times: &[f64], values: &[f64], weights: Option<&'a [f64]>, order: usize) -> Result<Self, SignalError> {
+        let length = |what, found: usize| match found == times.len() {
+            true => Ok(()),
+            false => Err(SignalError::Length { what, found, expected: times.len() }),
+        };
+        length("the channel", values.len())?;
+        length("the list of weights", weights.map_or(times.len(), <[f64]>::len))?;
+        check_stamps(times)?;
+        if let Some(row) = weights.and_then(|weights| weights.iter().position(|w| !(w.is_finite() && *w >= 0.0))) {
+            return Err(SignalError::Weight { row, weight: weights.map_or(0.0, |weights| weights[row]) });
+        }
+        if let Some(row) = values.iter().position(|value| value.is_infinite()) {
+            return Err(SignalError::NotFinite { row, value: values[row] });
+        }
+        let rows = Rows { times, values, weights };
+        let measured: Vec<(f64, f64)> = (0..times.len()).filter_map(|row| rows.measured(row)).collect();
+        if measured.len() <= order {
+            return Err(SignalError::TooFew { found: measured.len(), needed: order + 1 });
+        }
+        let (n, unit) = (measured.len() as f64, median_step(times));
+        let centre = measured.iter().map(|(value, _)| value).sum::<f64>() / n;
+        Ok(Self {
+            times: times.iter().map(|time| (time - times[0]) / unit).collect(),
+            values: values.iter().map(|value| value - centre).collect(),
+            weights,
+            unit,
+            centre,
+            measured: measured.len(),
+            weight: measured.iter().map(|(_, weight)| weight).sum::<f64>() / n,
+        })
+    }
+
+    fn rows(&self) -> Rows<'_> {
+        Rows { times: &self.times, values: &self.values, weights: self.weights }
+    }
+
+    /// The penalty, in units of the channel, of a bandwidth of e^x rows.
+    fn lambda<const M: usize>(&self, x: f64) -> f64 {
+        self.weight * (2.0 * M as f64 * x).exp()
+    }
+
+    fn smooth<const M: usize>(&self, choice: Lambda) -> Result<Smoothed, SignalError> {
+        let to_seconds = self.unit.powi(2 * M as i32 - 1);
+        let (lambda, at_end) = match choice {
+            Lambda::Given(lambda) => {
+                let holds = lambda > 0.0 && lambda.is_finite();
+                check(holds, "lambda", lambda, "a penalty is positive and finite")?;
+                (lambda / to_seconds, false)
+            }
+            Lambda::Gcv => self.search::<M>(|lambda| self.gcv::<M>(lambda)),
+            Lambda::Likelihood => self.search::<M>(|lambda| self.deviance::<M>(lambda)),
+        };
+        let mut smoothed = self.fit::<M>(lambda);
+        (smoothed.lambda, smoothed.at_end) = (lambda * to_seconds, at_end);
+        Ok(smoothed)
+    }
+
+    /// Bandwidths from a tenth of a row to all rows.
+    fn search<const M: usize>(&self, score: impl Fn(f64) -> f64 + Sync) -> (f64, bool) {
+        let rows = self.times.last().copied().unwrap_or(1.0).max(1.0);
+        let least = crate::least::least(0.1_f64.ln(), rows.ln().max(1.0), WIDTH, |x| score(self.lambda::<M>(x)));
+        (self.lambda::<M>(least.at), least.at_end)
+    }
+
+    /// Rounding of the measurements: no sum of squares is less.
+    fn floor(&self) -> f64 {
+        let size = self
+            .values
+            .iter()
+            .filter(|value| !value.is_nan())
+            .fold(self.centre.abs(), |most, value| most.max(value.abs()));
+        self.weight * self.measured as f64 * (f64::EPSILON * size).powi(2)
+    }
+
+    /// n rss / (n - tr A)^2.
+    fn gcv<const M: usize>(&self, lambda: f64) -> f64 {
+        let (_, residuals) = Smoother::<M>::new(self.rows(), lambda).smooth(|_, _| ());
+        let rest = self.measured as f64 - residuals.freedom;
+        self.measured as f64 * residuals.squares.max(self.floor()) / (rest * rest)
+    }
+
+    /// Minus twice the marginal log-likelihood, up to a constant.
+    fn deviance<const M: usize>(&self, lambda: f64) -> f64 {
+        let Likelihood { squares, log_variance, count } = Smoother::<M>::new(self.rows(), lambda).likelihood();
+        count as f64 * squares.max(self.floor()).ln() + log_variance
+    }
+
+    /// The spline of a penalty in units of the channel.
+    fn fit<const M: usize>(&self, lambda: f64) -> Smoothed {
+        let mut derivatives = vec![vec![0.0; self.times.len()]; M];
+        let mut deviations = derivatives.clone();
+        let (_, Residuals { squares, freedom }) = Smoother::<M>::new(self.rows(), lambda).smooth(|row, state| {
+            for k in 0..M {
+                derivatives[k][row] = state.mean[k];
+                deviations[k][row] = state.covariance[k][k];
+            }
+        });
+        let noise = (squares / (self.measured as f64 - freedom)).sqrt();
+        for k in 0..M {
+            let unit = self.unit.powi(k as i32);
+            let centre = if k == 0 { self.centre } else { 0.0 };
+            derivatives[k].iter_mut().for_each(|value| *value = *value / unit + centre);
+            deviations[k].iter_mut().for_each(|value| *value = noise * value.sqrt() / unit);
+        }
+        Smoothed { lambda, at_end: false, noise, measured: self.measured, freedom, derivatives, deviations }
+    }
+}
+
+/// The median of the steps between stamps, of which there is one at least.
+fn median_step(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,163 @@
+//! The first rows, up to the M-th measured one, where nothing is known of some direction of the state.
+//!
+//! There the filter has no covariance. What is known is rows of a least-squares problem, R s = z with errors of variance one (a square-root information filter:
+//! Dyer and McReynolds, "Extension of square-root filtering to include process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is
+//! that of the penalty alone.
+
+use super::{
+    chain::{Matrix, Step},
+    filter::{Belief, Posterior, sandwich},
+};
+
+/// A row of a least-squares problem: coefficients, and the right side at the end.
+type Equation = Vec<f64>;
+
+/// A row's state given the next, s = F^-1 (s+ - L e): `own e + next s+ = right`, with errors of variance one.
+///
+/// The unknown is e, what the noise added over the step in its own units, and not s itself: under a strong penalty e is nearly nothing, and s has the digits of s+.
+#[derive(Debug, Clone)]
+pub(super) struct Eliminated<const M: usize> {
+    step: Step<M>,
+    own: Matrix<M>,
+    next: Matrix<M>,
+    right: [f64; M],
+}
+
+/// What is known of a state of which not all is known.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Information<const M: usize> {
+    equations: Vec<Equation>,
+}
+
+/// Reduces equations by reflectors until the first `columns` columns are upper triangular. Heavy rows go first, which keeps the digits of the light ones (Cox and Higham,
+/// "Stability of Householder QR factorization for weighted least squares problems", 1998).
+fn reduce(equations: &mut [Equation], columns: usize) {
+    let size = |row: &Equation| row[..row.len() - 1].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    equations.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    for c in 0..columns.min(equations.len()) {
+        let v: Vec<f64> = equations[c..].iter().map(|row| row[c]).collect();
+        let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if norm == 0.0 {
+            continue;
+        }
+        let diagonal = if v[0] > 0.0 { -norm } else { norm };
+        let beta = 1.0 / (norm * (norm + v[0].abs()));
+        let v: Vec<f64> = std::iter::once(v[0] - diagonal).chain(v[1..].iter().copied()).collect();
+        for j in c + 1..equations[c].len() {
+            let dot: f64 = beta * v.iter().zip(&equations[c..]).map(|(v, row)| v * row[j]).sum::<f64>();
+            for (v, row) in v.iter().zip(&mut equations[c..]) {
+                row[j] -= dot * v;
+            }
+        }
+        for row in &mut equations[c + 1..] {
+            row[c] = 0.0;
+        }
+        equations[c][c] = diagonal;
+    }
+}
+
+/// Solves U x = b, U upper triangular.
+fn solve<const M: usize>(u: &Matrix<M>, b: &[f64; M]) -> [f64; M] {
+    let mut x = *b;
+    for i in (0..M).rev() {
+        for j in i + 1..M {
+            x[i] -= u[i][j] * x[j];
+        }
+        x[i] /= u[i][i];
+    }
+    x
+}
+
+/// U^-1 B.
+fn solve_matrix<const M: usize>(u: &Matrix<M>, b: &Matrix<M>) -> Matrix<M> {
+    let mut solved = [[0.0; M]; M];
+    for j in 0..M {
+        let column = solve(u, &std::array::from_fn(|i| b[i][j]));
+        for i in 0..M {
+            solved[i][j] = column[i];
+        }
+    }
+    solved
+}
+
+fn identity<const M: usize>() -> Matrix<M> {
+    std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)))
+}
+
+impl<const M: usize> Information<M> {
+    /// Learns of a measurement of the first state.
+    pub(super) fn measure(&mut self, value: f64, weight: f64) {
+        let mut equation = vec![0.0; M + 1];
+        equation[0] = weight.sqrt();
+        equation[M] = weight.sqrt() * value;
+        self.equations.push(equation);
+        reduce(&mut self.equations, M);
+        self.equations.truncate(M);
+    }
+
+    /// Goes a step on: the state is eliminated, and what it is, given the next, is handed back.
+    ///
+    /// The equations of the step are e = 0; those of the state, R s = z, become R F^-1 s+ - R F^-1 L e = z.
+    pub(super) fn step(&mut self, step: &Step<M>) -> Eliminated<M> {
+        let mut equations: Vec<Equation> = Vec::with_capacity(2 * M);
+        for i in 0..M {
+            let mut equation = vec![0.0; 2 * M + 1];
+            equation[i] = 1.0;
+            equations.push(equation);
+        }
+        let back = transposed(&std::array::from_fn(|j| step.backward(&std::array::from_fn(|i| f64::from(i == j)))));
+        for known in &self.equations {
+            let mut equation = vec![0.0; 2 * M + 1];
+            for j in 0..M {
+                equation[M + j] = (0..M).map(|k| known[k] * back[k][j]).sum();
+            }
+            for j in 0..M {
+                equation[j] = -(0..M).map(|k| equation[M + k] * step.root[k][j]).sum::<f64>();
+            }
+            equation[2 * M] = known[M];
+            equations.push(equation);
+        }
+        reduce(&mut equations, 2 * M);
+        let part = |from: usize| std::array::from_fn(|i| std::array::from_fn(|j| equations[i][from + j]));
+        let right = std::array::from_fn(|i| equations[i][2 * M]);
+        let eliminated = Eliminated { step: *step, own: part(0), next: part(M), right };
+        self.equations = equations[M..].iter().map(|row| row[M..].to_vec()).collect();
+        eliminated
+    }
+
+    /// The belief, once M measurements at different times determine the state.
+    pub(super) fn belief(&self) -> Belief<M> {
+        let r: Matrix<M> = std::array::from_fn(|i| std::array::from_fn(|j| self.equations[i][j]));
+        let z: [f64; M] = std::array::from_fn(|i| self.equations[i][M]);
+        Belief::new(solve(&r, &z), solve_matrix(&r, &identity()))
+    }
+}
+
+impl<const M: usize> Eliminated<M> {
+    /// The state of the row from that of the next.
+    pub(super) fn smoothed(&self, next: &Posterior<M>) -> Posterior<M> {
+        let mut right = self.right;
+        for i in 0..M {
+            for j in 0..M {
+                right[i] -= self.next[i][j] * next.mean[j];
+            }
+        }
+        let noise = product(&self.step.root, &[solve(&self.own, &right)]);
+        let end = std::array::from_fn(|i| next.mean[i] - noise[0][i]);
+        // s = F^-1 (K s+ - Z times errors of variance one), K = I + L own^-1 next, Z = L own^-1.
+        let columns = |of: &Matrix<M>| product(&self.step.root, &transposed(&solve_matrix(&self.own, of)));
+        let (kept, spread) = (transposed(&columns(&self.next)), transposed(&columns(&identity())));
+        let kept = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j) + kept[i][j]));
+        let covariance = self.step.backward_both(&sandwich(&kept, &next.covariance, &spread));
+        Posterior { mean: self.step.backward(&end), covariance }
+    }
+}
+
+fn transposed<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+/// L x of every vector x.
+fn product<const M: usize, const N: usize>(l: &Matrix<M>, vectors: &[[f64; M]; N]) -> [[f64; M]; N] {
+    vectors.map(|x| std::array::from_fn(|i| (0..M).map(|k| l[i][k] * x[k]).sum()))
+}

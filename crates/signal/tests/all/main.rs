@@ -1,0 +1,12 @@
+//! Smoothing, filters and clocks, against closed forms, dense solutions and scipy.
+
+#[path = "../../../../tests/outside.rs"]
+mod outside;
+
+mod clocks;
+mod common;
+mod dense;
+mod filters;
+mod outliers;
+mod peer;
+mod spline;

@@ -1,0 +1,98 @@
+//! Gross errors, stuck and saturated stretches.
+
+use std::collections::BTreeSet;
+
+use fleetfoot_signal::{Lambda, Spline, hampel, noise_of_differences, reject, saturated, smooth, stuck};
+
+use crate::common::{normal, uniform};
+
+const ROWS: usize = 4000;
+
+/// A smooth motion with noise of 0.01, every fiftieth row or so wrong by 0.5 to 5; the wrong rows.
+fn spoiled(seed: u64) -> (Vec<f64>, Vec<f64>, BTreeSet<usize>) {
+    let times: Vec<f64> = (0..ROWS).map(|row| 0.005 * row as f64).collect();
+    let wrong: BTreeSet<usize> = (0..ROWS).filter(|&row| uniform(seed, row as u64) < 0.02).collect();
+    let value = |row: usize| {
+        let motion = (2.0 * times[row]).sin() + 0.3 * (7.0 * times[row]).cos();
+        let error = (0.5 + 4.5 * uniform(seed + 1, row as u64)) * if row.is_multiple_of(2) { 1.0 } else { -1.0 };
+        motion + 0.01 * normal(seed + 2, row as u64) + if wrong.contains(&row) { error } else { 0.0 }
+    };
+    let values = (0..ROWS).map(value).collect();
+    (times, values, wrong)
+}
+
+/// Every gross error is found, and of the good rows no more than a normal distribution has beyond four deviations, four in a hundred thousand, leaves out by chance.
+#[test]
+fn gross_errors_are_rejected_and_good_rows_kept() {
+    for seed in [1, 10, 20] {
+        let (times, values, wrong) = spoiled(seed);
+        for spline in [Spline::Cubic, Spline::Quintic] {
+            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            let rows: BTreeSet<usize> = found.rows.iter().copied().collect();
+            assert!(wrong.is_subset(&rows), "{spline:?}: missed {:?}", wrong.difference(&rows));
+            let lost = rows.difference(&wrong).count();
+            assert!(lost <= 3 && !found.gave_up, "{spline:?}: {lost} good rows of {ROWS}");
+            assert!((found.smoothed.noise / 0.01 - 1.0).abs() < 0.05, "{}", found.smoothed.noise);
+            // What is left is smoothed as if the others had never been measured.
+            let mut left = values.clone();
+            found.rows.iter().for_each(|&row| left[row] = f64::NAN);
+            let again = smooth(&times, &left, None, spline, Lambda::Given(found.smoothed.lambda)).unwrap();
+            let apart = again.derivatives[1].iter().zip(&found.smoothed.derivatives[1]).map(|(a, b)| (a - b).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-9);
+        }
+    }
+}
+
+/// Noise alone loses nothing, or what chance leaves out.
+#[test]
+fn a_clean_channel_stays_whole() {
+    let times: Vec<f64> = (0..ROWS).map(|row| 0.005 * row as f64).collect();
+    let values: Vec<f64> = times.iter().zip(0..).map(|(t, row)| t.sin() + 0.01 * normal(5, row)).collect();
+    let found = reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 4.0).unwrap();
+    assert!(found.rows.len() <= 2, "{:?}", found.rows);
+    assert!(reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 0.0).is_err());
+}
+
+/// A channel that is no smooth curve is given up and told.
+#[test]
+fn what_is_no_curve_with_gross_errors_is_given_up() {
+    let times: Vec<f64> = (0..400).map(f64::from).collect();
+    let values: Vec<f64> =
+        (0..400).map(|row| if row % 4 == 0 { 100.0 * uniform(1, row) } else { 0.01 * normal(2, row) }).collect();
+    let found = reject(&times, &values, None, Spline::Cubic, Lambda::Given(1e4), 1.5).unwrap();
+    assert!(found.gave_up);
+}
+
+#[test]
+fn hampel_finds_spikes_and_leaves_steps_ramps_and_rest() {
+    let mut values: Vec<f64> = (0..200).map(|row| f64::from(row) * 0.1 + 0.01 * normal(1, row as u64)).collect();
+    values[100] += 5.0;
+    values[37] = f64::NAN;
+    assert_eq!(hampel(&values, 3, 6.0, 0.0).unwrap(), [100]);
+    // A quantised channel at rest: one step up and down again is a step of the converter, and its floor.
+    let mut rest = vec![1.0; 50];
+    rest[20] = 1.001;
+    assert_eq!(hampel(&rest, 3, 4.0, 0.0).unwrap(), [20]);
+    assert!(hampel(&rest, 3, 4.0, 0.001).unwrap().is_empty());
+    let step: Vec<f64> = (0..50).map(|row| f64::from(row >= 25)).collect();
+    assert!(hampel(&step, 3, 4.0, 1e-3).unwrap().is_empty());
+    assert!(hampel(&rest, 0, 4.0, 0.0).is_err() && hampel(&rest, 3, -1.0, 0.0).is_err());
+}
+
+#[test]
+fn noise_is_told_by_differences_with_gross_errors_in_it() {
+    let (_, values, _) = spoiled(3);
+    let noise = noise_of_differences(&values);
+    // One row in sixteen has a gross error among its differences: the median moves by less than a tenth.
+    assert!((noise / 0.01 - 1.0).abs() < 0.1, "{noise}");
+    assert_eq!(noise_of_differences(&[1.0; 9]), 0.0);
+}
+
+#[test]
+fn stuck_and_saturated_stretches_have_their_places() {
+    let values = [0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN, f64::NAN, f64::NAN, 5.0, 5.0, 5.0];
+    assert_eq!(stuck(&values, 2), [1..5, 10..13]);
+    assert_eq!(stuck(&values, 3).first(), Some(&(1..5)));
+    assert!(stuck(&[], 1).is_empty());
+    assert_eq!(saturated(&values, 0.0, 5.0), [0, 10, 11, 12]);
+}

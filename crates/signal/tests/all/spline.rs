@@ -1,0 +1,225 @@
+//! Smoothing splines.
+
+use fleetfoot_signal::{Lambda, SignalError, Smoothed, Spline, smooth};
+use proptest::prelude::*;
+
+use crate::{
+    common::{distance, normal, uniform},
+    dense::Dense,
+};
+
+/// Irregular stamps about `dt` apart, values with noise, weights.
+fn record(rows: usize, dt: f64, seed: u64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let stamp = |row: u64| dt * (row as f64 + 0.9 * uniform(seed, row));
+    let times: Vec<f64> = (0..rows as u64).map(stamp).collect();
+    let value =
+        |(row, &t): (usize, &f64)| 2.0 + (3.0 * t / (dt * rows as f64)).sin() + 0.1 * normal(seed + 1, row as u64);
+    let values = times.iter().enumerate().map(value).collect();
+    let weights = (0..rows as u64).map(|row| 0.5 + uniform(seed + 2, row)).collect();
+    (times, values, weights)
+}
+
+const BOTH: [(Spline, usize); 2] = [(Spline::Cubic, 2), (Spline::Quintic, 3)];
+
+fn check_against_dense(rows: usize, spline: Spline, m: usize, bandwidth: f64, missing: impl Fn(usize) -> bool) {
+    let dt = 0.02;
+    let (times, mut values, weights) = record(rows, dt, rows as u64);
+    let kept: Vec<usize> = (0..rows).filter(|&row| !missing(row)).collect();
+    let lambda = (bandwidth * dt).powi(2 * m as i32) / dt;
+    // The kernel of the dense solution begins at 0; in units of dt its matrices are as well conditioned as they get.
+    let at: Vec<f64> = times.iter().map(|t| t / dt).collect();
+    let pick = |of: &[f64]| kept.iter().map(|&row| of[row]).collect::<Vec<f64>>();
+    let (own_times, own_values, own_weights) = (pick(&at), pick(&values), pick(&weights));
+    let scaled = lambda / dt.powi(2 * m as i32 - 1);
+    let dense = Dense { m, times: &own_times, values: &own_values, weights: &own_weights, lambda: scaled };
+    (0..rows).filter(|&row| missing(row)).for_each(|row| values[row] = f64::NAN);
+    let smoothed = smooth(&times, &values, Some(&weights), spline, Lambda::Given(lambda)).unwrap();
+    let (squares, freedom) = dense.residuals();
+    let noise = (squares / (kept.len() as f64 - freedom)).sqrt();
+    assert!((smoothed.noise / noise - 1.0).abs() < 1e-8, "{} {noise}", smoothed.noise);
+    assert!((smoothed.freedom / freedom - 1.0).abs() < 1e-8, "{} {freedom}", smoothed.freedom);
+    for k in 0..m {
+        let unit = dt.powi(k as i32);
+        let expected = dense.posterior(&at, k);
+        let mean: Vec<f64> = expected.iter().map(|(mean, _)| mean / unit).collect();
+        let deviation: Vec<f64> = expected.iter().map(|(_, variance)| noise * variance.sqrt() / unit).collect();
+        let (of_mean, of_deviation) =
+            (distance(&smoothed.derivatives[k], &mean), distance(&smoothed.deviations[k], &deviation));
+        assert!(
+            of_mean < 1e-8 && of_deviation < 1e-8,
+            "{spline:?} {bandwidth} derivative {k}: {of_mean:e} {of_deviation:e}"
+        );
+    }
+}
+
+/// Values, derivatives and deviations are those of the dense solution. 1e-8 is its own error: its matrices have condition numbers up to 1e8.
+#[test]
+fn splines_are_those_of_the_dense_solution() {
+    for (spline, m) in BOTH {
+        for bandwidth in [1.0, 3.0, 8.0] {
+            check_against_dense(40, spline, m, bandwidth, |_| false);
+        }
+        // Nearly an interpolation: over fewer rows, where the dense solution keeps its digits.
+        check_against_dense(12, spline, m, 0.4, |_| false);
+    }
+}
+
+/// Rows without a measurement, at the start, in the middle and at the end, are interpolated and extrapolated, their deviations too.
+#[test]
+fn missing_rows_are_filled_as_the_dense_solution_fills_them() {
+    for (spline, m) in BOTH {
+        check_against_dense(40, spline, m, 2.0, |row| row < 3 || row == 4 || (15..20).contains(&row) || row > 36);
+    }
+}
+
+/// A polynomial of a degree below the order of the penalty costs nothing: it is its own spline, whatever the penalty, over any number of rows.
+#[test]
+fn polynomials_pass_unchanged() {
+    let times: Vec<f64> = (0..100_000).map(|row| 1e-3 * (f64::from(row) + 0.4 * uniform(3, row as u64))).collect();
+    let (value, slope) = (|t: &f64| 3.0 - 2.0 * t + 0.25 * t * t, |t: &f64| -2.0 + 0.5 * t);
+    let values: Vec<f64> = times.iter().map(value).collect();
+    for lambda in [1e-20, 1e-10, 1.0, 1e6] {
+        let smoothed = smooth(&times, &values, None, Spline::Quintic, Lambda::Given(lambda)).unwrap();
+        let slopes: Vec<f64> = times.iter().map(slope).collect();
+        assert!(distance(&smoothed.derivatives[0], &values) < 1e-12, "{lambda}");
+        // Values of 2,300, rounded to 4e-13 and 6e-4 s apart, tell a slope of 48 to 1e-9 of it where nothing smooths them, and better where something does.
+        let tolerance = if lambda < 1e-15 { 1e-9 } else { 1e-11 };
+        let apart = distance(&smoothed.derivatives[1], &slopes);
+        assert!(apart < tolerance, "{lambda}: {apart:e}");
+    }
+}
+
+fn reversed(of: &[f64], sign: f64) -> Vec<f64> {
+    of.iter().rev().map(|x| sign * x).collect()
+}
+
+fn assert_mirrored(own: &Smoothed, mirrored: &Smoothed, tolerance: f64) {
+    for k in 0..own.derivatives.len() {
+        let sign = if k % 2 == 1 { -1.0 } else { 1.0 };
+        let value = distance(&reversed(&mirrored.derivatives[k], sign), &own.derivatives[k]);
+        let deviation = distance(&reversed(&mirrored.deviations[k], 1.0), &own.deviations[k]);
+        assert!(value < tolerance && deviation < tolerance, "derivative {k}: {value:e} {deviation:e}");
+    }
+}
+
+/// Filter and smoother run one way; the spline knows no direction. What differs is what a long record and a strong penalty lose in rounding.
+#[test]
+fn a_long_record_backwards_is_the_same_spline() {
+    let (times, values, weights) = record(100_000, 1e-3, 11);
+    let backwards: Vec<f64> = times.iter().rev().map(|t| 200.0 - t).collect();
+    for (spline, m) in BOTH {
+        for bandwidth in [0.5, 30.0, 3000.0] {
+            let lambda = Lambda::Given((bandwidth * 1e-3_f64).powi(2 * m as i32) / 1e-3);
+            let own = smooth(&times, &values, Some(&weights), spline, lambda).unwrap();
+            let mirrored =
+                smooth(&backwards, &reversed(&values, 1.0), Some(&reversed(&weights, 1.0)), spline, lambda).unwrap();
+            assert_mirrored(&own, &mirrored, 1e-8);
+        }
+    }
+}
+
+/// The chosen penalty is at the least of the score computed by dense algebra.
+#[test]
+fn chosen_penalties_are_the_least_of_their_scores() {
+    let (times, values, weights) = record(60, 1.0, 5);
+    for (spline, m) in BOTH {
+        let dense = |lambda| Dense { m, times: &times, values: &values, weights: &weights, lambda };
+        let gcv = |lambda: f64| {
+            let (squares, freedom) = dense(lambda).residuals();
+            squares / (60.0 - freedom).powi(2)
+        };
+        let deviance = |lambda: f64| dense(lambda).deviance();
+        let check = |choice: Lambda, score: &dyn Fn(f64) -> f64| {
+            let chosen = smooth(&times, &values, Some(&weights), spline, choice).unwrap();
+            assert!(!chosen.at_end);
+            let least = score(chosen.lambda);
+            // The search ends at 1e-4 of the logarithm of the bandwidth: 6e-4 of lambda at most.
+            for factor in [0.2, 0.99, 1.01, 5.0] {
+                assert!(score(chosen.lambda * factor) > least, "{spline:?} {choice:?} {factor}");
+            }
+        };
+        check(Lambda::Gcv, &gcv);
+        check(Lambda::Likelihood, &deviance);
+    }
+}
+
+/// On a process that is what the prior says, likelihood finds noise and penalty, and errors are as large as the deviations say.
+#[test]
+fn deviations_are_those_of_the_errors() {
+    let (rows, dt, noise, density) = (20_000_usize, 0.01_f64, 0.05, 4.0_f64);
+    let (mut f, mut slope) = (0.0, 0.0);
+    let (mut truth, mut slopes) = (Vec::new(), Vec::new());
+    for row in 0..rows as u64 {
+        truth.push(f);
+        slopes.push(slope);
+        // The exact increments of the chain over dt.
+        let (a, b) = (normal(1, row), normal(2, row));
+        f += slope * dt + density.sqrt() * dt.powf(1.5) * a / 3.0_f64.sqrt();
+        slope += density.sqrt() * dt.sqrt() * (3.0_f64.sqrt() * a / 2.0 + b / 2.0);
+    }
+    let times: Vec<f64> = (0..rows).map(|row| dt * row as f64).collect();
+    let values: Vec<f64> = truth.iter().zip(0..).map(|(f, row)| f + noise * normal(3, row)).collect();
+    let smoothed = smooth(&times, &values, None, Spline::Cubic, Lambda::Likelihood).unwrap();
+    assert!((smoothed.noise / noise - 1.0).abs() < 0.02, "{}", smoothed.noise);
+    let ratio = smoothed.lambda * density / (noise * noise);
+    // Twenty thousand rows of a bandwidth of five rows tell lambda to some percent.
+    assert!((ratio - 1.0).abs() < 0.2, "{ratio}");
+    for (k, exact) in [truth, slopes].iter().enumerate() {
+        let error = |row: usize| (smoothed.derivatives[k][row] - exact[row]) / smoothed.deviations[k][row];
+        let mean = (0..rows).map(|row| error(row).powi(2)).sum::<f64>() / rows as f64;
+        // Errors are correlated over some ten rows: 2,000 independent squares, three deviations of their mean.
+        assert!((mean - 1.0).abs() < 0.1, "derivative {k}: {mean}");
+    }
+}
+
+/// A channel without noise has no least score: the end is told.
+#[test]
+fn a_straight_line_stops_at_an_end() {
+    let times: Vec<f64> = (0..100).map(f64::from).collect();
+    let smoothed = smooth(&times, &times, None, Spline::Cubic, Lambda::Gcv).unwrap();
+    assert!(smoothed.derivatives[1].iter().all(|slope| (slope - 1.0).abs() < 1e-10));
+    assert!(smoothed.noise < 1e-10, "{}", smoothed.noise);
+}
+
+#[test]
+fn bad_input_is_told_by_its_row() {
+    let try_it = |times: &[f64], values: &[f64], weights: Option<&[f64]>, lambda| {
+        smooth(times, values, weights, Spline::Cubic, Lambda::Given(lambda)).unwrap_err()
+    };
+    let times = [0.0, 1.0, 1.0, 2.0];
+    assert_eq!(try_it(&times, &[0.0; 4], None, 1.0), SignalError::Stamp { row: 2, time: 1.0, before: 1.0 });
+    let times = [0.0, 1.0, 2.0, 3.0];
+    assert_eq!(try_it(&times, &[0.0, f64::NAN, f64::NAN, 1.0], None, 1.0), SignalError::TooFew { found: 2, needed: 3 });
+    assert_eq!(
+        try_it(&times, &[0.0; 4], Some(&[1.0, -1.0, 1.0, 1.0]), 1.0),
+        SignalError::Weight { row: 1, weight: -1.0 }
+    );
+    assert!(matches!(try_it(&times, &[0.0; 3], None, 1.0), SignalError::Length { found: 3, expected: 4, .. }));
+    assert!(matches!(try_it(&times, &[0.0; 4], None, 0.0), SignalError::Parameter { .. }));
+    assert!(matches!(
+        try_it(&times, &[0.0, f64::INFINITY, 0.0, 0.0], None, 1.0),
+        SignalError::NotFinite { row: 1, .. }
+    ));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    /// Units of time and value, and the origin of both, are nobody's business.
+    #[test]
+    fn units_do_not_matter(seed in 0u64..1000, unit in -6.0..6.0_f64, size in -6.0..6.0_f64, rows in 6usize..200) {
+        let (times, values, weights) = record(rows, 1.0, seed);
+        let (unit, size) = (10.0_f64.powf(unit), 10.0_f64.powf(size));
+        let lambda = 50.0;
+        let own = smooth(&times, &values, Some(&weights), Spline::Cubic, Lambda::Given(lambda)).unwrap();
+        let scaled_times: Vec<f64> = times.iter().map(|t| unit * t).collect();
+        let scaled: Vec<f64> = values.iter().map(|y| size * (y - 1.0)).collect();
+        let lambda = Lambda::Given(lambda * unit.powi(3));
+        let other = smooth(&scaled_times, &scaled, Some(&weights), Spline::Cubic, lambda).unwrap();
+        let back: Vec<f64> = other.derivatives[0].iter().map(|f| f / size + 1.0).collect();
+        let slopes: Vec<f64> = other.derivatives[1].iter().map(|f| f * unit / size).collect();
+        prop_assert!(distance(&back, &own.derivatives[0]) < 1e-10);
+        prop_assert!(distance(&slopes, &own.derivatives[1]) < 1e-9);
+        prop_assert!((other.noise / size / own.noise - 1.0).abs() < 1e-9);
+    }
+}
