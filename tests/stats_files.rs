@@ -191,3 +191,30 @@ fn mistakes_are_told() {
         .fails(&["short.stats", "ends there"]);
     assert!(!path.join("x.stats").exists());
 }
+
+#[test]
+fn equations_and_regions_are_fitted_from_a_statistic() {
+    let folder = logs();
+    let path = folder.path();
+    let columns = ["--states", "x,v", "--time", "t", "--degree", "1"];
+    let run = |arguments: &[&str]| fleetfoot(path, &[arguments, &columns].concat());
+    let scanned = run(&["scan", "runs", "--partition", "average,kmeans:2,3", "--json"]).ok().json();
+    let serves: Vec<&str> =
+        scanned["serves"].as_array().expect("methods").iter().flat_map(|one| one.as_str()).collect();
+    let regions = "(--partition average | kmeans:2 | kmeans:3)";
+    assert_eq!(serves, ["fit sparse", &format!("fit sindy {regions}"), &format!("fit pwa {regions}")]);
+    let told = fleetfoot(path, &["stats", "info", "run.stats"]).ok().out;
+    assert!(told.contains(&format!("serves without the logs: {}", serves.join(", "))), "{told}");
+
+    for partition in ["average", "kmeans:3"] {
+        run(&["fit", "sindy", "runs", "--partition", partition, "-o", "logs.json"]).ok();
+        run(&["fit", "sindy", "run.stats", "--partition", partition, "-o", "statistic.json"]).ok();
+        same(path, "logs.json", "statistic.json");
+    }
+    let fitted = run(&["fit", "pwa", "run.stats", "--partition", "average,kmeans:2,3", "-o", "pwa.json"]).ok();
+    assert!(fitted.out.contains("R2, cross-validated") && fitted.out.contains("<- chosen"), "{}", fitted.out);
+    assert!(fitted.err.contains("absolute errors") && fitted.err.contains("clustered on all rows"), "{}", fitted.err);
+    fleetfoot(path, &["score", "pwa.json", "runs"]).ok();
+    run(&["fit", "pwa", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
+    run(&["fit", "sindy", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
+}

@@ -54,7 +54,7 @@ pub(crate) enum Command {
     /// Write a commented recipe for a file, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),
-    /// Sum logs for a sparse regression, in one pass, into a statistic that is fitted later.
+    /// Sum logs into a statistic that is fitted later, without the logs.
     #[command(after_help = examples::SCAN)]
     Scan(Box<Scan>),
     /// Look at statistics, join them, take episodes out.
@@ -255,8 +255,8 @@ pub(crate) enum StampArg {
 
 #[derive(Debug, Args)]
 pub(crate) struct FitPwa {
-    /// Files, globs or folders.
-    #[arg(required = true, value_name = "DATA")]
+    /// Files, globs or folders; or one `.stats` file, which needs no pass.
+    #[arg(required = true, value_name = "DATA|STATS")]
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,

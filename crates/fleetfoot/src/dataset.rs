@@ -16,6 +16,7 @@ use crate::{
     labels::Labelled,
     period,
     sindy::EquationTask,
+    statistic::EquationStatistic,
     structure::StructuredTask,
     task::{Aliases, KnownTask, Task, aliases_of_model},
 };
@@ -42,6 +43,8 @@ pub(crate) struct OpenedStructure {
     pub(crate) recipe: Recipe,
     /// The fields of the first file, the labels of `[[episodes]]` among them.
     pub(crate) fields: Vec<Column>,
+    /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), where they were asked for, or why there are none.
+    pub(crate) equations: Option<Result<Vec<EquationTask>, Error>>,
 }
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
@@ -156,7 +159,35 @@ impl Dataset {
         let (recipe, fields, task) = Self::structure(recipe, logs)?;
         let clock = clock(&task.equations, task.expressions());
         let dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
-        Ok(OpenedStructure { dataset, task, recipe, fields })
+        Ok(OpenedStructure { dataset, task, recipe, fields, equations: None })
+    }
+
+    /// [`Dataset::for_structure`] that reads also what the recipe's equations need, where they are asked for and a statistic can serve them. Then the files are
+    /// opened as for a fit of the equations, so that the episodes have the same identities.
+    pub(crate) fn for_scan(
+        recipe: &Recipe,
+        logs: &Logs,
+        equations: bool,
+        progress: &dyn Progress,
+    ) -> Result<OpenedStructure, Error> {
+        let (recipe, fields, task) = Self::structure(recipe, logs)?;
+        let equations = equations.then(|| EquationStatistic::tasks(&recipe, &fields));
+        let (columns, aliases, clock) = match &equations {
+            Some(Ok(tasks)) => {
+                let (mut columns, mut aliases) = (Vec::new(), Vec::new());
+                for (column, alias) in tasks.iter().flat_map(|task| task.columns.iter().zip(&task.aliases)) {
+                    if !columns.iter().any(|known: &ModelColumn| known.name == column.name) {
+                        columns.push(column.clone());
+                        aliases.push(alias.clone());
+                    }
+                }
+                let expressions = tasks.iter().flat_map(EquationTask::expressions);
+                (columns, aliases, clock(&tasks[0].equations, expressions))
+            }
+            _ => (task.columns.clone(), task.aliases.clone(), clock(&task.equations, task.expressions())),
+        };
+        let dataset = Self::open(&recipe, &columns, &aliases, clock, logs, progress)?;
+        Ok(OpenedStructure { dataset, task, recipe, fields, equations })
     }
 
     /// What a recipe means for a fit of equations on files, with its wildcards written out.

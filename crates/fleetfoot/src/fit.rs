@@ -11,6 +11,7 @@ use fleetfoot_pwa::{Identification, Options, Problem, Selection, Specification};
 
 use crate::{
     Dataset, Derivative, Error, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule, Task, dataset,
+    fit_statistic,
     left_out::left_out,
     not_finite,
     output::{refuse_not_finite, write_model},
@@ -114,6 +115,11 @@ pub struct FitPlan {
 /// Those of the recipe and of opening.
 pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<FitPlan, Error> {
     let logs = &logs.into();
+    if logs.is_statistic() {
+        return Err(Error::needs_rows(
+            "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
+        ));
+    }
     let options = PwaOptions::new(recipe)?;
     let (rollouts, spans) = (options.rollouts, candidates(recipe).len());
     // The training rows of a fold are fewer, so that its passes are less than the fit's own.
@@ -160,7 +166,7 @@ fn functions(task: &Task) -> Vec<Expr> {
     problem.library.iter().chain(targets).chain(&problem.partition_columns).chain(&problem.weight).cloned().collect()
 }
 
-/// Fits a piecewise-affine model as the recipe says: its partitions, else one region; chosen as `[pwa]` says.
+/// Fits a piecewise-affine model to logs, or to one `.stats` file without a pass, as the recipe says: its partitions, else one region; chosen as `[pwa]` says.
 ///
 /// Where `[pwa]` asks for it, and where a state's span is open (`derivative = { over = "auto" }`), the partition (and the span) are those whose rollouts on spans that
 /// did not train err least: the models that are compared are fitted on the training rows of each fold. The model carries the recipe as it was said, which finds it again.
@@ -174,6 +180,9 @@ pub fn fit_pwa(
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
     let logs = &logs.into();
+    if logs.is_statistic() {
+        return fit_statistic::fit(recipe, request, logs);
+    }
     let said = PwaOptions::new(recipe)?;
     let (dataset, mut task) = Dataset::for_recipe(&settled(recipe, None), &said.labels(), logs, progress)?;
     let mut options = said.of_step(dataset.step());

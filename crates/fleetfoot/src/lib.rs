@@ -30,6 +30,7 @@ pub mod demo;
 mod error;
 mod export;
 mod fit;
+mod fit_statistic;
 mod folds;
 pub mod generate;
 mod groups;
@@ -93,8 +94,8 @@ pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{
     Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
-    Parameter, ParameterReport, Provenance, RegionReport, SindyFitted, SindyOptimizer, SindyOptions, SindyPlan,
-    SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
+    Parameter, ParameterReport, Provenance, RegionReport, SettledDifference, SindyFitted, SindyOptimizer, SindyOptions,
+    SindyPlan, SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, Resampled,

@@ -7,6 +7,7 @@ mod differences;
 mod estimation;
 mod evidence;
 mod filters;
+mod frozen;
 mod model;
 mod options;
 mod parameters;
@@ -30,14 +31,18 @@ use crate::{
     output::{refuse_not_finite, write_model},
     rollout_choice::{open_spans, settled},
 };
-pub use differences::{Difference, DifferenceErrors};
+pub use differences::{Difference, DifferenceErrors, SettledDifference};
 pub use evidence::Evidence;
+pub(crate) use evidence::specification;
+pub(crate) use frozen::{Frozen, regions};
 pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};
 pub use parameters::Parameter;
 pub use plan::{SindyPlan, plan_sindy};
 pub use report::{EquationReport, FrontPoint, ParameterReport, RegionReport, SindyReport, TermReport};
+pub(crate) use solve::keys;
 use solve::{Solved, Solver};
+pub(crate) use statistic::beneath;
 pub use task::{EquationTask, FittedEquation};
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.

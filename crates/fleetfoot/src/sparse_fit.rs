@@ -31,7 +31,7 @@ use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask,
     dataset::OpenedStructure,
     output::refuse_not_finite,
-    statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan},
+    statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan, scan_tasks},
 };
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
@@ -177,7 +177,11 @@ impl Evidence {
 
     fn of_logs(recipe: &Recipe, request: &SparseRequest, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
         let scan_options = ScanOptions { keys: request.keys.clone(), ..ScanOptions::default() };
-        let (file, report) = scan(recipe, &scan_options, None, logs, progress)?;
+        // A statistic that is kept serves `fit sindy` and `fit pwa` too.
+        let (file, report) = match &request.keep {
+            Some(_) => scan(recipe, &scan_options, None, logs, progress)?,
+            None => scan_tasks(recipe, &scan_options, logs, progress)?,
+        };
         let task = file.resolve(recipe)?;
         let options = SparseOptions::new(&recipe.sparse)?;
         let bounded = task.bounds.iter().flatten().any(|bound| bound.is_finite());

@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Source, packed, packed_row};
-use fleetfoot_model::{Latent, Model, Region, Training};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Latent, Model, Partition, Region, Training};
 use fleetfoot_stats::SquareRoot;
 
-use crate::{Specification, errors::Errors, fit::RegionModel, identify::Fit, residual::Scatter, select::Order};
+use crate::{
+    Problem, Specification, errors::Errors, fit::RegionModel, identify::Fit, residual::Scatter, select::Order,
+};
 
 impl Fit<'_> {
     /// Assembles the model of a candidate.
@@ -32,13 +35,13 @@ impl Fit<'_> {
             .enumerate()
             .map(|(region, fitted)| {
                 let ranges = &self.scan.ranges[candidate.full][region];
-                self.region(
+                described(
                     partition.region_name(region),
                     fitted,
                     roots.get(&(region as u32)),
                     ranges,
                     residuals.covariance(region),
-                    null,
+                    library.len(),
                 )
             })
             .collect();
@@ -54,66 +57,71 @@ impl Fit<'_> {
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
             state_covariance: self.survey.scales.covariance(q..q + s),
         };
-        let mut model = Model::new(
-            format!("pwa {}", candidate.specification),
-            self.problem.columns.clone(),
-            self.problem.step,
-            training,
-        );
-        model.latents = self
-            .problem
-            .equations
-            .iter()
-            .filter(|equation| equation.target.is_some())
-            .enumerate()
-            .map(|(t, equation)| Latent {
-                // Its plain name, without the backticks that an odd one has within expressions.
-                name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
-                library: 0,
-                partition: 0,
-                constants: order.full.iter().map(|region| region.intercept[t]).collect(),
-                coefficients: order
-                    .full
-                    .iter()
-                    .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
-                    .collect(),
-            })
-            .collect();
-        model.libraries = vec![library];
-        model.partitions = vec![partition];
-        model.equations = self.problem.equations.clone();
-        model
+        assembled(self.problem, partition, library, &order.full, training)
     }
+}
 
-    fn region(
-        &self,
-        name: String,
-        fitted: &RegionModel,
-        root: Option<&SquareRoot>,
-        ranges: &[[f64; 2]],
-        residual_covariance: Vec<f64>,
-        null: bool,
-    ) -> Region {
-        let p = if null { 0 } else { self.rows.regressors };
-        let mut covariance = vec![f64::NAN; packed_row(p)];
-        if let Some(root) = root {
-            for i in 0..p {
-                for j in 0..=i {
-                    let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
-                    covariance[packed(i, j)] = product / root.weight;
-                }
+/// The model of a partition whose regions are described: one affine map a region and target.
+pub(crate) fn assembled(
+    problem: &Problem,
+    partition: Partition,
+    library: Vec<Expr>,
+    full: &[RegionModel],
+    training: Training,
+) -> Model {
+    let method = format!("pwa {}", partition.specification);
+    let mut model = Model::new(method, problem.columns.clone(), problem.step, training);
+    model.latents = problem
+        .equations
+        .iter()
+        .filter(|equation| equation.target.is_some())
+        .enumerate()
+        .map(|(t, equation)| Latent {
+            // Its plain name, without the backticks that an odd one has within expressions.
+            name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
+            library: 0,
+            partition: 0,
+            constants: full.iter().map(|region| region.intercept[t]).collect(),
+            coefficients: full
+                .iter()
+                .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
+                .collect(),
+        })
+        .collect();
+    model.libraries = vec![library];
+    model.partitions = vec![partition];
+    model.equations = problem.equations.clone();
+    model
+}
+
+/// A region as its rows were; `regressors` is 0 for a null model, which has none.
+pub(crate) fn described(
+    name: String,
+    fitted: &RegionModel,
+    root: Option<&SquareRoot>,
+    ranges: &[[f64; 2]],
+    residual_covariance: Vec<f64>,
+    regressors: usize,
+) -> Region {
+    let p = regressors;
+    let mut covariance = vec![f64::NAN; packed_row(p)];
+    if let Some(root) = root {
+        for i in 0..p {
+            for j in 0..=i {
+                let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
+                covariance[packed(i, j)] = product / root.weight;
             }
         }
-        Region {
-            name,
-            rows: root.map_or(0, |root| root.rows),
-            mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
-            covariance,
-            range: ranges[..p].to_vec(),
-            residual_covariance,
-            rank: fitted.rank,
-            condition: fitted.condition,
-            confounded: if null { Vec::new() } else { fitted.confounded.clone() },
-        }
+    }
+    Region {
+        name,
+        rows: root.map_or(0, |root| root.rows),
+        mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),
+        covariance,
+        range: ranges[..p].to_vec(),
+        residual_covariance,
+        rank: fitted.rank,
+        condition: fitted.condition,
+        confounded: if p == 0 { Vec::new() } else { fitted.confounded.clone() },
     }
 }

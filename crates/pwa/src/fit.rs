@@ -56,29 +56,45 @@ impl Base {
     }
 }
 
+/// Square-root forms of the rows that train and are held out, whoever summed them.
+pub(crate) trait Roots {
+    /// All rows that train for `held`; of all without it. `None` when there are no rows.
+    fn whole(&self, held: Option<u16>) -> Option<SquareRoot>;
+
+    /// Training rows of the regions of a partition; regions without any are missing.
+    fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot>;
+
+    /// Held-out rows of the regions of a partition; regions without any are missing.
+    fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot>;
+
+    /// The one-region model of the rows that train for `held`. `None` when there are no rows.
+    fn base(&self, held: Option<u16>) -> Option<Base> {
+        self.whole(held).map(Base::new)
+    }
+}
+
 /// Solves on a statistic, with and without a fold held out.
 pub(crate) struct Solver<'a> {
     pub(crate) stats: &'a Stats,
     pub(crate) preconditioner: &'a Preconditioner,
 }
 
-impl Solver<'_> {
-    /// The one-region model of the rows that train for `held`. `None` when there are no rows.
-    pub(crate) fn base(&self, held: Option<u16>) -> Option<Base> {
+impl Roots for Solver<'_> {
+    fn whole(&self, held: Option<u16>) -> Option<SquareRoot> {
         let gram = self.stats.total(|key| key.partition == 0 && trains(key, held))?;
-        Some(Base::new(self.preconditioner.square_root(&gram)))
+        Some(self.preconditioner.square_root(&gram))
     }
 
-    /// Training statistics of the regions of a partition.
-    pub(crate) fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
+    fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
         self.roots(|key| usize::from(key.partition) == partition && trains(key, held))
     }
 
-    /// Held-out statistics of the regions of a partition.
-    pub(crate) fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
+    fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
         self.roots(|key| usize::from(key.partition) == partition && key.fold.own == fold)
     }
+}
 
+impl Solver<'_> {
     fn roots(&self, wanted: impl Fn(&Key) -> bool) -> BTreeMap<u32, SquareRoot> {
         let totals: BTreeMap<u32, Gram> = self.stats.totals(|key| wanted(key).then_some(key.region));
         totals.into_iter().map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()

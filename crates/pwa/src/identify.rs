@@ -9,7 +9,8 @@ use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Pre
 use crate::{
     Error, Options, Problem, Specification,
     errors::{Errors, Measure, PartErrors},
-    fit::{Base, Solver, region_models},
+    fit::{Base, Roots, Solver, region_models},
+    notes::confounded,
     partition::{Prepared, prepare},
     regions::Segmentation,
     rows::Rows,
@@ -216,8 +217,10 @@ impl Fit<'_> {
             }
         }
         let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
-        let mut orders =
-            evaluate(&self.scan.stats, self.preconditioner, self.segmentation, self.options, &base, independent);
+        let folds = if self.options.folds > 1 { self.options.folds } else { 0 };
+        let regions = |partition: usize| self.segmentation.partitions[partition].rule.count();
+        let candidates = (self.segmentation.candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
+        let mut orders = evaluate(&solver, candidates, (folds, self.options.shrinkage), &base, independent);
         let specifications: Vec<&Specification> =
             self.segmentation.candidates.iter().map(|c| &c.specification).collect();
         let (chosen, rule) = choose(self.options.selection, &specifications, &orders);
@@ -247,7 +250,7 @@ impl Fit<'_> {
             .collect();
         let model = if self.options.keep_all { models[chosen].clone() } else { models.remove(0) };
         let mut notes = self.segmentation.notes.clone();
-        self.notes(&base, &mut notes);
+        confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
         Ok(Identification {
             model,

@@ -35,6 +35,7 @@ mod rows;
 mod scan;
 mod select;
 mod specification;
+mod summed;
 mod survey;
 mod tsqr;
 
@@ -47,3 +48,4 @@ pub use kmeans::{
 pub use partition::{Partitioned, partition};
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError};
+pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

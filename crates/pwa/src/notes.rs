@@ -1,26 +1,24 @@
 //! What a user should know about a fit beside its numbers.
 
 use crate::{
-    Specification,
-    fit::{Base, Solver},
+    Problem, Specification,
+    fit::{Base, Roots, Solver},
     identify::Fit,
 };
 
-impl Fit<'_> {
-    pub(crate) fn notes(&self, base: &Base, notes: &mut Vec<String>) {
-        let name = |&function: &usize| self.problem.library[function].to_string();
-        for group in &base.average.confounded {
-            let names: Vec<String> = group.iter().map(name).collect();
-            notes.push(match names.as_slice() {
-                [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
-                _ => format!(
-                    "the data cannot separate {}: their coefficients are the smallest that fit",
-                    names.join(", ")
-                ),
-            });
-        }
+/// What the rows cannot tell apart.
+pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>) {
+    let name = |&function: &usize| problem.library[function].to_string();
+    for group in &base.average.confounded {
+        let names: Vec<String> = group.iter().map(name).collect();
+        notes.push(match names.as_slice() {
+            [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
+            _ => format!("the data cannot separate {}: their coefficients are the smallest that fit", names.join(", ")),
+        });
     }
+}
 
+impl Fit<'_> {
     /// In many dimensions hardly any row is near the centre.
     pub(crate) fn empty_balls(&self, solver: &Solver<'_>, notes: &mut Vec<String>) {
         for candidate in &self.segmentation.candidates {

@@ -3,9 +3,9 @@
 use fleetfoot_stats::{BatchMeans, Preconditioner, Stats};
 
 use crate::{
-    Options, Selection, Shrinkage, Specification,
-    fit::{Base, RegionModel, Solver, held_out_error, region_models},
-    regions::Segmentation,
+    Selection, Shrinkage, Specification,
+    fit::{Base, RegionModel, Roots, held_out_error, region_models},
+    regions::Candidate,
 };
 
 /// Shrinkage in rows that [`Shrinkage::Auto`] tries.
@@ -22,6 +22,10 @@ pub(crate) struct Order {
     pub(crate) loss: f64,
     /// Standard error of that mean across folds.
     pub(crate) standard_error: f64,
+    /// Sum of squared errors of each target, held out; in-sample without folds.
+    pub(crate) squared: Vec<f64>,
+    /// Weight of the rows behind them.
+    pub(crate) weight: f64,
     /// Bayesian information criterion on all rows.
     pub(crate) bic: f64,
     /// Models of every fold.
@@ -30,24 +34,33 @@ pub(crate) struct Order {
     pub(crate) full: Vec<RegionModel>,
 }
 
-/// Evaluates all candidates on the statistic.
+impl Order {
+    /// Of held-out errors: fold by fold the sum of the squares of every target, and the weight of the rows.
+    fn of_folds(shrinkage: f64, errors: &[(Vec<f64>, f64)], variance: &[f64], by_fold: Vec<Vec<RegionModel>>) -> Self {
+        let losses: Vec<f64> = errors.iter().map(|(error, rows)| scaled(error, variance, *rows)).collect();
+        let (loss, standard_error) = mean_and_error(&losses);
+        let mut squared = vec![0.0; variance.len()];
+        for (error, _) in errors {
+            squared.iter_mut().zip(error).for_each(|(sum, error)| *sum += error);
+        }
+        let weight = errors.iter().map(|(_, rows)| rows).sum();
+        Self { shrinkage, losses, loss, standard_error, squared, weight, bic: f64::NAN, by_fold, full: Vec::new() }
+    }
+}
+
+/// Evaluates all candidates on the statistic; `regions` tells how many a partition has, and `folds` is 0 without cross-validation.
 pub(crate) fn evaluate(
-    stats: &Stats,
-    preconditioner: &Preconditioner,
-    segmentation: &Segmentation,
-    options: &Options,
+    solver: &dyn Roots,
+    (candidates, regions): (&[Candidate], &dyn Fn(usize) -> usize),
+    (folds, shrinkage): (u16, Shrinkage),
     all: &Base,
     effective_rows: f64,
 ) -> Vec<Order> {
-    let solver = Solver { stats, preconditioner };
-    let folds = if options.folds > 1 { options.folds } else { 0 };
     let bases: Vec<Option<Base>> = (0..folds).map(|fold| solver.base(Some(fold))).collect();
     let variance: Vec<f64> = all.root.total.iter().map(|total| total / all.root.weight).collect();
-    segmentation
-        .candidates
+    candidates
         .iter()
         .map(|candidate| {
-            let regions = |partition: usize| segmentation.partitions[partition].rule.count();
             let sets: Vec<_> = (0..folds)
                 .filter_map(|fold| {
                     let partition = candidate.by_fold[usize::from(fold)];
@@ -61,50 +74,36 @@ pub(crate) fn evaluate(
                     ))
                 })
                 .collect();
-            let grid: Vec<f64> = match options.shrinkage {
+            let grid: Vec<f64> = match shrinkage {
                 Shrinkage::Rows(rows) => vec![rows],
                 Shrinkage::Auto if folds == 0 => vec![0.0],
                 Shrinkage::Auto => SHRINKAGE_GRID.to_vec(),
             };
             let mut best: Option<Order> = None;
             for shrinkage in grid {
-                let mut losses = Vec::new();
+                let mut errors = Vec::new();
                 let mut by_fold = vec![Vec::new(); usize::from(folds)];
                 for (fold, partition, base, training, testing) in &sets {
                     let models = region_models(candidate, regions(*partition), base, training, shrinkage);
                     let rows: f64 = testing.values().map(|root| root.weight).sum();
                     if rows > 0.0 {
-                        let error = held_out_error(&models, testing, variance.len());
-                        losses.push(scaled(&error, &variance, rows));
+                        errors.push((held_out_error(&models, testing, variance.len()), rows));
                     }
                     by_fold[usize::from(*fold)] = models;
                 }
-                let (loss, standard_error) = mean_and_error(&losses);
-                if best.as_ref().is_none_or(|best| loss < best.loss) {
-                    best = Some(Order {
-                        shrinkage,
-                        losses,
-                        loss,
-                        standard_error,
-                        bic: f64::NAN,
-                        by_fold,
-                        full: Vec::new(),
-                    });
+                let order = Order::of_folds(shrinkage, &errors, &variance, by_fold);
+                if best.as_ref().is_none_or(|best| order.loss < best.loss) {
+                    best = Some(order);
                 }
             }
-            let mut order = best.unwrap_or(Order {
-                shrinkage: 0.0,
-                losses: Vec::new(),
-                loss: f64::NAN,
-                standard_error: f64::NAN,
-                bic: f64::NAN,
-                by_fold: Vec::new(),
-                full: Vec::new(),
-            });
+            let mut order = best.unwrap_or_else(|| Order::of_folds(0.0, &[], &variance, Vec::new()));
             let training = solver.training(candidate.full, None);
             order.full = region_models(candidate, regions(candidate.full), all, &training, order.shrinkage);
             let error = held_out_error(&order.full, &training, variance.len());
             order.bic = bic(&error, all.root.weight, &order.full, effective_rows);
+            if order.losses.is_empty() {
+                (order.squared, order.weight) = (error, all.root.weight);
+            }
             order
         })
         .collect()

@@ -189,7 +189,7 @@ impl Statistic {
     /// Hash of the plan.
     #[getter]
     fn hash(&self) -> String {
-        self.file.plan.hash()
+        self.file.plan_hash()
     }
 
     /// The plan for people.

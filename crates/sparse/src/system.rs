@@ -1,8 +1,9 @@
 //! The statistic of a system of equations: q targets over one library of p candidate functions, in one region or in those of a partition.
 //!
 //! A [`System`] says what is regressed on what. A [`SystemPlan`] freezes the coordinates on a pilot sample and cuts the rows into chunks; its one pass makes a
-//! [`SystemScan`]: one statistic a chunk and region, for all targets together. Everything that a fit, a choice of terms, folds and replicates ask is
-//! then a weighted sum of those statistics, in the square-root form that solvers take.
+//! [`SystemSums`]: one statistic a chunk and region, for all targets together, which can be merged with those of other rows, parted by episode and kept.
+//! Everything that a fit, a choice of terms, folds and replicates ask of them through a [`SystemScan`] is then a weighted sum, in the square-root form that
+//! solvers take.
 
 mod columns;
 mod plan;
@@ -11,7 +12,7 @@ mod ranges;
 mod sampled;
 mod scan;
 mod statistic;
-mod tasks;
+mod sums;
 
 #[cfg(test)]
 mod tests;
@@ -21,8 +22,9 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Partition;
 
 pub use plan::SystemPlan;
-pub use sampled::{SampledChunks, sampled_by_chunk, sampled_mean_squares};
+pub use sampled::sampled_mean_squares;
 pub use statistic::SystemScan;
+pub use sums::{EpisodeSums, SystemSums};
 
 /// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +35,8 @@ pub struct System {
     pub targets: Vec<Expr>,
     /// More columns whose moments are wanted: states, measured targets.
     pub also: Vec<Expr>,
+    /// Expressions whose mean squares are wanted, on the first rows of every chunk: the errors of differences.
+    pub sampled: Vec<Expr>,
     /// Row weights, finite and not negative.
     pub weight: Option<Expr>,
     /// The regions; `None` is one region for all rows. A row without a region (an unseen label) takes part in nothing and is counted.
@@ -42,12 +46,29 @@ pub struct System {
 impl System {
     /// One region, no weights, no further moments.
     pub fn new(functions: Vec<Expr>, targets: Vec<Expr>) -> Self {
-        Self { functions, targets, also: Vec::new(), weight: None, partition: None }
+        Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None }
     }
 
     /// Number of regions.
     pub fn regions(&self) -> usize {
         self.partition.as_ref().map_or(1, |partition| partition.rule.count())
+    }
+
+    /// What it says, one line a fact, the numbers of the partition left out.
+    fn text(&self) -> String {
+        let mut text = String::new();
+        let mut lines = |what: &str, expressions: &[Expr]| {
+            expressions.iter().for_each(|expression| text.push_str(&format!("{what} : {expression}\n")));
+        };
+        lines("candidate of the equations", &self.functions);
+        lines("left side of the equations", &self.targets);
+        lines("moments of the equations", &self.also);
+        lines("sampled for the equations", &self.sampled);
+        lines("weight of the equations", self.weight.as_slice());
+        if let Some(partition) = &self.partition {
+            lines(&format!("partition {} over", partition.specification), &partition.columns);
+        }
+        text
     }
 
     fn check(&self) -> Result<(), SystemError> {
@@ -101,17 +122,12 @@ pub enum SystemError {
         /// Its scales.
         scale: usize,
     },
-    /// A task that is not an equation of a system.
-    #[error(
-        "task {task} is not `target = f` with f over the candidate functions of the first task: only such tasks make a system of equations"
-    )]
-    TaskShape {
-        /// Its name.
-        task: String,
-    },
-    /// Statistics that were not made together.
-    #[error("the statistics of the tasks have different coordinates or chunks: scan all tasks with one plan")]
-    TaskCoordinates,
+    /// Statistics that do not go together.
+    #[error(transparent)]
+    Merge(#[from] fleetfoot_stats::MergeError),
+    /// What was kept of a plan is no plan.
+    #[error("the coordinates of the plan are damaged or of another version")]
+    Coordinates,
     /// The source has no such column.
     #[error(transparent)]
     UnknownColumn(#[from] UnknownColumn),

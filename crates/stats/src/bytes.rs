@@ -2,14 +2,14 @@
 
 use fleetfoot_data::{EpisodeId, packed_row};
 
-use crate::{Fold, Gram, Key, MergeError, Stats};
+use crate::{Fold, Gram, Key, Keyed, MergeError, Sum};
 
 /// Version of the bytes.
 const FORMAT: u64 = 1;
-/// Bytes of the head: version, columns, number of statistics.
+/// Bytes of the head: version, shape (the columns), number of statistics.
 const HEAD: usize = 24;
-/// Bytes of a key, the rows and the weight.
-const KEY: usize = 16 + 4 + 2 + 2 * 4 + 2 + 4 + 8 + 8;
+/// Bytes of a key.
+const KEY: usize = 16 + 4 + 2 + 2 * 4 + 2 + 4;
 /// What stands for "no fold".
 const NO_FOLD: u32 = u32::MAX;
 
@@ -18,19 +18,19 @@ const NO_FOLD: u32 = u32::MAX;
 #[error("the bytes of the statistics are damaged or of another version: {0}")]
 pub struct StatsBytesError(&'static str);
 
-impl Stats {
+impl<S: Sum> Keyed<S> {
     /// The keys and statistics as bytes, the same for the same bits; the plan's hash is not among them.
     ///
     /// # Panics
     /// When the statistics are not all of the same columns.
     pub fn to_bytes(&self) -> Vec<u8> {
         let d = self.dimension().unwrap_or(0);
-        let mut bytes = Vec::with_capacity(HEAD + self.len() * record(d).unwrap_or(0));
+        let mut bytes = Vec::with_capacity(HEAD + self.len() * record::<S>(d).unwrap_or(0));
         for word in [FORMAT, d as u64, self.len() as u64] {
             bytes.extend(word.to_le_bytes());
         }
-        for (key, gram) in self.iter() {
-            assert_eq!(gram.dimension(), d, "statistics of the same columns");
+        for (key, sum) in self.iter() {
+            assert_eq!(sum.shape(), d, "statistics of the same columns");
             bytes.extend(key.episode.0.to_le_bytes());
             bytes.extend(key.chunk.to_le_bytes());
             bytes.extend(key.fold.own.to_le_bytes());
@@ -39,9 +39,7 @@ impl Stats {
             }
             bytes.extend(key.partition.to_le_bytes());
             bytes.extend(key.region.to_le_bytes());
-            bytes.extend(gram.rows.to_le_bytes());
-            bytes.extend(gram.weight.to_le_bytes());
-            gram.mean.iter().chain(&gram.scatter).for_each(|value| bytes.extend(value.to_le_bytes()));
+            sum.write(&mut |word| bytes.extend(word));
         }
         bytes
     }
@@ -58,28 +56,56 @@ impl Stats {
             return Err(StatsBytesError("their version is not 1"));
         }
         let d = usize::try_from(d).map_err(|_| short.clone())?;
-        let length = record(d).and_then(|record| record.checked_mul(usize::try_from(count).ok()?));
+        let length = record::<S>(d).and_then(|record| record.checked_mul(usize::try_from(count).ok()?));
         if length != Some(reader.0.len()) {
             return Err(StatsBytesError("their length does not fit the counts"));
         }
         let mut stats = Self::new(plan);
         let mut last = None;
         for _ in 0..count {
-            let (key, gram) = reader.record(d).ok_or(short.clone())?;
+            let (key, sum) = reader.record::<S>(d).ok_or(short.clone())?;
             if last.is_some_and(|last| last >= key) {
                 return Err(StatsBytesError("their keys are not in ascending order"));
             }
             last = Some(key);
-            stats.insert(key, gram).map_err(|_: MergeError| StatsBytesError("a key is there twice"))?;
+            stats.insert(key, sum).map_err(|_: MergeError| StatsBytesError("a key is there twice"))?;
         }
         Ok(stats)
     }
 }
 
-/// Bytes of one statistic of `d` columns.
-fn record(d: usize) -> Option<usize> {
-    let numbers = d.checked_add(1)?.checked_mul(d)?.checked_div(2)?.checked_add(d)?;
-    numbers.checked_mul(8)?.checked_add(KEY)
+/// Bytes of one statistic of a shape, its key among them.
+fn record<S: Sum>(shape: usize) -> Option<usize> {
+    S::words(shape)?.checked_mul(8)?.checked_add(KEY)
+}
+
+impl Sum for Gram {
+    fn merge(&mut self, other: &Self) {
+        Gram::merge(self, other);
+    }
+
+    fn shape(&self) -> usize {
+        self.dimension()
+    }
+
+    fn words(shape: usize) -> Option<usize> {
+        shape.checked_add(1)?.checked_mul(shape)?.checked_div(2)?.checked_add(shape)?.checked_add(2)
+    }
+
+    fn write(&self, put: &mut dyn FnMut([u8; 8])) {
+        put(self.rows.to_le_bytes());
+        put(self.weight.to_le_bytes());
+        self.mean.iter().chain(&self.scatter).for_each(|value| put(value.to_le_bytes()));
+    }
+
+    fn read(shape: usize, take: &mut dyn FnMut() -> Option<[u8; 8]>) -> Option<Self> {
+        let rows = u64::from_le_bytes(take()?);
+        let mut number = || take().map(f64::from_le_bytes);
+        let weight = number()?;
+        let mean = (0..shape).map(|_| number()).collect::<Option<_>>()?;
+        let scatter = (0..packed_row(shape)).map(|_| number()).collect::<Option<_>>()?;
+        Some(Gram { rows, weight, mean, scatter })
+    }
 }
 
 struct Reader<'a>(&'a [u8]);
@@ -99,11 +125,7 @@ impl Reader<'_> {
         Some(words)
     }
 
-    fn numbers(&mut self, count: usize) -> Option<Vec<f64>> {
-        (0..count).map(|_| self.take().map(f64::from_le_bytes)).collect()
-    }
-
-    fn record(&mut self, d: usize) -> Option<(Key, Gram)> {
+    fn record<S: Sum>(&mut self, shape: usize) -> Option<(Key, S)> {
         let episode = EpisodeId(u128::from_le_bytes(self.take()?));
         let chunk = u32::from_le_bytes(self.take()?);
         let mut fold = Fold { own: u16::from_le_bytes(self.take()?), purged: [None; 2] };
@@ -115,10 +137,8 @@ impl Reader<'_> {
         }
         let partition = u16::from_le_bytes(self.take()?);
         let region = u32::from_le_bytes(self.take()?);
-        let rows = u64::from_le_bytes(self.take()?);
-        let weight = f64::from_le_bytes(self.take()?);
-        let gram = Gram { rows, weight, mean: self.numbers(d)?, scatter: self.numbers(packed_row(d))? };
-        Some((Key { episode, chunk, fold, partition, region }, gram))
+        let sum = S::read(shape, &mut || self.take())?;
+        Some((Key { episode, chunk, fold, partition, region }, sum))
     }
 }
 
@@ -127,6 +147,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::Stats;
 
     fn keys() -> impl Strategy<Value = Key> {
         let fold = (any::<u16>(), any::<[Option<u16>; 2]>()).prop_map(|(own, purged)| Fold { own, purged });

@@ -54,17 +54,38 @@ pub enum MergeError {
     },
 }
 
-/// Gram matrices by key, all made with one plan. Merging is a union: nothing is rounded before a total is asked for.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Stats {
-    plan: String,
-    grams: BTreeMap<Key, Gram>,
+/// Sums over the rows of a chunk, which can be added to those of other chunks and kept as words of eight bytes.
+pub trait Sum: Clone {
+    /// Adds the rows of another.
+    fn merge(&mut self, other: &Self);
+
+    /// What tells how many numbers it has: its columns, or its sums.
+    fn shape(&self) -> usize;
+
+    /// Words of a sum of this shape; `None` where that overflows.
+    fn words(shape: usize) -> Option<usize>;
+
+    /// Hands on its words, in order.
+    fn write(&self, put: &mut dyn FnMut([u8; 8]));
+
+    /// Of the words that [`Sum::write`] handed on; `None` where they end.
+    fn read(shape: usize, take: &mut dyn FnMut() -> Option<[u8; 8]>) -> Option<Self>;
 }
 
-impl Stats {
+/// Sums by key, all made with one plan. Merging is a union: nothing is rounded before a total is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Keyed<S> {
+    plan: String,
+    sums: BTreeMap<Key, S>,
+}
+
+/// Gram matrices by key.
+pub type Stats = Keyed<Gram>;
+
+impl<S: Sum> Keyed<S> {
     /// An empty statistic of the plan with this hash.
     pub fn new(plan: impl Into<String>) -> Self {
-        Self { plan: plan.into(), grams: BTreeMap::new() }
+        Self { plan: plan.into(), sums: BTreeMap::new() }
     }
 
     /// Hash of the plan.
@@ -73,20 +94,20 @@ impl Stats {
     }
 
     /// Adds the statistic of one key; a key that is there already is refused.
-    pub fn insert(&mut self, key: Key, gram: Gram) -> Result<(), MergeError> {
-        match self.grams.entry(key) {
+    pub fn insert(&mut self, key: Key, sum: S) -> Result<(), MergeError> {
+        match self.sums.entry(key) {
             std::collections::btree_map::Entry::Occupied(_) => Err(MergeError::Duplicate(Box::new(key))),
             std::collections::btree_map::Entry::Vacant(slot) => {
-                slot.insert(gram);
+                slot.insert(sum);
                 Ok(())
             }
         }
     }
 
     /// Union by key. On error `self` is unchanged.
-    pub fn merge(&mut self, other: Stats) -> Result<(), MergeError> {
+    pub fn merge(&mut self, other: Self) -> Result<(), MergeError> {
         self.accepts(&other)?;
-        self.grams.extend(other.grams);
+        self.sums.extend(other.sums);
         Ok(())
     }
 
@@ -94,11 +115,11 @@ impl Stats {
     ///
     /// # Errors
     /// What it would fail with.
-    pub fn accepts(&self, other: &Stats) -> Result<(), MergeError> {
+    pub fn accepts(&self, other: &Self) -> Result<(), MergeError> {
         if self.plan != other.plan {
             return Err(MergeError::Plan { left: self.plan.clone(), right: other.plan.clone() });
         }
-        match other.grams.keys().find(|key| self.grams.contains_key(key)) {
+        match other.sums.keys().find(|key| self.sums.contains_key(key)) {
             Some(key) => Err(MergeError::Duplicate(Box::new(*key))),
             None => Ok(()),
         }
@@ -106,38 +127,38 @@ impl Stats {
 
     /// Keeps the statistics whose keys are wanted.
     pub fn retain(&mut self, wanted: impl Fn(&Key) -> bool) {
-        self.grams.retain(|key, _| wanted(key));
+        self.sums.retain(|key, _| wanted(key));
     }
 
     /// The sums, in key order, of the statistics that share what `name` makes of their keys.
     pub fn grouped(&self, name: impl Fn(&Key) -> Key) -> Self {
-        Self { plan: self.plan.clone(), grams: self.totals(|key| Some(name(key))) }
+        Self { plan: self.plan.clone(), sums: self.totals(|key| Some(name(key))) }
     }
 
     /// Keys and statistics, in key order.
-    pub fn iter(&self) -> impl Iterator<Item = (&Key, &Gram)> {
-        self.grams.iter()
+    pub fn iter(&self) -> impl Iterator<Item = (&Key, &S)> {
+        self.sums.iter()
     }
 
     /// The sum, in key order, of the statistics that `wanted` selects; `None` when there are none.
-    pub fn total(&self, wanted: impl Fn(&Key) -> bool) -> Option<Gram> {
-        let mut selected = self.grams.iter().filter(|(key, _)| wanted(key)).map(|(_, gram)| gram);
+    pub fn total(&self, wanted: impl Fn(&Key) -> bool) -> Option<S> {
+        let mut selected = self.sums.iter().filter(|(key, _)| wanted(key)).map(|(_, sum)| sum);
         let mut total = selected.next()?.clone();
-        for gram in selected {
-            total.merge(gram);
+        for sum in selected {
+            total.merge(sum);
         }
         Some(total)
     }
 
     /// Sums, in key order, grouped: `group` names the group of a key or drops it.
-    pub fn totals<G: Ord>(&self, group: impl Fn(&Key) -> Option<G>) -> BTreeMap<G, Gram> {
-        let mut totals: BTreeMap<G, Gram> = BTreeMap::new();
-        for (key, gram) in &self.grams {
+    pub fn totals<G: Ord>(&self, group: impl Fn(&Key) -> Option<G>) -> BTreeMap<G, S> {
+        let mut totals: BTreeMap<G, S> = BTreeMap::new();
+        for (key, sum) in &self.sums {
             if let Some(name) = group(key) {
                 match totals.entry(name) {
-                    std::collections::btree_map::Entry::Occupied(mut total) => total.get_mut().merge(gram),
+                    std::collections::btree_map::Entry::Occupied(mut total) => total.get_mut().merge(sum),
                     std::collections::btree_map::Entry::Vacant(slot) => {
-                        slot.insert(gram.clone());
+                        slot.insert(sum.clone());
                     }
                 }
             }
@@ -145,18 +166,18 @@ impl Stats {
         totals
     }
 
-    /// Columns of every statistic, d; `None` when there are none.
+    /// Shape of every statistic, the columns of Gram matrices; `None` when there are none.
     pub fn dimension(&self) -> Option<usize> {
-        self.grams.values().next().map(Gram::dimension)
+        self.sums.values().next().map(Sum::shape)
     }
 
     /// Number of keys.
     pub fn len(&self) -> usize {
-        self.grams.len()
+        self.sums.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.grams.is_empty()
+        self.sums.is_empty()
     }
 }

@@ -28,7 +28,7 @@ pub use bank::Bank;
 pub use blocks::blocks;
 pub use bytes::StatsBytesError;
 pub use folds::{FoldError, FoldLayout, FoldRule, Purge, SPANS};
-pub use keys::{Fold, Key, MergeError, Stats};
+pub use keys::{Fold, Key, Keyed, MergeError, Stats, Sum};
 pub use moments::Moments;
 pub use plan::{COARSE, Chunk, FINE, Grid, PlanError, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};

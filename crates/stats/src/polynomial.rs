@@ -33,6 +33,7 @@
 
 mod affine;
 mod bank;
+mod bytes;
 mod convert;
 mod double;
 mod functions;
@@ -107,6 +108,9 @@ pub enum PolynomialError {
         /// Index of the column.
         column: usize,
     },
+    /// Bytes that are no plan.
+    #[error("the bytes of the polynomial plan are damaged or of another version")]
+    Bytes,
 }
 
 /// What is fixed before a scan: the base columns' affine map, the basis, and how rows become moments.
@@ -129,13 +133,7 @@ impl PolynomialPlan {
     /// No or more than 16 columns, degree 0, more than 2,000 functions or 100,000 moments, or a pilot that is empty, ragged or not finite.
     pub fn from_pilot(base: &[&[f64]], targets: &[&[f64]], degree: usize) -> Result<Self, PolynomialError> {
         let variables = base.len();
-        if variables == 0 || variables > VARIABLES || degree == 0 {
-            return Err(PolynomialError::Shape { variables, degree });
-        }
-        let (functions, sums) = (graded::count(variables, degree), graded::count(variables, degree.saturating_mul(2)));
-        if functions > FUNCTIONS || sums > MOMENTS || degree > usize::from(u8::MAX) / 2 {
-            return Err(PolynomialError::TooLarge { variables, degree, functions: functions - 1, moments: sums });
-        }
+        check_size(variables, degree)?;
         let rows = base[0].len();
         if rows == 0 || base.iter().chain(targets).any(|column| column.len() != rows) {
             return Err(PolynomialError::Pilot);
@@ -145,20 +143,27 @@ impl PolynomialPlan {
         {
             return Err(PolynomialError::NotFinite { column });
         }
-        let library = Graded::new(variables, degree);
-        let moments = Graded::new(variables, 2 * degree);
-        let mut plan = Self {
+        let target_centre = targets.iter().map(|y| y.iter().sum::<f64>() / rows as f64).collect();
+        let mut plan = Self::of_map(degree, AffineMap::from_pilot(base), target_centre);
+        plan.choose_unit(base, targets);
+        Ok(plan)
+    }
+
+    /// The plan whose basis this map defines, of a size that was checked; its condition is not known.
+    fn of_map(degree: usize, map: AffineMap, target_centre: Vec<f64>) -> Self {
+        let library = Graded::new(map.variables(), degree);
+        let moments = Graded::new(map.variables(), 2 * degree);
+        let registers = pulp::Arch::new().dispatch(Registers);
+        Self {
             degree,
-            map: AffineMap::from_pilot(base),
-            target_centre: targets.iter().map(|y| y.iter().sum::<f64>() / rows as f64).collect(),
-            program: program(&library, &moments, degree, targets.len(), pulp::Arch::new().dispatch(Registers)),
+            map,
+            program: program(&library, &moments, degree, target_centre.len(), registers),
+            target_centre,
             table: ProductTable::new(&library, &moments),
             library,
             moments,
             condition: f64::INFINITY,
-        };
-        plan.choose_unit(base, targets);
-        Ok(plan)
+        }
     }
 
     /// Takes the unit of the variables in which the pilot's design has the least condition.
@@ -373,18 +378,22 @@ impl PolynomialPlan {
         Preconditioner::of_columns(columns, order, self.targets(), self.condition)
     }
 
-    /// What defines the basis and the centres, little-endian: for the hash of a frozen plan.
-    pub fn bytes(&self) -> Vec<u8> {
-        let sizes =
-            [self.variables(), self.degree, self.targets()].into_iter().flat_map(|size| (size as u64).to_le_bytes());
-        let map = self.map.values().chain(&self.target_centre).flat_map(|value| value.to_le_bytes());
-        sizes.chain(map).collect()
-    }
-
     fn add_rows(&self, rows: Rows<'_>, workspace: &mut Workspace, total: impl FnMut(usize, f64)) {
         let (program, map, target_centre) = (&self.program, &self.map, &self.target_centre);
         pulp::Arch::new().dispatch(AddRows { program, map, target_centre, rows, workspace, total });
     }
+}
+
+/// That a plan of this size can be made.
+fn check_size(variables: usize, degree: usize) -> Result<(), PolynomialError> {
+    if variables == 0 || variables > VARIABLES || degree == 0 {
+        return Err(PolynomialError::Shape { variables, degree });
+    }
+    let (functions, sums) = (graded::count(variables, degree), graded::count(variables, degree.saturating_mul(2)));
+    if functions > FUNCTIONS || sums > MOMENTS || degree > usize::from(u8::MAX) / 2 {
+        return Err(PolynomialError::TooLarge { variables, degree, functions: functions - 1, moments: sums });
+    }
+    Ok(())
 }
 
 /// The kernel's functions, and its tiles for an instruction set with so many vector registers.

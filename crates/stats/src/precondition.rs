@@ -165,34 +165,6 @@ impl Preconditioner {
         found
     }
 
-    /// One change of coordinates for the targets of several that share their regressors; `None` where the coordinates of the regressors differ, or there are none.
-    pub fn joined(parts: &[&Self]) -> Option<Self> {
-        let first = parts.first()?;
-        let p = first.regressors;
-        let same = |part: &Self| {
-            (part.regressors, &part.order, part.is_native()) == (p, &first.order, first.is_native())
-                && part.centre[..p] == first.centre[..p]
-                && part.triangle[..packed_row(p)] == first.triangle[..packed_row(p)]
-        };
-        if !parts.iter().all(|part| same(part)) {
-            return None;
-        }
-        let q = parts.iter().map(|part| part.targets).sum();
-        let mut joined = Self { order: first.order.clone(), rank: first.rank, ..Self::identity(p, q) };
-        joined.condition = first.condition;
-        joined.confounded.clone_from(&first.confounded);
-        joined.centre[..p].copy_from_slice(&first.centre[..p]);
-        joined.triangle[..packed_row(p)].copy_from_slice(&first.triangle[..packed_row(p)]);
-        let targets = parts.iter().flat_map(|part| (p..part.dimension()).map(move |column| (part, column)));
-        for (target, (part, column)) in (p..).zip(targets) {
-            joined.centre[target] = part.centre[column];
-            let entries = &mut joined.triangle[packed_row(target)..packed_row(target + 1)];
-            entries[..p].copy_from_slice(&part.column(column)[..p]);
-            entries[target] = part.column(column)[column];
-        }
-        Some(if first.is_native() { joined } else { joined.with_solver() })
-    }
-
     /// Whether rows are in these coordinates from the start, and were not brought there by arithmetic on the raw columns.
     pub(crate) fn is_native(&self) -> bool {
         self.solver == Solver::Nothing

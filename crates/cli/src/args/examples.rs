@@ -28,6 +28,7 @@ Examples:
 pub(crate) const SCAN: &str = "\
 Examples:
   fleetfoot scan -c robot.toml runs/ -o run.stats
+  fleetfoot scan -c robot.toml runs/ --partition kmeans:2,5,10 -o run.stats
   fleetfoot scan -c robot.toml today/ -o run.stats --append
   fleetfoot scan -c robot.toml fleet/ -o fleet.stats --key 'aircraft={dir1}'";
 
@@ -51,6 +52,7 @@ Examples:
 pub(crate) const FIT_PWA: &str = "\
 Examples:
   fleetfoot fit pwa -c robot.toml runs/ --partition null,average,kmeans:2,5,10
+  fleetfoot fit pwa run.stats --partition average,kmeans:2,5,10
   fleetfoot fit pwa log.csv --states x,v --inputs u --partition labels:terrain
   fleetfoot fit pwa log.csv --states y --inputs u --predict next --lags 3 --partition kmeans:5 --partition-on 'y,lag(y,1),u'";
 
@@ -65,6 +67,7 @@ pub(crate) const FIT_SINDY: &str = "\
 Examples:
   fleetfoot fit sindy log.csv --states x,y,z --degree 3
   fleetfoot fit sindy log.csv --states x,y,z --library 'poly(3),sin' --threshold 0.5
+  fleetfoot fit sindy run.stats --partition kmeans:5
   fleetfoot fit sindy -c motor.toml runs/ --front --keep-front";
 
 pub(crate) const FIT_NARX: &str = "\

@@ -4,7 +4,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::RecipeArgs;
+use super::{List, RecipeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct Scan {
@@ -13,6 +13,16 @@ pub(crate) struct Scan {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    /// Candidate functions of the equations, separated by commas, as those of `fit sindy` (default: poly(2), or the monomials up to --degree).
+    #[arg(long, value_name = "ITEMS")]
+    pub(crate) library: Option<List>,
+    /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN. They are clustered before the pass and frozen
+    /// with the plan (default: those of the recipe).
+    #[arg(short, long, value_name = "PARTITIONS")]
+    pub(crate) partition: Option<String>,
+    /// What partitions look at, separated by commas (default: the states).
+    #[arg(long, value_name = "COLUMNS")]
+    pub(crate) partition_on: Option<List>,
     /// The statistic to write.
     #[arg(short, long, value_name = "STATS", default_value = "run.stats")]
     pub(crate) output: PathBuf,

@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     Derivative, Error, Fitted, Gap, Input, InputTable, Kind, PwaRequest, Recipe, RolloutCandidate, RolloutChoice,
-    fit_pwa, is_known,
+    fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
     pwa::Specification,
     rival, write_model,
@@ -25,9 +25,9 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     }
     recipe.say(arguments.pwa.clone());
     recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = files(&arguments.data)?;
+    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
     context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
-    if is_known(&recipe) && !arguments.dry_run {
+    if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {
         return fit_known::known(&recipe, &files, &arguments.output, context);
     }
     if arguments.dry_run {
@@ -121,14 +121,16 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     let mut header = vec!["partition", "regions"];
     header.extend(found.targets.iter().map(String::as_str));
     header.extend(["Mahalanobis", "loss", ""]);
+    // What sums do not know.
+    let quadratic = found.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
     let mut rows: Vec<Vec<String>> = found
         .candidates
         .iter()
         .enumerate()
         .map(|(index, score)| {
             let mut row = vec![score.specification.to_string(), score.regions.to_string()];
-            row.extend(score.over_null.iter().map(|&value| ratio(value)));
-            row.push(ratio(score.mahalanobis));
+            row.extend(if quadratic { &score.r2 } else { &score.over_null }.iter().map(|&value| ratio(value)));
+            row.push(if quadratic { "-".into() } else { ratio(score.mahalanobis) });
             row.push(if score.loss.is_nan() {
                 "-".into()
             } else {
@@ -144,9 +146,10 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     rows.push(sigma);
     let rollouts = fitted.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", by_rollouts(choice)));
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
+    let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
     format!(
         "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
-         mean absolute error over the null model's, {which}{}; loss: squared error over variance\n{}",
+         {what}, {which}{}; loss: squared error over variance\n{}",
         found.rows,
         count(fitted.episodes, "episode"),
         number(found.effective_rows),

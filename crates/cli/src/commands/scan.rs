@@ -14,6 +14,13 @@ use crate::{
 
 pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     let mut recipe = fit::recipe(&arguments.recipe)?;
+    if let Some(items) = &arguments.library {
+        recipe.library.functions.clone_from(&items.0);
+    }
+    recipe.model.partition = arguments.partition.clone().or(recipe.model.partition.take());
+    if let Some(on) = &arguments.partition_on {
+        recipe.model.partition_on = Some(on.0.clone());
+    }
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
     let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?;
     let options = ScanOptions { keys, chunk_rows: arguments.chunk_rows };
@@ -59,7 +66,7 @@ fn to_text(outcome: &ScanOutcome) -> String {
     let counts = file.scanned.counts();
     let before = outcome.before.map_or(String::new(), |before| format!(" (it was {})", bytes(before)));
     format!(
-        "scanned {}, {}, {} rows\n{}: {} complete rows, {} at borders, {} incomplete; {} of at most {} rows\n{}{before}",
+        "scanned {}, {}, {} rows\n{}: {} complete rows, {} at borders, {} incomplete; {} of at most {} rows\nserves without the logs: {}\n{}{before}",
         count(report.files, "file"),
         count(report.episodes, "episode"),
         report.rows,
@@ -69,6 +76,7 @@ fn to_text(outcome: &ScanOutcome) -> String {
         counts.incomplete,
         count(file.chunks(), "chunk"),
         file.plan.chunk_rows,
+        file.serves().join(", "),
         bytes(outcome.sizes.total),
     )
 }
@@ -77,7 +85,7 @@ fn to_json(outcome: &ScanOutcome, output: &std::path::Path) -> serde_json::Value
     let (file, report) = (&outcome.file, &outcome.report);
     let counts = file.scanned.counts();
     json!({
-        "file": output.display().to_string(), "plan": file.plan.hash(), "resumed": outcome.resumed,
+        "file": output.display().to_string(), "plan": file.plan_hash(), "serves": file.serves(), "resumed": outcome.resumed,
         "scanned": { "files": report.files, "episodes": report.episodes, "rows": report.rows },
         "skipped": report.skipped, "notes": report.notes,
         "files": file.files.len(), "episodes": file.episodes.len(), "chunks": file.chunks(), "chunk_rows": file.plan.chunk_rows,
@@ -99,7 +107,7 @@ fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
     let latents: Vec<String> =
         plan.latents.iter().map(|(name, functions)| format!("{name} ({})", count(*functions, "function"))).collect();
     format!(
-        "{}{skipped}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}\none pass over the rows; {} of at most {} rows; about {} of statistics",
+        "{}{skipped}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
         count(plan.files, "file"),
         plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
         plan.rows,
@@ -109,9 +117,14 @@ fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
         plan.tasks.join(", "),
         count(plan.latents.len(), "latent"),
         latents.join(", "),
+        if plan.equation_passes == 0 {
+            "one pass".into()
+        } else {
+            format!("at most {} passes", 1 + plan.equation_passes)
+        },
         count(plan.chunks, "chunk"),
         plan.chunk_rows,
-        bytes(plan.bytes as u64),
+        bytes((plan.bytes + plan.equation_bytes) as u64),
     )
 }
 
@@ -120,6 +133,7 @@ fn plan_json(plan: &fleetfoot::statistic::ScanPlan) -> serde_json::Value {
         "files": plan.files, "skipped": plan.skipped, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "tasks": plan.tasks,
         "latents": plan.latents.iter().map(|(name, functions)| json!({ "name": name, "functions": functions })).collect::<Vec<_>>(),
         "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes), "cached": plan.decoded.map(|(_, cached)| cached),
-        "passes": 1, "chunk_rows": plan.chunk_rows, "chunks": plan.chunks, "bytes": plan.bytes,
+        "passes": 1 + plan.equation_passes, "chunk_rows": plan.chunk_rows, "chunks": plan.chunks,
+        "bytes": plan.bytes + plan.equation_bytes,
     })
 }

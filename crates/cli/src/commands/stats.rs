@@ -66,7 +66,7 @@ fn info_text(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Stri
         .map(|latent| format!("{} ({})", latent.name, count(latent.functions.len(), "function")))
         .collect();
     let mut text = format!(
-        "{}, {}: {} complete rows, {} at borders, {} incomplete\n{} of at most {} rows; plan {}; fleetfoot {}\n{}\nlatents: {}",
+        "{}, {}: {} complete rows, {} at borders, {} incomplete\n{} of at most {} rows; plan {}; fleetfoot {}\n{}\nlatents: {}\nserves without the logs: {}",
         count(file.files.len(), "file"),
         count(file.episodes.len(), "episode"),
         counts.complete,
@@ -74,10 +74,11 @@ fn info_text(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Stri
         counts.incomplete,
         count(file.chunks(), "chunk"),
         file.plan.chunk_rows,
-        file.plan.hash(),
+        file.plan_hash(),
         file.version,
         table(&header, rows),
         latents.join(", "),
+        file.serves().join(", "),
     );
     for (label, values) in file.by_label() {
         let rows = values
@@ -121,7 +122,7 @@ fn info_json(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Valu
     let counts = file.scanned.counts();
     let regression = &file.plan.regression;
     json!({
-        "plan": file.plan.hash(), "version": file.version, "partial": file.is_partial(),
+        "plan": file.plan_hash(), "version": file.version, "partial": file.is_partial(), "serves": file.serves(),
         "rows": { "complete": counts.complete, "at_border": counts.at_border, "incomplete": counts.incomplete },
         "chunks": file.chunks(), "chunk_rows": file.plan.chunk_rows,
         "tasks": tasks.iter().map(|task| json!({

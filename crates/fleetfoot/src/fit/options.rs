@@ -63,12 +63,12 @@ impl PwaOptions {
     }
 
     /// The columns that partitions need beside the recipe's.
-    pub(super) fn labels(&self) -> Vec<String> {
+    pub(crate) fn labels(&self) -> Vec<String> {
         self.identification.partitions.iter().filter_map(|own| own.label().map(str::to_owned)).collect()
     }
 
     /// What the identification is told of rows that are `step` seconds apart; 0 where they have no clock.
-    pub(super) fn of_step(&self, step: f64) -> Options {
+    pub(crate) fn of_step(&self, step: f64) -> Options {
         let mut options = self.identification.clone();
         if let (Some(seconds), true) = (self.purge, step > 0.0) {
             options.purge = Some((seconds / step).ceil() as usize);

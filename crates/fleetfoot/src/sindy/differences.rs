@@ -36,6 +36,24 @@ pub struct DifferenceErrors {
     pub noise: f64,
 }
 
+impl DifferenceErrors {
+    /// Of the order that is used: the errors of orders 2, 4 and 6, then its own truncation and noise.
+    pub(crate) fn new(order: usize, by_order: [f64; 3], [truncation, noise]: [f64; 2]) -> Self {
+        Self { order, by_order, truncation, noise }
+    }
+}
+
+/// What the data settled of a central difference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SettledDifference {
+    /// Rows to either side that it takes, 1 to 3; its order is twice that.
+    pub reach: usize,
+    /// How the stamps lie.
+    pub spacing: Spacing,
+    /// What the data say of its error.
+    pub errors: Option<DifferenceErrors>,
+}
+
 /// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: what they neglect is smaller than the derivative by that much.
 const EVEN: f64 = 1e-4;
 
@@ -117,14 +135,46 @@ impl EquationTask {
             if measured {
                 central.settle(squares);
             }
-            let equation = &mut task.fitted[at];
-            equation.measure(central.form.expression());
-            equation.difference = Some(central.form.truncation());
-            equation.central = Some(central);
-            let of = |one: &&mut Equation| one.right.columns().iter().any(|name| **name == *equation.latent);
-            let same = task.equations.iter_mut().filter(|one| one.target.is_some()).filter(of);
-            same.for_each(|one| one.target = Some(equation.measured.clone()));
+            task.measure_by(at, central);
         }
         Ok(task)
+    }
+
+    /// Measures the left side of a fitted equation by a central difference.
+    fn measure_by(&mut self, at: usize, central: Difference) {
+        let equation = &mut self.fitted[at];
+        equation.measure(central.form.expression());
+        equation.difference = Some(central.form.truncation());
+        equation.central = Some(central);
+        let of = |one: &&mut Equation| one.right.columns().iter().any(|name| **name == *equation.latent);
+        let same = self.equations.iter_mut().filter(|one| one.target.is_some()).filter(of);
+        same.for_each(|one| one.target = Some(equation.measured.clone()));
+    }
+
+    /// How the derivative of every fitted equation was settled; `None` where it is no central difference.
+    pub(crate) fn settled_differences(&self) -> Vec<Option<SettledDifference>> {
+        let of = |equation: &FittedEquation| {
+            let Difference { form, errors, .. } = equation.central.as_ref()?;
+            let settled = SettledDifference { reach: form.reach, spacing: form.spacing, errors: *errors };
+            Some(settled).filter(|_| equation.measured == form.expression())
+        };
+        self.fitted.iter().map(of).collect()
+    }
+
+    /// The task with its derivatives as those of an equal one were settled: where an equation of `raw` (as it was before) asks for the same derivative, it is
+    /// settled alike.
+    pub(crate) fn differentiated_like(mut self, raw: &Self, settled: &[Option<SettledDifference>]) -> Self {
+        for at in 0..self.fitted.len() {
+            let own = &self.fitted[at];
+            let same = |other: &FittedEquation| {
+                (&other.label, &other.measured, &other.central) == (&own.label, &own.measured, &own.central)
+            };
+            let Some(place) = raw.fitted.iter().position(same) else { continue };
+            if let (Some(mut central), Some(Some(kept))) = (own.central.clone(), settled.get(place)) {
+                (central.form.reach, central.form.spacing, central.errors) = (kept.reach, kept.spacing, kept.errors);
+                self.measure_by(at, central);
+            }
+        }
+        self
     }
 }

@@ -2,15 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use faer::ColRef;
-use fleetfoot_data::{Episode, Progress, Source};
+use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::Partition;
-use fleetfoot_pwa::{Problem, Specification};
-use fleetfoot_sparse::system::{
-    SampledChunks, System, SystemPlan, SystemScan, Unit, sampled_by_chunk, sampled_mean_squares,
-};
+use fleetfoot_pwa::Specification;
+use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 
-use super::{EquationTask, FittedEquation, ParameterReport, Provenance, estimation};
+use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen};
 use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
 
 /// A task and the statistic of its rows.
@@ -25,13 +22,11 @@ pub struct Evidence {
     pub scan: SystemScan,
     /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
     pub resolution: Vec<f64>,
-    /// The same on the rows of every unit of the scan: how many were sampled, and the mean over them (equations); `None` where none were.
-    pub(super) resolution_by_unit: Vec<Option<(usize, Vec<f64>)>>,
     /// The parameters' estimates.
     pub parameters: Vec<ParameterReport>,
     /// Sampling period, seconds.
     pub step: f64,
-    /// Identities and names of the episodes that have rows.
+    /// Identities and names of the episodes that have rows, in the order of the identities.
     pub episodes: Vec<(String, String)>,
     /// What the user should know.
     pub notes: Vec<String>,
@@ -43,23 +38,13 @@ impl Evidence {
     /// # Errors
     /// Those of the recipe, of reading, of estimating parameters and of partitions; no rows, or fewer than candidates.
     pub fn of_logs(recipe: &Recipe, seed: u64, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
-        let (mut dataset, mut task) = Dataset::for_equations(recipe, logs, progress)?;
+        let (mut dataset, task) = Dataset::for_equations(recipe, logs, progress)?;
         refuse_large(&task, dataset.rows())?;
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());
-        task = task.differentiated(&dataset.view()?, &mut notes)?;
-        let mut parameters = Vec::new();
-        if !task.parameters.is_empty() {
-            progress.stage("parameters");
-            let found = estimation::estimate(&task, &dataset.view()?, &mut notes, progress)?;
-            let values: BTreeMap<String, f64> =
-                found.iter().map(|parameter| (parameter.name.clone(), parameter.value)).collect();
-            task = task.settled(&values);
-            dataset.see(&task.aliases);
-            parameters = found;
-        }
-        let mut found = Self::of_rows(recipe, seed, task, dataset.step(), &dataset.view()?, progress)?;
-        found.parameters = parameters;
+        let mut frozen = Frozen::differentiated(task, &dataset.view()?, &mut notes)?;
+        frozen.estimate(&mut dataset, &mut notes, progress)?;
+        let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
         notes.append(&mut found.notes);
         found.notes = notes;
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
@@ -67,57 +52,54 @@ impl Evidence {
         Ok(found)
     }
 
-    /// The evidence of rows, for a task without parameters; whether they are enough is for the caller to look at ([`Evidence::check`]).
+    /// The evidence of rows, for what was settled before their pass; whether they are enough is for the caller to look at ([`Evidence::check`]).
     pub(super) fn of_rows(
         recipe: &Recipe,
         seed: u64,
-        task: EquationTask,
+        frozen: Frozen,
         step: f64,
         view: &dyn Source,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let mut notes = Vec::new();
-        let partition = partition(recipe, &task, seed, step, view, &mut notes, progress)?;
+        let partition = frozen.partition(recipe, seed, step, view, &mut notes, progress)?;
         progress.stage("scan");
-        let system = System { partition: partition.clone(), ..task.system() };
-        let plan = SystemPlan::new(system, None, view)?;
+        let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
+        let names = view.episodes().iter().map(|episode| (episode.id, episode.name.clone())).collect();
+        Ok(Self::new(frozen, plan.system.partition, scan, step, (&names, notes)))
+    }
+
+    /// What was frozen, and the statistic of its rows; `names` are those of the episodes.
+    pub(super) fn new(
+        frozen: Frozen,
+        partition: Option<Partition>,
+        scan: SystemScan,
+        step: f64,
+        (names, notes): (&BTreeMap<EpisodeId, String>, Vec<String>),
+    ) -> Self {
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
-        let mut seen = BTreeSet::new();
-        let name = |episode: &Episode| (episode.id.to_string(), episode.name.clone());
-        let episodes = view.episodes().iter().filter(|episode| used.contains(&episode.id) && seen.insert(episode.id));
-        let episodes = episodes.map(name).collect();
-        let resolution = task.resolution(view)?;
-        let mut by_chunk = task.resolution_by_chunk(view, plan.chunk_rows)?;
-        let of = |unit: &Unit| by_chunk.remove(&(unit.episode, unit.chunk));
-        let resolution_by_unit = scan.units().iter().map(of).collect();
-        Ok(Self {
+        let name = |id: &EpisodeId| (id.to_string(), names.get(id).cloned().unwrap_or_default());
+        let Frozen { task, parameters } = frozen;
+        let mut found = Self {
+            episodes: used.iter().map(name).collect(),
+            resolution: Vec::new(),
             task,
             partition,
             scan,
-            resolution,
-            resolution_by_unit,
-            parameters: Vec::new(),
+            parameters,
             step,
-            episodes,
             notes,
-        })
+        };
+        found.resolution = found.resolution_of(|_| 1.0);
+        found
     }
 
-    /// Mean squared error of the differences on the units of positive weight; that on all rows where none of theirs was sampled.
-    pub(super) fn resolution_of(&self, weights: ColRef<'_, f64>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.resolution.len()];
-        let mut rows = 0;
-        for (unit, found) in self.resolution_by_unit.iter().enumerate() {
-            if let Some((count, squares)) = found.as_ref().filter(|_| weights[unit] > 0.0) {
-                rows += count;
-                sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += *count as f64 * square);
-            }
-        }
-        if rows == 0 {
-            return self.resolution.clone();
-        }
-        sums.iter().map(|sum| sum / rows as f64).collect()
+    /// Mean squared error of the differences, with a margin, on the units of positive weight; that on all rows where none of theirs was sampled.
+    pub(super) fn resolution_of(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut squares = self.scan.sampled_mean_squares(weight).into_iter();
+        let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| squares.next()).unwrap_or(0.0);
+        self.task.fitted.iter().map(of).map(|square| MARGIN * square).collect()
     }
 
     /// What a model of this evidence carries.
@@ -180,27 +162,10 @@ impl Evidence {
 const MARGIN: f64 = 4.0;
 
 impl EquationTask {
-    /// The mean squared error, with a margin, of the differences that derivatives are measured by; from a sample of the rows.
-    fn resolution(&self, source: &dyn Source) -> Result<Vec<f64>, Error> {
-        let errors: Vec<_> = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
-        let mut found = sampled_mean_squares(&errors, source)?.into_iter();
-        let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| found.next()).unwrap_or(0.0);
-        Ok(self.fitted.iter().map(of).map(|square| MARGIN * square).collect())
-    }
-
-    /// The same chunk by chunk, with the rows that were sampled.
-    fn resolution_by_chunk(&self, source: &dyn Source, chunk_rows: usize) -> Result<SampledChunks, Error> {
-        let errors: Vec<_> = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
-        if errors.is_empty() {
-            return Ok(SampledChunks::new());
-        }
-        let mut by_chunk = sampled_by_chunk(&errors, source, chunk_rows)?;
-        for (_, squares) in by_chunk.values_mut() {
-            let mut found = std::mem::take(squares).into_iter();
-            let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| found.next()).unwrap_or(0.0);
-            *squares = self.fitted.iter().map(of).map(|square| MARGIN * square).collect();
-        }
-        Ok(by_chunk)
+    /// What is summed for a fit: the system in its regions, and the errors of its differences.
+    pub(crate) fn summed(&self, partition: Option<Partition>) -> System {
+        let sampled = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
+        System { sampled, partition, ..self.system() }
     }
 
     /// What is summed, in one region.
@@ -228,35 +193,8 @@ fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// The regions that the recipe asks for; `None` for one.
-fn partition(
-    recipe: &Recipe,
-    task: &EquationTask,
-    seed: u64,
-    step: f64,
-    source: &dyn Source,
-    notes: &mut Vec<String>,
-    progress: &dyn Progress,
-) -> Result<Option<Partition>, Error> {
-    let Some(specification) = specification(recipe)? else { return Ok(None) };
-    let problem = Problem {
-        columns: task.columns.clone(),
-        library: task.functions.clone(),
-        equations: task.equations.clone(),
-        partition_columns: task.partition_columns.clone(),
-        weight: task.weight.clone(),
-        step,
-    };
-    let mut options = fleetfoot_pwa::Options::default();
-    options.partitions = vec![specification];
-    options.seed = seed;
-    let mut found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
-    notes.append(&mut found.notes);
-    Ok(found.partitions.pop().map(|(_, partition)| partition))
-}
-
 /// The one partition that a recipe asks for; `None` for one region.
-pub(super) fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
+pub(crate) fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
     let Some(text) = &recipe.model.partition else { return Ok(None) };
     let mut list = Specification::parse_list(text)?;
     match (list.pop(), list.is_empty()) {

@@ -281,7 +281,7 @@ impl<'a> Solver<'a> {
             for (t, null) in held.null.iter_mut().enumerate() {
                 *null += test.total[t] + test.weight * (test.mean_y[t] - train.mean_y[t]).powi(2);
             }
-            let resolution = self.evidence.resolution_of(folds.test().col(fold));
+            let resolution = self.evidence.resolution_of(|unit| folds.test()[(unit, fold)]);
             held.folds.push(FoldProblem {
                 train: self.known(train.compressed(constant)),
                 test: test.compressed(constant).known_to(&resolution),
@@ -376,7 +376,7 @@ fn one(problem: &Compressed, target: usize) -> Compressed {
 }
 
 /// Keys of the units of a scan, for folds.
-pub(super) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
+pub(crate) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
     let key = |unit: &fleetfoot_sparse::system::Unit| Key {
         episode: unit.episode,
         chunk: unit.chunk,

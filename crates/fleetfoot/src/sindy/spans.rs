@@ -4,7 +4,7 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 
-use super::{EquationTask, Evidence, SindyOptions, Solver, coefficients};
+use super::{EquationTask, Evidence, Frozen, SindyOptions, Solver, coefficients};
 use crate::{
     Dataset, Derivative, Error, Kind, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
@@ -58,7 +58,8 @@ fn equations(
     rows: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Model, Error> {
-    let evidence = Evidence::of_rows(recipe, options.seed, task.clone(), step, rows, progress)?;
+    let frozen = Frozen { task: task.clone(), parameters: Vec::new() };
+    let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, progress)?;
     let mut notes = Vec::new();
     let solver = Solver::new(&evidence, options, false, &mut notes)?;
     let regions: Vec<_> = (0..evidence.scan.regions())

@@ -1,110 +1,130 @@
 //! Equations from a `.stats` file: no pass.
 
-use fleetfoot_library::Expr;
-use fleetfoot_sparse::system::SystemScan;
+use std::collections::BTreeMap;
 
-use super::{EquationTask, Evidence, evidence::specification};
-use crate::{Error, Logs, Recipe, StructuredTask};
+use fleetfoot_library::Expr;
+use fleetfoot_sparse::system::{System, SystemScan};
+
+use super::{EquationTask, Evidence, frozen::Frozen};
+use crate::{
+    Error, Logs, ModelSection, Recipe,
+    statistic::{EquationGroup, EquationStatistic, StatisticFile},
+};
 
 impl Evidence {
-    /// Reads the statistic of logs, scanned for plain equations, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to
-    /// predict is that of the scan.
+    /// Reads the statistic of logs, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to predict is that of the scan.
     ///
     /// # Errors
-    /// Those of reading; a question that needs rows; candidates or targets that were not summed.
+    /// Those of reading; a question that needs rows; candidates, targets or regions that were not summed.
     pub(super) fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<(Self, Recipe), Error> {
         refuse_rows(recipe)?;
         let file = logs.statistic()?;
-        let (mut own, scanned) = file.task()?;
-        let mut recipe = recipe.clone();
-        if recipe.states.is_empty() && recipe.model.predict.is_none() {
-            own.say(recipe.sindy);
-            own.model.degree = own.model.degree.or(Some(1));
-            recipe = Recipe { library: recipe.library, ..own };
-        }
+        let own = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+        let Some(equations) = &file.equations else { return Err(unserved(&file, &own)) };
+        let recipe = beneath(recipe, &own);
         let task = EquationTask::resolve(&recipe.expand(&file.fields)?, &file.fields)?;
-        let task = task.over(&scanned)?;
-        let scan = SystemScan::of_tasks(&file.scanned, &scanned.regression)?;
-        let used: std::collections::BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
-        let episodes = used
-            .iter()
-            .map(|id| (id.to_string(), file.episode(*id).map_or_else(String::new, |episode| episode.name.clone())));
-        let equations = task.fitted.len();
-        let differences = task.fitted.iter().any(|equation| equation.difference.is_some());
-        let notes = if differences {
-            vec![
-                "derivatives by differences: a statistic does not tell how large their error is, so that terms may be kept that explain it; the logs tell".into(),
-            ]
-        } else {
-            Vec::new()
-        };
-        let found = Self {
-            episodes: episodes.collect(),
-            step: file.step(),
-            task,
-            partition: None,
-            scan,
-            resolution: vec![0.0; equations],
-            resolution_by_unit: Vec::new(),
-            parameters: Vec::new(),
-            notes,
-        };
+        let scanned = EquationTask::resolve(&EquationStatistic::whole(&own), &file.fields)?;
+        let task = task.differentiated_like(&scanned, &equations.differences);
+        let group = equations.of(&recipe, &task.partition_columns)?;
+        let task = task.over(&group.plan.system)?;
+        let scan = SystemScan::new(&group.plan, &group.sums)?;
+        let names: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.name.clone())).collect();
+        let partition = group.plan.system.partition.clone();
+        let notes = notes(&task, group);
+        let frozen = Frozen { task, parameters: Vec::new() };
+        let found = Self::new(frozen, partition, scan, file.step(), (&names, notes));
         found.check()?;
         Ok((found, recipe))
     }
 }
 
+/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above.
+pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Recipe {
+    if !recipe.states.is_empty() || recipe.model.predict.is_some() {
+        return recipe.clone();
+    }
+    let mut whole = scanned.clone();
+    whole.say_all(recipe);
+    if recipe.library != Default::default() {
+        whole.library = recipe.library.clone();
+    }
+    let ModelSection { predict: _, degree, lags, weight, partition, partition_on } = recipe.model.clone();
+    let below = &mut whole.model;
+    (below.degree, below.lags) = (degree.or(below.degree), lags.or(below.lags));
+    below.weight = weight.or(below.weight.take());
+    below.partition = partition.or(below.partition.take());
+    below.partition_on = partition_on.or(below.partition_on.take());
+    whole
+}
+
+/// Why a statistic has no equations.
+fn unserved(file: &StatisticFile, recipe: &Recipe) -> Error {
+    let reason = match EquationStatistic::tasks(recipe, &file.fields) {
+        Err(error) => error.to_string(),
+        Ok(_) => "its plan sums the tasks of `fit sparse` alone, because columns of the equations are texts".to_owned(),
+    };
+    Error::other_statistic(format!(
+        "the statistic has no sums of equations for `fit sindy`: {reason}; give the logs, or `fleetfoot scan` them again with a recipe whose equations can be summed"
+    ))
+}
+
 /// What a statistic cannot answer.
 fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
-    let problem = if let Some(name) = recipe.parameters.keys().next() {
-        format!("[parameters] {name}: an estimate inside expressions needs the rows, which a statistic has not")
-    } else if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.nominal.is_some()) {
-        format!(
-            "[states] {name} nominal: what is left of a derivative is another target, which the statistic has not summed"
-        )
-    } else if specification(recipe)?.is_some() {
-        "--partition: regions need the rows, which a statistic has not".to_owned()
-    } else {
-        return Ok(());
-    };
-    Err(Error::needs_rows(format!("{problem}; give the logs instead")))
+    match recipe.parameters.keys().next() {
+        None => Ok(()),
+        Some(name) => Err(Error::needs_rows(format!(
+            "[parameters] {name}: an estimate inside expressions needs the rows, which a statistic has not; give the logs instead"
+        ))),
+    }
+}
+
+/// What is told beside the fit.
+fn notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
+    let mut notes = task.unit_notes();
+    if let Some(partition) = &group.plan.system.partition {
+        notes.push(format!("{}: the regions are those of the scan, frozen with its plan", partition.specification));
+    }
+    notes
 }
 
 impl EquationTask {
     /// The same equations over the candidates of a scan, of which they may have those that they had before.
-    fn over(self, scanned: &StructuredTask) -> Result<Self, Error> {
-        let regression = &scanned.regression;
-        let found: Vec<&Expr> = regression.tasks.iter().map(|task| &task.target).collect();
+    fn over(self, scanned: &System) -> Result<Self, Error> {
         let wanted: Vec<&Expr> = self.fitted.iter().map(|equation| &equation.target).collect();
-        if found != wanted || regression.weight != self.weight {
-            let names: Vec<&str> = regression.tasks.iter().map(|task| task.name.as_str()).collect();
+        if !scanned.targets.iter().eq(wanted.iter().copied()) || scanned.weight != self.weight {
+            let weight = |weight: &Option<Expr>| weight.as_ref().map_or("1".to_owned(), Expr::to_string);
+            let list =
+                |targets: &mut dyn Iterator<Item = &Expr>| targets.map(Expr::to_string).collect::<Vec<_>>().join(", ");
             return Err(Error::other_statistic(format!(
-                "the statistic is of other equations or weights: it has {}; fit with the recipe of its scan, or give the logs",
-                names.join(", ")
+                "the statistic is of other equations or weights: it has the left sides {} with the weight {}, the recipe asks for {} with {}; fit with the \
+                 recipe of its scan, scan again with this one, or give the logs",
+                list(&mut scanned.targets.iter()),
+                weight(&scanned.weight),
+                list(&mut wanted.into_iter()),
+                weight(&self.weight)
             )));
         }
-        let all = regression.latents.first().map_or(&[][..], |latent| latent.functions.as_slice());
-        let functions: Vec<Expr> = all.iter().filter(|function| function.as_number() != Some(1.0)).cloned().collect();
         let first = usize::from(self.constant);
         let mut places: Vec<usize> = (0..first).collect();
         for function in &self.functions {
-            let place = functions.iter().position(|known| known == function).ok_or_else(|| {
+            let place = scanned.functions.iter().position(|known| known == function).ok_or_else(|| {
                 Error::other_statistic(format!(
-                    "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), or give the logs",
-                    functions.len()
+                    "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the --library or --degree that has it, \
+                     or give the logs",
+                    scanned.functions.len()
                 ))
             })?;
             places.push(first + place);
         }
         let mut task = self;
         for equation in &mut task.fitted {
-            let mut allowed = vec![false; first + functions.len()];
+            let mut allowed = vec![false; first + scanned.functions.len()];
             equation.allowed.iter().zip(&places).filter(|(own, _)| **own).for_each(|(_, &place)| allowed[place] = true);
             equation.allowed = allowed;
             equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
             equation.fixed.sort_unstable();
         }
-        task.functions = functions;
+        task.functions = scanned.functions.clone();
         Ok(task)
     }
 }

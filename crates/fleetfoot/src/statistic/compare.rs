@@ -1,7 +1,9 @@
 //! Whether two plans are the same, and what differs.
 
-use super::{ColumnRecord, StatisticError, StatisticFile};
-use crate::{Error, StructuredTask};
+use fleetfoot_data::Column;
+
+use super::{ColumnRecord, EquationStatistic, StatisticError, StatisticFile};
+use crate::{Error, Recipe, StructuredTask};
 
 /// Lines of a difference that are shown.
 const SHOWN: usize = 16;
@@ -9,6 +11,12 @@ const SHOWN: usize = 16;
 impl StatisticFile {
     /// The plan for people: one line a fact, columns included, coordinates left out.
     pub fn plan_text(&self) -> String {
+        let equations = self.equations.as_ref().map_or_else(String::new, EquationStatistic::text);
+        format!("{}{equations}", self.tasks_text())
+    }
+
+    /// The part of the plan that `fit sparse` asks for.
+    fn tasks_text(&self) -> String {
         format!("{}{}", self.plan.text(), columns_text(&self.columns))
     }
 
@@ -21,7 +29,7 @@ impl StatisticFile {
         if !lines.is_empty() {
             return refuse(lines, "scan both with one recipe, and the second with --plan FILE of the first");
         }
-        if self.plan.hash() != other.plan.hash() {
+        if self.plan_hash() != other.plan_hash() {
             return refuse(
                 "  the same columns, functions and tasks, in other coordinates: each scan chose its own from a sample of its rows".to_owned(),
                 "scan one of them again with --plan and the other",
@@ -57,7 +65,29 @@ impl StatisticFile {
             })
             .collect();
         let wanted = format!("{}{}", plan.text(), columns_text(&columns));
-        let lines = difference(&self.plan_text(), &wanted, units(&self.columns, &columns));
+        Self::refuse_difference(&self.tasks_text(), &wanted, units(&self.columns, &columns), [left, right])
+    }
+
+    /// That a recipe with these fields asks for the equations that this statistic holds, where it holds any.
+    pub(super) fn accepts_equations(
+        &self,
+        recipe: &Recipe,
+        fields: &[Column],
+        [left, right]: [&str; 2],
+    ) -> Result<(), Error> {
+        let Some(equations) = &self.equations else { return Ok(()) };
+        let own = Recipe::parse(&self.recipe, "the recipe of the statistic")?;
+        let wanted = equations.text_of((recipe, fields), (&own, &self.fields))?;
+        Self::refuse_difference(&equations.text(), &wanted, Vec::new(), [left, right])
+    }
+
+    fn refuse_difference(
+        own: &str,
+        wanted: &str,
+        units: Vec<(String, String)>,
+        [left, right]: [&str; 2],
+    ) -> Result<(), Error> {
+        let lines = difference(own, wanted, units);
         if lines.is_empty() {
             return Ok(());
         }

@@ -17,7 +17,8 @@ use super::StatisticError;
 
 /// The first bytes. The first is no text, the last is changed by transfers that think it is.
 const MAGIC: [u8; 8] = *b"\x8fFFSTAT\n";
-const VERSION: u32 = 1;
+/// 2: the sums of equations.
+pub(super) const VERSION: u32 = 2;
 const HEAD: usize = 16;
 const SECTION_HEAD: usize = 20;
 const HASH: usize = 32;
@@ -122,8 +123,11 @@ impl<'a> Sections<'a> {
         let (body, hash) = bytes.split_at(bytes.len() - HASH);
         let whole = blake3::hash(body).as_bytes() == hash;
         let version = word(body, MAGIC.len());
-        if whole && version != VERSION {
+        if whole && version > VERSION {
             return Err(StatisticError::Newer { path: path.to_owned(), version });
+        }
+        if whole && version < VERSION {
+            return Err(StatisticError::Older { path: path.to_owned(), version });
         }
         let found = walk(body).map_err(|(place, problem)| damaged(place, problem))?;
         if !whole {

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::container::VERSION;
+
 /// Why a `.stats` file, or what was asked of it, was refused.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -21,8 +23,19 @@ pub enum StatisticError {
         path: PathBuf,
     },
     /// A format of the future.
-    #[error("{}: its format is {version} and this fleetfoot reads 1; use a newer fleetfoot, or scan the logs again", path.display())]
+    #[error("{}: its format is {version} and this fleetfoot reads {VERSION}; use a newer fleetfoot, or scan the logs again", path.display())]
     Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        version: u32,
+    },
+    /// A format of the past.
+    #[error(
+        "{}: its format is {version} and this fleetfoot reads {VERSION}: it lacks sums that are kept now; scan the logs again, or use the fleetfoot that wrote it",
+        path.display()
+    )]
+    Older {
         /// The file.
         path: PathBuf,
         /// Its format.

@@ -12,11 +12,13 @@ use fleetfoot_sparse::structured::{Plan, RowCounts, Scanned, TaskStats};
 use fleetfoot_stats::Stats;
 
 use super::{
-    ContentHash, StatisticError,
+    ContentHash, EquationStatistic, StatisticError,
     container::{Sections, Sizes, Writer},
+    equation_records::EquationsRecord,
+    equation_sections::{GROUP_SECTIONS, sums, systems},
     records::{EpisodeEntry, FieldRecord, FileEntry, HeadRecord, PlanRecord, SourceRecord, from_bytes, to_bytes},
 };
-use crate::{Error, Recipe, StructuredTask};
+use crate::{Error, Recipe, StructuredTask, fit_statistic};
 
 /// A file that was scanned.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,6 +72,8 @@ pub struct StatisticFile {
     pub plan: Plan,
     /// The sums.
     pub scanned: Scanned,
+    /// The sums of the recipe's equations, for `fit sindy`; `None` where it has none that a statistic can serve, or they were not wanted.
+    pub equations: Option<EquationStatistic>,
     /// The episodes, in the order of their identities.
     pub episodes: Vec<EpisodeRecord>,
     /// The files, in the order of their names.
@@ -96,6 +100,7 @@ impl StatisticFile {
         };
         Self {
             scanned: plan.empty(),
+            equations: None,
             plan,
             episodes: Vec::new(),
             files: Vec::new(),
@@ -111,6 +116,7 @@ impl StatisticFile {
     pub fn without_rows(&self) -> Self {
         Self {
             scanned: self.plan.empty(),
+            equations: self.equations.as_ref().map(EquationStatistic::without_rows),
             episodes: Vec::new(),
             files: Vec::new(),
             command: None,
@@ -120,6 +126,37 @@ impl StatisticFile {
             columns: self.columns.clone(),
             version: self.version.clone(),
         }
+    }
+
+    /// Hash of all that was frozen before the scan.
+    pub fn plan_hash(&self) -> String {
+        match &self.equations {
+            None => self.plan.hash(),
+            Some(equations) => {
+                let text = format!("{}\n{}", self.plan.hash(), equations.hash());
+                blake3::hash(text.as_bytes()).to_hex()[..32].to_owned()
+            }
+        }
+    }
+
+    /// What can be fitted without the logs, for people: the methods, each with its regions.
+    pub fn serves(&self) -> Vec<String> {
+        let mut methods = vec!["fit sparse".to_owned()];
+        let mut add = |method: &str, regions: Vec<String>| {
+            if !regions.is_empty() {
+                methods.push(format!("fit {method} (--partition {})", regions.join(" | ")));
+            }
+        };
+        let groups = self.equations.iter().flat_map(|equations| &equations.groups);
+        let mut regions: Vec<String> = Vec::new();
+        for group in groups {
+            if !regions.iter().any(|known| known == group.name()) {
+                regions.push(group.name().to_owned());
+            }
+        }
+        add("sindy", regions);
+        add("pwa", fit_statistic::served(self));
+        methods
     }
 
     /// The record of an episode.
@@ -238,7 +275,7 @@ impl StatisticFile {
 
     fn encode<W: std::io::Write>(&self, out: W, io: &dyn Fn(std::io::Error) -> Error) -> Result<(W, Sizes), Error> {
         let plan = PlanRecord::new(&self.plan)?;
-        let head = HeadRecord { version: self.version.clone(), plan: self.plan.hash(), command: self.command };
+        let head = HeadRecord { version: self.version.clone(), plan: self.plan_hash(), command: self.command };
         let source = SourceRecord {
             recipe: self.recipe.clone(),
             fields: self.fields.iter().map(FieldRecord::new).collect(),
@@ -249,7 +286,9 @@ impl StatisticFile {
             .iter()
             .map(|file| FileEntry { name: file.name.clone(), hash: file.hash.0, bytes: file.bytes })
             .collect();
-        let mut writer = Writer::new(out, (6 + self.scanned.tasks.len()) as u32).map_err(io)?;
+        let groups = self.equations.as_ref().map_or(&[][..], |equations| &equations.groups);
+        let count = 7 + self.scanned.tasks.len() + GROUP_SECTIONS.len() * groups.len();
+        let mut writer = Writer::new(out, count as u32).map_err(io)?;
         writer.section("head", &to_bytes(&head)).map_err(io)?;
         writer.section("plan", &to_bytes(&plan)).map_err(io)?;
         writer.section("source", &to_bytes(&source)).map_err(io)?;
@@ -259,6 +298,13 @@ impl StatisticFile {
             writer.section("task", &task.stats.to_bytes()).map_err(io)?;
         }
         writer.section("also", &self.scanned.also.to_bytes()).map_err(io)?;
+        let equations = self.equations.as_ref().map(EquationStatistic::record).transpose()?;
+        writer.section("systems", &to_bytes(&equations)).map_err(io)?;
+        for group in groups {
+            for (name, bytes) in GROUP_SECTIONS.into_iter().zip(group.sections()) {
+                writer.section(name, &bytes).map_err(io)?;
+            }
+        }
         writer.finish().map_err(io)
     }
 
@@ -309,9 +355,6 @@ impl StatisticFile {
         let plan = record::<PlanRecord>(&mut sections, "plan")?.into_plan();
         let plan = plan.map_err(|problem| sections.damaged("section `plan`", &problem))?;
         let hash = plan.hash();
-        if hash != head.plan {
-            return Err(sections.damaged("section `plan`", "its hash is another"));
-        }
         let source: SourceRecord = record(&mut sections, "source")?;
         let files: Vec<FileEntry> = record(&mut sections, "files")?;
         let episodes: Vec<EpisodeEntry> = record(&mut sections, "episodes")?;
@@ -321,10 +364,15 @@ impl StatisticFile {
             *task = TaskStats { preconditioner: preconditioner.clone(), stats };
         }
         scanned.also = statistics(&mut sections, "also", &hash, plan.also.len())?;
+        let equations = match record::<Option<EquationsRecord>>(&mut sections, "systems")? {
+            Some(equations) => Some(systems(&mut sections, equations)?),
+            None => None,
+        };
         sections.end()?;
         let mut file = Self {
             plan,
             scanned,
+            equations,
             episodes: Vec::new(),
             files: files
                 .into_iter()
@@ -340,6 +388,9 @@ impl StatisticFile {
             version: head.version,
             command: head.command,
         };
+        if file.plan_hash() != head.plan {
+            return Err(sections.damaged("section `plan`", "its hash is another"));
+        }
         for entry in episodes {
             file.take(entry).map_err(|problem| sections.damaged("section `episodes`", problem))?;
         }
@@ -388,21 +439,24 @@ impl StatisticFile {
         if keys().any(|key| self.episode(key.episode).is_none()) {
             return Err("a chunk of an episode that is not there");
         }
-        Ok(())
+        let known = |episode| self.episode(episode).is_some();
+        self.equations.as_ref().map_or(Ok(()), |equations| equations.check(known))
     }
 }
 
-fn record<T: serde::de::DeserializeOwned>(sections: &mut Sections<'_>, name: &str) -> Result<T, StatisticError> {
+/// The record that is a section.
+pub(super) fn record<T: serde::de::DeserializeOwned>(
+    sections: &mut Sections<'_>,
+    name: &str,
+) -> Result<T, StatisticError> {
     let bytes = sections.next(name)?;
     from_bytes(bytes).map_err(|problem| sections.damaged(&format!("section `{name}`"), &problem))
 }
 
 fn statistics(sections: &mut Sections<'_>, name: &str, plan: &str, dimension: usize) -> Result<Stats, StatisticError> {
-    let place = format!("section `{name}`");
-    let bytes = sections.next(name)?;
-    let stats = Stats::from_bytes(plan, bytes).map_err(|error| sections.damaged(&place, &error.to_string()))?;
+    let stats: Stats = sums(sections, name, plan)?;
     if stats.dimension().is_some_and(|d| d != dimension) {
-        return Err(sections.damaged(&place, "it has other columns than the plan"));
+        return Err(sections.damaged(&format!("section `{name}`"), "it has other columns than the plan"));
     }
     Ok(stats)
 }

@@ -35,6 +35,9 @@ impl StatisticFile {
             return Err(StatisticError::SameLog { left: left.to_owned(), right: right.to_owned(), names: twice }.into());
         }
         self.scanned.merge(other.scanned)?;
+        if let (Some(own), Some(others)) = (&mut self.equations, other.equations) {
+            own.merge(others)?;
+        }
         // What is told beside the sums must not depend on the order of merges.
         if (&other.recipe, &other.version) < (&self.recipe, &self.version) {
             (self.recipe, self.version) = (other.recipe, other.version);
@@ -77,7 +80,7 @@ impl StatisticFile {
                 other.episodes.iter().filter(|episode| gone(&episode.file)).map(|episode| episode.id).collect();
             other.files.retain(|file| !gone(&file.hash));
             other.episodes.retain(|episode| !episodes.contains(&episode.id));
-            other.scanned.retain(|id| !episodes.contains(&id));
+            other.retain(|id| !episodes.contains(&id));
         }
         self.merge("the statistic", other, "the one added to it")?;
         Ok(skipped)
@@ -119,12 +122,20 @@ impl StatisticFile {
         }
         let parted = self.episodes.iter().filter(|episode| dropped.contains(&episode.id));
         let (names, files): (Vec<_>, Vec<_>) = parted.map(|episode| (episode.name.clone(), episode.file)).unzip();
-        self.scanned.retain(|id| !dropped.contains(&id));
+        self.retain(|id| !dropped.contains(&id));
         self.episodes.retain(|episode| !dropped.contains(&episode.id));
         let left: HashSet<_> = self.episodes.iter().map(|episode| episode.file).collect();
         self.files.retain(|file| left.contains(&file.hash) || !files.contains(&file.hash));
         self.arrange();
         Ok(names)
+    }
+
+    /// Keeps the sums of the episodes that are wanted.
+    fn retain(&mut self, wanted: impl Fn(EpisodeId) -> bool) {
+        self.scanned.retain(&wanted);
+        if let Some(equations) = &mut self.equations {
+            equations.retain(&wanted);
+        }
     }
 
     fn matching(&self, unwanted: &Unwanted) -> Vec<EpisodeId> {
@@ -176,6 +187,9 @@ impl StatisticFile {
     /// Joins the chunks of every episode into one: a smaller file, of which block bootstrap and folds within an episode are no longer possible.
     pub fn compact(&mut self) {
         self.scanned.compact();
+        if let Some(equations) = &mut self.equations {
+            equations.compact();
+        }
     }
 
     /// Number of chunks.

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use fleetfoot_data::{Progress, Source};
 
 use super::{
-    ContentHash, ScanOptions, StatisticFile,
+    ContentHash, EquationStatistic, ScanOptions, StatisticFile,
     content::hash_logs,
     scan::{chunk_bytes, default_chunk},
 };
@@ -38,8 +38,12 @@ pub struct ScanPlan {
     pub chunk_rows: usize,
     /// Chunks; at least, where the episodes are not known.
     pub chunks: usize,
-    /// Bytes of the statistic, about.
+    /// Bytes of the sums for `fit sparse`, about; one pass makes them.
     pub bytes: usize,
+    /// Bytes of the sums of equations beside them, about; 0 where a scan makes none.
+    pub equation_bytes: usize,
+    /// Passes that the equations take beside the first, at most: clusterings, and sums whose chunks are of another length.
+    pub equation_passes: usize,
     /// What was assumed or left out.
     pub notes: Vec<String>,
 }
@@ -80,8 +84,9 @@ impl StatisticFile {
         progress: &dyn Progress,
     ) -> Result<ScanPlan, Error> {
         let logs = &logs.into();
-        let (_, _, task) = Dataset::structure(recipe, logs)?;
+        let (expanded, fields, task) = Dataset::structure(recipe, logs)?;
         self.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
+        self.accepts_equations(&expanded, &fields, ["the statistic", "the recipe"])?;
         let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, progress)?;
         let plan = match new.is_empty() {
             true => ScanPlan::new(&task, 0, self.plan.chunk_rows, 0),
@@ -109,17 +114,23 @@ fn plan_new(
         let chunk_rows = chunk(&task, rows);
         let decoded = Some((cost.decoded_bytes, cost.cached));
         let chunks = rows.div_ceil(chunk_rows).max(logs.len());
-        return Ok(ScanPlan { rows, decoded, columns, ..ScanPlan::new(&task, logs.len(), chunk_rows, chunks) });
+        let (recipe, fields, _) = Dataset::structure(recipe, logs)?;
+        let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, rows);
+        let plan = ScanPlan::new(&task, logs.len(), chunk_rows, chunks);
+        return Ok(ScanPlan { rows, decoded, columns, equation_bytes, equation_passes, ..plan });
     }
-    let OpenedStructure { dataset, task, .. } = Dataset::for_structure(recipe, logs, progress)?;
+    let OpenedStructure { dataset, task, recipe, fields, .. } = Dataset::for_scan(recipe, logs, true, progress)?;
     let view = dataset.view()?;
     let chunk_rows = chunk(&task, view.rows());
     let chunks = view.episodes().iter().map(|episode| episode.rows.div_ceil(chunk_rows)).sum();
+    let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, view.rows());
     Ok(ScanPlan {
         episodes: Some(view.episodes().len()),
         rows: view.rows(),
         columns: dataset.columns(),
         notes: dataset.notes().to_vec(),
+        equation_bytes,
+        equation_passes,
         ..ScanPlan::new(&task, logs.len(), chunk_rows, chunks)
     })
 }
@@ -139,6 +150,8 @@ impl ScanPlan {
             chunk_rows,
             chunks,
             bytes: chunks.saturating_mul(chunk_bytes(task)),
+            equation_bytes: 0,
+            equation_passes: 0,
             notes: Vec::new(),
         }
     }

@@ -134,15 +134,16 @@ pub(super) fn print(expr: &Expr) -> Result<String, StatisticError> {
     }
 }
 
-fn parse(text: &str) -> Result<Expr, String> {
+/// What [`print`] wrote.
+pub(super) fn parse(text: &str) -> Result<Expr, String> {
     Expr::parse(text, &Scope::open()).map_err(|error| format!("`{text}`: {error}"))
 }
 
-fn print_all(expressions: &[Expr]) -> Result<Vec<String>, StatisticError> {
+pub(super) fn print_all(expressions: &[Expr]) -> Result<Vec<String>, StatisticError> {
     expressions.iter().map(print).collect()
 }
 
-fn parse_all(texts: &[String]) -> Result<Vec<Expr>, String> {
+pub(super) fn parse_all(texts: &[String]) -> Result<Vec<Expr>, String> {
     texts.iter().map(|text| parse(text)).collect()
 }
 

@@ -12,11 +12,14 @@ use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
 
 use super::{
-    ContentHash, FileRecord, LabelKey, StatisticError, StatisticFile,
+    ContentHash, EquationStatistic, FileRecord, LabelKey, StatisticError, StatisticFile,
     content::{Hashed, hash_logs},
+    equations::{refuse_unprintable, unserved},
     subset::Subset,
 };
-use crate::{Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, left_out::left_out};
+use crate::{
+    Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, left_out::left_out, sindy::EquationTask,
+};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -64,6 +67,21 @@ pub fn scan(
     scan.finish()
 }
 
+/// [`scan`] for `fit sparse` alone: without the sums of equations.
+///
+/// # Errors
+/// As [`scan`].
+pub(crate) fn scan_tasks(
+    recipe: &Recipe,
+    options: &ScanOptions,
+    logs: &Logs,
+    progress: &dyn Progress,
+) -> Result<(StatisticFile, ScanReport), Error> {
+    let mut scan = Scan { equations: false, ..Scan::new(recipe, options, None, "the statistic") };
+    scan.run(hash_logs(logs, progress)?, progress, &mut |_| Ok(()))?;
+    scan.finish()
+}
+
 /// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and what had to be assumed.
 ///
 /// Scans that begin with it, wherever they run, go together.
@@ -79,7 +97,7 @@ pub fn freeze(
     let mut scan = Scan::new(recipe, options, None, "the plan");
     let files = scan.new_files(hash_logs(&logs.into(), progress)?);
     let logs: Logs = files.into_iter().map(|file| file.log).collect::<Vec<_>>().into();
-    let opened = Dataset::for_structure(recipe, &logs, progress)?;
+    let opened = Dataset::for_scan(recipe, &logs, true, progress)?;
     Ok((scan.begin(&opened, progress)?, scan.report.notes))
 }
 
@@ -111,6 +129,8 @@ pub(super) struct Scan<'a> {
     whose: String,
     pub(super) report: ScanReport,
     pub(super) group_rows: usize,
+    /// Whether the equations of the recipe are summed, where there is no base that tells.
+    equations: bool,
 }
 
 impl<'a> Scan<'a> {
@@ -123,6 +143,7 @@ impl<'a> Scan<'a> {
             whose: whose.to_owned(),
             report: ScanReport::default(),
             group_rows: GROUP_ROWS,
+            equations: true,
         }
     }
 
@@ -135,15 +156,17 @@ impl<'a> Scan<'a> {
     ) -> Result<(), Error> {
         if let (Some(file), Some(first)) = (&self.file, files.first()) {
             // Told before the files are opened, which may take long, and also when all of them are there already.
-            let (_, _, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;
+            let (recipe, fields, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;
             file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
+            file.accepts_equations(&recipe, &fields, [&self.whose, "the recipe"])?;
         }
         let files = self.new_files(files);
         if files.is_empty() {
             return Ok(());
         }
         let logs: Logs = files.iter().map(|file| file.log.clone()).collect::<Vec<_>>().into();
-        let opened = Dataset::for_structure(self.recipe, &logs, progress)?;
+        let equations = self.file.as_ref().map_or(self.equations, |file| file.equations.is_some());
+        let opened = Dataset::for_scan(self.recipe, &logs, equations, progress)?;
         let mut file = self.begin(&opened, progress)?;
         let before = file.scanned.counts().incomplete;
         let added = self.add(&mut file, &files, &opened.dataset, progress, keep);
@@ -157,9 +180,9 @@ impl<'a> Scan<'a> {
 
     /// What there is; else a plan from a pilot sample, without rows.
     fn begin(&mut self, opened: &OpenedStructure, progress: &dyn Progress) -> Result<StatisticFile, Error> {
-        let OpenedStructure { dataset, task, recipe, fields } = opened;
+        let OpenedStructure { dataset, task, recipe, fields, equations } = opened;
         self.report.notes.extend_from_slice(dataset.notes());
-        refuse_text(task, dataset.fields())?;
+        refuse_text(row_expressions(task), &task.aliases, dataset.fields())?;
         if let Some(file) = self.file.take() {
             return Ok(file);
         }
@@ -167,7 +190,34 @@ impl<'a> Scan<'a> {
         let view = dataset.view()?;
         let chunk_rows = self.options.chunk_rows.map_or_else(|| default_chunk(task, view.rows()), Into::into);
         let plan = Plan::new(task.regression.clone(), task.also.clone(), chunk_rows, &view)?;
-        Ok(StatisticFile::empty(plan, recipe, task, fields))
+        let mut file = StatisticFile::empty(plan, recipe, task, fields);
+        match equations {
+            None => {}
+            Some(Err(error)) => self.report.notes.push(unserved(error)),
+            Some(Ok(tasks)) => file.equations = self.freeze((recipe, fields), tasks, dataset, progress)?,
+        }
+        Ok(file)
+    }
+
+    /// The plan of the equations; `None` and a note where there can be none.
+    fn freeze(
+        &mut self,
+        recipe: (&Recipe, &[Column]),
+        tasks: &[EquationTask],
+        dataset: &Dataset,
+        progress: &dyn Progress,
+    ) -> Result<Option<EquationStatistic>, Error> {
+        let chunk_rows = self.options.chunk_rows.map(Into::into);
+        let notes = &mut self.report.notes;
+        let found = EquationStatistic::freeze(recipe, tasks, (dataset, chunk_rows), notes, progress);
+        match found.and_then(|equations| refuse_unprintable(&equations).map(|()| equations).map_err(Error::from)) {
+            Ok(equations) => Ok(Some(equations)),
+            Err(error) if progress.cancelled() => Err(error),
+            Err(error) => {
+                self.report.notes.push(unserved(&error));
+                Ok(None)
+            }
+        }
     }
 
     /// The files whose content is not there yet, each content once.
@@ -200,15 +250,18 @@ impl<'a> Scan<'a> {
         let view = &dataset.view()?;
         let logs = self.logs(file, files, dataset)?;
         let pending = logs.iter().flat_map(|log| &log.pending).map(|(episode, ..)| view.episodes()[*episode].rows);
-        let whole =
-            Whole { outer: progress, total: pending.map(|rows| rows.div_ceil(file.plan.chunk_rows.max(1))).sum() };
+        let whole = Whole { outer: progress, total: pending.map(|rows| chunks_of(file, rows)).sum() };
         progress.stage("scan");
         for group in groups(&logs, view.episodes(), self.group_rows) {
             let episodes: Vec<usize> =
                 group.iter().flat_map(|log| &log.pending).map(|(episode, ..)| *episode).collect();
             let subset = Subset::new(view, episodes);
             let found = file.plan.scan(&subset, &whole)?;
+            let sums = file.equations.as_ref().map(|equations| equations.sum_rows(&subset, &whole)).transpose()?;
             file.scanned.merge(found)?;
+            if let (Some(equations), Some(sums)) = (&mut file.equations, sums) {
+                equations.add(sums)?;
+            }
             for log in group {
                 self.report.files += 1;
                 let Hashed { log: read, hash, bytes } = &files[log.file];
@@ -326,16 +379,27 @@ fn row_expressions(task: &StructuredTask) -> impl Iterator<Item = &Expr> {
 }
 
 /// Codes of texts are numbered by the files that are open, which is no number to sum.
-fn refuse_text(task: &StructuredTask, fields: &[Column]) -> Result<(), StatisticError> {
-    let used: BTreeSet<_> = row_expressions(task).flat_map(Expr::columns).collect();
+pub(super) fn refuse_text<'e>(
+    read: impl Iterator<Item = &'e Expr>,
+    aliases: &[(Column, Expr)],
+    fields: &[Column],
+) -> Result<(), StatisticError> {
+    let used: BTreeSet<_> = read.flat_map(Expr::columns).collect();
     let text =
         |name: &str| fields.iter().any(|field| field.name == name && matches!(field.kind, ColumnKind::Category(_)));
-    for (column, source) in task.aliases.iter().filter(|(column, _)| used.contains(column.name.as_str())) {
+    for (column, source) in aliases.iter().filter(|(column, _)| used.contains(column.name.as_str())) {
         if source.columns().iter().any(|name| text(name)) {
             return Err(StatisticError::Text { column: column.name.clone() });
         }
     }
     Ok(())
+}
+
+/// Chunks of an episode of so many rows, in all passes over it.
+fn chunks_of(file: &StatisticFile, rows: usize) -> usize {
+    let groups = file.equations.iter().flat_map(|equations| &equations.groups);
+    let lengths: BTreeSet<usize> = groups.map(|group| group.plan.chunk_rows).collect();
+    lengths.into_iter().chain([file.plan.chunk_rows]).map(|length| rows.div_ceil(length.max(1))).sum()
 }
 
 /// Progress of a part of the chunks, told as progress of all.

@@ -179,7 +179,7 @@ fn command(
         part(&file.hash.0);
     }
     if let Some(base) = base {
-        part(base.plan.hash().as_bytes());
+        part(base.plan_hash().as_bytes());
         part(&(base.chunks() as u64).to_le_bytes());
         base.files.iter().for_each(|file| part(&file.hash.0));
         base.episodes.iter().for_each(|episode| part(&episode.id.0.to_le_bytes()));

@@ -2,6 +2,7 @@
 
 mod corpus;
 mod damage;
+mod equations;
 mod joined;
 mod resumed;
 

@@ -96,7 +96,8 @@ pub struct RowCounts {
 }
 
 impl RowCounts {
-    fn add(&mut self, other: Self) {
+    /// Adds other rows.
+    pub(crate) fn add(&mut self, other: Self) {
         self.complete += other.complete;
         self.at_border += other.at_border;
         self.incomplete += other.incomplete;

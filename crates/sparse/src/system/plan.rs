@@ -3,7 +3,7 @@
 use faer::MatRef;
 use fleetfoot_data::{Source, sample_ranges};
 use fleetfoot_library::{DesignRows, Expr};
-use fleetfoot_stats::{FINE, Grid, Preconditioner, TILE_ROWS};
+use fleetfoot_stats::{FINE, Grid, Preconditioner, TILE_ROWS, plan_hash};
 
 use super::{
     System, SystemError,
@@ -14,11 +14,15 @@ use super::{
 /// Rows of the pilot sample, and of one of its runs.
 const PILOT_ROWS: usize = 20_000;
 const PILOT_RUNS: usize = 64;
+/// The first byte of coordinates: what is summed in them.
+const PRODUCTS: u8 = 0;
+/// See [`PRODUCTS`].
+const MOMENTS: u8 = 1;
 /// Bytes that the statistics of a scan may take.
 const BUDGET: usize = 192 << 20;
 
-/// A frozen plan of one pass: what is summed, in which coordinates, in which chunks.
-#[derive(Debug, Clone)]
+/// A frozen plan of one pass: what is summed, in which coordinates, in which chunks. Sums of one plan can be merged, whoever made them.
+#[derive(Debug, Clone, PartialEq)]
 pub struct SystemPlan {
     /// The system.
     pub system: System,
@@ -28,7 +32,7 @@ pub struct SystemPlan {
 }
 
 /// The coordinates in which rows are summed.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Coordinates {
     /// Functions and targets, preconditioned.
     General(Preconditioner),
@@ -42,6 +46,16 @@ impl Coordinates {
         match self {
             Self::General(preconditioner) => preconditioner,
             Self::Polynomial(polynomial) => &polynomial.preconditioner,
+        }
+    }
+
+    /// Bytes of the statistic of a chunk in one region.
+    fn bytes(&self) -> usize {
+        let d = self.preconditioner().dimension();
+        match self {
+            Self::General(_) => 8 * (d + 1) * (d + 2) / 2,
+            // A sum and what rounding took from it.
+            Self::Polynomial(polynomial) => 16 * polynomial.plan.sums(),
         }
     }
 }
@@ -81,16 +95,71 @@ impl SystemPlan {
         source: &dyn Source,
         coordinates: Coordinates,
     ) -> Result<Self, SystemError> {
-        let d = system.functions.len() + system.targets.len();
-        let bytes = match &coordinates {
-            Coordinates::General(_) => 8 * (d + 1) * (d + 2) / 2,
-            // A sum and what rounding took from it.
-            Coordinates::Polynomial(polynomial) => 16 * polynomial.plan.sums(),
-        };
+        let bytes = coordinates.bytes();
         Grid::check(source.episodes(), system.regions(), bytes)?;
         let default = || Grid::for_budget(source.rows(), system.regions(), bytes, BUDGET, FINE);
         let chunk_rows = chunk_rows.unwrap_or_else(default).max(1);
         Ok(Self { system, chunk_rows, coordinates })
+    }
+
+    /// What the plan says, for people and for comparison: one line a fact, the numbers of coordinates and partition left out.
+    pub fn text(&self) -> String {
+        Self::text_of(&self.system, self.chunk_rows)
+    }
+
+    /// [`SystemPlan::text`] of a plan of this system in chunks of so many rows.
+    pub fn text_of(system: &System, chunk_rows: usize) -> String {
+        let partition = system.partition.as_ref();
+        let of = partition.map_or_else(String::new, |partition| format!(" in {}", partition.specification));
+        format!("chunk_rows of the equations{of} = {chunk_rows}\n{}", system.text())
+    }
+
+    /// Hash of the plan, the numbers of coordinates and partition included.
+    pub fn hash(&self) -> String {
+        let mut text = self.text();
+        if let Some(partition) = &self.system.partition {
+            text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
+        }
+        if let Coordinates::Polynomial(polynomial) = &self.coordinates {
+            text.push_str(&format!("moments in the basis {:?}\n", polynomial.plan.to_bytes()));
+        }
+        plan_hash(&text, self.coordinates.preconditioner())
+    }
+
+    /// The coordinates as bytes: with system and chunk length they are the plan.
+    pub fn coordinates(&self) -> Vec<u8> {
+        match &self.coordinates {
+            Coordinates::General(preconditioner) => [&[PRODUCTS][..], &preconditioner.to_bytes()].concat(),
+            Coordinates::Polynomial(polynomial) => [&[MOMENTS][..], &polynomial.plan.to_bytes()].concat(),
+        }
+    }
+
+    /// The plan of a system in the coordinates that [`SystemPlan::coordinates`] told.
+    ///
+    /// # Errors
+    /// There is no target, the partition does not fit its columns, or the coordinates are not those of such a system.
+    pub fn of_coordinates(system: System, chunk_rows: usize, coordinates: &[u8]) -> Result<Self, SystemError> {
+        system.check()?;
+        let coordinates = match coordinates.split_first() {
+            Some((&PRODUCTS, bytes)) => {
+                let found = Preconditioner::from_bytes(bytes).map_err(|_| SystemError::Coordinates)?;
+                let shape = (system.functions.len(), system.targets.len());
+                let fits = (found.regressors(), found.targets()) == shape;
+                Coordinates::General(Some(found).filter(|_| fits).ok_or(SystemError::Coordinates)?)
+            }
+            Some((&MOMENTS, bytes)) if !is_partitioned(&system) => {
+                let monomials = Monomials::recognise(&system.functions).ok_or(SystemError::Coordinates)?;
+                let polynomial = monomials.restore(bytes, system.targets.len()).ok_or(SystemError::Coordinates)?;
+                Coordinates::Polynomial(Box::new(polynomial))
+            }
+            _ => return Err(SystemError::Coordinates),
+        };
+        Ok(Self { system, chunk_rows, coordinates })
+    }
+
+    /// Bytes of the statistics of a chunk, at most.
+    pub fn chunk_bytes(&self) -> usize {
+        self.system.regions() * self.coordinates.bytes()
     }
 
     /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: what products of pairs of functions take.
@@ -124,9 +193,14 @@ impl SystemPlan {
     }
 }
 
+/// Whether rows must be assigned to regions.
+fn is_partitioned(system: &System) -> bool {
+    system.partition.as_ref().is_some_and(|partition| !partition.columns.is_empty())
+}
+
 /// The plan of moments, if the system is one for them.
 fn polynomial(system: &System, source: &dyn Source) -> Result<Option<Polynomial>, SystemError> {
-    if system.partition.as_ref().is_some_and(|partition| !partition.columns.is_empty()) {
+    if is_partitioned(system) {
         return Ok(None);
     }
     let Some(monomials) = Monomials::recognise(&system.functions).filter(|monomials| monomials.degree > 1) else {

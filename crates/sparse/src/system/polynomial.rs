@@ -29,7 +29,7 @@ pub(super) struct Monomials {
 }
 
 /// A plan of moments, and how its functions stand among the system's.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Polynomial {
     pub(super) variables: Vec<Expr>,
     pub(super) plan: PolynomialPlan,
@@ -81,14 +81,24 @@ impl Monomials {
         if plan.condition() > CONDITION {
             return None;
         }
+        let found = self.of_plan(plan)?;
+        found.tells(base, targets, total).then_some(found)
+    }
+
+    /// The plan that [`PolynomialPlan::to_bytes`] kept, for so many targets; `None` where the bytes are not of these functions.
+    pub(super) fn restore(self, bytes: &[u8], targets: usize) -> Option<Polynomial> {
+        let plan = PolynomialPlan::from_bytes(bytes, self.variables.len(), self.degree, targets).ok()?;
+        self.of_plan(plan)
+    }
+
+    fn of_plan(self, plan: PolynomialPlan) -> Option<Polynomial> {
         let places: HashMap<&[u8], usize> =
             self.exponents.iter().enumerate().map(|(place, exponent)| (exponent.as_slice(), place)).collect();
         let order: Option<Vec<usize>> = plan.exponents().map(|exponent| places.get(exponent).copied()).collect();
         let order = order?;
         let ranges = MonomialRanges::new(&plan, &order);
         let preconditioner = plan.preconditioner(&order);
-        let found = Polynomial { variables: self.variables, plan, preconditioner, ranges };
-        found.tells(base, targets, total).then_some(found)
+        Some(Polynomial { variables: self.variables, plan, preconditioner, ranges })
     }
 }
 

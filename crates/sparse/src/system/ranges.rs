@@ -57,7 +57,7 @@ fn extreme(range: [f64; 2], values: &[f64]) -> [f64; 2] {
 /// Consecutive rows of a trajectory are near each other. For every few of them the monomials are bounded by interval arithmetic from the ranges of the variables,
 /// and evaluated only if a bound leaves what is already known. Products of bounds are rounded as products of values are, and rounding is monotone, so nothing is
 /// missed.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct MonomialRanges {
     /// Every monomial in graded order: the one that it is a multiple of (`None`: the constant) and the variable.
     recipes: Vec<Recipe>,
@@ -65,7 +65,7 @@ pub(super) struct MonomialRanges {
     order: Vec<usize>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Recipe {
     parent: Option<usize>,
     variable: usize,

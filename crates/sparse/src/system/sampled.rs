@@ -1,8 +1,6 @@
 //! Sizes of expressions on a sample of the rows.
 
-use std::collections::BTreeMap;
-
-use fleetfoot_data::{EpisodeId, Source, sample_ranges};
+use fleetfoot_data::{Source, sample_ranges};
 use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_stats::TILE_ROWS;
 
@@ -35,50 +33,6 @@ pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result
         }
     }
     Ok(sums.into_iter().map(|sum| sum / (count as f64).max(1.0)).collect())
-}
-
-/// Of chunks, by episode and number: how many of their rows were sampled, and the mean square of every expression over these.
-pub type SampledChunks = BTreeMap<(EpisodeId, u32), (usize, Vec<f64>)>;
-
-/// Sampled rows of every chunk of a scan in chunks of `chunk_rows` rows, and the mean square of every expression over them; chunks without sampled rows are
-/// missing.
-///
-/// # Errors
-/// As [`sampled_mean_squares`].
-pub fn sampled_by_chunk(
-    expressions: &[Expr],
-    source: &dyn Source,
-    chunk_rows: usize,
-) -> Result<SampledChunks, SystemError> {
-    let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
-    let design = Design::compile(expressions, &names)?;
-    let mut found = SampledChunks::new();
-    let mut rows = DesignRows::default();
-    for (episode, range) in sample_ranges(source.episodes(), ROWS, RUNS) {
-        let id = source.episodes()[episode].id;
-        let mut from = range.start;
-        while from < range.end {
-            let chunk = from / chunk_rows;
-            let to = ((chunk + 1) * chunk_rows).min(range.end);
-            let block = source.read(episode, from..to, design.halo())?;
-            for tile in (0..block.rows).step_by(TILE_ROWS) {
-                design.evaluate(&block, tile..(tile + TILE_ROWS).min(block.rows), &mut rows);
-                if rows.rows() > 0 {
-                    let empty = || (0, vec![0.0; expressions.len()]);
-                    let (count, sums) = found.entry((id, chunk as u32)).or_insert_with(empty);
-                    *count += rows.rows();
-                    for (output, sum) in sums.iter_mut().enumerate() {
-                        *sum += rows.output(output).iter().map(|value| value * value).sum::<f64>();
-                    }
-                }
-            }
-            from = to;
-        }
-    }
-    for (count, sums) in found.values_mut() {
-        sums.iter_mut().for_each(|sum| *sum /= *count as f64);
-    }
-    Ok(found)
 }
 
 #[cfg(test)]

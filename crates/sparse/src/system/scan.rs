@@ -1,58 +1,155 @@
 //! The one pass over the rows.
 
-use std::ops::Range;
-
-use faer::{MatMut, MatRef};
-use fleetfoot_data::{Block, Progress, Source};
-use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Bank, Chunk, Gram, Grid, PolynomialBank, PolynomialMoments, PolynomialScratch, reduce};
-
-use crate::structured::RowCounts;
-
-use super::{
-    System, SystemError, SystemPlan, SystemScan, Unit,
-    columns::{Columns, Tile, slices},
-    plan::Coordinates,
-    ranges::{EMPTY, RangesScratch, extremes, widen},
-    statistic::{Region, Sums},
+use std::{
+    collections::{BTreeSet, btree_map::Entry},
+    ops::Range,
 };
 
+use faer::{MatMut, MatRef};
+use fleetfoot_data::{Block, EpisodeId, Halo, Progress, Source};
+use fleetfoot_library::{Design, DesignRows, Expr};
+use fleetfoot_stats::{Chunk, Gram, Grid, Key, MergeError, PolynomialMoments, PolynomialScratch, reduce};
+
+use super::{
+    EpisodeSums, System, SystemError, SystemPlan, SystemScan, SystemSums,
+    columns::{Columns, Tile, slices},
+    plan::Coordinates,
+    ranges::{RangesScratch, extremes},
+};
+
+/// Rows of a chunk on which [`System::sampled`] is evaluated, its first ones.
+const SAMPLED: usize = 128;
+
 impl SystemPlan {
-    /// Scans all rows of a source once.
+    /// Scans all rows of a source once, and gathers what was found for questions.
     ///
     /// The same rows give the same bits on any number of threads.
     ///
     /// # Errors
-    /// A column does not exist, the source cannot be read, a weight is negative, sums overflow, or the user stops it.
+    /// Those of [`SystemPlan::sum_rows`] and [`SystemScan::new`].
     pub fn scan(&self, source: &dyn Source, progress: &dyn Progress) -> Result<SystemScan, SystemError> {
-        let columns = Columns::compile(&self.system, self.regressors(), source)?;
-        let chunks = Grid { chunk_rows: self.chunk_rows }.chunks(source.episodes());
-        let mut found = Found::new(&self.system);
-        reduce(
-            source,
-            &chunks,
-            columns.halo(),
-            progress,
-            || Part::new(self, &columns),
-            |part, chunk, block, tile| {
-                part.add_tile(self, &columns, &source.episodes()[chunk.episode].name, block, tile)
-            },
-            |chunk, part| {
-                found.insert(source, chunk, part);
-                Ok::<_, SystemError>(())
-            },
-        )?;
-        found.finish(self)
+        SystemScan::new(self, &self.sum_rows(source, progress)?)
+    }
+
+    /// Scans all rows of a source once: sums that can be merged with those of other rows.
+    ///
+    /// # Errors
+    /// As [`SystemPlan::sum_all`].
+    pub fn sum_rows(&self, source: &dyn Source, progress: &dyn Progress) -> Result<SystemSums, SystemError> {
+        Ok(Self::sum_all(&[self], source, progress)?.remove(0))
+    }
+
+    /// The sums of several plans. Plans of one chunk length share a pass over the rows; each finds what it finds alone, bit for bit.
+    ///
+    /// # Errors
+    /// A column does not exist, the source cannot be read, a weight is negative, an episode is there twice, or the user stops it.
+    pub fn sum_all(
+        plans: &[&Self],
+        source: &dyn Source,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SystemSums>, SystemError> {
+        let mut found: Vec<SystemSums> = plans.iter().map(|plan| plan.empty()).collect();
+        let lengths: BTreeSet<usize> = plans.iter().map(|plan| plan.chunk_rows).collect();
+        for chunk_rows in lengths {
+            let places: Vec<usize> = (0..plans.len()).filter(|&at| plans[at].chunk_rows == chunk_rows).collect();
+            let passes: Vec<Pass<'_>> =
+                places.iter().map(|&at| Pass::new(plans[at], source)).collect::<Result<_, _>>()?;
+            let chunks = Grid { chunk_rows }.chunks(source.episodes());
+            reduce(
+                source,
+                &chunks,
+                passes.iter().fold(Halo::default(), |halo, pass| widest(halo, pass.halo())),
+                progress,
+                || passes.iter().map(Pass::start).collect::<Vec<Part>>(),
+                |parts, chunk, block, tile| {
+                    let episode = &source.episodes()[chunk.episode].name;
+                    let mut all = passes.iter().zip(parts);
+                    all.try_for_each(|(pass, part)| pass.add(part, episode, chunk, block, tile.clone()))
+                },
+                |chunk, parts| {
+                    let episode = source.episodes()[chunk.episode].id;
+                    let mut all = places.iter().zip(parts);
+                    all.try_for_each(|(&at, part)| found[at].insert(episode, chunk, part)).map_err(SystemError::from)
+                },
+            )?;
+        }
+        Ok(found)
+    }
+}
+
+/// What several designs need.
+fn widest(a: Halo, b: Halo) -> Halo {
+    Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
+}
+
+/// A plan on the columns of a source.
+struct Pass<'a> {
+    plan: &'a SystemPlan,
+    columns: Columns,
+    sample: Sample,
+}
+
+impl<'a> Pass<'a> {
+    fn new(plan: &'a SystemPlan, source: &dyn Source) -> Result<Self, SystemError> {
+        let columns = Columns::compile(&plan.system, plan.regressors(), source)?;
+        Ok(Self { plan, columns, sample: Sample::compile(&plan.system.sampled, source)? })
+    }
+
+    fn halo(&self) -> Halo {
+        widest(self.columns.halo(), self.sample.halo())
+    }
+
+    fn start(&self) -> Part {
+        Part::new(self.plan, &self.columns)
+    }
+
+    fn add(
+        &self,
+        part: &mut Part,
+        episode: &str,
+        chunk: &Chunk,
+        block: &Block,
+        tile: Range<usize>,
+    ) -> Result<(), SystemError> {
+        if block.first + tile.start == chunk.rows.start {
+            self.sample.add(&mut part.sampled, &mut part.rows, block, tile.clone());
+        }
+        part.add_tile(self.plan, &self.columns, episode, block, tile)
+    }
+}
+
+/// Expressions that are evaluated on the first rows of every chunk.
+struct Sample(Option<Design>);
+
+impl Sample {
+    fn compile(expressions: &[Expr], source: &dyn Source) -> Result<Self, SystemError> {
+        if expressions.is_empty() {
+            return Ok(Self(None));
+        }
+        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
+        Ok(Self(Some(Design::compile(expressions, &names)?)))
+    }
+
+    fn halo(&self) -> Halo {
+        self.0.as_ref().map_or(Halo::default(), Design::halo)
+    }
+
+    /// Adds the first complete rows of the first tile of a chunk.
+    fn add(&self, sampled: &mut Gram, rows: &mut DesignRows, block: &Block, tile: Range<usize>) {
+        let Some(design) = &self.0 else { return };
+        design.evaluate(block, tile.start..tile.end.min(tile.start + SAMPLED), rows);
+        if rows.rows() > 0 {
+            sampled.merge(&Gram::of_columns(&slices(&rows.values, design.outputs()), None));
+        }
     }
 }
 
 /// What one chunk has found so far.
 struct Part {
     sums: PartSums,
-    ranges: Vec<Vec<[f64; 2]>>,
     also: Gram,
-    counts: RowCounts,
-    unassigned: u64,
+    sampled: Gram,
+    told: EpisodeSums,
     rows: DesignRows,
     regions: Vec<u32>,
 }
@@ -76,10 +173,9 @@ impl Part {
                     RangesScratch::default(),
                 ))),
             },
-            ranges: no_ranges(system),
             also: Gram::new(system.also.len()),
-            counts: RowCounts::default(),
-            unassigned: 0,
+            sampled: Gram::new(system.sampled.len()),
+            told: plan.no_rows(),
             rows: DesignRows::default(),
             regions: Vec::with_capacity(columns.tile_rows()),
         }
@@ -98,9 +194,9 @@ impl Part {
         for from in tile.clone().step_by(columns.tile_rows()) {
             let to = (from + columns.tile_rows()).min(tile.end);
             columns.evaluate(block, episode, from..to, &mut rows)?;
-            self.counts.complete += rows.rows() as u64;
-            self.counts.at_border += rows.at_border;
-            self.counts.incomplete += rows.incomplete;
+            self.told.counts.complete += rows.rows() as u64;
+            self.told.counts.at_border += rows.at_border;
+            self.told.counts.incomplete += rows.incomplete;
             if rows.rows() > 0 {
                 self.add_rows(plan, columns, &mut rows);
             }
@@ -122,7 +218,7 @@ impl Part {
             (Coordinates::Polynomial(polynomial), PartSums::Moments(sums)) => {
                 let (moments, scratch, ranges) = &mut **sums;
                 polynomial.add(moments, scratch, &regression, tile.weights);
-                polynomial.ranges.add(&mut self.ranges[0], &regression[..columns.regressors], ranges);
+                polynomial.ranges.add(&mut self.told.ranges[0], &regression[..columns.regressors], ranges);
             }
             (Coordinates::General(preconditioner), PartSums::Grams(_)) => {
                 self.add_ranges(&regression[..columns.regressors]);
@@ -159,17 +255,17 @@ impl Part {
             slices(tile.partition, partition.columns.len()).into_iter().map(<[f64]>::to_vec).collect();
         partition.standardise(&mut z.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
         partition.rule.assign(&z.iter().map(Vec::as_slice).collect::<Vec<_>>(), &mut self.regions);
-        self.unassigned += self.regions.iter().filter(|&&region| region == u32::MAX).count() as u64;
+        self.told.unassigned += self.regions.iter().filter(|&&region| region == u32::MAX).count() as u64;
     }
 
     fn add_ranges(&mut self, functions: &[&[f64]]) {
         if self.regions.is_empty() {
-            extremes(functions, &mut self.ranges[0]);
+            extremes(functions, &mut self.told.ranges[0]);
             return;
         }
         for (function, values) in functions.iter().enumerate() {
             for (&region, &value) in self.regions.iter().zip(*values) {
-                if let Some(ranges) = self.ranges.get_mut(region as usize) {
+                if let Some(ranges) = self.told.ranges.get_mut(region as usize) {
                     let range = &mut ranges[function];
                     *range = [range[0].min(value), range[1].max(value)];
                 }
@@ -185,94 +281,29 @@ fn merge(total: &mut Option<Gram>, gram: Gram) {
     }
 }
 
-fn no_ranges(system: &System) -> Vec<Vec<[f64; 2]>> {
-    vec![vec![EMPTY; system.functions.len()]; system.regions()]
-}
-
-/// What all chunks have found, in their order.
-struct Found {
-    units: Vec<Unit>,
-    /// Units and Gram matrices of every region.
-    regions: Vec<(Vec<usize>, Vec<Gram>)>,
-    /// Moments of every unit.
-    moments: Vec<PolynomialMoments>,
-    ranges: Vec<Vec<[f64; 2]>>,
-    also: Gram,
-    counts: RowCounts,
-    unassigned: u64,
-}
-
-impl Found {
-    fn new(system: &System) -> Self {
-        Self {
-            units: Vec::new(),
-            regions: vec![(Vec::new(), Vec::new()); system.regions()],
-            moments: Vec::new(),
-            ranges: no_ranges(system),
-            also: Gram::new(system.also.len()),
-            counts: RowCounts::default(),
-            unassigned: 0,
-        }
-    }
-
-    fn insert(&mut self, source: &dyn Source, chunk: &Chunk, part: Part) {
-        let rows = match &part.sums {
-            PartSums::Grams(grams) => grams.iter().flatten().map(|gram| gram.rows).sum(),
-            PartSums::Moments(sums) => sums.0.rows(),
-        };
-        if rows > 0 {
-            let unit = self.units.len();
-            self.units.push(Unit { episode: source.episodes()[chunk.episode].id, chunk: chunk.index, rows });
-            match part.sums {
-                PartSums::Moments(sums) => self.moments.push(sums.0),
-                PartSums::Grams(grams) => {
-                    for ((members, all), gram) in self.regions.iter_mut().zip(grams) {
-                        if let Some(gram) = gram.filter(|gram| gram.rows > 0) {
-                            members.push(unit);
-                            all.push(gram);
-                        }
+impl SystemSums {
+    fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: Part) -> Result<(), MergeError> {
+        let key =
+            |region: usize| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region: region as u32 };
+        match part.sums {
+            PartSums::Moments(sums) if sums.0.rows() > 0 => self.moments.insert(key(0), sums.0)?,
+            PartSums::Moments(_) => {}
+            PartSums::Grams(grams) => {
+                for (region, gram) in grams.into_iter().enumerate() {
+                    if let Some(gram) = gram.filter(|gram| gram.rows > 0) {
+                        self.grams.insert(key(region), gram)?;
                     }
                 }
             }
         }
-        self.ranges.iter_mut().zip(&part.ranges).for_each(|(all, some)| widen(all, some));
-        self.also.merge(&part.also);
-        self.counts.complete += part.counts.complete;
-        self.counts.at_border += part.counts.at_border;
-        self.counts.incomplete += part.counts.incomplete;
-        self.unassigned += part.unassigned;
-    }
-
-    fn finish(self, plan: &SystemPlan) -> Result<SystemScan, SystemError> {
-        let regions = match &plan.coordinates {
-            Coordinates::General(_) => self
-                .regions
-                .into_iter()
-                .zip(self.ranges)
-                .map(|((members, grams), ranges)| Region { members, sums: Sums::Grams(Bank::new(&grams)), ranges })
-                .collect(),
-            Coordinates::Polynomial(polynomial) => vec![Region {
-                members: (0..self.units.len()).collect(),
-                sums: Sums::Moments(Box::new(polynomial.plan.clone()), PolynomialBank::new(&self.moments)),
-                ranges: polynomial.ranges.in_order(&self.ranges[0]),
-            }],
-        };
-        let scan = SystemScan {
-            functions: plan.system.functions.len(),
-            constant: None,
-            units: self.units,
-            regions,
-            preconditioner: plan.coordinates.preconditioner().clone(),
-            also: self.also,
-            counts: self.counts,
-            unassigned: self.unassigned,
-        };
-        match scan.widest_overflow() {
-            Some((function, [least, most])) => {
-                let function = plan.system.functions.get(function).unwrap_or(&plan.system.targets[0]).to_string();
-                Err(SystemError::Overflow { function, least, most })
-            }
-            None => Ok(scan),
+        self.also.insert(key(0), part.also)?;
+        if part.sampled.rows > 0 {
+            self.sampled.insert(key(0), part.sampled)?;
         }
+        match self.episodes.entry(episode) {
+            Entry::Occupied(mut told) => told.get_mut().add(&part.told),
+            Entry::Vacant(slot) => _ = slot.insert(part.told),
+        }
+        Ok(())
     }
 }

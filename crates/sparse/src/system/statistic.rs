@@ -1,13 +1,17 @@
 //! What a pass has found, and what is asked of it.
 
+use std::collections::HashMap;
+
 use faer::{Mat, MatRef};
 use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
 use fleetfoot_model::Region as ModelRegion;
-use fleetfoot_stats::{Bank, Gram, PolynomialBank, PolynomialPlan, Preconditioner, SquareRoot};
+use fleetfoot_stats::{
+    Bank, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot, Stats,
+};
 
 use crate::structured::{RowCounts, Spread};
 
-use super::Unit;
+use super::{SystemError, SystemPlan, SystemSums, Unit, plan::Coordinates};
 
 /// Columns of weights that are in memory at once as statistics.
 const BATCH: usize = 32;
@@ -15,29 +19,29 @@ const BATCH: usize = 32;
 /// The statistic of a system, chunk by chunk and region by region.
 #[derive(Debug, Clone)]
 pub struct SystemScan {
-    /// Functions in the statistic, a constant one included.
-    pub(super) functions: usize,
-    pub(super) constant: Option<usize>,
-    pub(super) units: Vec<Unit>,
-    pub(super) regions: Vec<Region>,
-    pub(super) preconditioner: Preconditioner,
-    pub(super) also: Gram,
-    pub(super) counts: RowCounts,
-    pub(super) unassigned: u64,
+    functions: usize,
+    units: Vec<Unit>,
+    regions: Vec<Region>,
+    preconditioner: Preconditioner,
+    also: Gram,
+    /// Of every unit: the sampled rows, and the sums of the squares of every sampled expression over them.
+    sampled: Vec<(f64, Vec<f64>)>,
+    counts: RowCounts,
+    unassigned: u64,
 }
 
 /// The statistics of a region's rows.
 #[derive(Debug, Clone)]
-pub(super) struct Region {
+struct Region {
     /// The units that have rows in it.
-    pub(super) members: Vec<usize>,
-    pub(super) sums: Sums,
-    pub(super) ranges: Vec<[f64; 2]>,
+    members: Vec<usize>,
+    sums: Sums,
+    ranges: Vec<[f64; 2]>,
 }
 
 /// Statistics side by side, in whatever form they were summed.
 #[derive(Debug, Clone)]
-pub(super) enum Sums {
+enum Sums {
     /// Gram matrices of preconditioned rows.
     Grams(Bank),
     /// Chebyshev moments.
@@ -63,6 +67,58 @@ impl Sums {
 }
 
 impl SystemScan {
+    /// Gathers the sums of a plan for questions.
+    ///
+    /// # Errors
+    /// Sums that are not finite: values whose squares overflow.
+    ///
+    /// # Panics
+    /// When the sums are not of this plan ([`SystemSums::are_of`]).
+    pub fn new(plan: &SystemPlan, sums: &SystemSums) -> Result<Self, SystemError> {
+        let (system, mut units) = (&plan.system, Units::default());
+        let mut regions: Vec<(Vec<usize>, Vec<&Gram>)> = vec![Default::default(); system.regions()];
+        for (key, gram) in sums.grams.iter() {
+            let (members, grams) = &mut regions[key.region as usize];
+            members.push(units.add(key, gram.rows));
+            grams.push(gram);
+        }
+        let moments: Vec<&PolynomialMoments> = sums.moments.iter().map(|(_, moments)| moments).collect();
+        sums.moments.iter().for_each(|(key, moments)| _ = units.add(key, moments.rows()));
+        let told = sums.episodes.values().fold(plan.no_rows(), |mut all, episode| {
+            all.add(episode);
+            all
+        });
+        let regions: Vec<Region> = match &plan.coordinates {
+            Coordinates::General(_) => regions
+                .into_iter()
+                .zip(told.ranges)
+                .map(|((members, grams), ranges)| Region { members, sums: Sums::Grams(Bank::new(grams)), ranges })
+                .collect(),
+            Coordinates::Polynomial(polynomial) => vec![Region {
+                members: (0..moments.len()).collect(),
+                sums: Sums::Moments(Box::new(polynomial.plan.clone()), PolynomialBank::new(moments)),
+                ranges: polynomial.ranges.in_order(&told.ranges[0]),
+            }],
+        };
+        let scan = Self {
+            functions: system.functions.len(),
+            sampled: units.sampled(&sums.sampled),
+            units: units.0,
+            regions,
+            preconditioner: plan.coordinates.preconditioner().clone(),
+            also: sums.also.total(|_| true).unwrap_or_else(|| Gram::new(system.also.len())),
+            counts: told.counts,
+            unassigned: told.unassigned,
+        };
+        match scan.widest_overflow() {
+            Some((function, [least, most])) => {
+                let function = system.functions.get(function).unwrap_or(&system.targets[0]).to_string();
+                Err(SystemError::Overflow { function, least, most })
+            }
+            None => Ok(scan),
+        }
+    }
+
     /// The units that have rows, in key order: what weights are given to.
     pub fn units(&self) -> &[Unit] {
         &self.units
@@ -73,14 +129,9 @@ impl SystemScan {
         self.regions.len()
     }
 
-    /// Number of functions, p, a constant one not counted.
+    /// Number of functions, p.
     pub fn functions(&self) -> usize {
-        self.functions - usize::from(self.constant.is_some())
-    }
-
-    /// Where the function 1 stood among the functions of the statistic, if it did; it is left out of everything here.
-    pub fn constant(&self) -> Option<usize> {
-        self.constant
+        self.functions
     }
 
     /// Number of targets, q.
@@ -108,13 +159,27 @@ impl SystemScan {
 
     /// Least and greatest value of every function (p) over the rows of a region, whatever their weight; without rows `[inf, -inf]`.
     pub fn ranges(&self, region: usize) -> Vec<[f64; 2]> {
-        let ranges = &self.regions[region].ranges;
-        self.kept().into_iter().map(|function| ranges[function]).collect()
+        self.regions[region].ranges.clone()
     }
 
     /// Raw moments of the further columns over all complete rows.
     pub fn also(&self) -> &Gram {
         &self.also
+    }
+
+    /// The mean square of every sampled expression over the sampled rows of the units of positive weight, over those of all units where none of them has any; 0
+    /// without such rows.
+    pub fn sampled_mean_squares(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+        let count = self.sampled.first().map_or(0, |(_, squares)| squares.len());
+        let mean = |wanted: &dyn Fn(usize) -> bool| {
+            let (mut rows, mut sums) = (0.0, vec![0.0; count]);
+            for (_, (own, squares)) in self.sampled.iter().enumerate().filter(|(unit, _)| wanted(*unit)) {
+                rows += own;
+                sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
+            }
+            (rows > 0.0).then(|| sums.into_iter().map(|sum| sum / rows).collect())
+        };
+        mean(&|unit| weight(unit) > 0.0).or_else(|| mean(&|_| true)).unwrap_or_else(|| vec![0.0; count])
     }
 
     /// The square-root form of a region's rows: p functions, q targets, raw units.
@@ -149,8 +214,7 @@ impl SystemScan {
         Spread::of(&self.root(region), 0..self.functions(), 1.0)
     }
 
-    /// Covariance (divisor: weight) of the errors about zero of a model on a region's rows, packed lower triangle by rows (q (q + 1) / 2); NaN without rows,
-    /// and between targets whose products were not summed.
+    /// Covariance (divisor: weight) of the errors about zero of a model on a region's rows, packed lower triangle by rows (q (q + 1) / 2); NaN without rows.
     ///
     /// `coefficients` is p x q in raw units, `constant` has q entries. The errors are formed in the coordinates of the scan before they are squared, so that
     /// small ones do not cancel.
@@ -215,14 +279,13 @@ impl SystemScan {
     /// The errors of a model as `means + z e` of preconditioned rows z: e (d x q) and the means (q).
     fn error_map(&self, coefficients: MatRef<'_, f64>, constant: &[f64]) -> (Mat<f64>, Vec<f64>) {
         let (p, q) = (self.functions, self.targets());
-        let kept = self.kept();
-        assert_eq!((coefficients.nrows(), coefficients.ncols(), constant.len()), (kept.len(), q, q), "p x q");
+        assert_eq!((coefficients.nrows(), coefficients.ncols(), constant.len()), (p, q, q), "p x q");
         let (centre, map) = self.preconditioner.raw_map();
         let mut errors = Mat::from_fn(p + q, q, |i, t| map[(i, p + t)]);
         let mut means: Vec<f64> = (0..q).map(|t| centre[p + t] - constant[t]).collect();
         for t in 0..q {
-            for (j, &function) in kept.iter().enumerate() {
-                let b = coefficients[(j, t)];
+            for function in 0..p {
+                let b = coefficients[(function, t)];
                 means[t] -= b * centre[function];
                 let (error, column) = (errors.col_as_slice_mut(t), map.col_as_slice(function));
                 error.iter_mut().zip(column).for_each(|(error, a)| *error -= b * a);
@@ -264,17 +327,11 @@ impl SystemScan {
     }
 
     fn square_root(&self, gram: &Gram) -> SquareRoot {
-        let root = self.preconditioner.square_root(gram);
-        if self.constant.is_some() { root.select(&self.kept()) } else { root }
-    }
-
-    /// The functions of the statistic without the constant.
-    fn kept(&self) -> Vec<usize> {
-        (0..self.functions).filter(|&function| Some(function) != self.constant).collect()
+        self.preconditioner.square_root(gram)
     }
 
     /// The function with the widest range, if sums are not finite.
-    pub(super) fn widest_overflow(&self) -> Option<(usize, [f64; 2])> {
+    fn widest_overflow(&self) -> Option<(usize, [f64; 2])> {
         let finite = |region: usize| {
             let gram = self.total(region);
             gram.weight.is_finite() && gram.mean.iter().chain(&gram.scatter).all(|value| value.is_finite())
@@ -288,5 +345,32 @@ impl SystemScan {
                 if size(&best.1) >= size(&next.1) { best } else { next }
             },
         ))
+    }
+}
+
+/// Chunks that have rows, in key order.
+#[derive(Default)]
+struct Units(Vec<Unit>);
+
+impl Units {
+    /// The place of a chunk, to which it gives more rows. Keys come in ascending order, so that it is the last one or a new one.
+    fn add(&mut self, key: &Key, rows: u64) -> usize {
+        match self.0.last_mut().filter(|last| (last.episode, last.chunk) == (key.episode, key.chunk)) {
+            Some(last) => last.rows += rows,
+            None => self.0.push(Unit { episode: key.episode, chunk: key.chunk, rows }),
+        }
+        self.0.len() - 1
+    }
+
+    /// The sampled rows of every unit, and the sums of their squares.
+    fn sampled(&self, sampled: &Stats) -> Vec<(f64, Vec<f64>)> {
+        let of_chunk: HashMap<_, &Gram> = sampled.iter().map(|(key, gram)| ((key.episode, key.chunk), gram)).collect();
+        let count = sampled.dimension().unwrap_or(0);
+        let square = |gram: &Gram, j: usize| gram.get(j, j) + gram.weight * gram.mean[j] * gram.mean[j];
+        let of = |unit: &Unit| match of_chunk.get(&(unit.episode, unit.chunk)) {
+            Some(gram) => (gram.weight, (0..count).map(|j| square(gram, j)).collect()),
+            None => (0.0, vec![0.0; count]),
+        };
+        self.0.iter().map(of).collect()
     }
 }

@@ -77,6 +77,13 @@ impl AffineMap {
         self.centre.iter().chain(&self.slopes).chain(&self.scale)
     }
 
+    /// The map of [`AffineMap::values`], which are as many as `variables` ask for.
+    pub(super) fn of_values(values: &[f64], variables: usize) -> Self {
+        let (centre, rest) = values.split_at(variables);
+        let (slopes, scale) = rest.split_at(rest.len() - variables);
+        Self { centre: centre.to_vec(), slopes: slopes.to_vec(), scale: scale.to_vec() }
+    }
+
     /// `slope_kl` for all l < k.
     pub(super) fn slopes(&self, k: usize) -> &[f64] {
         &self.slopes[k * k.saturating_sub(1) / 2..][..k]

@@ -1,6 +1,7 @@
 //! The mergeable sums of a polynomial plan.
 
 use super::{PolynomialPlan, double::two_sum, kernel};
+use crate::Sum;
 
 /// Weighted sums over rows: Chebyshev moments of the base columns up to twice the library's degree, moments of the library with
 /// each target, and products of the targets. Made by [`PolynomialPlan::moments`].
@@ -95,5 +96,30 @@ impl PolynomialMoments {
 
     pub(super) fn values(&self) -> Vec<f64> {
         (0..self.totals.len()).map(|i| self.total(i)).collect()
+    }
+}
+
+impl Sum for PolynomialMoments {
+    fn merge(&mut self, other: &Self) {
+        PolynomialMoments::merge(self, other);
+    }
+
+    fn shape(&self) -> usize {
+        self.sums()
+    }
+
+    fn words(shape: usize) -> Option<usize> {
+        shape.checked_mul(2)?.checked_add(1)
+    }
+
+    fn write(&self, put: &mut dyn FnMut([u8; 8])) {
+        put(self.rows.to_le_bytes());
+        self.totals.iter().chain(&self.lost).for_each(|value| put(value.to_le_bytes()));
+    }
+
+    fn read(shape: usize, take: &mut dyn FnMut() -> Option<[u8; 8]>) -> Option<Self> {
+        let rows = u64::from_le_bytes(take()?);
+        let mut numbers = || (0..shape).map(|_| take().map(f64::from_le_bytes)).collect::<Option<Vec<_>>>();
+        Some(Self { rows, totals: numbers()?, lost: numbers()? })
     }
 }

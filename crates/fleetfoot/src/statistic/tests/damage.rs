@@ -84,9 +84,9 @@ fn foreign_and_newer_files_are_told() {
     assert!(matches!(read(b"{\"model\": 1}"), Err(StatisticError::Foreign { .. })));
     assert!(matches!(read(b""), Err(StatisticError::Foreign { .. })));
     let mut bytes = small();
-    bytes[8] = 2;
+    bytes[8] = 3;
     let message = read(&sealed(bytes)).unwrap_err().to_string();
-    assert!(message.contains("its format is 2") && message.contains("newer fleetfoot"), "{message}");
+    assert!(message.contains("its format is 3") && message.contains("newer fleetfoot"), "{message}");
     let missing = StatisticFile::read(Path::new("no/such.stats")).unwrap_err().to_string();
     assert!(missing.contains("no/such.stats"), "{missing}");
 }
@@ -122,7 +122,7 @@ fn files_that_lie_are_refused() {
     let sections = sections(&whole);
     assert_eq!(with(&sections, 0, sections[0].1.clone()), whole, "the crafted file is the written one");
     let names: Vec<&str> = sections.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["head", "plan", "source", "files", "episodes", "task", "also"]);
+    assert_eq!(names, ["head", "plan", "source", "files", "episodes", "task", "also", "systems"]);
     // Counts far beyond the file, in every section.
     let huge = to_bytes(&u64::MAX);
     for index in 0..sections.len() {

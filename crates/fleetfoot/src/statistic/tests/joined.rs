@@ -184,3 +184,29 @@ fn what_is_kept_is_a_scan_of_it() {
     assert!(none.keep_episodes(|_| true).unwrap().is_empty());
     assert_eq!(none, all);
 }
+
+#[test]
+fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = fleet(folder.path(), &[1, 2, 3], 2);
+    let recipe = recipe();
+    let model = |logs: crate::Logs| {
+        let fitted = crate::fit_sparse(&recipe, &crate::SparseRequest::default(), logs, &Silent).unwrap();
+        fitted[0].model.to_json()
+    };
+    let options = ScanOptions::default();
+    let all = scan(&recipe, &options, None, &files, &Silent).unwrap().0;
+    let plan = all.without_rows();
+    let part = |files: &[PathBuf]| scan(&recipe, &options, Some(plan.clone()), files, &Silent).unwrap().0;
+    let mut halves = part(&files[3..]);
+    halves.merge("one", part(&files[..3]), "other").unwrap();
+    let mut apart = plan.clone();
+    for file in &files {
+        apart.merge("all", part(std::slice::from_ref(file)), "one").unwrap();
+    }
+    let wanted = model((&files).into());
+    for statistic in [all, halves, apart] {
+        let found = model(crate::Logs::of_statistic(std::sync::Arc::new(statistic)));
+        assert!(found == wanted, "{found}\n{wanted}");
+    }
+}

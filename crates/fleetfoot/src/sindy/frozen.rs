@@ -1,0 +1,101 @@
+//! What is decided before the pass that sums equations, from a sample of the rows or in passes of its own.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_model::Partition;
+use fleetfoot_pwa::{Problem, Specification};
+
+use super::{EquationTask, ParameterReport, estimation, evidence::specification};
+use crate::{Dataset, Error, Recipe};
+
+/// Equations that are ready to be summed.
+#[derive(Debug, Clone)]
+pub(crate) struct Frozen {
+    /// The task, its derivatives settled; once they are estimated, numbers in place of its parameters.
+    pub(crate) task: EquationTask,
+    /// The parameters' estimates.
+    pub(crate) parameters: Vec<ParameterReport>,
+}
+
+impl Frozen {
+    /// Settles how derivatives are measured.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(crate) fn differentiated(
+        task: EquationTask,
+        source: &dyn Source,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
+        Ok(Self { task: task.differentiated(source, notes)?, parameters: Vec::new() })
+    }
+
+    /// Estimates the parameters where there are any; the dataset is then seen with their values.
+    ///
+    /// # Errors
+    /// Those of reading and of the estimate.
+    pub(super) fn estimate(
+        &mut self,
+        dataset: &mut Dataset,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        if self.task.parameters.is_empty() {
+            return Ok(());
+        }
+        progress.stage("parameters");
+        self.parameters = estimation::estimate(&self.task, &dataset.view()?, notes, progress)?;
+        let values: BTreeMap<String, f64> =
+            self.parameters.iter().map(|parameter| (parameter.name.clone(), parameter.value)).collect();
+        self.task = self.task.settled(&values);
+        dataset.see(&self.task.aliases);
+        Ok(())
+    }
+
+    /// The regions that the recipe asks for, clustered where they must be; `None` for one.
+    ///
+    /// # Errors
+    /// Those of reading; more regions than rows.
+    pub(crate) fn partition(
+        &self,
+        recipe: &Recipe,
+        seed: u64,
+        step: f64,
+        source: &dyn Source,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Partition>, Error> {
+        let Some(specification) = specification(recipe)? else { return Ok(None) };
+        let task = &self.task;
+        let problem = Problem {
+            columns: task.columns.clone(),
+            library: task.functions.clone(),
+            equations: task.equations.clone(),
+            partition_columns: task.partition_columns.clone(),
+            weight: task.weight.clone(),
+            step,
+        };
+        Ok(Some(regions(&problem, specification, seed, source, notes, progress)?))
+    }
+}
+
+/// The regions of all rows of a source.
+///
+/// # Errors
+/// Those of reading; more regions than rows.
+pub(crate) fn regions(
+    problem: &Problem,
+    specification: Specification,
+    seed: u64,
+    source: &dyn Source,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Partition, Error> {
+    let mut options = fleetfoot_pwa::Options::default();
+    options.partitions = vec![specification];
+    options.seed = seed;
+    let mut found = fleetfoot_pwa::partition(problem, &options, source, progress)?;
+    notes.append(&mut found.notes);
+    Ok(found.partitions.pop().map_or_else(Partition::whole, |(_, partition)| partition))
+}

@@ -1,0 +1,211 @@
+//! The equations of a statistic, as they stand in the file.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_data::EpisodeId;
+use fleetfoot_library::{REACHES, Spacing};
+use fleetfoot_model::{Partition, Rule, UnseenLabel};
+use fleetfoot_sparse::{
+    structured::RowCounts,
+    system::{EpisodeSums, System, SystemPlan},
+};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    StatisticError,
+    records::{parse, parse_all, print, print_all},
+};
+use crate::{DifferenceErrors, SettledDifference};
+
+/// All equations: how their derivatives were settled, and the plan of every group.
+#[derive(Serialize, Deserialize)]
+pub(super) struct EquationsRecord {
+    pub(super) differences: Vec<Option<DifferenceRecord>>,
+    pub(super) groups: Vec<GroupRecord>,
+}
+
+/// What the data settled of a difference.
+#[derive(Serialize, Deserialize)]
+pub(super) struct DifferenceRecord {
+    reach: u8,
+    even: bool,
+    /// Errors of orders 2, 4 and 6, then truncation and noise of the order used.
+    errors: Option<[f64; 5]>,
+}
+
+/// The plan of a group as texts.
+#[derive(Serialize, Deserialize)]
+pub(super) struct GroupRecord {
+    chunk_rows: u64,
+    functions: Vec<String>,
+    targets: Vec<String>,
+    also: Vec<String>,
+    sampled: Vec<String>,
+    weight: Option<String>,
+    partition: Option<PartitionRecord>,
+    coordinates: Vec<u8>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct PartitionRecord {
+    specification: String,
+    columns: Vec<String>,
+    centre: Vec<f64>,
+    scale: Vec<f64>,
+    rule: RuleRecord,
+}
+
+/// A rule; within labels stand rules without labels, so that nothing is nested deeper.
+#[derive(Serialize, Deserialize)]
+enum RuleRecord {
+    Plain(PlainRule),
+    Labels { values: Vec<f64>, names: Vec<String>, rules: Vec<PlainRule>, pool: bool },
+}
+
+#[derive(Serialize, Deserialize)]
+enum PlainRule {
+    Whole,
+    Ball(f64),
+    Linear(Vec<Vec<f64>>, Vec<f64>),
+}
+
+/// What is told of an episode.
+#[derive(Serialize, Deserialize)]
+pub(super) struct EpisodeSumsRecord {
+    id: [u8; 16],
+    /// Complete, at the border, incomplete, unassigned.
+    counts: [u64; 4],
+    ranges: Vec<Vec<[f64; 2]>>,
+}
+
+impl DifferenceRecord {
+    pub(super) fn new(settled: &SettledDifference) -> Self {
+        let numbers = |errors: DifferenceErrors| {
+            let [second, fourth, sixth] = errors.by_order;
+            [second, fourth, sixth, errors.truncation, errors.noise]
+        };
+        Self { reach: settled.reach as u8, even: settled.spacing == Spacing::Even, errors: settled.errors.map(numbers) }
+    }
+
+    pub(super) fn into_settled(self) -> Result<SettledDifference, String> {
+        let reach = usize::from(self.reach);
+        if !REACHES.contains(&reach) {
+            return Err(format!("a difference over {reach} rows"));
+        }
+        let errors = |[second, fourth, sixth, truncation, noise]: [f64; 5]| {
+            DifferenceErrors::new(2 * reach, [second, fourth, sixth], [truncation, noise])
+        };
+        let spacing = if self.even { Spacing::Even } else { Spacing::Stamps };
+        Ok(SettledDifference { reach, spacing, errors: self.errors.map(errors) })
+    }
+}
+
+impl GroupRecord {
+    pub(super) fn new(plan: &SystemPlan) -> Result<Self, StatisticError> {
+        let System { functions, targets, also, sampled, weight, partition } = &plan.system;
+        Ok(Self {
+            chunk_rows: plan.chunk_rows as u64,
+            functions: print_all(functions)?,
+            targets: print_all(targets)?,
+            also: print_all(also)?,
+            sampled: print_all(sampled)?,
+            weight: weight.as_ref().map(print).transpose()?,
+            partition: partition.as_ref().map(PartitionRecord::new).transpose()?,
+            coordinates: plan.coordinates(),
+        })
+    }
+
+    pub(super) fn into_plan(self) -> Result<SystemPlan, String> {
+        let mut system = System::new(parse_all(&self.functions)?, parse_all(&self.targets)?);
+        system.also = parse_all(&self.also)?;
+        system.sampled = parse_all(&self.sampled)?;
+        system.weight = self.weight.as_deref().map(parse).transpose()?;
+        system.partition = self.partition.map(PartitionRecord::into_partition).transpose()?;
+        let chunk_rows = usize::try_from(self.chunk_rows).map_err(|error| error.to_string())?;
+        SystemPlan::of_coordinates(system, chunk_rows, &self.coordinates).map_err(|error| error.to_string())
+    }
+}
+
+impl PartitionRecord {
+    fn new(partition: &Partition) -> Result<Self, StatisticError> {
+        let rule = match &partition.rule {
+            Rule::Labels { values, names, rules, unseen } => RuleRecord::Labels {
+                values: values.clone(),
+                names: names.clone(),
+                rules: rules.iter().map(PlainRule::new).collect(),
+                pool: *unseen == UnseenLabel::Pool,
+            },
+            plain => RuleRecord::Plain(PlainRule::new(plain)),
+        };
+        Ok(Self {
+            specification: partition.specification.clone(),
+            columns: print_all(&partition.columns)?,
+            centre: partition.centre.clone(),
+            scale: partition.scale.clone(),
+            rule,
+        })
+    }
+
+    fn into_partition(self) -> Result<Partition, String> {
+        let columns = parse_all(&self.columns)?;
+        let rule = match self.rule {
+            RuleRecord::Plain(rule) => rule.into_rule(columns.len())?,
+            RuleRecord::Labels { values, names, rules, pool } => {
+                let others = columns.len().checked_sub(1).ok_or("a partition by labels without a column")?;
+                if names.len() != values.len() || rules.len() != values.len() {
+                    return Err("a partition by labels with other names than values".into());
+                }
+                let rules = rules.into_iter().map(|rule| rule.into_rule(others)).collect::<Result<_, _>>()?;
+                let unseen = if pool { UnseenLabel::Pool } else { UnseenLabel::Refuse };
+                Rule::Labels { values, names, rules, unseen }
+            }
+        };
+        let Self { specification, centre, scale, .. } = self;
+        Ok(Partition { specification, columns, centre, scale, rule, regions: Vec::new() })
+    }
+}
+
+impl PlainRule {
+    /// Of a rule that has no labels.
+    fn new(rule: &Rule) -> Self {
+        match rule {
+            Rule::Ball { radius } => Self::Ball(*radius),
+            Rule::Linear { weights, offsets } => Self::Linear(weights.clone(), offsets.clone()),
+            Rule::Whole | Rule::Labels { .. } => Self::Whole,
+        }
+    }
+
+    fn into_rule(self, columns: usize) -> Result<Rule, String> {
+        match self {
+            Self::Whole => Ok(Rule::Whole),
+            Self::Ball(radius) => Ok(Rule::Ball { radius }),
+            Self::Linear(weights, offsets) => {
+                if weights.len() != offsets.len() || weights.iter().any(|row| row.len() != columns) {
+                    return Err(format!("a partition over {columns} columns has weights of others"));
+                }
+                Ok(Rule::Linear { weights, offsets })
+            }
+        }
+    }
+}
+
+impl EpisodeSumsRecord {
+    pub(super) fn all(episodes: &BTreeMap<EpisodeId, EpisodeSums>) -> Vec<Self> {
+        let of = |(id, told): (&EpisodeId, &EpisodeSums)| {
+            let RowCounts { complete, at_border, incomplete } = told.counts;
+            let counts = [complete, at_border, incomplete, told.unassigned];
+            Self { id: id.0.to_le_bytes(), counts, ranges: told.ranges.clone() }
+        };
+        episodes.iter().map(of).collect()
+    }
+
+    pub(super) fn into_told(records: Vec<Self>) -> BTreeMap<EpisodeId, EpisodeSums> {
+        let of = |record: Self| {
+            let [complete, at_border, incomplete, unassigned] = record.counts;
+            let counts = RowCounts { complete, at_border, incomplete };
+            let id = EpisodeId(u128::from_le_bytes(record.id));
+            (id, EpisodeSums { counts, unassigned, ranges: record.ranges })
+        };
+        records.into_iter().map(of).collect()
+    }
+}
