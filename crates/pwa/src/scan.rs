@@ -3,20 +3,16 @@
 use std::cell::RefCell;
 
 use faer::{MatMut, MatRef};
-use fleetfoot_data::{Progress, Source, sample_ranges};
+use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::DesignRows;
 use fleetfoot_model::Partition;
-use fleetfoot_stats::{Chunk, Gram, Key, Preconditioner, Stats, TILE_ROWS, reduce};
+use fleetfoot_stats::{Chunk, Gram, Key, Preconditioner, Stats, pilot_tiles, reduce};
 
 use crate::{
     Error,
     regions::Segmentation,
     rows::{Rows, Tile},
 };
-
-/// Rows of the pilot sample, and of one of its runs.
-const PILOT_ROWS: usize = 20_000;
-const PILOT_RUNS: usize = 64;
 
 /// Grams of all partitions, and the ranges of the regressors in the regions of those partitions made on all rows.
 pub(crate) struct Scan {
@@ -29,18 +25,13 @@ pub(crate) struct Scan {
 pub(crate) fn pilot(rows: &Rows, source: &dyn Source) -> Result<Preconditioner, Error> {
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); rows.dimension()];
     let mut scratch = DesignRows::default();
-    for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
-        let block = source.read(episode, range, rows.halo())?;
-        let mut from = 0;
-        while from < block.rows {
-            let to = (from + TILE_ROWS).min(block.rows);
-            let tile = rows.evaluate(&block, &source.episodes()[episode].name, from..to, &mut scratch)?;
-            for (all, column) in values.iter_mut().zip(tile.regression().chunks_exact(tile.len().max(1))) {
-                all.extend_from_slice(column);
-            }
-            from = to;
+    pilot_tiles(source, rows.halo(), |episode, block, tile| {
+        let tile = rows.evaluate(block, &episode.name, tile, &mut scratch)?;
+        for (all, column) in values.iter_mut().zip(tile.regression().chunks_exact(tile.len().max(1))) {
+            all.extend_from_slice(column);
         }
-    }
+        Ok::<_, Error>(())
+    })?;
     let length = values.first().map_or(0, Vec::len);
     let joined: Vec<f64> = values.concat();
     let matrix = MatRef::from_column_major_slice(&joined, length, rows.dimension());

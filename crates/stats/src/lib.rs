@@ -22,6 +22,7 @@ mod bytes;
 mod folds;
 mod keys;
 mod moments;
+mod pilot;
 mod plan;
 mod reduce;
 pub use bank::Bank;
@@ -30,6 +31,7 @@ pub use bytes::StatsBytesError;
 pub use folds::{FoldError, FoldLayout, FoldRule, Purge, SPANS};
 pub use keys::{Fold, Key, Keyed, MergeError, Stats, Sum};
 pub use moments::Moments;
+pub use pilot::pilot_tiles;
 pub use plan::{COARSE, Chunk, FINE, Grid, PlanError, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};
 

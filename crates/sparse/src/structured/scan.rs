@@ -3,17 +3,13 @@
 use std::collections::BTreeMap;
 
 use faer::{MatMut, MatRef};
-use fleetfoot_data::{Cancelled, EpisodeId, Error, Halo, Progress, Source, sample_ranges};
+use fleetfoot_data::{Cancelled, EpisodeId, Error, Halo, Progress, Source};
 use fleetfoot_library::{Design, DesignRows, Expr, UnknownColumn};
 use fleetfoot_stats::{
-    Chunk, Fold, Gram, Grid, Key, MergeError, PlanError, Preconditioner, Stats, TILE_ROWS, plan_hash, reduce,
+    Chunk, Fold, Gram, Grid, Key, MergeError, PlanError, Preconditioner, Stats, pilot_tiles, plan_hash, reduce,
 };
 
 use super::Regression;
-
-/// Rows of the pilot sample, and of one of its runs.
-const PILOT_ROWS: usize = 20_000;
-const PILOT_RUNS: usize = 64;
 
 /// Why a scan failed.
 #[derive(Debug, thiserror::Error)]
@@ -170,16 +166,13 @@ impl Plan {
         Grid::check(source.episodes(), 1, bytes)?;
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.first(columns.tasks.len())];
         let mut rows = DesignRows::default();
-        for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
-            let block = source.read(episode, range, columns.halo())?;
-            for from in (0..block.rows).step_by(TILE_ROWS) {
-                let (name, tile) = (&source.episodes()[episode].name, from..(from + TILE_ROWS).min(block.rows));
-                columns.design.evaluate_for_squares(&block, name, tile, &mut rows)?;
-                for (column, all) in values.iter_mut().enumerate() {
-                    all.extend_from_slice(rows.output(column));
-                }
+        pilot_tiles(source, columns.halo(), |episode, block, tile| {
+            columns.design.evaluate_for_squares(block, &episode.name, tile, &mut rows)?;
+            for (column, all) in values.iter_mut().enumerate() {
+                all.extend_from_slice(rows.output(column));
             }
-        }
+            Ok::<_, ScanError>(())
+        })?;
         let length = values.first().map_or(0, Vec::len);
         let preconditioners = (0..columns.tasks.len())
             .map(|task| {

@@ -1,9 +1,9 @@
 //! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
 
 use faer::MatRef;
-use fleetfoot_data::{Source, sample_ranges};
+use fleetfoot_data::Source;
 use fleetfoot_library::{DesignRows, Expr};
-use fleetfoot_stats::{FINE, Grid, Preconditioner, TILE_ROWS, plan_hash};
+use fleetfoot_stats::{FINE, Grid, Preconditioner, pilot_tiles, plan_hash};
 
 use super::{
     System, SystemError,
@@ -11,9 +11,8 @@ use super::{
     polynomial::{Monomials, Polynomial},
 };
 
-/// Rows of the pilot sample, and of one of its runs.
+/// Rows of the pilot that a factor is made of, at most.
 const PILOT_ROWS: usize = 20_000;
-const PILOT_RUNS: usize = 64;
 /// The first byte of coordinates: what is summed in them.
 const PRODUCTS: u8 = 0;
 /// See [`PRODUCTS`].
@@ -226,15 +225,12 @@ fn pilot(system: &System, source: &dyn Source) -> Result<Preconditioner, SystemE
 fn sample(columns: &Columns, source: &dyn Source) -> Result<Vec<Vec<f64>>, SystemError> {
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.dimension()];
     let mut rows = DesignRows::default();
-    for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
-        let block = source.read(episode, range, columns.halo())?;
-        for from in (0..block.rows).step_by(TILE_ROWS) {
-            let tile = from..(from + TILE_ROWS).min(block.rows);
-            columns.evaluate(&block, &source.episodes()[episode].name, tile, &mut rows)?;
-            for (column, all) in values.iter_mut().enumerate() {
-                all.extend_from_slice(rows.output(column));
-            }
+    pilot_tiles(source, columns.halo(), |episode, block, tile| {
+        columns.evaluate(block, &episode.name, tile, &mut rows)?;
+        for (column, all) in values.iter_mut().enumerate() {
+            all.extend_from_slice(rows.output(column));
         }
-    }
+        Ok::<_, SystemError>(())
+    })?;
     Ok(values)
 }

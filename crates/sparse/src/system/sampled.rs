@@ -1,14 +1,10 @@
 //! Sizes of expressions on a sample of the rows.
 
-use fleetfoot_data::{Source, sample_ranges};
+use fleetfoot_data::Source;
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_stats::TILE_ROWS;
+use fleetfoot_stats::pilot_tiles;
 
 use super::SystemError;
-
-/// Rows of the sample, and of one of its runs.
-const ROWS: usize = 20_000;
-const RUNS: usize = 64;
 
 /// The mean square of every expression over the complete rows of a strided sample; 0 without rows.
 ///
@@ -22,16 +18,14 @@ pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result
     let design = Design::compile(expressions, &names)?;
     let (mut sums, mut count) = (vec![0.0; expressions.len()], 0_usize);
     let mut rows = DesignRows::default();
-    for (episode, range) in sample_ranges(source.episodes(), ROWS, RUNS) {
-        let block = source.read(episode, range, design.halo())?;
-        for from in (0..block.rows).step_by(TILE_ROWS) {
-            design.evaluate(&block, from..(from + TILE_ROWS).min(block.rows), &mut rows);
-            count += rows.rows();
-            for (output, sum) in sums.iter_mut().enumerate() {
-                *sum += rows.output(output).iter().map(|value| value * value).sum::<f64>();
-            }
+    pilot_tiles(source, design.halo(), |_, block, tile| {
+        design.evaluate(block, tile, &mut rows);
+        count += rows.rows();
+        for (output, sum) in sums.iter_mut().enumerate() {
+            *sum += rows.output(output).iter().map(|value| value * value).sum::<f64>();
         }
-    }
+        Ok::<_, SystemError>(())
+    })?;
     Ok(sums.into_iter().map(|sum| sum / (count as f64).max(1.0)).collect())
 }
 
