@@ -204,6 +204,12 @@ impl Statistic {
         &self.file.recipe
     }
 
+    /// The methods that need no logs, each with its regions.
+    #[getter]
+    fn serves(&self) -> Vec<String> {
+        self.file.serves()
+    }
+
     /// Rows of a chunk, at most.
     #[getter]
     fn chunk_rows(&self) -> usize {

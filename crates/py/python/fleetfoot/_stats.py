@@ -127,6 +127,12 @@ class _Value:
         """Candidate functions by the name of the latent that they may make."""
         return dict(self._core.latents)
 
+    @property
+    def serves(self) -> list[str]:
+        """The methods that need no logs, each with the regions that were summed for it: ``"fit pwa (--partition average
+        | kmeans:5)"``."""
+        return self._core.serves
+
 
 class Plan(_Value):
     """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 from pathlib import Path
 
 import fleet
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import fleetfoot as ff
-from fleetfoot.exceptions import DataError, RequestError, StatisticError, WriteError
+from fleetfoot.exceptions import DataError, NeedsLogsError, RequestError, StatisticError, WriteError
 
 
 @pytest.fixture
@@ -338,3 +339,31 @@ def test_estimators_fit_a_statistic_as_they_fit_its_logs() -> None:
     fitted = ff.BlockSparse(recipe=fleet.SHARED).fit(shared)
     thrust = dict(zip(fitted.get_feature_names("T"), fitted.coefficients(latent="T"), strict=True))
     assert thrust == pytest.approx({"1": 3.0, "x": 1.0, "x^2": -0.5}, abs=1e-6)
+
+
+def test_equations_and_regions_are_fitted_without_the_logs() -> None:
+    t = 0.01 * np.arange(900)
+    runs = [{"t": t, "x": np.sin(t + k), "y": np.abs(np.sin(t + k)) + 0.01 * np.cos(31 * t)} for k in range(4)]
+    model = {"predict": "y", "partition": "average,kmeans:2", "partition_on": ["x"]}
+    recipe = {"model": model, "inputs": {"x": "x"}, "time": {"column": "t"}}
+    plan = ff.Plan(recipe, runs)
+    whole = ff.scan(plan, runs)
+    parts = [ff.scan(plan, ff.open(run, name=f"run {k}")) for k, run in enumerate(runs)]
+    assert sum(parts) == whole
+    methods = [text.split(" (")[0] for text in whole.serves]
+    assert methods == ["fit sparse", "fit sindy", "fit pwa"] and "kmeans:2" in whole.serves[2]
+    for method in (lambda: ff.PWA(partition=[2]), lambda: ff.SINDy(partition="kmeans:2")):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from_parts, from_whole, from_logs = (
+                method().fit(given).model_ for given in (sum(parts), whole, ff.open(runs, recipe=recipe))
+            )
+        assert from_parts == from_whole
+        assert len(from_whole.regions) == 2
+        for region in range(2):
+            there, here = from_logs.coefficients(region=region), from_whole.coefficients(region=region)
+            assert np.allclose(there, here, rtol=1e-9, atol=1e-12)
+    with pytest.raises(NeedsLogsError, match=r"kmeans:3.*scan again"):
+        ff.PWA(partition=3).fit(whole)
+    with pytest.raises(NeedsLogsError, match=r"x\^3.*scan again"):
+        ff.SINDy(library="poly(3)", partition="average").fit(whole)
