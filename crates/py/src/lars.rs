@@ -187,6 +187,9 @@ pub(crate) fn lars_path_of_products(
     })
 }
 
+/// Lambdas, and the errors of every fold there.
+type FoldErrors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// Knots of the paths of all folds, ascending, about `most` of them, and mean squared errors of the first target there on the held-out rows (alphas x
 /// folds).
 #[pyfunction]
@@ -198,7 +201,7 @@ pub(crate) fn lars_fold_errors<'py>(
     request: LarsRequest,
     most: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<FoldErrors<'py>> {
     check_folds(&folds)?;
     let (alphas, errors) = run_any(py, progress, |progress| {
         progress.stage("paths of the folds");

@@ -112,7 +112,7 @@ fn many_columns_that_come_and_go_are_solved() {
                 assert!(solution.converged && solution.certificate.kkt < 1e-9, "{:e}", solution.certificate.kkt);
                 let other = path.coefficients(solution.l1).expect("on the path");
                 let apart = (0..p).map(|j| (solution.coefficient(j) - other[j]).abs()).fold(0.0, f64::max);
-                assert!(apart < 1e-8 * other.iter().fold(0.0, |most: f64, value| most.max(value.abs())), "{apart:e}");
+                assert!(apart <= 1e-8 * other.iter().fold(0.0, |most: f64, value| most.max(value.abs())), "{apart:e}");
             }
             assert!(solutions[4].support.len() > 200, "{}", solutions[4].support.len());
         }
