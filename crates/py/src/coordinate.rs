@@ -1,11 +1,10 @@
-//! Least-squares problems of arrays, and what coordinate descent and information criteria make of them.
+//! Least-squares problems of arrays, and what estimators and information criteria make of them.
 
 use fleetfoot::{
     data::{Silent, parallel_map},
     sparse::{
         Penalty, Quadratic, Sign,
-        coordinate::{CoordinateOptions, Descended, coordinate_descent_from, lambda_max},
-        estimator::ElasticNet,
+        coordinate::Descended,
         lars::{LarsOptions, lars},
         select::{CriteriaOptions, SelectOptions, information_criteria, solve_grid},
     },
@@ -16,6 +15,7 @@ use pyo3::prelude::*;
 use crate::{
     design::{Design, Fold, check_folds, first_problem},
     error::{Kind, OrRaise},
+    estimator::Estimator,
     run::{Failure, guard, run_any},
 };
 
@@ -74,35 +74,42 @@ impl Problems {
         Ok(self.target(target)?.target_deviation())
     }
 
-    /// The least alpha at which all coefficients of a target are zero, for the lasso.
-    fn largest_alpha(&self, target: usize, positive: bool) -> PyResult<f64> {
+    /// The problem of all targets together, the coefficients of the first target first.
+    fn joined(&self) -> PyResult<Self> {
+        guard(|| Ok(Self { targets: vec![Quadratic::stacked(&self.targets).or_raise(Kind::Fit)?] }))
+    }
+
+    /// The intercept that goes with coefficients (p) of a target.
+    fn intercept(&self, target: usize, coefficients: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+        Ok(self.target(target)?.intercept_of(&coefficients.as_array().to_vec()))
+    }
+
+    /// The least alpha at which all coefficients of a target are zero.
+    fn largest_alpha(&self, target: usize, estimator: &Estimator, positive: bool) -> PyResult<f64> {
         guard(|| {
             let problem = self.target(target)?;
-            lambda_max(problem, &penalty(problem.columns(), positive), 1.0).or_raise(Kind::Fit)
+            estimator.of.lambda_max(problem, &penalty(problem.columns(), positive)).or_raise(Kind::Fit)
         })
     }
 
     /// The solutions of a target at all alphas, each from the one before, the first from `start` (p).
-    #[pyo3(signature = (target, alphas, l1_ratio, positive, start, max_epochs))]
-    #[expect(clippy::too_many_arguments, reason = "what Python passes, one by one")]
+    #[pyo3(signature = (target, alphas, estimator, positive, start))]
     fn descend<'py>(
         &self,
         py: Python<'py>,
         target: usize,
         alphas: PyReadonlyArray1<'_, f64>,
-        l1_ratio: f64,
+        estimator: &Estimator,
         positive: bool,
         start: Option<PyReadonlyArray1<'_, f64>>,
-        max_epochs: usize,
     ) -> PyResult<Solutions<'py>> {
         let problem = self.target(target)?;
-        let p = problem.columns();
         let alphas = alphas.as_array().to_vec();
-        let start = start.map_or_else(|| vec![0.0; p], |start| start.as_array().to_vec());
+        let start = start.map(|start| start.as_array().to_vec());
         let found = run_any(py, None, |_| {
-            let options = CoordinateOptions { l1_ratio, max_epochs, ..CoordinateOptions::default() };
-            coordinate_descent_from(problem, &penalty(p, positive), &alphas, &options, &start)
-                .map_err(|error| Failure::of(Kind::Fit)(&error))
+            let penalty = penalty(problem.columns(), positive);
+            let found = estimator.of.descend(problem, &penalty, &alphas, start.as_deref());
+            found.map_err(|error| Failure::of(Kind::Fit)(&error))
         })?;
         solutions(py, problem, &found)
     }
@@ -185,23 +192,19 @@ fn solutions<'py>(py: Python<'py>, problem: &Quadratic, found: &[Descended]) -> 
 /// Mean squared errors of the first target on the held-out rows of every fold (alphas x folds), and the places of alphas where the solver of some fold
 /// missed its tolerance.
 #[pyfunction]
-#[pyo3(signature = (folds, alphas, intercept, l1_ratio, positive, max_epochs, progress=None))]
-#[expect(clippy::too_many_arguments, reason = "named by Python's callers")]
+#[pyo3(signature = (folds, alphas, intercept, estimator, positive, progress=None))]
 pub(crate) fn fold_errors<'py>(
     py: Python<'py>,
     folds: Vec<Fold>,
     alphas: PyReadonlyArray1<'_, f64>,
     intercept: bool,
-    l1_ratio: f64,
+    estimator: &Estimator,
     positive: bool,
-    max_epochs: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<usize>)> {
     check_folds(&folds)?;
     let alphas = alphas.as_array().to_vec();
-    let descent = CoordinateOptions { max_epochs, ..CoordinateOptions::default() };
-    let net = ElasticNet { l1_ratio, descent, ..ElasticNet::default() };
-    let options = SelectOptions { estimator: net.into(), ..SelectOptions::default() };
+    let options = SelectOptions { estimator: estimator.of.clone(), ..SelectOptions::default() };
     let found = run_any(py, progress, |progress| {
         progress.stage("folds");
         parallel_map(folds.len(), progress, |fold| {

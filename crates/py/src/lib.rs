@@ -16,6 +16,7 @@ mod lars;
 mod array_source;
 mod bolasso;
 mod coordinate;
+mod estimator;
 
 // -- clusters and thresholds
 mod clusters;
@@ -62,6 +63,8 @@ mod _core {
     use crate::bolasso::{bolasso, row_counts, unit_counts};
     #[pymodule_export]
     use crate::coordinate::{Problems, fold_errors};
+    #[pymodule_export]
+    use crate::estimator::Estimator;
 
     // -- clusters and thresholds
     #[pymodule_export]

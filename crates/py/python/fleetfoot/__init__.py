@@ -13,6 +13,8 @@ from ._lars_select import LassoLarsCV, LassoLarsIC
 from ._bolasso import Bolasso
 from ._coordinate_cv import ElasticNetCV, LassoCV
 from ._coordinate_descent import ElasticNet, Lasso, enet_path, lasso_path
+from ._group_cv import GroupLassoCV, SparseGroupLassoCV
+from ._group_lasso import GroupLasso, SparseGroupLasso
 
 # -- clusters and thresholds
 from ._frols import FROLS
@@ -57,8 +59,12 @@ __all__ = [
     "Bolasso",
     "ElasticNet",
     "ElasticNetCV",
+    "GroupLasso",
+    "GroupLassoCV",
     "Lasso",
     "LassoCV",
+    "SparseGroupLasso",
+    "SparseGroupLassoCV",
     "enet_path",
     "lasso_path",
     # -- clusters and thresholds

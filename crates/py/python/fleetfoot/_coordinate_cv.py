@@ -33,10 +33,10 @@ from ._params import (
 
 __all__ = ["ElasticNetCV", "LassoCV"]
 
-_Fitted = TypeVar("_Fitted", bound="_PathCV")
+_Fitted = TypeVar("_Fitted", bound="PathCV")
 
 
-class _PathCV(LinearModel):
+class PathCV(LinearModel):
     """What both classes do: errors of a grid of alphas on held-out rows, and a fit of all rows at the best one."""
 
     _rules: dict[str, tuple[Rule, ...]] = {
@@ -72,6 +72,13 @@ class _PathCV(LinearModel):
 
     def _ratios(self) -> list[float]:
         return [1.0]
+
+    def _estimator(self, ratio: float, features: int) -> _core.Estimator:
+        """What is fitted, with this share of the l1 penalty."""
+        return _core.Estimator.elastic_net(ratio, self.max_iter)
+
+    def _largest(self, whole: Posed, ratio: float, features: int) -> float:
+        return largest_alpha(whole.problems, ratio, self.positive)
 
     def fit(self: _Fitted, X: Any, y: Any, sample_weight: Any = None, **params: Any) -> _Fitted:
         """Chooses alpha by cross-validation, and fits all rows with it.
@@ -120,24 +127,27 @@ class _PathCV(LinearModel):
             # Rows without weight leave no trace in the sums.
             check_finite(self, X)
         whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
-        alphas = [self._grid(whole, ratio) if given is None else given for ratio in ratios]
-        errors = [self._errors(folds, found, ratio) for found, ratio in zip(alphas, ratios)]
+        estimators = [self._estimator(ratio, X.shape[1]) for ratio in ratios]
+        alphas = [self._grid(whole, ratio, X.shape[1]) if given is None else given for ratio in ratios]
+        errors = [self._errors(folds, found, estimator) for found, estimator in zip(alphas, estimators)]
         self.mse_path_ = np.squeeze(np.array(errors))
         self.alphas_ = np.array(alphas) if given is None and len(ratios) > 1 else alphas[0]
         means = [found.mean(axis=1) for found in errors]
         best = int(np.argmin([mean.min() for mean in means]))
         self.alpha_ = float(alphas[best][int(np.argmin(means[best]))])
-        self._refit(whole, ratios[best], X.dtype)
+        self._refit(whole, ratios[best], estimators[best], X.dtype)
         return self
 
-    def _grid(self, whole: Posed, ratio: float) -> NDArray[np.float64]:
-        return grid(largest_alpha(whole.problems, ratio, self.positive), self.eps, int(self.alphas))
+    def _grid(self, whole: Posed, ratio: float, features: int) -> NDArray[np.float64]:
+        return grid(self._largest(whole, ratio, features), self.eps, int(self.alphas))
 
-    def _errors(self, folds: FoldDesigns, alphas: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
+    def _errors(
+        self, folds: FoldDesigns, alphas: NDArray[np.float64], estimator: _core.Estimator
+    ) -> NDArray[np.float64]:
         """Mean squared errors on the held-out rows (n_alphas, n_folds)."""
         distinct, place = np.unique(-alphas, return_inverse=True)
         errors, inexact = _core.fold_errors(
-            folds.folds, -distinct, self.fit_intercept, ratio, self.positive, self.max_iter
+            folds.folds, -distinct, self.fit_intercept, estimator, self.positive
         )
         if inexact:
             worst = -distinct[inexact]
@@ -151,9 +161,9 @@ class _PathCV(LinearModel):
         found: NDArray[np.float64] = errors[place]
         return found
 
-    def _refit(self, whole: Posed, ratio: float, dtype: Any) -> None:
+    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
         solved = whole.solve(
-            0, [self.alpha_], l1_ratio=ratio, positive=self.positive, max_iter=self.max_iter, tol=self.tol
+            0, [self.alpha_], estimator=estimator, positive=self.positive, max_iter=self.max_iter, tol=self.tol
         )
         self.coef_ = np.asarray(solved.coefs[0], dtype=dtype)
         self.intercept_ = dtype.type(solved.intercepts[0]) if self.fit_intercept else 0.0
@@ -181,7 +191,7 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
     return found
 
 
-class LassoCV(_PathCV):
+class LassoCV(PathCV):
     """The lasso with its strength chosen by cross-validation, as scikit-learn's class of this name.
 
     The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
@@ -286,7 +296,7 @@ class LassoCV(_PathCV):
         self.selection = selection
 
 
-class ElasticNetCV(_PathCV):
+class ElasticNetCV(PathCV):
     """The elastic net, its strength and its l1 share chosen by cross-validation, as scikit-learn's class of this name.
 
     Parameters
@@ -321,7 +331,7 @@ class ElasticNetCV(_PathCV):
 
     path = staticmethod(enet_path)
 
-    _rules = {**_PathCV._rules, "l1_ratio": (real(0, 1, "both"), ARRAY)}
+    _rules = {**PathCV._rules, "l1_ratio": (real(0, 1, "both"), ARRAY)}
 
     l1_ratio_: float
 
@@ -359,11 +369,16 @@ class ElasticNetCV(_PathCV):
         self.selection = selection
 
     def _ratios(self) -> list[float]:
-        found = [float(ratio) for ratio in np.atleast_1d(self.l1_ratio)]
-        if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
-            raise ParameterError(f"l1_ratio is {self.l1_ratio!r}: every share lies in [0, 1]")
-        return found
+        return shares(self.l1_ratio)
 
-    def _refit(self, whole: Posed, ratio: float, dtype: Any) -> None:
-        super()._refit(whole, ratio, dtype)
+    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
+        super()._refit(whole, ratio, estimator, dtype)
         self.l1_ratio_ = ratio
+
+
+def shares(l1_ratio: Any) -> list[float]:
+    """The shares of the l1 penalty that are compared."""
+    found = [float(ratio) for ratio in np.atleast_1d(l1_ratio)]
+    if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
+        raise ParameterError(f"l1_ratio is {l1_ratio!r}: every share lies in [0, 1]")
+    return found

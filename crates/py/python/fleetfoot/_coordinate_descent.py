@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _core
 from ._base import MultiOutputMixin, check_weight, check_xy
 from ._descent import grid, largest_alpha, pose
 from ._linear import LinearModel
@@ -154,7 +155,8 @@ def enet_path(
         found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
     else:
         found = np.sort(np.asarray(wanted, dtype=np.float64).reshape(-1))[::-1]
-    solved = posed.solve(0, found, l1_ratio=l1_ratio, positive=positive, start=_start(coef_init, X.shape[1]), **options)
+    options["estimator"] = _core.Estimator.elastic_net(l1_ratio, options["max_iter"])
+    solved = posed.solve(0, found, positive=positive, start=_start(coef_init, X.shape[1]), **options)
     coefs = np.asarray(solved.coefs.T, dtype=X.dtype)
     if return_n_iter:
         return found, coefs, solved.gaps, solved.sweeps
@@ -440,7 +442,8 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         )
         targets = 1 if y.ndim == 1 else y.shape[1]
         starts = self._starts(targets, X.shape[1])
-        options: dict[str, Any] = {"l1_ratio": self.l1_ratio, "positive": self.positive}
+        estimator = _core.Estimator.elastic_net(self.l1_ratio, self.max_iter)
+        options: dict[str, Any] = {"estimator": estimator, "positive": self.positive}
         options.update(max_iter=self.max_iter, tol=self.tol)
         solved = [posed.solve(k, [self.alpha], start=starts[k], **options) for k in range(targets)]
         self._keep(solved, X.dtype, y.ndim)

@@ -92,6 +92,15 @@ def lars_path_of_products(gram: Any, xy: Any, yy: float | None, rows: float, req
 # -- lasso
 
 @final
+class Estimator:
+    @staticmethod
+    def elastic_net(l1_ratio: float, max_epochs: int) -> Estimator: ...
+    @staticmethod
+    def group_lasso(
+        groups: Sequence[int], weights: Sequence[float] | None, l1_ratio: float, max_epochs: int
+    ) -> Estimator: ...
+
+@final
 class Problems:
     @staticmethod
     def of(design: Design, groups: Sequence[int] | None, intercept: bool) -> Problems: ...
@@ -101,15 +110,16 @@ class Problems:
     ) -> Problems: ...
     def __len__(self) -> int: ...
     def deviation(self, target: int) -> float: ...
-    def largest_alpha(self, target: int, positive: bool) -> float: ...
+    def joined(self) -> Problems: ...
+    def intercept(self, target: int, coefficients: NDArray[np.float64]) -> float: ...
+    def largest_alpha(self, target: int, estimator: Estimator, positive: bool) -> float: ...
     def descend(
         self,
         target: int,
         alphas: NDArray[np.float64],
-        l1_ratio: float,
+        estimator: Estimator,
         positive: bool,
         start: NDArray[np.float64] | None,
-        max_epochs: int,
     ) -> tuple[
         NDArray[np.float64],
         NDArray[np.float64],
@@ -138,9 +148,8 @@ def fold_errors(
     folds: Sequence[tuple[Design, list[int], list[int]]],
     alphas: NDArray[np.float64],
     intercept: bool,
-    l1_ratio: float,
+    estimator: Estimator,
     positive: bool,
-    max_epochs: int,
     progress: _Progress = None,
 ) -> tuple[NDArray[np.float64], list[int]]: ...
 

@@ -43,7 +43,7 @@ class Posed(NamedTuple):
         target: int,
         alphas: Sequence[float] | NDArray[np.float64],
         *,
-        l1_ratio: float,
+        estimator: _core.Estimator,
         positive: bool,
         max_iter: int,
         tol: float,
@@ -52,7 +52,7 @@ class Posed(NamedTuple):
         """Solves one target at all alphas, each from the one before; a missed tolerance is a `ConvergenceWarning`."""
         strengths = np.ascontiguousarray(alphas, dtype=np.float64)
         first = None if start is None else np.ascontiguousarray(start, dtype=np.float64)
-        found = self.problems.descend(target, strengths, l1_ratio, positive, first, max_iter)
+        found = self.problems.descend(target, strengths, estimator, positive, first)
         coefs, intercepts, gaps, relative, sweeps, converged = found
         # A gap of `tol` times the target's mean square is what scikit-learn asks for; the engine asks for more.
         missed = ~converged & ~(relative <= tol)
@@ -163,4 +163,4 @@ def largest_alpha(problems: _core.Problems, l1_ratio: float, positive: bool) -> 
             "Automatic alpha grid generation is not supported for l1_ratio=0. Please supply a grid by providing your "
             "estimator with the appropriate `alphas=` argument."
         )
-    return problems.largest_alpha(0, positive) / l1_ratio
+    return problems.largest_alpha(0, _core.Estimator.elastic_net(1.0, 1), positive) / l1_ratio

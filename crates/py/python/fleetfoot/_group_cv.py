@@ -1,0 +1,186 @@
+"""The strength of the group lasso and of the sparse-group lasso by cross-validation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import _core
+from ._coordinate_cv import PathCV, shares
+from ._descent import Posed
+from ._group_lasso import GROUP_RULES, group_labels, group_weights
+from ._params import ARRAY, BOOLEAN, CV, NONE, integer, real
+
+__all__ = ["GroupLassoCV", "SparseGroupLassoCV"]
+
+
+class SparseGroupLassoCV(PathCV):
+    """The sparse-group lasso, its strength and its l1 share chosen by cross-validation.
+
+    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
+    is read once for all folds together.
+
+    Parameters
+    ----------
+    groups : int or array-like of shape (n_features,), default=1
+        The size of groups of neighbouring features, or a label for every feature.
+    l1_ratio : float in [0, 1] or list of them, default=0.5
+        The share of the l1 penalty, or those that are compared.
+    weights : array-like of shape (n_groups,), optional
+        As for :class:`SparseGroupLasso`.
+    eps : float, default=1e-3
+        The smallest alpha of the grid over the largest.
+    alphas : int or array-like of shape (n_alphas,), default=100
+        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
+        zero downwards.
+    fit_intercept : bool, default=True
+        Whether there is an intercept; it is not penalised.
+    max_iter : int, default=10000
+        The most sweeps an alpha.
+    tol : float, default=1e-4
+        As for :class:`SparseGroupLasso`.
+    cv : int, splitter, iterable of (train, test) or None, default=None
+        The folds; None is five of neighbouring rows.
+    n_jobs : int or None, default=None
+        Accepted; see :func:`set_threads`.
+    positive : bool, default=False
+        Whether coefficients must not be negative.
+
+    Attributes
+    ----------
+    alpha_ : float
+        The alpha with the least mean error over the folds.
+    l1_ratio_ : float
+        The share that goes with it.
+    alphas_ : ndarray of shape (n_alphas,) or (n_l1_ratio, n_alphas)
+        The alphas that were compared, descending.
+    mse_path_ : ndarray of shape (n_l1_ratio, n_alphas, n_folds), axes of length 1 left out
+        Mean squared errors on the held-out rows.
+    coef_, intercept_, dual_gap_, n_iter_, n_features_in_, feature_names_in_
+        As for :class:`SparseGroupLasso`, of the fit to all rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.random.default_rng(0).normal(size=(60, 4))
+    >>> model = ff.SparseGroupLassoCV(groups=2, l1_ratio=[0.1, 0.9], alphas=5).fit(X, X @ [3.0, 0.0, 0.0, 0.0])
+    >>> model.l1_ratio_, model.mse_path_.shape
+    (0.9, (2, 5, 5))
+    """
+
+    _rules = {
+        **GROUP_RULES,
+        "l1_ratio": (real(0, 1, "both"), ARRAY),
+        "eps": (real(0, closed="neither"),),
+        "alphas": (integer(1), ARRAY),
+        "fit_intercept": (BOOLEAN,),
+        "max_iter": (integer(1),),
+        "tol": (real(0),),
+        "cv": (CV,),
+        "n_jobs": (integer(), NONE),
+        "positive": (BOOLEAN,),
+    }
+
+    #: There is no Gram matrix to give.
+    precompute = False
+    l1_ratio_: float
+
+    def __init__(
+        self,
+        groups: Any = 1,
+        *,
+        l1_ratio: Any = 0.5,
+        weights: Any = None,
+        eps: float = 1e-3,
+        alphas: Any = 100,
+        fit_intercept: bool = True,
+        max_iter: int = 10000,
+        tol: float = 1e-4,
+        cv: Any = None,
+        n_jobs: int | None = None,
+        positive: bool = False,
+    ) -> None:
+        self.groups = groups
+        self.l1_ratio = l1_ratio
+        self.weights = weights
+        self.eps = eps
+        self.alphas = alphas
+        self.fit_intercept = fit_intercept
+        self.max_iter = max_iter
+        self.tol = tol
+        self.cv = cv
+        self.n_jobs = n_jobs
+        self.positive = positive
+
+    def _ratios(self) -> list[float]:
+        return shares(self.l1_ratio)
+
+    def _estimator(self, ratio: float, features: int) -> _core.Estimator:
+        labels = group_labels(self.groups, features)
+        weights = group_weights(self.weights, labels)
+        return _core.Estimator.group_lasso(labels.tolist(), weights.tolist(), ratio, self.max_iter)
+
+    def _largest(self, whole: Posed, ratio: float, features: int) -> float:
+        return whole.problems.largest_alpha(0, self._estimator(ratio, features), self.positive)
+
+    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
+        super()._refit(whole, ratio, estimator, dtype)
+        self.l1_ratio_ = ratio
+
+
+class GroupLassoCV(SparseGroupLassoCV):
+    """The group lasso with its strength chosen by cross-validation.
+
+    It is :class:`SparseGroupLassoCV` with ``l1_ratio=0``, whose notes hold.
+
+    Parameters
+    ----------
+    groups : int or array-like of shape (n_features,), default=1
+        The size of groups of neighbouring features, or a label for every feature.
+    weights, eps, alphas, fit_intercept, max_iter, tol, cv, n_jobs, positive
+        As for :class:`SparseGroupLassoCV`.
+
+    Attributes
+    ----------
+    alpha_, alphas_, mse_path_, coef_, intercept_, dual_gap_, n_iter_, n_features_in_, feature_names_in_
+        As for :class:`SparseGroupLassoCV`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fleetfoot as ff
+    >>> X = np.random.default_rng(0).normal(size=(60, 4))
+    >>> model = ff.GroupLassoCV(groups=2).fit(X, X @ [3.0, 1.0, 0.0, 0.0])
+    >>> model.coef_.round(1) + 0.0
+    array([3., 1., 0., 0.])
+    """
+
+    _rules = {name: rule for name, rule in SparseGroupLassoCV._rules.items() if name != "l1_ratio"}
+
+    def __init__(
+        self,
+        groups: Any = 1,
+        *,
+        weights: Any = None,
+        eps: float = 1e-3,
+        alphas: Any = 100,
+        fit_intercept: bool = True,
+        max_iter: int = 10000,
+        tol: float = 1e-4,
+        cv: Any = None,
+        n_jobs: int | None = None,
+        positive: bool = False,
+    ) -> None:
+        super().__init__(
+            groups=groups,
+            l1_ratio=0.0,
+            weights=weights,
+            eps=eps,
+            alphas=alphas,
+            fit_intercept=fit_intercept,
+            max_iter=max_iter,
+            tol=tol,
+            cv=cv,
+            n_jobs=n_jobs,
+            positive=positive,
+        )
