@@ -20,7 +20,10 @@ const ARROWS: [(&str, &[&str]); 16] = [
     ("fleetfoot-sim", &["data", "library", "dynamics"]),
     (
         "fleetfoot",
-        &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sparse", "estimate", "sim"],
+        &[
+            "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "pwa", "sparse", "estimate",
+            "sim",
+        ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),
     ("fleetfoot-py", &["fleetfoot"]),

@@ -12,6 +12,7 @@ mod guards;
 mod narx;
 mod narx_search;
 mod outside;
+mod prepare;
 mod real_data;
 mod replayed;
 mod robot_logs;

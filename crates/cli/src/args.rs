@@ -3,6 +3,7 @@
 mod examples;
 mod export;
 mod narx;
+mod prepare;
 mod sindy;
 mod sparse;
 mod statistic;
@@ -14,6 +15,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 use fleetfoot::PwaSection;
 pub(crate) use narx::FitNarx;
+pub(crate) use prepare::Prepare;
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
@@ -54,6 +56,9 @@ pub(crate) enum Command {
     /// Write a commented recipe for a file, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),
+    /// Smooth the states of logs: clean episodes with derivatives and standard deviations, and the recipe to fit them.
+    #[command(after_help = examples::PREPARE)]
+    Prepare(Box<Prepare>),
     /// Sum logs into a statistic that is fitted later, without the logs.
     #[command(after_help = examples::SCAN)]
     Scan(Box<Scan>),

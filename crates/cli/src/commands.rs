@@ -14,6 +14,7 @@ pub(crate) mod init;
 pub(crate) mod man;
 pub(crate) mod plane;
 pub(crate) mod predict;
+pub(crate) mod prepare;
 pub(crate) mod rollout;
 pub(crate) mod scan;
 pub(crate) mod score;

@@ -30,6 +30,7 @@ fn main() -> ExitCode {
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
         Command::Fit(Fit::Narx(arguments)) => commands::fit_narx::narx(arguments, &context),
         Command::Fit(Fit::Sindy(arguments)) => commands::fit_sindy::sindy(arguments, &context),
+        Command::Prepare(arguments) => commands::prepare::prepare(arguments, &context),
         Command::Scan(arguments) => commands::scan::scan(arguments, &context),
         Command::Stats(arguments) => commands::stats::stats(arguments, &context),
         Command::Score(arguments) => commands::score::score(arguments, &context),

@@ -260,6 +260,23 @@ impl Dataset {
         Self::open(recipe, &columns, &expressions, Clock::Needed, logs, progress)
     }
 
+    /// Opens logs for preparation: what the fits of a recipe would read, without what they compute. The recipe's wildcards are written out.
+    pub(crate) fn for_preparation(
+        recipe: &Recipe,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Self, Recipe, Vec<ModelColumn>), Error> {
+        let (fields, info) = fields(recipe, logs)?;
+        let recipe = recipe.expand(&fields)?;
+        let aliases = crate::prepare::aliases(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let (columns, expressions) = (aliases.columns, aliases.expressions);
+        if columns.is_empty() {
+            return Err(Error::missing("there is nothing to prepare: name states in the recipe ([states])".into()));
+        }
+        let dataset = Self::open(&recipe, &columns, &expressions, Clock::Needed, logs, progress)?;
+        Ok((dataset, recipe, columns))
+    }
+
     /// Sees the same fields through other aliases from now on.
     pub(crate) fn see(&mut self, aliases: &[(Column, Expr)]) {
         self.aliases = described(&self.source, aliases);

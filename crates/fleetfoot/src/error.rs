@@ -142,6 +142,16 @@ pub enum Error {
     /// Parameters inside expressions could not be estimated.
     #[error(transparent)]
     Estimate(fleetfoot_estimate::EstimateError),
+    /// A channel cannot be prepared.
+    #[error("{episode}, `{channel}`: {source}")]
+    Signal {
+        /// The episode.
+        episode: String,
+        /// The state or input.
+        channel: String,
+        /// What is wrong.
+        source: fleetfoot_signal::SignalError,
+    },
     /// A filter cannot be computed.
     #[error(transparent)]
     Filter(#[from] fleetfoot_library::FilterError),

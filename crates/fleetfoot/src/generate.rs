@@ -4,8 +4,8 @@
 //! and length give the same bytes on any number of threads, and a run does not depend on how many others there are.
 
 mod excitation_report;
-mod folder;
 mod mcap_sink;
+mod names;
 mod parquet_sink;
 mod plan;
 mod recipes;
@@ -30,9 +30,13 @@ pub use plan::{Plan, PlannedTopic, plan};
 pub use seeds::run_seed;
 pub use world::{World, robots};
 
-use crate::{Error, starter_recipe};
+use crate::{
+    Error,
+    folder::{Folder, RECIPE},
+    starter_recipe,
+};
 use excitation_report::{Gathered, Terms};
-use folder::{Folder, RECIPE, run_name};
+use names::{is_run, run_name};
 use recorder::{Output, Recorder, Seconds};
 use world::{SCENARIO, WORLD};
 
@@ -226,7 +230,7 @@ pub struct Generated {
 pub fn generate(job: &Job, progress: &dyn Progress) -> Result<Generated, Error> {
     job.check()?;
     job.check_worlds()?;
-    let folder = Folder::create(&job.folder, job.force, &job.inputs)?;
+    let folder = Folder::create(&job.folder, job.force, &job.inputs, is_run)?;
     let scenario = job.world_of(0)?.scenario()?;
     let recipe = job.world.robot.recipe().recipe(job.format)?;
     let terms = Terms::new(&recipe, scenario.as_ref(), job.world.robot.spread());

@@ -31,6 +31,7 @@ mod error;
 mod export;
 mod fit;
 mod fit_statistic;
+mod folder;
 mod folds;
 pub mod generate;
 mod groups;
@@ -46,6 +47,7 @@ mod narx;
 mod not_finite;
 mod output;
 mod period;
+pub mod prepare;
 mod project;
 mod recipe;
 mod request;
@@ -84,9 +86,10 @@ pub use narx::{
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
-    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection,
-    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PwaSection, Recipe,
-    Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
+    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod,
+    PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection,
+    Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
@@ -116,6 +119,7 @@ pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe};
 pub use fleetfoot_pwa as pwa;
+pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;
 pub use fleetfoot_sparse as sparse;
 pub use fleetfoot_stats as stats;

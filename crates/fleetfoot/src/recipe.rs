@@ -11,6 +11,7 @@ use crate::Error;
 
 mod derivative;
 mod narx;
+mod prepare;
 mod pwa;
 mod settings;
 mod sindy;
@@ -18,6 +19,7 @@ mod sparse;
 
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use narx::{NarxSection, NarxTerms};
+pub use prepare::{Limits, PrepareMethod, PrepareSection};
 pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
 pub(crate) use settings::seed;
 pub use settings::{Settings, Tunable};
@@ -61,6 +63,12 @@ pub struct Recipe {
     /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
+    /// How channels are prepared: what the flags of `prepare` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub prepare: PrepareSection,
+    /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub channels: IndexMap<String, PrepareSection>,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
@@ -188,6 +196,9 @@ pub struct Time {
     /// Seconds by which messages may be out of order; 0.05 when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reorder: Option<f64>,
+    /// Seconds over which `prepare` has smoothed these logs: so far apart are held-out and training rows at least, where folds are spans of an episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoothed: Option<f64>,
 }
 
 /// How a field is brought to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
@@ -268,6 +279,13 @@ pub struct EpisodeRule {
     /// The labels.
     #[serde(flatten)]
     pub labels: BTreeMap<String, toml::Value>,
+}
+
+impl Time {
+    /// Rows over which the logs were smoothed by `prepare`, `step` s apart; 0 where they were not.
+    pub(crate) fn smoothed_rows(&self, step: f64) -> f64 {
+        self.smoothed.filter(|_| step > 0.0).map_or(0.0, |seconds| seconds / step)
+    }
 }
 
 impl Recipe {

@@ -220,7 +220,7 @@ impl Evidence {
         });
         let source = subset.as_ref().map(|subset| subset as &dyn Source);
         progress.stage("lambda");
-        let folds = lambda::folds(&problem, options, &mut notes)?;
+        let folds = lambda::folds(&problem, options, self.recipe.time.smoothed_rows(self.file.step()), &mut notes)?;
         let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
         let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
         notes.append(&mut support.notes);

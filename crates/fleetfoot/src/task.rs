@@ -282,6 +282,14 @@ fn value_equation(name: &str, aliases: &mut Aliases<'_>) -> Result<Equation, Err
     })
 }
 
+/// The unit of a rate of change.
+pub(crate) fn rate_unit(unit: &str) -> String {
+    match unit.strip_suffix("/s") {
+        Some(base) => format!("{base}/s^2"),
+        None => format!("{unit}/s"),
+    }
+}
+
 pub(crate) fn state_equation(
     name: &str,
     state: &State,
@@ -306,11 +314,7 @@ pub(crate) fn state_equation(
         Prediction::Derivative => Derivative::measured(state.derivative.as_ref(), &x, angle, &place, aliases)?,
         other => target(name, angle, other),
     };
-    let unit = unit.map(|unit| match unit.strip_suffix("/s") {
-        _ if prediction != Prediction::Derivative => unit,
-        Some(base) => format!("{base}/s^2"),
-        None => format!("{unit}/s"),
-    });
+    let unit = unit.map(|unit| if prediction == Prediction::Derivative { rate_unit(&unit) } else { unit });
     Ok(Equation {
         subject: name.to_owned(),
         prediction,

@@ -25,7 +25,8 @@ pub struct Rejected {
     pub rows: Vec<usize>,
     /// Splines that were fitted to find them.
     pub passes: usize,
-    /// Whether a fifth of the measurements was rejected and the search given up: the channel is not a smooth curve with some gross errors.
+    /// Whether the search was given up and nothing is left out: a fifth of the measurements would be, or the noise without them would be larger than with them. What stands
+    /// out is motion then, jumps of it, and no error of the sensor.
     pub gave_up: bool,
 }
 
@@ -48,15 +49,18 @@ pub fn reject(
     check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
     let channel = Channel { times, values, weights, spline, lambda, sigmas };
     let mut search = Search { kept: values.to_vec(), rows: BTreeSet::new(), passes: 0 };
-    let mut smoothed = search.smooth(&channel, lambda)?;
+    let with_all = search.smooth(&channel, lambda)?;
+    let mut smoothed = with_all.clone();
     let most = (MOST * smoothed.measured as f64) as usize;
     search.leave_out(&channel, &mut smoothed, most)?;
     if search.take_back(&channel, &smoothed) {
         smoothed = search.smooth(&channel, lambda)?;
         search.leave_out(&channel, &mut smoothed, most)?;
     }
-    let gave_up = search.rows.len() > most;
-    Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes, gave_up })
+    if search.rows.len() > most || smoothed.noise > with_all.noise {
+        return Ok(Rejected { smoothed: with_all, rows: Vec::new(), passes: search.passes, gave_up: true });
+    }
+    Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes, gave_up: false })
 }
 
 /// What is searched.

@@ -25,6 +25,12 @@ Examples:
   fleetfoot init run.mcap
   fleetfoot init run.mcap -o robot.toml";
 
+pub(crate) const PREPARE: &str = "\
+Examples:
+  fleetfoot prepare -c robot.toml runs/ -o clean/
+  fleetfoot prepare -c robot.toml runs/ -o clean/ --method quintic --second-order --dejitter
+  fleetfoot prepare -c robot.toml runs/ -o clean/ --method butterworth --cutoff 20 --decimate 10 --force";
+
 pub(crate) const SCAN: &str = "\
 Examples:
   fleetfoot scan -c robot.toml runs/ -o run.stats

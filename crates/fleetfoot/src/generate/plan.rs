@@ -6,13 +6,13 @@ use fleetfoot_sim::Run;
 use super::{
     Format, Job,
     excitation_report::Terms,
-    folder::Folder,
     mcap_sink::message_type,
+    names::is_run,
     record,
     recorder::{Output, Recorder, Seconds, keeps},
     run_seed,
 };
-use crate::Error;
+use crate::{Error, folder::Folder};
 
 /// Rows of the short run, about.
 const SAMPLE_ROWS: f64 = 4000.0;
@@ -58,7 +58,7 @@ pub struct PlannedTopic {
 pub fn plan(job: &Job, progress: &dyn Progress) -> Result<Plan, Error> {
     job.check()?;
     job.check_worlds()?;
-    let replaced = Folder::check(&job.folder, job.force)?.len();
+    let replaced = Folder::check(&job.folder, job.force, is_run)?.len();
     let world = job.world_of(0)?;
     let scenario = world.scenario()?;
     let recipe = job.world.robot.recipe().recipe(job.format)?;

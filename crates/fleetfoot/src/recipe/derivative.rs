@@ -46,6 +46,11 @@ impl Derivative {
         Self::Span(SpanDerivative { over })
     }
 
+    /// Whether a text is a word for a difference, and no field or expression.
+    pub(crate) fn is_word(text: &str) -> bool {
+        ["auto", "central", "central4", "central6", "forward", "backward"].contains(&text)
+    }
+
     /// The mean slope to so many rows ahead.
     pub fn over(rows: u32) -> Self {
         Self::Span(SpanDerivative { over: Over::Rows(rows) })

@@ -26,6 +26,8 @@ pub struct Evidence {
     pub parameters: Vec<ParameterReport>,
     /// Sampling period, seconds.
     pub step: f64,
+    /// Rows over which the logs were smoothed before; 0 where they were not.
+    pub smoothed_rows: f64,
     /// Identities and names of the episodes that have rows, in the order of the identities.
     pub episodes: Vec<(String, String)>,
     /// What the user should know.
@@ -67,7 +69,8 @@ impl Evidence {
         let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
         let names = view.episodes().iter().map(|episode| (episode.id, episode.name.clone())).collect();
-        Ok(Self::new(frozen, plan.system.partition, scan, step, (&names, notes)))
+        let smoothed_rows = recipe.time.smoothed_rows(step);
+        Ok(Self { smoothed_rows, ..Self::new(frozen, plan.system.partition, scan, step, (&names, notes)) })
     }
 
     /// What was frozen, and the statistic of its rows; `names` are those of the episodes.
@@ -89,6 +92,7 @@ impl Evidence {
             scan,
             parameters,
             step,
+            smoothed_rows: 0.0,
             notes,
         };
         found.resolution = found.resolution_of(|_| 1.0);

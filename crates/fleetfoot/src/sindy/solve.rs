@@ -405,7 +405,7 @@ fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
     }
     let problem = evidence.scan.root(0).compressed(evidence.task.constant);
     let rows = independent(evidence, 0, &problem, &evidence.task.terms())?;
-    Ok(Some(problem.weight / rows))
+    Ok(Some((problem.weight / rows).max(evidence.smoothed_rows)))
 }
 
 /// How often every unit is drawn (units x members).

@@ -32,7 +32,8 @@ impl Evidence {
         let partition = group.plan.system.partition.clone();
         let notes = notes(&task, group);
         let frozen = Frozen { task, parameters: Vec::new() };
-        let found = Self::new(frozen, partition, scan, file.step(), (&names, notes));
+        let smoothed_rows = own.time.smoothed_rows(file.step());
+        let found = Self { smoothed_rows, ..Self::new(frozen, partition, scan, file.step(), (&names, notes)) };
         found.check()?;
         Ok((found, recipe))
     }

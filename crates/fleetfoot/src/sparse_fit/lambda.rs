@@ -37,15 +37,16 @@ pub struct LambdaChoice {
     pub validation: Option<CrossValidation>,
 }
 
-/// The folds of a statistic; `None`, with a note, where there are none and nobody asked for some.
+/// The folds of a statistic, `smoothed` rows and more apart; `None`, with a note, where there are none and nobody asked for some.
 pub(super) fn folds(
     problem: &Problem<'_>,
     options: &SparseOptions,
+    smoothed: f64,
     notes: &mut Vec<String>,
 ) -> Result<Option<Folds>, Error> {
     let (keys, rows) = (problem.banks.keys(), problem.banks.rows());
     let validates = matches!(options.criterion, Criterion::CrossValidation | Criterion::OneStandardError);
-    match options.folds.folds(keys, rows, options.seed, correlated(problem)) {
+    match options.folds.folds(keys, rows, options.seed, correlated(problem).map(|rows| rows.max(smoothed))) {
         Ok(folds) => Ok(Some(folds)),
         Err(error) if options.folds == FoldRule::Auto && !(options.lambda == LambdaRule::Auto && validates) => {
             notes.push(format!("no held-out errors: {error}"));

@@ -1,4 +1,4 @@
-//! The folder of generated logs: its files appear all together or not at all, and never among those of an earlier command.
+//! A folder of logs that a command writes: its files appear all together or not at all, and never among those of an earlier command.
 
 use std::{
     fs, io,
@@ -8,11 +8,10 @@ use std::{
 use fleetfoot_log::{Format as LogFormat, WriteLock, check_outputs};
 use tempfile::TempDir;
 
-use super::world::robots;
 use crate::Error;
 
 /// The recipe's name.
-pub(super) const RECIPE: &str = "robot.toml";
+pub(crate) const RECIPE: &str = "robot.toml";
 
 /// The beginning of the name of a hidden folder that files are made in.
 const STAGING: &str = ".generating-";
@@ -21,7 +20,7 @@ const STAGING: &str = ".generating-";
 const LOCK: &str = ".generating.lock";
 
 /// A folder under construction: files are made in a hidden folder inside of it, and moved out by [`Folder::commit`]. One command at a time works on it.
-pub(super) struct Folder {
+pub(crate) struct Folder {
     target: PathBuf,
     staging: TempDir,
     /// Files of an earlier command, that this one replaces.
@@ -35,14 +34,14 @@ impl Folder {
     /// Makes the folder if it is not there.
     ///
     /// # Errors
-    /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have the names of generated
-    /// runs are replaced by the new ones, all of them, and what killed commands have left is removed; any other recording is refused still. A folder
+    /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have names of the command's `own`
+    /// are replaced by the new ones, all of them, and what killed commands have left is removed; any other recording is refused still. A folder
     /// that another command is working on; one of the `inputs` among what would be replaced.
-    pub(super) fn create(target: &Path, force: bool, inputs: &[PathBuf]) -> Result<Self, Error> {
+    pub(crate) fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         fs::create_dir_all(target).map_err(|source| error(target, source))?;
         let lock = WriteLock::take(target.join(LOCK), target)?;
-        let old = Self::check(target, force)?;
+        let old = Self::check(target, force, own)?;
         check_outputs(&old, inputs)?;
         // Whoever made them is gone: the lock is here.
         let mut leftovers = left_in(target).map_err(|source| error(target, source))?;
@@ -57,7 +56,7 @@ impl Folder {
     }
 
     /// What a person should know of the folder.
-    pub(super) fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         let told = |left: &PathBuf| {
             format!("{} is what a killed command has left: remove it, or give --force", left.display())
         };
@@ -68,7 +67,7 @@ impl Folder {
     ///
     /// # Errors
     /// Those of [`Folder::create`], and a folder that cannot be listed. A folder that is not there is none.
-    pub(super) fn check(target: &Path, force: bool) -> Result<Vec<PathBuf>, Error> {
+    pub(crate) fn check(target: &Path, force: bool, is_own: fn(&str) -> bool) -> Result<Vec<PathBuf>, Error> {
         let error = |source: io::Error| Error::Write { path: target.to_owned(), source };
         let entries = match fs::read_dir(target) {
             Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -81,7 +80,7 @@ impl Folder {
             if name.starts_with('.') {
                 continue;
             }
-            if name == RECIPE || is_run(&name) {
+            if name == RECIPE || is_own(&name) {
                 own.push(path);
             } else if LogFormat::of(&path).is_some() {
                 foreign.push(path);
@@ -93,27 +92,27 @@ impl Folder {
             (Some(first), _) => format!("{} would be mixed with them: choose another folder", first.display()),
             (None, Some(first)) if !force => {
                 format!(
-                    "{} is there already: choose another folder, or --force to replace all runs in it",
+                    "{} is there already: choose another folder, or --force to replace all logs in it",
                     first.display()
                 )
             }
             _ => return Ok(own),
         };
-        Err(Error::output(format!("{}: generated logs want a folder of their own; {advice}", target.display())))
+        Err(Error::output(format!("{}: these logs want a folder of their own; {advice}", target.display())))
     }
 
     /// Where a file is made.
-    pub(super) fn staged(&self, name: &str) -> PathBuf {
+    pub(crate) fn staged(&self, name: &str) -> PathBuf {
         self.staging.path().join(name)
     }
 
     /// Where a file will be.
-    pub(super) fn target(&self, name: &str) -> PathBuf {
+    pub(crate) fn target(&self, name: &str) -> PathBuf {
         self.target.join(name)
     }
 
     /// Moves the files of these names out, and removes those of an earlier command.
-    pub(super) fn commit(self, names: &[String]) -> Result<(), Error> {
+    pub(crate) fn commit(self, names: &[String]) -> Result<(), Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         for name in names {
             let target = self.target(name);
@@ -139,39 +138,22 @@ fn left_in(target: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The name of a run's file.
-pub(super) fn run_name(robot: &str, run: u64, runs: u64, extension: &str) -> String {
-    let digits = runs.saturating_sub(1).max(1).ilog10() as usize + 1;
-    format!("{robot}_{run:0width$}.{extension}", width = digits.max(2))
-}
-
-/// Whether a file has the name of a generated run.
-fn is_run(name: &str) -> bool {
-    let Some((stem, "mcap" | "parquet")) = name.rsplit_once('.') else { return false };
-    let Some((robot, run)) = stem.rsplit_once('_') else { return false };
-    run.len() >= 2 && run.bytes().all(|byte| byte.is_ascii_digit()) && robots().contains(&robot)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn runs_sort_by_their_numbers() {
-        assert_eq!(run_name("hexapod", 3, 16, "mcap"), "hexapod_03.mcap");
-        assert_eq!(run_name("hexapod", 99, 100, "mcap"), "hexapod_99.mcap");
-        assert_eq!(run_name("hexapod", 7, 101, "parquet"), "hexapod_007.parquet");
-        assert_eq!(run_name("hexapod", 0, 1, "mcap"), "hexapod_00.mcap");
+    fn is_own(name: &str) -> bool {
+        name.ends_with(".mcap") && !name.contains("field")
     }
 
     #[test]
     fn recordings_of_others_are_never_touched() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("notes.txt.md"), "mine").unwrap();
-        Folder::create(folder.path(), false, &[]).unwrap().commit(&[]).unwrap();
+        Folder::create(folder.path(), false, &[], is_own).unwrap().commit(&[]).unwrap();
         fs::write(folder.path().join("field_day.mcap"), "mine").unwrap();
         for force in [false, true] {
-            let message = Folder::create(folder.path(), force, &[]).err().unwrap().to_string();
+            let message = Folder::create(folder.path(), force, &[], is_own).err().unwrap().to_string();
             assert!(message.contains("field_day.mcap"), "{message}");
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
@@ -181,12 +163,12 @@ mod tests {
     fn an_abandoned_folder_is_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(RECIPE), "old").unwrap();
-        let making = Folder::create(folder.path(), true, &[]).unwrap();
+        let making = Folder::create(folder.path(), true, &[], is_own).unwrap();
         fs::write(making.staged(RECIPE), "new").unwrap();
         drop(making);
         assert_eq!(fs::read_to_string(folder.path().join(RECIPE)).unwrap(), "old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        let making = Folder::create(folder.path(), true, &[]).unwrap();
+        let making = Folder::create(folder.path(), true, &[], is_own).unwrap();
         fs::write(making.staged("a.md"), "new").unwrap();
         making.commit(&["a.md".to_owned()]).unwrap();
         assert!(!folder.path().join(RECIPE).exists() && folder.path().join("a.md").exists());
@@ -198,13 +180,13 @@ mod tests {
         let left = folder.path().join(".generating-killed");
         fs::create_dir(&left).unwrap();
         fs::write(left.join("hexapod_00.mcap"), "half").unwrap();
-        let making = Folder::create(folder.path(), false, &[]).unwrap();
+        let making = Folder::create(folder.path(), false, &[], is_own).unwrap();
         assert!(making.notes()[0].contains(".generating-killed"), "{:?}", making.notes());
-        let message = Folder::create(folder.path(), true, &[]).err().unwrap().to_string();
+        let message = Folder::create(folder.path(), true, &[], is_own).err().unwrap().to_string();
         assert!(message.contains("another command"), "{message}");
         making.commit(&[]).unwrap();
         assert!(left.exists());
-        Folder::create(folder.path(), true, &[]).unwrap().commit(&[]).unwrap();
+        Folder::create(folder.path(), true, &[], is_own).unwrap().commit(&[]).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -1,0 +1,157 @@
+//! `fleetfoot prepare`.
+
+use std::collections::BTreeMap;
+
+use fleetfoot::{
+    Error, Recipe,
+    prepare::{ChannelReport, Places, PrepareReport, PrepareRequest, Prepared, prepare as run},
+};
+use serde_json::json;
+
+use super::{Context, files, fit, with};
+use crate::{
+    args::Prepare,
+    table::{count, number, seconds, table},
+};
+
+pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Error> {
+    let mut recipe = Recipe::read(&arguments.recipe)?;
+    fit::apply_time(&mut recipe, &arguments.time)?;
+    recipe.say(arguments.prepare.clone());
+    recipe.cache = fit::cache(&arguments.time.channels, &arguments.output);
+    let files = files(&arguments.data)?;
+    let request = PrepareRequest { folder: arguments.output.clone(), force: arguments.force };
+    let bar = context.bar();
+    let prepared = run(&recipe, &request, &files, &bar);
+    bar.finish();
+    let prepared = prepared?;
+    context.notes(&prepared.report.notes);
+    context.print(&to_json(&prepared), || to_text(&prepared.report));
+    let folder = arguments.output.display();
+    context.say(format!(
+        "wrote {} and its recipe in {folder}; next: fleetfoot fit sindy -c {} {folder}",
+        count(prepared.files.len(), "clean episode"),
+        prepared.recipe.display()
+    ));
+    Ok(())
+}
+
+fn to_json(prepared: &Prepared) -> serde_json::Value {
+    let files: Vec<String> = prepared.files.iter().map(|file| file.display().to_string()).collect();
+    let report = serde_json::to_value(&prepared.report).unwrap_or_default();
+    with(report, json!({ "recipe": prepared.recipe.display().to_string(), "files": files }))
+}
+
+/// What was done to a channel in all pieces.
+#[derive(Default)]
+struct Row<'a> {
+    pieces: Vec<&'a ChannelReport>,
+}
+
+impl Row<'_> {
+    fn rows(&self, of: impl Fn(&ChannelReport) -> &Places) -> usize {
+        self.pieces.iter().map(|piece| of(piece).rows).sum()
+    }
+
+    /// The least and the greatest of the pieces, or the one that they share.
+    fn span(&self, of: impl Fn(&ChannelReport) -> Option<f64>) -> String {
+        let mut values: Vec<f64> = self.pieces.iter().filter_map(|piece| of(piece)).collect();
+        values.sort_by(f64::total_cmp);
+        match (values.first(), values.last()) {
+            (Some(low), Some(high)) if number(*low) == number(*high) => number(*low),
+            (Some(low), Some(high)) => format!("{} to {}", number(*low), number(*high)),
+            _ => "-".into(),
+        }
+    }
+
+    fn cells(&self, channel: &str) -> Vec<String> {
+        let left_out = |of: fn(&ChannelReport) -> &Places| self.rows(of).to_string();
+        vec![
+            channel.to_owned(),
+            self.pieces.first().map_or_else(String::new, |piece| piece.method.clone()),
+            self.pieces.iter().map(|piece| piece.missing).sum::<usize>().to_string(),
+            left_out(|piece| &piece.saturated),
+            left_out(|piece| &piece.stuck),
+            left_out(|piece| &piece.hampel),
+            left_out(|piece| &piece.rejected),
+            left_out(|piece| &piece.left_empty),
+            self.span(|piece| piece.noise),
+            self.span(|piece| piece.lambda),
+            self.span(|piece| Some(piece.smoothed)),
+        ]
+    }
+}
+
+fn to_text(report: &PrepareReport) -> String {
+    let mut rows: BTreeMap<&str, Row<'_>> = BTreeMap::new();
+    for own in report.pieces().flat_map(|piece| &piece.channels) {
+        rows.entry(&own.channel).or_default().pieces.push(own);
+    }
+    let header = [
+        "channel",
+        "method",
+        "missing",
+        "saturated",
+        "stuck",
+        "Hampel",
+        "rejected",
+        "left empty",
+        "noise",
+        "lambda",
+        "smoothed over, s",
+    ];
+    let cells = rows.iter().map(|(channel, row)| row.cells(channel)).collect();
+    let ends = [
+        (report.episodes.iter().map(|episode| episode.clipped).sum::<usize>(), "clipped"),
+        (report.episodes.iter().map(|episode| episode.out_of_bounds.rows).sum(), "out of bounds"),
+        (report.episodes.iter().map(|episode| episode.too_short.rows).sum(), "in pieces that are too short"),
+    ];
+    let ends: String = ends.iter().filter(|(rows, _)| *rows > 0).map(|(rows, why)| format!(", {rows} {why}")).collect();
+    let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
+    format!(
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{}\n{}{doubts}",
+        report.rows,
+        count(report.episodes.len(), "episode"),
+        report.written,
+        count(report.pieces().count(), "piece"),
+        seconds(report.smoothed),
+        table(&header, cells),
+        clocks(report),
+    )
+}
+
+/// What stamps said of the clocks, where they were evened out.
+fn clocks(report: &PrepareReport) -> String {
+    let lines = report.episodes.iter().filter_map(|episode| episode.clock.as_ref().map(|clock| (episode, clock)));
+    lines
+        .map(|(episode, clock)| {
+            format!(
+                "clock of {}: {:.9} s a sample, jitter {}, {} missing\n",
+                episode.episode,
+                clock.period,
+                seconds(clock.jitter),
+                count(clock.missing as usize, "sample")
+            )
+        })
+        .collect()
+}
+
+fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
+    let pieces = |is: fn(&ChannelReport) -> bool| row.pieces.iter().filter(|piece| is(piece)).count();
+    let mut doubts = Vec::new();
+    let gave_up = pieces(|piece| piece.gave_up);
+    if gave_up > 0 {
+        doubts.push(format!(
+            "`{channel}`: nothing was rejected in {}: what lies off the curve is motion, jumps of it, or too much; --hampel finds single gross errors\n",
+            count(gave_up, "piece")
+        ));
+    }
+    let at_end = pieces(|piece| piece.lambda_at_end);
+    if at_end > 0 {
+        doubts.push(format!(
+            "`{channel}`: the penalty is at an end of what was searched in {}: the channel is without noise, at rest, or a polynomial; give --lambda\n",
+            count(at_end, "piece")
+        ));
+    }
+    doubts
+}

@@ -1,0 +1,159 @@
+//! The columns of a recipe that preparation reads, and those that it writes.
+
+use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Column as ModelColumn, Role};
+
+use super::options::{ChannelOptions, Method, check_channels};
+use crate::{
+    Derivative, Error, Input, InputTable, Recipe, State,
+    task::{Aliases, rate_unit},
+};
+
+/// A column of the view, and what becomes of it.
+pub(super) struct Planned {
+    pub(super) name: String,
+    pub(super) angle: bool,
+    pub(super) unit: Option<String>,
+    pub(super) kind: ColumnKind,
+    /// States and inputs alone are prepared.
+    pub(super) options: Option<ChannelOptions>,
+}
+
+/// What is read of a recipe: its states and inputs, its other columns, and what its equations and weights speak of.
+pub(crate) fn aliases<'a>(recipe: &'a Recipe, fields: &'a [Column]) -> Result<Aliases<'a>, Error> {
+    let mut aliases = Aliases::of_recipe(recipe, fields)?;
+    for name in recipe.columns.keys() {
+        aliases.add(name, None, None, Role::Auxiliary, false, "[columns]")?;
+    }
+    let latents: Vec<String> = recipe.latents.keys().cloned().collect();
+    aliases.hide(&recipe.parameters.keys().cloned().collect::<Vec<_>>());
+    for (name, state) in &recipe.states {
+        let place = format!("[states] {name}");
+        let derivative = match &state.derivative {
+            Some(Derivative::Text(text)) if !Derivative::is_word(text) => Some(text),
+            _ => None,
+        };
+        for text in
+            [derivative, state.known.as_ref(), state.equation.as_ref(), state.nominal.as_ref()].into_iter().flatten()
+        {
+            let expression = aliases.over_latents(text, &latents, &place)?;
+            aliases.add_used(&expression, &latents, &place)?;
+        }
+    }
+    for text in recipe.model.weight.iter().chain(recipe.model.partition_on.iter().flatten()) {
+        aliases.over_aliases(text, "[model]")?;
+    }
+    Ok(aliases)
+}
+
+impl Planned {
+    /// What becomes of the columns of a view.
+    pub(super) fn all(recipe: &Recipe, model: &[ModelColumn], view: &[Column]) -> Result<Vec<Self>, Error> {
+        check_channels(recipe)?;
+        let of_view = |column: &ModelColumn| view.iter().find(|own| own.name == column.name);
+        let plan = |column: &ModelColumn| {
+            let kind = of_view(column).map_or(ColumnKind::Float, |own| own.kind.clone());
+            let is_channel = column.role != Role::Auxiliary && !matches!(kind, ColumnKind::Category(_));
+            let is_state = column.role == Role::State;
+            let options = is_channel.then(|| ChannelOptions::new(recipe, &column.name, is_state)).transpose()?;
+            Ok(Self { name: column.name.clone(), angle: column.angle, unit: column.unit.clone(), kind, options })
+        };
+        model.iter().map(plan).collect()
+    }
+
+    /// How many derivatives beside the value are written.
+    pub(super) fn rates(&self) -> usize {
+        match self.options.map(|options| options.method) {
+            None | Some(Method::None) => 0,
+            Some(Method::Spline(spline, _)) => spline.states() - 1,
+            Some(_) => 2,
+        }
+    }
+
+    /// Whether standard deviations are written.
+    pub(super) fn has_deviations(&self) -> bool {
+        matches!(self.options.map(|options| options.method), Some(Method::Spline(..)))
+    }
+
+    /// The names of the value and its derivatives.
+    pub(super) fn names(&self) -> Vec<String> {
+        let suffixes = ["", "_dot", "_ddot"];
+        (0..=self.rates()).map(|k| format!("{}{}", self.name, suffixes[k])).collect()
+    }
+
+    /// The units of the value and its derivatives.
+    pub(super) fn units(&self) -> Vec<Option<String>> {
+        let next = |unit: &Option<String>| Some(unit.as_deref().map(rate_unit));
+        std::iter::successors(Some(self.unit.clone()), next).take(self.rates() + 1).collect()
+    }
+}
+
+/// A name as it stands in an expression.
+fn quoted(name: &str) -> String {
+    Expr::column(name).to_string()
+}
+
+/// The recipe of what was written: `fit` takes it as it is.
+pub(super) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smoothed: f64) -> Result<Recipe, Error> {
+    let mut recipe = read.clone();
+    recipe.columns.clear();
+    recipe.join.clear();
+    recipe.rename.clear();
+    recipe.channels.clear();
+    recipe.prepare = Default::default();
+    recipe.episodes.clear();
+    recipe.time = crate::Time {
+        column: Some(time.to_owned()),
+        // A file is an episode.
+        max_gap: Some(crate::Gap::Word("none".into())),
+        smoothed: Some(smoothed).filter(|&seconds| seconds > 0.0),
+        ..crate::Time::default()
+    };
+    recipe.pwa.purge = recipe.pwa.purge.map(|gap| gap.max(smoothed));
+    recipe.states.clear();
+    let differentiates = matches!(read.model.predict.as_deref(), None | Some("derivative"));
+    for (name, state) in &read.states {
+        let mut state = State { column: None, ..state.clone() };
+        let own = planned.iter().find(|own| own.name == *name);
+        let names = own.map(Planned::names).unwrap_or_default();
+        let is_open = match &state.derivative {
+            None => true,
+            Some(Derivative::Text(word)) => word == "auto",
+            Some(Derivative::Span(_)) => false,
+        };
+        let second_order = own.and_then(|own| own.options).is_some_and(|options| options.second_order);
+        if names.len() > 2 && second_order && state.known.is_none() {
+            if read.states.contains_key(&names[1]) {
+                let problem =
+                    format!("[states] {}: its rate is measured; leave second_order away for `{name}`", names[1]);
+                return Err(Error::name_taken(&names[1], problem));
+            }
+            let rate = State {
+                kind: None,
+                known: None,
+                unit: None,
+                derivative: Some(Derivative::Text(quoted(&names[2]))),
+                ..state.clone()
+            };
+            state = State {
+                known: Some(quoted(&names[1])),
+                kind: state.kind,
+                unit: state.unit,
+                regressor: state.regressor,
+                ..State::default()
+            };
+            recipe.states.insert(name.clone(), state);
+            recipe.states.insert(names[1].clone(), rate);
+            continue;
+        }
+        if names.len() > 1 && is_open && differentiates && state.known.is_none() {
+            state.derivative = Some(Derivative::Text(quoted(&names[1])));
+        }
+        recipe.states.insert(name.clone(), state);
+    }
+    for input in recipe.inputs.values_mut() {
+        *input = Input::Table(InputTable { column: None, ..input.table() });
+    }
+    Ok(recipe)
+}

@@ -1,0 +1,224 @@
+//! How channels are prepared: the words of `[prepare]` and `[channels.NAME]`, checked once.
+
+use fleetfoot_data::{did_you_mean, nearest};
+use fleetfoot_signal::{Lambda, Spline};
+
+use crate::{Error, Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tunable};
+
+/// How a channel becomes smooth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Method {
+    Spline(Spline, Lambda),
+    SavitzkyGolay { window: usize, degree: usize },
+    Butterworth { order: usize, cutoff: f64 },
+    None,
+}
+
+/// What is done to one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ChannelOptions {
+    pub(super) method: Method,
+    pub(super) second_order: bool,
+    /// Standard deviations; `None`: nothing is rejected.
+    pub(super) reject: Option<f64>,
+    pub(super) hampel: usize,
+    pub(super) stuck: usize,
+    pub(super) range: Option<[f64; 2]>,
+    pub(super) bounds: Option<[f64; 2]>,
+}
+
+/// What is done to whole episodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct EpisodeOptions {
+    pub(super) clip: f64,
+    pub(super) dejitter: bool,
+    pub(super) decimate: usize,
+    pub(super) min_rows: usize,
+}
+
+/// Entries that speak of whole episodes.
+const OF_EPISODES: [&str; 4] = ["clip", "dejitter", "decimate", "min_rows"];
+
+fn refused(place: &str, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::value(format!("{place} {what} = {value}: write {allowed}"))
+}
+
+fn checked<T: std::fmt::Display + Copy>(
+    place: &str,
+    what: &str,
+    value: T,
+    holds: impl Fn(T) -> bool,
+    allowed: &str,
+) -> Result<T, Error> {
+    if holds(value) { Ok(value) } else { Err(refused(place, what, value, allowed)) }
+}
+
+impl EpisodeOptions {
+    /// Reads `[prepare]`.
+    pub(super) fn new(section: &PrepareSection) -> Result<Self, Error> {
+        let is_time = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
+        let clip = checked("[prepare]", "clip", section.clip.unwrap_or(0.0), is_time, "seconds, zero or more")?;
+        let decimate =
+            checked("[prepare]", "decimate", section.decimate.unwrap_or(1), |n| n > 0, "a number of rows from 1 on")?;
+        let dejitter = section.dejitter.unwrap_or(false);
+        Ok(Self { clip, dejitter, decimate, min_rows: section.min_rows.unwrap_or(50).max(2) })
+    }
+}
+
+impl ChannelOptions {
+    /// What is done to a state or an input: what `[channels.NAME]` says, else, of a state, what `[prepare]` says.
+    pub(super) fn new(recipe: &Recipe, name: &str, is_state: bool) -> Result<Self, Error> {
+        let (place, section) = match recipe.channels.get(name) {
+            None if is_state => ("[prepare]".to_owned(), recipe.prepare.clone()),
+            None => ("[prepare]".to_owned(), PrepareSection::default()),
+            Some(own) => (format!("[channels.{name}]"), own.clone().over(recipe.prepare.clone())),
+        };
+        let says = recipe.channels.get(name).is_some_and(|own| own.method.is_some());
+        let second_order = is_state && section.second_order.unwrap_or(false);
+        let method = match section.method {
+            _ if !is_state && !says => PrepareMethod::None,
+            None if second_order => PrepareMethod::Quintic,
+            None => PrepareMethod::Cubic,
+            Some(method) => method,
+        };
+        if second_order && matches!(method, PrepareMethod::Cubic | PrepareMethod::None) {
+            let allowed = "quintic, savitzky-golay or butterworth with second_order: an acceleration is wanted";
+            return Err(refused(&place, "method", format!("{method:?}").to_lowercase(), allowed));
+        }
+        Self::read(&place, &section, method, second_order)
+    }
+
+    fn read(place: &str, section: &PrepareSection, method: PrepareMethod, second_order: bool) -> Result<Self, Error> {
+        let method = read_method(place, section, method)?;
+        let by_default = if matches!(method, Method::Spline(..)) { 4.0 } else { 0.0 };
+        let is_number = |sigmas: f64| sigmas >= 0.0 && sigmas.is_finite();
+        let allowed = "a number of standard deviations, zero for none";
+        let reject = checked(place, "reject", section.reject.unwrap_or(by_default), is_number, allowed)?;
+        let limits = |what, limits: Option<Limits>| match limits {
+            Some(Limits([low, high])) if low.is_nan() || high.is_nan() || low >= high => {
+                Err(refused(place, what, format!("[{low}, {high}]"), "a least and a greatest value"))
+            }
+            limits => Ok(limits.map(|limits| limits.0)),
+        };
+        Ok(Self {
+            method,
+            second_order,
+            reject: Some(reject).filter(|&sigmas| sigmas > 0.0 && method != Method::None),
+            hampel: section.hampel.unwrap_or(0),
+            stuck: section.stuck.unwrap_or(0),
+            range: limits("range", section.range)?,
+            bounds: limits("bounds", section.bounds)?,
+        })
+    }
+}
+
+fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
+    Ok(match method {
+        PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(place, section)?),
+        PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(place, section)?),
+        PrepareMethod::None => Method::None,
+        PrepareMethod::SavitzkyGolay => {
+            let odd = |rows: usize| rows % 2 == 1 && rows >= 3;
+            let window =
+                checked(place, "window", section.window.unwrap_or(11), odd, "an odd number of rows from 3 on")?;
+            let fits = |degree: usize| (2..window).contains(&degree);
+            let degree =
+                checked(place, "degree", section.degree.unwrap_or(3), fits, "2 or more, less than the window")?;
+            Method::SavitzkyGolay { window, degree }
+        }
+        PrepareMethod::Butterworth => {
+            let Some(cutoff) = section.cutoff else {
+                return Err(Error::missing(format!(
+                    "{place} method = \"butterworth\": give a cut-off too, `cutoff = 20.0` in Hz"
+                )));
+            };
+            let is_rate = |hertz: f64| hertz > 0.0 && hertz.is_finite();
+            let cutoff = checked(place, "cutoff", cutoff, is_rate, "a frequency in Hz above 0")?;
+            let order = checked(place, "order", section.order.unwrap_or(4), |n| (1..=20).contains(&n), "1 to 20")?;
+            Method::Butterworth { order, cutoff }
+        }
+    })
+}
+
+fn lambda(place: &str, section: &PrepareSection) -> Result<Lambda, Error> {
+    match &section.lambda {
+        None => Ok(Lambda::Likelihood),
+        Some(Tunable::Number(lambda)) if *lambda > 0.0 && lambda.is_finite() => Ok(Lambda::Given(*lambda)),
+        Some(Tunable::Word(word)) if word == "likelihood" => Ok(Lambda::Likelihood),
+        Some(Tunable::Word(word)) if word == "gcv" => Ok(Lambda::Gcv),
+        Some(other) => Err(refused(place, "lambda", other, "a penalty above 0, likelihood or gcv")),
+    }
+}
+
+/// Refuses `[channels.NAME]` of what is no state and no input, and entries there that speak of whole episodes.
+pub(super) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
+    for (name, own) in &recipe.channels {
+        let names = || recipe.states.keys().chain(recipe.inputs.keys()).map(String::as_str);
+        if !names().any(|known| known == name) {
+            let mend = did_you_mean(&nearest(name, names()));
+            return Err(Error::unknown(
+                name,
+                format!("[channels.{name}]: `{name}` is neither a state nor an input{mend}"),
+            ));
+        }
+        let said = [own.clip.is_some(), own.dejitter.is_some(), own.decimate.is_some(), own.min_rows.is_some()];
+        if let Some(at) = said.iter().position(|&said| said) {
+            let entry = OF_EPISODES[at];
+            return Err(Error::conflict(format!(
+                "[channels.{name}] {entry}: it is of whole episodes; say it in [prepare]"
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str, name: &str) -> Result<ChannelOptions, String> {
+        let text = format!("[states]\nq = {{}}\n[inputs]\nu = \"u\"\n{text}");
+        let recipe = Recipe::parse(&text, "test").map_err(|error| error.to_string())?;
+        ChannelOptions::new(&recipe, name, name == "q").map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_channel_stands_above_the_section_and_inputs_stay_as_they_are() {
+        let default = options("", "q").unwrap();
+        assert_eq!(default.method, Method::Spline(Spline::Cubic, Lambda::Likelihood));
+        assert_eq!((default.reject, default.second_order, default.range), (Some(4.0), false, None));
+        let section = "[prepare]\nsecond_order = true\nlambda = \"gcv\"\nreject = 0.0\nrange = [-1.0, 1.0]\n";
+        let own = options(section, "q").unwrap();
+        assert_eq!(own.method, Method::Spline(Spline::Quintic, Lambda::Gcv));
+        assert_eq!((own.reject, own.second_order, own.range), (None, true, Some([-1.0, 1.0])));
+        assert_eq!(options(section, "u").unwrap().method, Method::None);
+        let channels =
+            format!("{section}[channels.u]\nmethod = \"butterworth\"\ncutoff = 3.0\n[channels.q]\nlambda = 2.5\n");
+        let input = options(&channels, "u").unwrap();
+        assert_eq!((input.method, input.second_order), (Method::Butterworth { order: 4, cutoff: 3.0 }, false));
+        assert_eq!(options(&channels, "q").unwrap().method, Method::Spline(Spline::Quintic, Lambda::Given(2.5)));
+        // A range is no reason to smooth an input.
+        assert_eq!(options("[channels.u]\nrange = [0.0, 1.0]\n", "u").unwrap().method, Method::None);
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_told_with_its_place() {
+        for (text, words) in [
+            ("[prepare]\nmethod = \"savitzky-golay\"\nwindow = 8\n", ["[prepare] window = 8", "odd"]),
+            (
+                "[channels.q]\nmethod = \"savitzky-golay\"\nwindow = 5\ndegree = 5\n",
+                ["[channels.q] degree = 5", "window"],
+            ),
+            ("[prepare]\nmethod = \"butterworth\"\n", ["cutoff", "Hz"]),
+            ("[prepare]\nlambda = 0.0\n", ["lambda = 0", "gcv"]),
+            ("[prepare]\nreject = -1.0\n", ["reject = -1", "zero for none"]),
+            ("[prepare]\nbounds = [2.0, 1.0]\n", ["bounds = [2, 1]", "least"]),
+            ("[prepare]\nmethod = \"cubic\"\nsecond_order = true\n", ["method = cubic", "acceleration"]),
+        ] {
+            let error = options(text, "q").unwrap_err();
+            assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+        }
+        assert_eq!("-1.5:2".parse(), Ok(Limits([-1.5, 2.0])));
+        assert!("3".parse::<Limits>().is_err() && "a:2".parse::<Limits>().is_err());
+    }
+}

@@ -1,0 +1,123 @@
+//! What preparation did, for people and programs.
+
+use serde::Serialize;
+
+/// What preparation did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct PrepareReport {
+    /// Rows that were read.
+    pub rows: usize,
+    /// Rows that were written.
+    pub written: usize,
+    /// Seconds over which neighbouring rows share smoothed values: the longest of all channels.
+    pub smoothed: f64,
+    /// Every episode that was read.
+    pub episodes: Vec<EpisodeReport>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// What was done to an episode.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct EpisodeReport {
+    /// Its name.
+    pub episode: String,
+    /// Rows.
+    pub rows: usize,
+    /// Rows cut off at its ends.
+    pub clipped: usize,
+    /// Rows beyond the bounds of a channel, which end an episode.
+    pub out_of_bounds: Places,
+    /// Rows of pieces that are too short to be written.
+    pub too_short: Places,
+    /// What its stamps say of the clock, where they were evened out.
+    pub clock: Option<ClockReport>,
+    /// What was written.
+    pub pieces: Vec<PieceReport>,
+}
+
+/// What stamps say of a clock.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ClockReport {
+    /// Seconds a sample.
+    pub period: f64,
+    /// Standard deviation of the period, s.
+    pub period_deviation: f64,
+    /// Standard deviation of the stamps, s.
+    pub jitter: f64,
+    /// Correlation of neighbouring errors of the stamps: near 1 where clocks drift, which a straight line does not follow.
+    pub correlation: f64,
+    /// Missing samples.
+    pub missing: u64,
+}
+
+/// Rows, counted and placed.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Places {
+    /// How many.
+    pub rows: usize,
+    /// From which to which second of the episode, runs of rows each.
+    pub spans: Vec<[f64; 2]>,
+}
+
+/// What was written of an episode.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct PieceReport {
+    /// The file's name.
+    pub file: String,
+    /// Its rows.
+    pub rows: usize,
+    /// The states and inputs that were prepared.
+    pub channels: Vec<ChannelReport>,
+}
+
+/// What was done to a channel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ChannelReport {
+    /// The state or input.
+    pub channel: String,
+    /// How it became smooth.
+    pub method: String,
+    /// Rows without a value.
+    pub missing: usize,
+    /// Values at or beyond the ends of what the sensor can measure.
+    pub saturated: Places,
+    /// Values that hang.
+    pub stuck: Places,
+    /// Values off the median of their neighbours.
+    pub hampel: Places,
+    /// Values off the curve.
+    pub rejected: Places,
+    /// Whether rejection was given up and nothing rejected: what stands out is motion, and no error.
+    pub gave_up: bool,
+    /// Rows that stay empty: nothing was measured over longer than the curve bridges.
+    pub left_empty: Places,
+    /// The penalty, s^3 or s^5.
+    pub lambda: Option<f64>,
+    /// Whether the penalty is at an end of what was searched.
+    pub lambda_at_end: bool,
+    /// Standard deviation of a measurement about the curve.
+    pub noise: Option<f64>,
+    /// Seconds over which neighbouring rows share smoothed values.
+    pub smoothed: f64,
+}
+
+impl Places {
+    /// Rows in order, placed by their times.
+    pub(super) fn of(rows: &[usize], times: &[f64]) -> Self {
+        let mut spans: Vec<[f64; 2]> = Vec::new();
+        for (at, &row) in rows.iter().enumerate() {
+            match spans.last_mut() {
+                Some(last) if rows[at - 1] + 1 == row => last[1] = times[row],
+                _ => spans.push([times[row]; 2]),
+            }
+        }
+        Self { rows: rows.len(), spans }
+    }
+}
