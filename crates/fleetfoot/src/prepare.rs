@@ -95,7 +95,7 @@ pub fn prepare(
     let report = PrepareReport::new(episodes, notes)?;
     let mut out = written_recipe(&recipe, &planned, time, report.smoothed)?;
     out.episodes = rules;
-    write_atomic(&folder.staged(RECIPE), out.to_toml().as_bytes())?;
+    write_atomic(folder.staged(RECIPE), out.to_toml().as_bytes())?;
     let names: Vec<String> = report.pieces().map(|piece| piece.file.clone()).chain([RECIPE.to_owned()]).collect();
     let files = report.pieces().map(|piece| folder.target(&piece.file)).collect();
     let recipe = folder.target(RECIPE);
