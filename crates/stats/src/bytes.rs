@@ -44,7 +44,7 @@ impl<S: Sum> Keyed<S> {
         bytes
     }
 
-    /// Reads what [`Stats::to_bytes`] wrote; `plan` is the plan's hash. What is allocated is bounded by the number of bytes.
+    /// Reads what [`Self::to_bytes`] wrote; `plan` is the plan's hash. What is allocated is bounded by the number of bytes.
     ///
     /// # Errors
     /// Bytes of another version or length, and keys that are not in ascending order.
