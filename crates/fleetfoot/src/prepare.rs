@@ -80,6 +80,7 @@ pub fn prepare(
         write: WriteOptions { metadata: metadata(&recipe), inputs: logs.files(), ..WriteOptions::default() },
         names: Names::default(),
         notes: dataset.notes().iter().cloned().chain(folder.notes()).collect(),
+        too_few: Vec::new(),
         rules: Vec::new(),
     };
     progress.stage("prepare");
@@ -91,8 +92,8 @@ pub fn prepare(
         episodes.push(job.episode(episode)?);
         progress.advance(1, view.episodes().len());
     }
-    let Job { notes, rules, .. } = job;
-    let report = PrepareReport::new(episodes, notes)?;
+    let Job { notes, too_few, rules, .. } = job;
+    let report = PrepareReport::new(episodes, notes, too_few)?;
     let mut out = written_recipe(&recipe, &planned, time, report.smoothed)?;
     out.episodes = rules;
     write_atomic(folder.staged(RECIPE), out.to_toml().as_bytes())?;
@@ -110,7 +111,9 @@ fn metadata(recipe: &Recipe) -> BTreeMap<String, String> {
 }
 
 impl PrepareReport {
-    fn new(episodes: Vec<EpisodeReport>, notes: Vec<String>) -> Result<Self, Error> {
+    fn new(episodes: Vec<EpisodeReport>, mut notes: Vec<String>, too_few: Vec<String>) -> Result<Self, Error> {
+        let channels = too_few.first().map_or(String::new(), |first| format!(" ({first})"));
+        notes.extend(too_few);
         let mut report = Self { rows: 0, written: 0, smoothed: 0.0, episodes, notes };
         report.rows = report.episodes.iter().map(|episode| episode.rows).sum();
         report.written = report.pieces().map(|piece| piece.rows).sum();
@@ -118,7 +121,7 @@ impl PrepareReport {
             report.pieces().flat_map(|piece| &piece.channels).fold(0.0, |most, own| most.max(own.smoothed));
         if report.written == 0 {
             let problem = format!(
-                "no piece of {} rows is long enough to be written; give longer logs, looser bounds, or lower min_rows",
+                "no piece of {} rows is long enough to be written{channels}; give longer logs, looser bounds, or lower min_rows",
                 report.rows
             );
             return Err(Error::too_few_rows(report.rows as u64, 1, problem));
@@ -142,6 +145,8 @@ struct Job<'a> {
     write: WriteOptions,
     names: Names,
     notes: Vec<String>,
+    /// The pieces in which a channel has too few values.
+    too_few: Vec<String>,
     /// The labels of what was written.
     rules: Vec<EpisodeRule>,
 }
@@ -222,7 +227,7 @@ impl Job<'_> {
                 Ok(curve) => curve,
                 Err(short @ (SignalError::TooFew { .. } | SignalError::TooShort { .. })) => {
                     let span = [times[rows.start], times[rows.end - 1]];
-                    self.notes.push(format!(
+                    self.too_few.push(format!(
                         "{}, {} to {} s, `{}`: {short}; not written",
                         info.name, span[0], span[1], own.name
                     ));
