@@ -48,6 +48,17 @@ pub struct Prepared {
     pub files: Vec<PathBuf>,
 }
 
+impl Prepared {
+    /// The report with the paths of what was written, as `prepare --json` prints it.
+    pub fn to_json(&self) -> serde_json::Value {
+        let files: Vec<String> = self.files.iter().map(|file| file.display().to_string()).collect();
+        let mut found = serde_json::to_value(&self.report).unwrap_or_default();
+        found["recipe"] = self.recipe.display().to_string().into();
+        found["files"] = files.into();
+        found
+    }
+}
+
 /// Names that the column of the stamps may have: the first that is free.
 const TIMES: [&str; 4] = ["t", "time", "stamp", "prepared_stamp"];
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    NarxRequest, NarxSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest, SindySection, SparseRequest,
-    SparseSection, log::Cache,
+    NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest, SindySection,
+    SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -51,7 +51,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
     fn of<S: Settings>() -> (&'static str, Vec<&'static str>) {
         (S::SECTION, S::ENTRIES.to_vec())
     }
-    vec![of::<PwaSection>(), of::<SparseSection>(), of::<SindySection>(), of::<NarxSection>()]
+    vec![of::<PwaSection>(), of::<SparseSection>(), of::<SindySection>(), of::<NarxSection>(), of::<PrepareSection>()]
 }
 
 /// A piecewise-affine model: the chosen one, its report, and with `keep_all` the models of all candidates.

@@ -38,6 +38,7 @@ mod arrow;
 mod arrow_column;
 mod capsule;
 mod generate;
+mod prepare;
 mod read;
 mod recipe;
 mod table;
@@ -91,6 +92,8 @@ mod _core {
     // -- tables
     #[pymodule_export]
     use crate::generate::{generate, project, robots, world};
+    #[pymodule_export]
+    use crate::prepare::prepare;
     #[pymodule_export]
     use crate::read::{info, read_messages, read_model_rows, read_table, student_t_95, topics};
     #[pymodule_export]

@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 
 use fleetfoot::{
     Error, Recipe,
-    prepare::{ChannelReport, Places, PrepareReport, PrepareRequest, Prepared, prepare as run},
+    prepare::{ChannelReport, Places, PrepareReport, PrepareRequest, prepare as run},
 };
-use serde_json::json;
 
-use super::{Context, files, fit, with};
+use super::{Context, files, fit};
 use crate::{
     args::Prepare,
     table::{count, number, seconds, table},
@@ -26,7 +25,7 @@ pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Erro
     bar.finish();
     let prepared = prepared?;
     context.notes(&prepared.report.notes);
-    context.print(&to_json(&prepared), || to_text(&prepared.report));
+    context.print(&prepared.to_json(), || to_text(&prepared.report));
     let folder = arguments.output.display();
     context.say(format!(
         "wrote {} and its recipe in {folder}; next: fleetfoot fit sindy -c {} {folder}",
@@ -34,12 +33,6 @@ pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Erro
         prepared.recipe.display()
     ));
     Ok(())
-}
-
-fn to_json(prepared: &Prepared) -> serde_json::Value {
-    let files: Vec<String> = prepared.files.iter().map(|file| file.display().to_string()).collect();
-    let report = serde_json::to_value(&prepared.report).unwrap_or_default();
-    with(report, json!({ "recipe": prepared.recipe.display().to_string(), "files": files }))
 }
 
 /// What was done to a channel in all pieces.

@@ -41,6 +41,7 @@ from ._stats import Plan, Stats, merge, scan
 from . import plot
 from ._compare import Comparison, compare
 from ._data import Dataset, open  # noqa: A004
+from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 
 __all__ = [
@@ -94,12 +95,14 @@ __all__ = [
     "Comparison",
     "Dataset",
     "Generated",
+    "Prepared",
     "Table",
     "compare",
     "generate",
     "info",
     "open",
     "plot",
+    "prepare",
     "read",
     "read_mcap",
     "robots",
