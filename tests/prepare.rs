@@ -153,7 +153,7 @@ fn what_cannot_be_prepared_is_told() {
     with("", &["--method", "cubic"]).fails(&["second_order", "quintic"]);
     with("", &["--lambda", "most"]).fails(&["lambda", "likelihood or gcv"]);
     with("", &["--clip", "20"]).fails(&["long enough"]);
-    let rows = (0..50).map(|row| format!("{},,1\n", DT * f64::from(row)));
+    let rows = (0..200).map(|row| format!("{},,1\n", DT * f64::from(row)));
     fs::write(path.join("empty.csv"), format!("t,x [m],u\n{}", rows.collect::<String>())).expect("a file");
     let empty = fleetfoot(path, &["prepare", "-c", "robot.toml", "empty.csv", "-o", "clean"]);
     empty.fails(&["long enough", "empty.csv", "`x`"]);

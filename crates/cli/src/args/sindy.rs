@@ -45,7 +45,7 @@ pub(crate) struct FitSindy {
 #[derive(Debug, Args, Default)]
 pub(crate) struct EquationArgs {
     /// Candidate functions, separated by commas: poly(3), sin, fourier(2), poly(1)*sin, past(5, every=2), `V^2*alpha`
-    /// (default: poly(2), or the monomials up to --degree).
+    /// (default: the monomials up to --degree, else poly(2), or poly(1) where that would be more than 500).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Known part of a state's equation: only the rest is learnt; may be repeated.

@@ -13,7 +13,8 @@ pub(crate) struct Scan {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Candidate functions of the equations, separated by commas, as those of `fit sindy` (default: poly(2), or the monomials up to --degree).
+    /// Candidate functions of the equations, separated by commas, as those of `fit sindy` (default: the monomials up to --degree, else poly(2), or poly(1)
+    /// where that would be more than 500).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN. They are clustered before the pass and frozen

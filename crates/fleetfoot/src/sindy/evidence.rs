@@ -44,6 +44,7 @@ impl Evidence {
         refuse_large(&task, dataset.rows())?;
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());
+        notes.extend(task.narrowed_note());
         let mut frozen = Frozen::differentiated(task, &dataset.view()?, &mut notes)?;
         frozen.estimate(&mut dataset, &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;

@@ -82,6 +82,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
 /// What is told beside the fit.
 fn notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
     let mut notes = task.unit_notes();
+    notes.extend(task.narrowed_note());
     if let Some(partition) = &group.plan.system.partition {
         notes.push(format!("{}: the regions are those of the scan, frozen with its plan", partition.specification));
     }

@@ -37,6 +37,8 @@ pub struct EquationTask {
     pub parameters: Vec<Parameter>,
     /// What partitions look at.
     pub partition_columns: Vec<Expr>,
+    /// Whether the library that nobody named is `poly(1)`, because `poly(2)` would have more than 500 functions.
+    pub narrowed: bool,
 }
 
 /// A fitted equation.
@@ -68,6 +70,9 @@ pub struct FittedEquation {
 /// Candidates beyond which a library is refused: the matrix of their products alone would take 0.4 GB, in each of several chunks.
 const MOST_CANDIDATES: usize = 10_000;
 
+/// Functions at most of a library that nobody named: beyond it the products of many signals would be most of the work, and hardly ever what is wanted.
+const MOST_UNASKED: usize = 500;
+
 /// The candidates of one equation, while the union is not known.
 struct Own {
     constant: bool,
@@ -78,8 +83,8 @@ struct Own {
 impl EquationTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// The candidates are those of `[library]` (or of a state's own `library`), else all monomials of states and inputs up to the degree of `[model]`, 2
-    /// when there is none, with the constant.
+    /// The candidates are those of `[library]` (or of a state's own `library`), else all monomials of states and inputs up to the degree of `[model]`, with the
+    /// constant. Where there is no degree it is 2, or 1 where there would be more than 500 monomials.
     ///
     /// # Errors
     /// What the recipe asks for does not exist or contradicts itself.
@@ -95,7 +100,7 @@ impl EquationTask {
             aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
         }
         let mut equations = equations(recipe, &mut aliases)?;
-        let mut reader = Reader { recipe, names: &names, general: None };
+        let mut reader = Reader { recipe, names: &names, general: None, narrowed: false };
         let mut fitted = Vec::new();
         let mut owns = Vec::new();
         for equation in equations.iter_mut() {
@@ -133,6 +138,7 @@ impl EquationTask {
         for equation in equations.iter().filter(|equation| equation.target.is_some()) {
             owns.push(reader.own(equation, &equations, &mut aliases)?);
         }
+        let narrowed = reader.narrowed;
         let weight = recipe.model.weight.as_deref();
         let weight = weight.map(|text| aliases.over_latents(text, &names, "weight")).transpose()?;
         let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
@@ -154,6 +160,7 @@ impl EquationTask {
             weight,
             parameters,
             partition_columns,
+            narrowed,
         };
         task.refuse_unused_parameters()?;
         // Filters of numbers alone are known from the beginning.
@@ -163,6 +170,15 @@ impl EquationTask {
     /// Number of candidates, p.
     pub fn candidates(&self) -> usize {
         usize::from(self.constant) + self.functions.len()
+    }
+
+    /// That the library which nobody named is the smaller one.
+    pub(crate) fn narrowed_note(&self) -> Option<String> {
+        self.narrowed.then(|| {
+            format!(
+                "no library is named, and that of degree 2 would have more than {MOST_UNASKED} functions: the equations have those of degree 1; --degree 2, or a library, asks for more"
+            )
+        })
     }
 
     /// Candidates of the equation that has the most.
@@ -236,6 +252,7 @@ struct Reader<'a> {
     names: &'a [String],
     /// The library of the equations that have none of their own.
     general: Option<(bool, Vec<Expr>)>,
+    narrowed: bool,
 }
 
 impl Reader<'_> {
@@ -248,7 +265,7 @@ impl Reader<'_> {
                 Some(general) => general.clone(),
                 None => {
                     let items = match self.recipe.library.functions.as_slice() {
-                        [] => vec![format!("poly({})", self.recipe.model.degree.unwrap_or(2).max(1))],
+                        [] => vec![format!("poly({})", self.degree(all, aliases))],
                         items => items.to_vec(),
                     };
                     self.general.insert(self.parse(&items, all, "[library] functions", aliases)?).clone()
@@ -265,6 +282,16 @@ impl Reader<'_> {
             )));
         }
         Ok(own)
+    }
+
+    /// The degree of the monomials where no library is named.
+    fn degree(&mut self, equations: &[Equation], aliases: &Aliases<'_>) -> u32 {
+        if let Some(degree) = self.recipe.model.degree {
+            return degree.max(1);
+        }
+        let variables = variables(self.recipe, aliases, equations).map_or(0, |found| found.len());
+        self.narrowed = (variables + 1) * (variables + 2) / 2 > MOST_UNASKED;
+        if self.narrowed { 1 } else { 2 }
     }
 
     fn parse(

@@ -26,6 +26,27 @@ fn without_a_library_it_is_that_of_the_degree_or_two() {
     assert_eq!(candidates(&angle, 0), ["1", "cos(theta)", "sin(theta)"]);
 }
 
+/// 30 signals have 496 monomials up to degree 2, 31 have 528.
+#[test]
+fn a_library_that_nobody_named_does_not_grow_with_the_square_of_many_signals() {
+    let resolve = |signals: usize, more: &str| {
+        let names: Vec<String> = (0..signals).map(|at| format!("x{at}")).collect();
+        let fields: Vec<DataColumn> = names.iter().map(|name| DataColumn::float(name.as_str())).collect();
+        let states: String = names.iter().map(|name| format!("{name} = {{}}\n")).collect();
+        let recipe = Recipe::parse(&format!("[states]\n{states}{more}"), "test").unwrap();
+        EquationTask::resolve(&recipe, &fields).unwrap()
+    };
+    let few = resolve(30, "");
+    assert_eq!((few.candidates(), few.narrowed_note()), (496, None));
+    let many = resolve(31, "");
+    assert_eq!(many.candidates(), 32);
+    assert!(many.narrowed_note().is_some_and(|note| note.contains("--degree 2")));
+    for asked in ["[model]\ndegree = 2\n", "[library]\nfunctions = [\"poly(2)\"]\n"] {
+        let many = resolve(31, asked);
+        assert_eq!((many.candidates(), many.narrowed_note()), (528, None), "{asked}");
+    }
+}
+
 #[test]
 fn equations_have_libraries_of_their_own_over_one_union() {
     let task = resolve(

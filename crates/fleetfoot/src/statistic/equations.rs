@@ -100,7 +100,7 @@ impl EquationStatistic {
             let read: Vec<Expr> = task.row_functions();
             let labels = specification(recipe)?.and_then(|one| one.label().map(Expr::column));
             refuse_text(read.iter().chain(&labels), &task.aliases, dataset.fields())?;
-            let mut own = Vec::new();
+            let mut own: Vec<String> = task.narrowed_note().into_iter().collect();
             let frozen = Frozen::differentiated(task.clone(), &view, &mut own)?;
             let seed = recipe.sindy.seed.unwrap_or(0);
             let partition = frozen.partition(recipe, seed, dataset.step(), &view, &mut own, progress)?;
