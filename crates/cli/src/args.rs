@@ -265,7 +265,7 @@ pub(crate) struct FitPwa {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Partitions: null, average, zscore:1.5, kmeans:10, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`)
+    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`, `refined:2..20`)
     /// one is chosen (default: that of the recipe, else average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
@@ -373,6 +373,9 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
+    /// Tell which region follows which, and how long a visit lasts: for models of refined partitions, which carry it.
+    #[arg(long)]
+    pub(crate) transitions: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

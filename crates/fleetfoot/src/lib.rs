@@ -117,7 +117,7 @@ pub use fleetfoot_estimate as estimate;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
-pub use fleetfoot_model::{self as model, Model, describe};
+pub use fleetfoot_model::{self as model, Model, describe, describe_transitions};
 pub use fleetfoot_pwa as pwa;
 pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;

@@ -4,7 +4,7 @@ use fleetfoot::{
     Derivative, Error, Fitted, Gap, Input, InputTable, Kind, PwaRequest, Recipe, RolloutCandidate, RolloutChoice,
     fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::Specification,
+    pwa::{Score, Specification},
     rival, write_model,
 };
 use serde_json::json;
@@ -160,6 +160,19 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
         table(&header, rows)
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
+        + &refinement(&found.candidates[found.chosen])
+}
+
+/// How the regions of a refined partition were found.
+fn refinement(score: &Score) -> String {
+    match score.objective.as_slice() {
+        [first, .., last] => format!(
+            "\n{}: the objective fell from {first:.4} to {last:.4} in {} passes",
+            score.specification,
+            score.objective.len()
+        ),
+        _ => String::new(),
+    }
 }
 
 /// What rollouts said of the candidates.

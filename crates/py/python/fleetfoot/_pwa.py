@@ -24,8 +24,8 @@ class PWA(Identifier):
     ----------
     partition : int, str or list, optional
         ``"average"`` (one region, as when not given), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``),
-        ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list one is
-        chosen.
+        ``"refined:5"`` (regions that fit the dynamics), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list,
+        or of a range ``"refined:2..20"``, one is chosen.
     target : str, optional
         ``"derivative"`` (as when not given), ``"next"``, ``"delta"``, or a column (plain regression).
     degree : int, optional
