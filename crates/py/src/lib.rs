@@ -41,6 +41,7 @@ mod generate;
 mod read;
 mod recipe;
 mod table;
+mod table_rows;
 
 use pyo3::prelude::*;
 

@@ -40,7 +40,8 @@ from ._stats import Plan, Stats, merge, scan
 # -- tables
 from . import plot
 from ._compare import Comparison, compare
-from ._data import Dataset, open  # noqa: A004
+from ._data import Dataset
+from ._data import open as open  # noqa: A004
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 
 __all__ = [
@@ -98,7 +99,6 @@ __all__ = [
     "compare",
     "generate",
     "info",
-    "open",
     "plot",
     "read",
     "read_mcap",

@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _core
 from ._equations import Content
+from ._html import of_model
 from ._on_recordings import OnRecordings
 from ._warnings import warn
 from .exceptions import ModelError
@@ -165,6 +166,9 @@ class Model(OnRecordings):
     def __repr__(self) -> str:
         count = len(self.regions)
         return f"Model({self.method!r}, {', '.join(self.outputs)}; {count} region{'' if count == 1 else 's'})"
+
+    def _repr_html_(self) -> str:
+        return of_model(self)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Model) and self._core.hash() == other._core.hash()

@@ -15,7 +15,6 @@ from ._identify import (
     Derivative,
     Identifier,
     States,
-    count,
     documented,
     groups_of,
     number,
@@ -40,18 +39,19 @@ class SINDy(Identifier):
 
     Parameters
     ----------
-    optimizer : str or object, optional
-        ``"auto"`` (as when not given: thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
+    optimizer : str or object, default="auto"
+        ``"auto"`` (thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
         ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of
         pysindy or of this package: then the terms are those that it keeps. What it says takes effect, and what cannot
         is refused.
-    library : str, list of str or object, optional
+    library : str, list of str or object, default="poly(2)"
         Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
         identity, concatenated or tensored library of pysindy.
-        ``"poly(2)"`` when not given.
-    differentiation : optional
-        Another name for ``derivative``, for pysindy's objects.
-    threshold : float or "auto", optional
+    feature_library : object, optional
+        Another name for ``library``, as pysindy has it.
+    differentiation_method : callable, optional
+        Another name for ``derivative``, as pysindy has it.
+    threshold : float or "auto", default="auto"
         The cut-off of STLSQ and SR3.
     terms : int, optional
         The number of terms of every equation.
@@ -60,25 +60,25 @@ class SINDy(Identifier):
     normalize : bool or "length", optional
         Whether thresholds and ridge see shares of the target instead of physical coefficients; ``"length"``:
         coefficients of columns of length 1, as pysindy's ``normalize_columns`` has them.
-    max_iterations : int, optional
+    max_iterations : int, default=20
         Regressions of STLSQ at most.
     kappa : float, optional
         Forward regression (``"frols"``) chooses the number of terms by its error reduction ratios: this is the weight of
         a term, relative to the condition number of the columns.
-    select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
+    select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
         What is chosen by.
-    folds : int or str, optional
+    folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
         ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
-    inclusion : float, optional
+    inclusion : float, default=0.6
         Share of the members of an ensemble that must have a term.
     groups : str or dict of str to list of str, optional
         Functions that enter together, of the group lasso: ``"signal"`` (a signal with its powers and lags, as when not
         given), or lists of signals by the names of the groups.
-    l1_ratio : float, optional
+    l1_ratio : float, default=0
         Share of the absolute values in the penalty of the group lasso.
-    seed : int, optional
+    seed : int, default=0
         Of everything random.
     nominal : dict of str to str, optional
         What is known of a state's right side: only the rest is learnt.
@@ -86,15 +86,15 @@ class SINDy(Identifier):
         Terms that a state's equation has in any case.
     parameters : dict, optional
         Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
-    discrete_time : bool
+    discrete_time : bool, default=False
         Whether next values are predicted instead of derivatives.
-    target : str, optional
+    target : str, default="derivative"
         ``"derivative"``, ``"next"``, ``"delta"``, or a column.
-    partition : int, str or list, optional
+    partition : int, str or list, default="average"
         Regions, as for :class:`fleetfoot.PWA`, each with equations of its own.
     partition_on : list of str, optional
         What the partition looks at.
-    front : bool
+    front : bool, default=False
         Keep the models of other numbers of terms, ``front_``.
     COMMON
 
@@ -121,45 +121,46 @@ class SINDy(Identifier):
 
     def __init__(
         self,
-        optimizer: Any = None,
-        library: Any = None,
-        differentiation: Any = None,
+        optimizer: Any = "auto",
+        library: Any = "poly(2)",
+        differentiation_method: Any = None,
         *,
         feature_library: Any = None,
-        threshold: float | str | None = None,
+        threshold: float | str = "auto",
         terms: int | None = None,
         ridge: float | None = None,
         normalize: bool | str | None = None,
-        max_iterations: int | None = None,
+        max_iterations: int = 20,
         kappa: float | None = None,
-        select: str | None = None,
-        folds: int | str | None = None,
+        select: str = "one-se",
+        folds: int | str = "auto",
         ensemble: str | None = None,
-        inclusion: float | None = None,
+        inclusion: float = 0.6,
         groups: str | Mapping[str, Sequence[str]] | None = None,
-        l1_ratio: float | None = None,
-        seed: int | None = None,
+        l1_ratio: float = 0.0,
+        seed: int = 0,
         nominal: Mapping[str, str] | None = None,
         fixed: Mapping[str, Sequence[str]] | None = None,
         parameters: Mapping[str, Any] | None = None,
         discrete_time: bool = False,
-        target: str | None = None,
-        partition: int | str | Sequence[int | str] | None = None,
+        target: str = "derivative",
+        partition: int | str | Sequence[int | str] = "average",
         partition_on: Sequence[str] | None = None,
         front: bool = False,
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
-        derivative: Derivative = None,
+        derivative: Derivative = "auto",
         known: Mapping[str, str] | None = None,
         weight: str | None = None,
+        dt: float | None = None,
         recipe: AnyRecipe = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> None:
         self.optimizer = optimizer
         self.library = library
-        self.differentiation = differentiation
+        self.differentiation_method = differentiation_method
         self.feature_library = feature_library
         self.threshold = threshold
         self.terms = terms
@@ -188,23 +189,25 @@ class SINDy(Identifier):
         self.derivative = derivative
         self.known = known
         self.weight = weight
+        self.dt = dt
         self.recipe = recipe
         self.cache = cache
         self.progress = progress
 
     def _derivative(self) -> Derivative:
-        found: Derivative = _one("derivative", self.derivative, "differentiation", self.differentiation)
+        given = self._said("derivative")
+        found: Derivative = _one("derivative", given, "differentiation_method", self.differentiation_method)
         return found
 
     def _own_recipe(self) -> dict[str, Any]:
-        if self.discrete_time and self.target not in (None, "next"):
+        if self.discrete_time and self.target not in ("derivative", "next"):
             raise RequestError(f"discrete_time=True predicts next values, target={self.target!r} not; leave one away")
         model = _recipe.said(
-            predict="next" if self.discrete_time else self.target,
-            partition=partition(self.partition),
-            partition_on=None if self.partition_on is None else list(self.partition_on),
+            predict="next" if self.discrete_time else self._said("target"),
+            partition=partition(self._said("partition")),
+            partition_on=self._list("partition_on"),
         )
-        items = _peers.library(_one("library", self.library, "feature_library", self.feature_library))
+        items = _peers.library(_one("library", self._said("library"), "feature_library", self.feature_library))
         recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
         if items is not None:
             recipe["library"] = {"functions": items}
@@ -218,21 +221,21 @@ class SINDy(Identifier):
     def _section(self) -> dict[str, Any]:
         """The entries of ``[sindy]``."""
         said = _recipe.said(
-            threshold=self.threshold if self.threshold in (None, "auto") else number("threshold", self.threshold),
-            terms=None if self.terms is None else count("terms", self.terms, 1),
-            ridge=None if self.ridge is None else number("ridge", self.ridge),
-            normalize=self.normalize,
-            max_iterations=None if self.max_iterations is None else count("max_iterations", self.max_iterations, 1),
-            kappa=None if self.kappa is None else number("kappa", self.kappa),
-            select=self.select,
-            folds=None if self.folds is None else str(self.folds),
-            ensemble=self.ensemble,
-            inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
+            threshold=self._real("threshold"),
+            terms=self._whole("terms", 1),
+            ridge=self._real("ridge"),
+            normalize=self._said("normalize"),
+            max_iterations=self._whole("max_iterations", 1),
+            kappa=self._real("kappa"),
+            select=self._said("select"),
+            folds=self._text("folds"),
+            ensemble=self._said("ensemble"),
+            inclusion=self._real("inclusion"),
             groups=groups_of(self.groups),
-            l1_ratio=None if self.l1_ratio is None else number("l1_ratio", self.l1_ratio),
-            seed=None if self.seed is None else count("seed", self.seed, 0),
+            l1_ratio=self._real("l1_ratio"),
+            seed=self._whole("seed", 0),
         )
-        given = _peers.optimizer(self.optimizer)
+        given = _peers.optimizer(self._said("optimizer"))
         twice = [name for name in said if name in given and said[name] != given[name]]
         if twice:
             raise RequestError(

@@ -75,7 +75,7 @@ def test_pysindy_gives_the_same():
     own = ff.SINDy(
         optimizer=ps.STLSQ(threshold=0.1),
         feature_library=ps.PolynomialLibrary(degree=2),
-        differentiation=ps.FiniteDifference(),
+        differentiation_method=ps.FiniteDifference(),
     ).fit(x, t)
     assert [name.replace(" ", "*") for name in peer.get_feature_names()] == own.get_feature_names()
     np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-9, atol=1e-9)
@@ -100,7 +100,7 @@ def test_pysindy_with_inputs_and_runs():
         inputs.append(u)
     peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.2), feature_library=ps.PolynomialLibrary(2))
     peer.fit(runs, t=t, u=inputs)
-    own = ff.SINDy(threshold=0.2, library="poly(2)", differentiation=ps.FiniteDifference()).fit(runs, t, u=inputs)
+    own = ff.SINDy(threshold=0.2, library="poly(2)", differentiation_method=ps.FiniteDifference()).fit(runs, t, u=inputs)
     assert own.model_.inputs == ("u0",)
     np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-8, atol=1e-8)
 

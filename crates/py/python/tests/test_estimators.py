@@ -1,0 +1,284 @@
+"""`SINDy`, `PWA`, `NARX`, `BlockSparse` as scikit-learn's tools use them: parameters, clones, folds, searches, pipelines."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+import fleetfoot as ff
+from fleetfoot import _core, exceptions
+from recordings import CHECKOUT
+
+CLASSES = [ff.SINDy, ff.PWA, ff.NARX, ff.BlockSparse]
+PERIOD = 0.01
+
+
+def oscillation(phase, rows=300, pull=4.0):
+    """A run of x'' = -pull x, its states and their derivatives."""
+    t = np.arange(rows) * PERIOD
+    rate = np.sqrt(pull)
+    x = np.column_stack([np.cos(rate * t + phase), -rate * np.sin(rate * t + phase)])
+    return t, x, np.column_stack([x[:, 1], -pull * x[:, 0]])
+
+
+def runs(count=6):
+    return [oscillation(0.3 * k)[1] for k in range(count)]
+
+
+def small():
+    """Each estimator as it fits a run of an oscillation."""
+    return [
+        ff.SINDy(library="poly(1)", dt=PERIOD),
+        ff.PWA(dt=PERIOD),
+        ff.NARX(lags_out=2, degree=1, terms=2, dt=PERIOD),
+        ff.BlockSparse(degree=1, dt=PERIOD),
+    ]
+
+
+ids = {"ids": lambda one: (one if isinstance(one, type) else type(one)).__name__}
+
+
+# -- parameters
+
+
+@pytest.mark.parametrize("found", CLASSES, **ids)
+def test_defaults_are_those_that_the_commands_tell(found):
+    command, section = {
+        ff.SINDy: ("sindy", "sindy"),
+        ff.PWA: ("pwa", "pwa"),
+        ff.NARX: ("narx", "narx"),
+        ff.BlockSparse: ("sparse", "sparse"),
+    }[found]
+    reference = (CHECKOUT / "docs" / "reference" / "cli.md").read_text()
+    own = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0]
+    told = {flag.replace("-", "_"): text for flag, text in re.findall(r"^- `(?:-\w, )?--([\w-]+).*?default: (.*?)(?:[;,)]|\.(?!\d))", own, re.M)}
+    params, compared = found().get_params(), 0
+    for entry in dict(_core.settings())[section]:
+        value = params[{"lambda": "lam"}.get(entry, entry)]
+        if value is None:
+            # What depends on the data or on other arguments.
+            continue
+        wanted = told[entry].strip()
+        if entry == "memory":
+            wanted, value = float(wanted), value / 2**20
+        assert str(value).lower() == str(wanted).lower() or float(value) == float(wanted), entry
+        compared += 1
+    assert compared >= 6
+
+
+@pytest.mark.parametrize("found", CLASSES, **ids)
+def test_every_default_stands_in_the_documentation(found):
+    for name, value in found().get_params().items():
+        written = re.search(rf"^    (?:[\w, ]+, )?{name}(?:, \w+)* : (.*)$", found.__doc__, re.M)
+        assert written, f"{name} is not documented"
+        if isinstance(value, (str, int, float)) and not isinstance(value, bool):
+            assert "default=" in written[1], f"{name} : {written[1]}"
+
+
+def test_an_argument_at_its_default_leaves_the_recipe_its_word():
+    t, x, _ = oscillation(0.0)
+    recipe = {"pwa": {"folds": 3}, "model": {"degree": 2}}
+    assert "folds = 3" in ff.PWA(recipe=recipe).fit(x, t).model_.recipe
+    assert "folds = 4" in ff.PWA(folds=4, recipe=recipe).fit(x, t).model_.recipe
+    assert "folds" not in ff.PWA().fit(x, t).model_.recipe
+
+
+def test_parameters_of_objects_are_set_by_their_path():
+    sindy = ff.SINDy(optimizer=ff.STLSQ(threshold=0.1), dt=PERIOD)
+    assert sindy.get_params()["optimizer__threshold"] == 0.1
+    assert sindy.set_params(optimizer__threshold=0.5, library="poly(1)").optimizer.threshold == 0.5
+    _, x, x_dot = oscillation(0.0)
+    assert sindy.fit(x, x_dot).equations(3) == ["d(x0)/dt = 1*x1", "d(x1)/dt = -4*x0"]
+    # Above the larger coefficient nothing is left.
+    empty = sindy.set_params(optimizer__threshold=50.0).fit(x, x_dot)
+    assert empty.equations(3) == ["d(x0)/dt = 0", "d(x1)/dt = 0"]
+
+
+@pytest.mark.parametrize("estimator", small(), **ids)
+def test_before_a_fit_there_is_nothing(estimator):
+    base = pytest.importorskip("sklearn.exceptions", reason="scikit-learn is not installed")
+    for call in (
+        lambda: estimator.predict(np.zeros((3, 2))),
+        lambda: estimator.score(np.zeros((3, 2))),
+        estimator.equations,
+        estimator.coefficients,
+        lambda: estimator.save("model.json"),
+    ):
+        with pytest.raises(base.NotFittedError, match="not fitted"):
+            call()
+    assert not hasattr(estimator, "n_features_in_")
+
+
+@pytest.mark.parametrize("estimator", small(), **ids)
+def test_fits_are_cloned_copied_and_pickled(estimator):
+    base = pytest.importorskip("sklearn.base", reason="scikit-learn is not installed")
+    x = runs(2)
+    fitted = base.clone(estimator).fit(x)
+    assert not hasattr(base.clone(fitted), "model_")
+    assert base.clone(fitted).get_params() == estimator.get_params()
+    for twin in (copy.deepcopy(fitted), pickle.loads(pickle.dumps(fitted))):
+        np.testing.assert_array_equal(twin.predict(x[0]), fitted.predict(x[0]))
+        assert twin.get_params() == fitted.get_params()
+    assert fitted.n_features_in_ == 2
+
+
+def test_recordings_among_the_parameters_are_cloned_and_pickled(tmp_path):
+    base = pytest.importorskip("sklearn.base", reason="scikit-learn is not installed")
+    _, x, _ = oscillation(0.0)
+    data = ff.open({"x0": x[:, 0]}, dt=PERIOD, name="other") + ff.open([2 * x[:, :1]], dt=PERIOD)
+    narx = ff.NARX(2, 0, 1, terms=2, free_run=data)
+    twin = pickle.loads(pickle.dumps(base.clone(narx)))
+    assert twin.free_run.names == ["other", "run 0"] and twin.free_run.recipe == data.recipe
+    np.testing.assert_array_equal(ff.read(twin.free_run)["x0"], ff.read(data)["x0"])
+
+
+# -- targets and clocks
+
+
+def test_targets_are_no_stamps_by_keyword_or_with_a_clock():
+    t, x, x_dot = oscillation(0.0)
+    wanted = ff.SINDy(library="poly(1)").fit(x, t, x_dot)
+    for found in (
+        ff.SINDy(library="poly(1)").fit(x, t, y=x_dot),
+        ff.SINDy(library="poly(1)").fit(x, dt=PERIOD, y=x_dot),
+        ff.SINDy(library="poly(1)", dt=PERIOD).fit(x, x_dot),
+        ff.SINDy(library="poly(1)", dt=PERIOD).fit(x, y=x_dot),
+    ):
+        np.testing.assert_allclose(found.coefficients(), wanted.coefficients(), atol=1e-12)
+        assert found.score(x, y=x_dot) == pytest.approx(1.0, abs=1e-12)
+    # The keyword t is a clock, whatever the constructor says.
+    clocked = ff.SINDy(library="poly(1)", dt=1.0).fit(x, t=t, x_dot=x_dot)
+    np.testing.assert_allclose(clocked.coefficients(), wanted.coefficients(), atol=1e-12)
+    with pytest.raises(ValueError, match="both given"):
+        ff.SINDy().fit(x, t, x_dot, y=x_dot)
+    with pytest.raises(exceptions.RequestError, match="given twice"):
+        ff.SINDy(dt=PERIOD).fit(x, x_dot, y=x_dot)
+    with pytest.raises(exceptions.RequestError, match="y"):
+        ff.BlockSparse(tasks={"a": ("x0", "F")}, latents={"F": {"of": ["x1"]}}).fit(x, t, y=x_dot).score(x, t)
+
+
+@pytest.mark.parametrize("discrete", [{"discrete_time": True}, {"target": "delta"}], ids=["next", "delta"])
+def test_next_values_say_where_runs_end(discrete):
+    x = np.vstack(runs(3))
+    lengths = [300, 300, 300]
+    own = [x[sum(lengths[:k]) : sum(lengths[: k + 1])] for k in range(3)]
+    wanted = ff.SINDy(library="poly(1)", **discrete).fit(own)
+    before, after = np.vstack([run[:-1] for run in own]), np.vstack([run[1:] for run in own])
+    y = after - before if "target" in discrete else after
+    given = ff.SINDy(library="poly(1)", dt=1.0, **discrete).fit(before, y)
+    assert given.report_["rows"] == wanted.report_["rows"] == 897
+    np.testing.assert_allclose(given.coefficients(), wanted.coefficients(), atol=1e-12)
+    # Rows in any order are the same pairs.
+    order = np.random.default_rng(0).permutation(len(before))
+    mixed = ff.SINDy(library="poly(1)", dt=1.0, **discrete).fit(before[order], y[order])
+    assert mixed.report_["rows"] == 897
+    np.testing.assert_allclose(mixed.coefficients(), wanted.coefficients(), atol=1e-12)
+    assert mixed.score(before[order], y[order]) == pytest.approx(1.0, abs=1e-9)
+    with pytest.raises(ValueError, match="next values"):
+        given.fit(before, y[:, :1])
+
+
+def test_a_column_is_predicted_from_others():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(500, 3))
+    y = np.where(X[:, 0] > 0, 2.0, -1.0) * X[:, 0] + X[:, 2]
+    # Stamps that would be in order: a target all the same.
+    for target in (y, np.sort(y)):
+        fit = ff.PWA(["average", 2], target="y", partition_on=["x0"]).fit(X, target)
+        assert fit.predict(X).shape == (500,) and fit.n_features_in_ == 3
+        assert fit.score(X, target) == pytest.approx(1 - np.var(target - fit.predict(X)) / np.var(target), abs=1e-9)
+    assert ff.PWA(2, target="y", partition_on=["x0"]).fit(X, y).score(X, y) > 0.98
+    with pytest.raises(ValueError, match="X has 2 features, but PWA is expecting 3"):
+        fit.predict(X[:, :2])
+    with pytest.raises(ValueError, match="y is missing"):
+        fit.score(X)
+
+
+def test_one_row_is_predicted_like_many():
+    t = np.arange(200) * PERIOD
+    u = np.sin(3 * t)
+    _, x, _ = oscillation(0.0, 200)
+    fit = ff.SINDy(library="poly(1)").fit(x, t, u=u)
+    all_ = fit.predict(x, u)
+    for one in (fit.predict(x[:1], u[:1]), fit.predict(x[:1], u[:1, None]), fit.predict(x[0][None], u[:1])):
+        np.testing.assert_array_equal(one, all_[:1])
+    listed = fit.predict([x[:50], x[50:]], [u[:50], u[50:]])
+    np.testing.assert_array_equal(np.vstack(listed), all_)
+
+
+# -- scikit-learn's tools
+
+
+def tools():
+    return pytest.importorskip("sklearn.model_selection", reason="scikit-learn is not installed")
+
+
+@pytest.mark.parametrize("estimator", small(), **ids)
+def test_episodes_are_the_samples_of_cross_validation(estimator):
+    selection = tools()
+    x = runs(6)
+    # Whole episodes are held out, those of one day together.
+    scores = selection.cross_val_score(estimator, x, groups=[0, 0, 1, 1, 2, 2], cv=selection.GroupKFold(3))
+    assert scores.shape == (3,) and (scores > 0.999).all()
+    # The same by hand.
+    for score, (train, test) in zip(scores, selection.GroupKFold(3).split(x, groups=[0, 0, 1, 1, 2, 2])):
+        own = copy.deepcopy(estimator).fit([x[k] for k in train])
+        assert own.score([x[k] for k in test]) == score
+
+
+def test_a_search_finds_what_predicts_other_episodes():
+    selection = tools()
+    found = [oscillation(0.3 * k) for k in range(6)]
+    x, t, x_dot = ([one[k] for one in found] for k in (1, 0, 2))
+    grid = {"threshold": [0.1, 50.0], "library": ["poly(1)", "poly(3)"]}
+    search = selection.GridSearchCV(ff.SINDy(dt=PERIOD), grid, cv=selection.GroupKFold(3), error_score="raise")
+    search.fit(x, x_dot, groups=[0, 0, 1, 1, 2, 2])
+    assert search.best_params_["threshold"] == 0.1 and search.best_score_ > 0.999
+    assert search.best_estimator_.equations(3) == ["d(x0)/dt = 1*x1", "d(x1)/dt = -4*x0"]
+    # Stamps are cut like the runs, and objects' parameters are searched.
+    nested = selection.GridSearchCV(
+        ff.SINDy(optimizer=ff.STLSQ(), library="poly(1)"), {"optimizer__threshold": [0.1, 50.0]}, cv=3, n_jobs=2
+    )
+    assert nested.fit(x, t=t).best_params_ == {"optimizer__threshold": 0.1}
+
+
+def test_a_fit_is_the_last_step_of_a_pipeline():
+    tools()
+    pipeline = pytest.importorskip("sklearn.pipeline", reason="scikit-learn is not installed")
+    preprocessing = pytest.importorskip("sklearn.preprocessing", reason="scikit-learn is not installed")
+    t, x, _ = oscillation(0.0, 600)
+    scaled = pipeline.make_pipeline(preprocessing.StandardScaler(), ff.SINDy(library="poly(1)", dt=PERIOD)).fit(x)
+    assert scaled.score(x) > 0.999
+    assert pipeline.make_pipeline(preprocessing.StandardScaler(), ff.PWA()).fit(x, pwa__t=t).score(x) > 0.999
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(400, 3)) * [1.0, 10.0, 0.1]
+    y = X @ [1.0, -0.2, 5.0] + 1.0
+    plain = pipeline.make_pipeline(preprocessing.StandardScaler(), ff.PWA(target="y")).fit(X, y)
+    np.testing.assert_allclose(plain.predict(X), y, atol=1e-9)
+    assert plain.score(X, y) == pytest.approx(1.0)
+
+
+def test_metadata_are_routed_by_name():
+    selection = tools()
+    sklearn = pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    found = [oscillation(0.3 * k) for k in range(4)]
+    with sklearn.config_context(enable_metadata_routing=True):
+        asked = ff.SINDy(library="poly(1)").set_fit_request(t=True, x_dot=True).set_score_request(t=True, x_dot=True)
+        scores = selection.cross_val_score(
+            asked, [one[1] for one in found], cv=2, params={"t": [one[0] for one in found], "x_dot": [one[2] for one in found]}
+        )
+    np.testing.assert_allclose(scores, 1.0, atol=1e-12)
+
+
+def test_what_they_are_to_scikit_learn():
+    base = pytest.importorskip("sklearn.base", reason="scikit-learn is not installed")
+    utils = pytest.importorskip("sklearn.utils", reason="scikit-learn is not installed")
+    for estimator in small():
+        tags = utils.get_tags(estimator)
+        assert base.is_regressor(estimator) and tags.input_tags.allow_nan and not tags.target_tags.required
+        assert tags.target_tags.multi_output
+    assert not utils.get_tags(ff.PWA(target="y")).target_tags.multi_output
