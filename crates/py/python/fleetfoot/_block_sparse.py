@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import _core, _recipe
+from ._call import TASKS
 from ._identify import AnyRecipe, Derivative, Identifier, States, documented, groups_of
 from ._model import Model
 from ._progress import Progress
@@ -164,7 +165,7 @@ class BlockSparse(Identifier):
         self.progress = progress
 
     def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
-        return "tasks" if self.tasks else super()._predicts(own)
+        return TASKS if self.tasks else super()._predicts(own)
 
     def _own_recipe(self) -> dict[str, Any]:
         lam = self._said("lam")

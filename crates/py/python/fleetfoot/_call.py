@@ -19,6 +19,8 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 #: What of states may be predicted; anything else is a column.
 OF_STATES = ("derivative", "next", "delta")
+#: Equations that name their own targets.
+TASKS = "tasks"
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ class Call:
             return self
         there = {*(self.columns or ()), *(self.feature_names or ())}
         there |= set(tables[0].names) if tables is not None else set()
-        is_plain = predicts not in OF_STATES and predicts not in there and (tables is not None or is_arrays(self.x))
+        is_column = predicts not in (*OF_STATES, TASKS) and predicts not in there
+        is_plain = is_column and (tables is not None or is_arrays(self.x))
         value = _plain_array(self.t.value)
         # A number is a period, whatever else is known.
         if _is_one(value) or not (is_plain or period is not None or self.dt is not None):
@@ -115,7 +118,7 @@ class Call:
         """Tables whose columns have names that the recipe knows, with a column of targets."""
         if self.y is None:
             return self
-        if predicts in OF_STATES:
+        if predicts in (*OF_STATES, TASKS):
             raise RequestError(
                 "y: the columns of the table have names, so name that of the targets: "
                 "derivative={'x': 'x_dot'}, or target='y'"
@@ -158,6 +161,8 @@ class Call:
 
     def _with_targets(self, predicts: str) -> Call:
         """Given targets as what they are: derivatives, a column, or the next rows."""
+        if predicts == TASKS:
+            raise RequestError("y: the tasks name their targets; give these columns by their names, columns={...}")
         if predicts not in OF_STATES:
             targets = [vector(one) for one in array_runs(self.y, "y")]
             return replace(self, y=None, columns={**(self.columns or {}), predicts: targets})

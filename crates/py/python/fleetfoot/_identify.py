@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _core, _recipe
 from ._base import BaseEstimator, check_is_fitted
-from ._call import OF_STATES, Call, second_by_position
+from ._call import OF_STATES, TASKS, Call, second_by_position
 from ._frames import frame
 from ._model import Model
 from ._progress import Progress, reporting
@@ -436,7 +436,7 @@ class Identifier(BaseEstimator):
             self._check_width(call.x)
         if not is_arrays(call.x):
             report = model.score(call.x, call.t, dt=call.dt, **options)
-        elif predicts in OF_STATES:
+        elif predicts in (*OF_STATES, TASKS):
             report = self._score_of_states(model, call, options)
         else:
             report = self._score_of_column(model, call, predicts, options)

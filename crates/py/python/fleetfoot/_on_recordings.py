@@ -109,7 +109,8 @@ class OnRecordings:
         columns = {name: table.column for name in table.names}
         columns.update({name: beside.column for name in beside.names} if beside is not None else {})
         wanted = (*self.states, *(self.inputs if u is None or beside is not None else ()))
-        if all(name in columns for name in wanted) and not self.lags:
+        # A table alone says by its clock where rows follow each other, beside inputs all its rows do.
+        if all(name in columns for name in wanted) and (not self.lags or u is not None):
             rows, given = (_beside(columns, names, table.rows) for names in (self.states, self.inputs))
             seconds = _seconds(table, t) if self.uses_time else None
             found = self._core.fitted(rows, given if u is None or beside is not None else u, seconds)[0]

@@ -21,13 +21,12 @@ _LOG = logging.getLogger("fleetfoot")
 _ROUTINE = re.compile(
     "|".join(
         [
-            "is taken as the time",
-            "are taken as the time",
-            "^the rows are the messages of",
-            "^stamps are the",
-            "the headers' stamps",
-            "^its columns are separated by",
-            "^no header: the columns are called",
+            "(is|are) taken as the time",
+            "(^|: )the rows are the messages of",
+            "(^|: )stamps are the",
+            "the rows have no time stamps: they are taken in their order",
+            "its columns are separated by",
+            "no header: the columns are called",
             "decimal comma$",
             "no message is lost",
         ]

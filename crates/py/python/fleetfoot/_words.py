@@ -22,6 +22,8 @@ _COMMANDS = {
     "stats info": "Stats",
     "generate": "fleetfoot.generate",
 }
+#: Flags that are switches.
+_SWITCHES = {"append", "direct", "force", "front", "tsqr"}
 #: Keys and flags that have another name as an argument.
 _NAMES = {
     "lambda": "lam",
@@ -38,12 +40,16 @@ _VALUE = (
     r"[\w.]*:[\w.,+:]+|-?\d[\w.,:/()+-]*|null|average|rollout|bic|cv|one-se|aic|ebic|free-run|pool|refuse|next|delta|"
     r"derivative|auto|term|signal|stlsq|sr3|frols|ssr|lasso|ols"
 )
-_COMMAND = re.compile(r"`?fleetfoot ((?:fit|stats) \w+|info --values|\w+)`|`((?:fit) \w+)`")
+_COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|info --values|info)( [^`]*)?`|`?fleetfoot (\w+)`")
+_FIRST = re.compile(r"^--([a-z][\w-]*) (\S+?):(?= )")
 _TWICE = re.compile(rf"\[(\w+)\] (\w+) = (\S+?) \(--[\w-]+(?: (?:{_VALUE}|[\w.]+))?\)")
-_FLAG = re.compile(rf"`?--([a-z][\w-]*)(?:[= ]((?:{_VALUE})(?![\w-])))?`?")
-_ENTRY = re.compile(r"\[(pwa|sindy|sparse|narx|model|time|library|prepare)\] (\w+)( = )?")
+_FLAG = re.compile(rf"(?<![\w/.-])`?--([a-z][\w-]*)(?:[= ]((?:{_VALUE})(?:,(?:{_VALUE}))*(?![\w-])))?`?")
+_ENTRY = re.compile(r"\[(?:pwa|sindy|sparse|narx|model|time|library|prepare)\] (\w+)( = )?")
+_NAMED = re.compile(r"(^|[;:(] )\[(states|inputs|latents|tasks|parameters)\] (\w+)")
 _SECTION = re.compile(r"\[(states|inputs|latents|tasks|parameters|columns|library|model|sindy|sparse|pwa|narx|time)\](?! ?=)")
-_JSON_PLACE = re.compile(r" at line \d+ column \d+|(?:, )?line \d+, column \d+(?= of the recipe)")
+_JSON_PLACE = re.compile(r" at line \d+ column \d+")
+#: Commands of others stay as they are.
+_FOREIGN = re.compile(r"(`(?:mcap|rosbags-convert|pip) [^`]*`)")
 
 
 def of_python(message: str) -> str:
@@ -58,25 +64,33 @@ def of_python(message: str) -> str:
     >>> of_python("`fit sindy` chooses a span; `fleetfoot info --values` tells more")
     'SINDy chooses a span; fleetfoot.info(path, values=True) tells more'
     """
-    if not any(sign in message for sign in ("--", "[", "`fit ", "`fleetfoot ", "at line ")):
+    if not any(sign in message for sign in ("--", "[", "`fit ", "`fleetfoot ", " at line ")):
         return message
+    return "".join(part if _FOREIGN.fullmatch(part) else _translated(part) for part in _FOREIGN.split(message))
+
+
+def _translated(message: str) -> str:
     message = _JSON_PLACE.sub("", message)
     message = _COMMAND.sub(_command, message)
+    message = _FIRST.sub(lambda found: f"{_said(found[1], found[2])}:", message)
     message = _TWICE.sub(lambda found: f"{_name(found[2])}={found[3]}", message)
-    message = _FLAG.sub(_flag, message)
-    message = _ENTRY.sub(lambda found: f"{_name(found[2])}{'=' if found[3] else ''}", message)
+    message = _FLAG.sub(lambda found: _said(found[1], found[2]), message)
+    message = _ENTRY.sub(lambda found: f"{_name(found[1])}{'=' if found[2] else ''}", message)
+    message = _NAMED.sub(lambda found: f"{found[1]}{found[2]}[{found[3]!r}]", message)
     return _SECTION.sub(lambda found: found[1], message)
 
 
 def _command(found: re.Match[str]) -> str:
-    said = found[1] or found[2]
-    return _COMMANDS.get(said, f"fleetfoot.{said}")
+    if found[3]:
+        return f"fleetfoot.{found[3]}" if found[3] != "score" else _COMMANDS["score"]
+    return _COMMANDS.get(found[1], found[1]) + (found[2] or "")
 
 
-def _flag(found: re.Match[str]) -> str:
-    name, value = _name(found[1].replace("-", "_")), found[2]
+def _said(flag: str, value: str | None) -> str:
+    """A flag, with its value where it has one, as an argument."""
+    name = _name(flag.replace("-", "_"))
     if value is None:
-        return f"{name}="
+        return f"{name}=True" if name in _SWITCHES else f"{name}="
     try:
         float(value)
     except ValueError:
