@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from ._call import TASKS
 from ._identify import AnyRecipe, Derivative, Identifier, States, documented, groups_of
 from ._model import Model
 from ._progress import Progress
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @documented
@@ -200,6 +203,33 @@ class BlockSparse(Identifier):
         self.reports_ = {value: report for value, _, report in models if value is not None}
         _, model, report = models[0]
         return model, report
+
+
+    def _candidates(self) -> list[list[str]]:
+        """The candidates of every unknown function."""
+        self._found()
+        return [[one["function"] for one in latent["functions"]] for latent in self.report_["latents"]]
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of all candidate functions, where the unknown functions have the same; the model itself keeps those
+        that are used, which ``latent`` names."""
+        candidates = self._candidates()
+        if latent is not None or any(one != candidates[0] for one in candidates):
+            return super().get_feature_names(latent)
+        return candidates[0]
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """Coefficients (unknown functions, candidates) in the order of :meth:`get_feature_names`, zeros among them;
+        with ``latent`` those that the model keeps of one."""
+        candidates = self._candidates()
+        if latent is not None or any(one != candidates[0] for one in candidates):
+            return super().coefficients(latent=latent, region=region)
+        found = np.zeros((len(candidates), len(candidates[0])))
+        for row, one in zip(found, self.report_["latents"]):
+            names = super().get_feature_names(one["name"])
+            kept = dict(zip(names, super().coefficients(latent=one["name"], region=region)))
+            row[:] = [kept.get(name, 0.0) for name in candidates[0]]
+        return found
 
 
 def _text(lam: float | str) -> str:

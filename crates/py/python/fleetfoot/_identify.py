@@ -328,6 +328,11 @@ class Identifier(BaseEstimator):
         """The fitted model."""
         return self._found()
 
+    @property
+    def complexity(self) -> int:
+        """Number of terms: :attr:`fleetfoot.Model.complexity`."""
+        return self._found().complexity
+
     def print(self, regions: int = 10) -> None:
         """Prints the model: columns, equations, regions."""
         self._found().print(regions)
@@ -400,7 +405,7 @@ class Identifier(BaseEstimator):
         # A model of constants still has rows.
         return own[0], own[1] if wanted else np.empty((len(rows), 0))
 
-    def simulate(self, x0: ArrayLike, t: ArrayLike, u: Any = None, **options: Any) -> Array:
+    def simulate(self, x0: ArrayLike, t: ArrayLike | int, u: Any = None, **options: Any) -> Array:
         """The states over time: :meth:`fleetfoot.Model.simulate`."""
         return self._found().simulate(x0, t, u, **options)
 

@@ -36,12 +36,12 @@ def library(given: Any) -> list[str] | None:
         return [item for one in given for item in library(one) or ()]
     name = _class(given)
     if name == "PolynomialLibrary":
-        _default(given, "interaction_only", False)
         if not getattr(given, "include_interaction", True):
             mend = "write the functions: library=['x^2', 'y^2']"
             raise _refused(given, "without interactions is not supported", mend)
         bias = "" if getattr(given, "include_bias", True) else ", bias=false"
-        return [f"poly({int(given.degree)}{bias})"]
+        kind = "interactions" if getattr(given, "interaction_only", False) else "poly"
+        return [f"{kind}({int(given.degree)}{bias})"]
     if name == "FourierLibrary":
         _default(given, "include_sin", True)
         _default(given, "include_cos", True)

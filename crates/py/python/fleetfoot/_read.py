@@ -27,7 +27,7 @@ def _one_path(path: Any) -> Path:
 
 # A text is a sequence of texts: its overload stands first.
 @overload
-def read_mcap(  # type: ignore[overload-overlap]
+def read_mcap(
     path: Any,
     topic: str | None = None,
     *,

@@ -22,6 +22,7 @@ from ._identify import (
 )
 from ._model import Model
 from ._progress import Progress
+from ._runs import array_runs, differentiated, runs
 from .exceptions import RequestError
 
 if TYPE_CHECKING:
@@ -263,6 +264,41 @@ class SINDy(Identifier):
         chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
         self.front_ = {terms: Model(one) for terms, one in front}
         return Model(chosen), json.loads(report)
+
+    def differentiate(self, x: Any, t: Any = None, *, dt: float | None = None) -> Any:
+        """Derivatives of runs as the fit measures them, NaN where a difference lacks its neighbours.
+
+        Parameters
+        ----------
+        x : array or list of arrays
+            States, (rows, states).
+        t : array, list of arrays or float, optional
+            Stamps, or the period; that of the fit when neither it nor ``dt`` is given.
+        dt : float, optional
+            The period, seconds.
+
+        Returns
+        -------
+        array or list of arrays
+            In the shape of ``x``.
+        """
+        model, derivative = self._found(), self._derivative()
+        default = self.dt or model.dt
+        if callable(derivative):
+            found = differentiated(x, t, dt, default, derivative)
+        else:
+            targets = {one["subject"]: one["target"] for one in model.content.fitted()}
+            names = list((self._fitted_names or (model.states, ()))[0])
+            data = runs(x, t, None, None, names, dt=dt, default_dt=default)
+            text = _core.recipe(_recipe.to_json({"time": data.time}), "the recipe", True, None, None, None)
+            wanted = [targets.get(name) or f"central({name})" for name in names]
+            table = _core.read_table(data.core, text, list(dict.fromkeys(wanted)), None, None, None, None)
+            every = np.column_stack([table[name] for name in wanted])
+            lengths = [len(one) for one in array_runs(x, "x")]
+            found = np.split(every, np.cumsum(lengths)[:-1])
+        many = isinstance(x, (list, tuple)) and any(isinstance(one, np.ndarray) for one in x)
+        shaped = [one.reshape(np.shape(own)) for one, own in zip(found, array_runs(x, "x"))]
+        return shaped if many else shaped[0]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
         """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some

@@ -282,3 +282,85 @@ def test_what_they_are_to_scikit_learn():
         assert base.is_regressor(estimator) and tags.input_tags.allow_nan and not tags.target_tags.required
         assert tags.target_tags.multi_output
     assert not utils.get_tags(ff.PWA(target="y")).target_tags.multi_output
+
+
+# -- pysindy's words
+
+
+def test_derivatives_are_those_of_the_fit():
+    t, x, x_dot = oscillation(0.0)
+    central = ff.SINDy(derivative="central").fit(x, t)
+    found = central.differentiate(x, t)
+    np.testing.assert_allclose(found[1:-1], (x[2:] - x[:-2]) / (2 * PERIOD), rtol=1e-9)
+    assert np.isnan(found[0]).all() and np.isnan(found[-1]).all()
+    # Of order six, chosen by the data: better by far.
+    better = ff.SINDy().fit(x, t).differentiate([x[:100], x[100:]], PERIOD)
+    assert [len(one) for one in better] == [100, 200]
+    assert np.nanmax(np.abs(np.vstack(better) - x_dot)) < 1e-9 < np.nanmax(np.abs(found - x_dot))
+    own = ff.SINDy(differentiation_method=lambda x, t: np.gradient(x, t, axis=0)).fit(x, t)
+    np.testing.assert_array_equal(own.differentiate(x, t), np.gradient(x, t, axis=0))
+    with pytest.raises(exceptions.RequestError, match="one argument"):
+        ff.SINDy(derivative="central", differentiation_method=np.gradient).fit(x, t)
+
+
+def test_discrete_models_are_simulated_by_rows():
+    _, x, _ = oscillation(0.0)
+    discrete = ff.SINDy(library="poly(1)", discrete_time=True, dt=PERIOD).fit(x)
+    np.testing.assert_allclose(discrete.simulate(x[0], 50), x[:50], atol=1e-9)
+    np.testing.assert_array_equal(discrete.simulate(x[0], 50), discrete.simulate(x[0], np.arange(50) * PERIOD))
+    with pytest.raises(exceptions.ModelError, match="give the times"):
+        ff.SINDy(library="poly(1)", dt=PERIOD).fit(x).simulate(x[0], 50)
+    with pytest.raises(exceptions.ModelError, match="1 row or more"):
+        discrete.simulate(x[0], 0)
+
+
+def test_inputs_are_held_or_joined_by_lines():
+    t = np.arange(400) * PERIOD
+    u = np.sin(3 * t)
+    fit = ff.SINDy(library="poly(1)").fit(np.cos(t), t, -2 * np.cos(t) + u, u=u)
+    coarse = t[::20]
+    # The answer to straight lines, by small steps: x' = -2x + u.
+    exact, x = [1.0], 1.0
+    for k in range(len(coarse) - 1):
+        for part in range(2000):
+            now = u[::20][k] + (u[::20][k + 1] - u[::20][k]) * (part + 0.5) / 2000
+            x = x + (0.2 / 2000) * (-2 * x + now)
+        exact.append(x)
+    lines = fit.simulate([1.0], coarse, u[::20], interpolate=True)[:, 0]
+    held = fit.simulate([1.0], coarse, u[::20])[:, 0]
+    # Held over sampling periods of 10 ms, half of which is the lag of the input.
+    assert np.abs(lines - exact).max() < 0.02 < np.abs(held - exact).max()
+    with pytest.raises(exceptions.ModelError, match="interpolate=True"):
+        fit.simulate([1.0], coarse, u[:3], interpolate=True)
+
+
+@pytest.mark.parametrize("estimator", small(), **ids)
+def test_terms_are_named_and_counted_after_any_fit(estimator):
+    x = runs(2)
+    names = estimator.fit(x).get_feature_names()
+    found = estimator.coefficients()
+    assert found.shape == (2, len(names)) and names[0] == "1"
+    assert estimator.complexity == np.count_nonzero(found) == estimator.model_.complexity
+
+
+def test_products_of_different_variables():
+    ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
+    t, x, _ = oscillation(0.0)
+    library = ps.PolynomialLibrary(degree=2, interaction_only=True)
+    assert ff.SINDy(feature_library=library).fit(x, t).get_feature_names() == ["1", "x0", "x1", "x0*x1"]
+
+
+# -- notebooks
+
+
+def test_notebooks_show_what_there_is():
+    t, x, _ = oscillation(0.0)
+    data = ff.open({"a<b": x[:, 0], "v": x[:, 1]}, t=t, name="run & more")
+    model = ff.PWA(2, target="next").fit(x, t).model_
+    shown = model._repr_html_()
+    assert "2 regions, discrete" in shown and all(f"<code>{line}</code>" in shown for line in model.equations())
+    assert "run &amp; more" in data._repr_html_()
+    table = ff.read(data)._repr_html_()
+    assert "<th>a&lt;b</th>" in table and "300 rows" in table and table.count("<tr>") == 11
+    compared = ff.compare({"piecewise": model}, ff.open({"x0": x[:, 0], "x1": x[:, 1]}, dt=PERIOD))._repr_html_()
+    assert "<td>piecewise</td>" in compared and "95 % intervals" in compared
