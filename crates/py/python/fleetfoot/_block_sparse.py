@@ -67,8 +67,9 @@ class BlockSparse(Identifier):
         Of everything random.
     degree : int, optional
         Degree of the polynomials without ``latents``; 2 when neither it nor a recipe is given.
-    target : str, default="derivative"
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``.
+    target : str, optional
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``. When not given what the recipe says,
+        else ``"derivative"``.
     by : str, optional
         A label of the episodes: a model for every value of it, ``models_``.
     influence : bool, default=False
@@ -124,7 +125,7 @@ class BlockSparse(Identifier):
         unscaled: bool = False,
         seed: int = 0,
         degree: int | None = None,
-        target: str = "derivative",
+        target: str | None = None,
         by: str | None = None,
         influence: bool = False,
         states: States = None,

@@ -81,7 +81,7 @@ class Call:
         call = self
         if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
             raise TypeError("x is a sparse matrix, and sparse data are not supported here: give x.toarray()")
-        call = replace(call, x=_plain_array(call.x))
+        call = replace(call, x=_collected(_plain_array(call.x)))
         tables = frames(call.x)
         call = call._with_second(predicts, period, tables)
         call = replace(call, is_flat=_is_vector(call.y))
@@ -94,8 +94,7 @@ class Call:
         call = replace(call, t=_clock(call.t), x_dot=_values(call.x_dot), y=_values(call.y))
         inputs = frames(call.u)
         if inputs is not None:
-            names = call.input_names or inputs[0].numbers
-            call = replace(call, u=_values(call.u), input_names=names)
+            call = replace(call, **_inputs(inputs, call))
         return call if call.y is None else call._with_targets(predicts)
 
     def _with_second(self, predicts: str, period: float | None, tables: list[Frame] | None) -> Call:
@@ -205,6 +204,14 @@ class Call:
         return replace(self, y=None, x=new_x, u=None if self.u is None else new_u, t=stamps, dt=None)
 
 
+def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:
+    """Inputs of tables as arrays: the columns that are named, else all numbers."""
+    given = list(call.input_names or ())
+    names = given if given and set(given) <= set(tables[0].names) else tables[0].numbers
+    u = [table.matrix(names) for table in tables]
+    return {"u": u if isinstance(call.u, (list, tuple)) else u[0], "input_names": given or names}
+
+
 def _clock_column(table: Frame, call: Call) -> str | None:
     """The column of a table, or the name of its index, that is the clock: the one named, else one of a clock's name."""
     if isinstance(call.t, str):
@@ -276,6 +283,17 @@ def _is_vector(y: Any) -> bool:
 def _is_one(value: Any) -> bool:
     """Whether this is a number, a name or nothing, and no array."""
     return not isinstance(value, (list, tuple)) and np.ndim(value) == 0
+
+
+def _collected(given: Any) -> Any:
+    """Lazy tables, read once."""
+    if isinstance(given, (list, tuple)):
+        return [_collected(one) for one in given] if any(_is_lazy(one) for one in given) else given
+    return given.collect() if _is_lazy(given) else given
+
+
+def _is_lazy(table: Any) -> bool:
+    return type(table).__name__ == "LazyFrame" and hasattr(table, "collect")
 
 
 def _plain_array(given: Any) -> Any:

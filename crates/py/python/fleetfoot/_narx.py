@@ -50,7 +50,7 @@ class NARX(Identifier):
         Last share of the rows of every episode that does not train and is run freely.
     seed, starts : int, default=0, 1
         Of k-means.
-    partition : int, str or list, default="average"
+    partition : int, str or list, optional
         Regions, as for :class:`fleetfoot.PWA`.
     partition_on : list of str, optional
         What the partition looks at.
@@ -97,7 +97,7 @@ class NARX(Identifier):
         test_share: float = 0.0,
         seed: int = 0,
         starts: int = 1,
-        partition: int | str | Sequence[int | str] = "average",
+        partition: int | str | Sequence[int | str] | None = None,
         partition_on: Sequence[str] | None = None,
         free_run: Any = None,
         states: States = None,

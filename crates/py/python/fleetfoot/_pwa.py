@@ -22,16 +22,18 @@ class PWA(Identifier):
 
     Parameters
     ----------
-    partition : int, str or list, default="average"
+    partition : int, str or list, optional
         ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``),
         ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list one is
-        chosen.
-    target : str, default="derivative"
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression).
-    degree : int, default=1
-        Total degree of the polynomials; 1 is affine.
-    lags : int, default=0
-        Past rows of every state and input that stand beside the present one.
+        chosen. When not given what the recipe or the statistic says, else ``"average"``.
+    target : str, optional
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
+        else ``"derivative"``.
+    degree : int, optional
+        Total degree of the polynomials. When not given what the recipe says, else 1, affine.
+    lags : int, optional
+        Past rows of every state and input that stand beside the present one. When not given what the recipe says, else
+        0.
     partition_on : list of str, optional
         What partitions look at; the states when not given.
     select : {"cv", "bic", "rollout"}, default="cv"
@@ -81,11 +83,11 @@ class PWA(Identifier):
 
     def __init__(
         self,
-        partition: int | str | Sequence[int | str] = "average",
+        partition: int | str | Sequence[int | str] | None = None,
         *,
-        target: str = "derivative",
-        degree: int = 1,
-        lags: int = 0,
+        target: str | None = None,
+        degree: int | None = None,
+        lags: int | None = None,
         partition_on: Sequence[str] | None = None,
         select: str = "cv",
         horizon: int = 50,

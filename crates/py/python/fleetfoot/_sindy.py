@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core, _peers, _recipe
+from ._call import Call
 from ._identify import (
     AnyRecipe,
     Derivative,
@@ -23,6 +24,7 @@ from ._identify import (
 from ._model import Model
 from ._progress import Progress
 from ._runs import array_runs, differentiated, runs
+from ._symbols import quoted
 from .exceptions import RequestError
 
 if TYPE_CHECKING:
@@ -45,9 +47,11 @@ class SINDy(Identifier):
         ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of
         pysindy or of this package: then the terms are those that it keeps. What it says takes effect, and what cannot
         is refused.
-    library : str, list of str or object, default="poly(2)"
-        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
-        identity, concatenated or tensored library of pysindy.
+    library : str, list of str or object, optional
+        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; functions of Python among them,
+        ``["poly(1)", lambda x, y: x * abs(y)]``, of every choice of so many variables: they are read as expressions; or
+        a polynomial, Fourier, identity, custom, concatenated or tensored library of pysindy. When not given what
+        the recipe says, else ``"poly(2)"``.
     feature_library : object, optional
         Another name for ``library``, as pysindy has it.
     differentiation_method : callable, optional
@@ -89,9 +93,10 @@ class SINDy(Identifier):
         Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
     discrete_time : bool, default=False
         Whether next values are predicted instead of derivatives.
-    target : str, default="derivative"
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column.
-    partition : int, str or list, default="average"
+    target : str, optional
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column. When not given what the recipe says, else
+        ``"derivative"``.
+    partition : int, str or list, optional
         Regions, as for :class:`fleetfoot.PWA`, each with equations of its own.
     partition_on : list of str, optional
         What the partition looks at.
@@ -123,7 +128,7 @@ class SINDy(Identifier):
     def __init__(
         self,
         optimizer: Any = "auto",
-        library: Any = "poly(2)",
+        library: Any = None,
         differentiation_method: Any = None,
         *,
         feature_library: Any = None,
@@ -144,8 +149,8 @@ class SINDy(Identifier):
         fixed: Mapping[str, Sequence[str]] | None = None,
         parameters: Mapping[str, Any] | None = None,
         discrete_time: bool = False,
-        target: str = "derivative",
-        partition: int | str | Sequence[int | str] = "average",
+        target: str | None = None,
+        partition: int | str | Sequence[int | str] | None = None,
         partition_on: Sequence[str] | None = None,
         front: bool = False,
         states: States = None,
@@ -201,7 +206,7 @@ class SINDy(Identifier):
         return found
 
     def _own_recipe(self) -> dict[str, Any]:
-        if self.discrete_time and self.target not in ("derivative", "next"):
+        if self.discrete_time and self.target not in (None, "next"):
             raise RequestError(f"discrete_time=True predicts next values, target={self.target!r} not; leave one away")
         model = _recipe.said(
             predict="next" if self.discrete_time else self._said("target"),
@@ -218,6 +223,16 @@ class SINDy(Identifier):
                 name: one if isinstance(one, Mapping) else {"initial": number(name, one)} for name, one in given
             }
         return {name: section for name, section in recipe.items() if section}
+
+    def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+        data, recipe = super()._data(call, own)
+        items = recipe.get("library", {}).get("functions", [])
+        if any(isinstance(item, _peers.Functions) for item in items):
+            states = [name for name, state in recipe.get("states", {}).items() if state.get("regressor", True)]
+            names = [*states, *recipe.get("inputs", {})]
+            texts = [item.expressions(names) if isinstance(item, _peers.Functions) else [item] for item in items]
+            recipe = _recipe.over({"library": {"functions": [text for one in texts for text in one]}}, recipe)
+        return data, recipe
 
     def _section(self) -> dict[str, Any]:
         """The entries of ``[sindy]``."""
@@ -287,11 +302,12 @@ class SINDy(Identifier):
         if callable(derivative):
             found = differentiated(x, t, dt, default, derivative)
         else:
-            targets = {one["subject"]: one["target"] for one in model.content.fitted()}
+            # Derivatives that were given to the fit are no differences.
+            targets = {one["subject"]: one["target"] for one in model.content.fitted() if "(" in one["target"]}
             names = list((self._fitted_names or (model.states, ()))[0])
             data = runs(x, t, None, None, names, dt=dt, default_dt=default)
             text = _core.recipe(_recipe.to_json({"time": data.time}), "the recipe", True, None, None, None)
-            wanted = [targets.get(name) or f"central({name})" for name in names]
+            wanted = [targets.get(name) or f"central({quoted(name)})" for name in names]
             table = _core.read_table(data.core, text, list(dict.fromkeys(wanted)), None, None, None, None)
             every = np.column_stack([table[name] for name in wanted])
             lengths = [len(one) for one in array_runs(x, "x")]

@@ -350,6 +350,41 @@ def test_products_of_different_variables():
     assert ff.SINDy(feature_library=library).fit(x, t).get_feature_names() == ["1", "x0", "x1", "x0*x1"]
 
 
+def test_functions_are_read_as_expressions():
+    t, x, x_dot = oscillation(0.0)
+    library = ["poly(1)", lambda x: x * abs(x), np.cos, lambda x, y: np.exp(-(x**2) / 2.0) * y - 1]
+    fit = ff.SINDy(library=library, threshold=0.1).fit(x, t, x_dot, feature_names=["q", "a v"])
+    rows = fit.differentiate(x, t)
+    names = fit.get_feature_names()
+    assert names[:5] == ["1", "q", "`a v`", "q*abs(q)", "`a v`*abs(`a v`)"] and len(names) == 8 and len(rows) == len(x)
+    # The candidates have the values of the functions: the same regression by hand.
+    q, v = x.T
+    values = np.column_stack([q * 0 + 1, q, v, q * abs(q), v * abs(v), np.cos(q), np.cos(v), np.exp(-(q**2) / 2) * v - 1])
+    mixed = values @ [0.5, 1.0, -2.0, 3.0, 0.2, -1.0, 0.7, 0.3]
+    found = ff.SINDy(library=library, optimizer="ols", target="y").fit(x, mixed, feature_names=["q", "a v"])
+    np.testing.assert_allclose(found.predict(x), mixed, atol=1e-9)
+    inputs = ff.SINDy(library=["poly(1)", np.maximum]).fit(x, t, u=np.sin(t))
+    assert [name for name in inputs.get_feature_names() if "max" in name] == ["max(x0, x1)", "max(x0, u0)", "max(x1, u0)"]
+    for bad in (lambda x: x if x > 0 else 0.0, np.cumsum, lambda x: np.where(x > 0, x, 0), lambda x: float(x)):
+        with pytest.raises(exceptions.RequestError, match="cannot be written as an expression"):
+            ff.SINDy(library=["poly(1)", bad]).fit(x, t)
+
+
+def test_custom_libraries_of_pysindy():
+    ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
+    rng = np.random.default_rng(0)
+    t, x = np.arange(300) * PERIOD, rng.normal(size=(300, 2))
+    x_dot = np.column_stack([np.sin(x[:, 0]) - x[:, 1], x[:, 0] * x[:, 1] ** 2])
+    custom = ps.CustomLibrary([lambda x: np.sin(x), lambda x, y: x * y**2], interaction_only=False)
+    library = ps.ConcatLibrary([ps.PolynomialLibrary(1), custom])
+    peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.1), feature_library=library).fit(x, t=t, x_dot=x_dot)
+    own = ff.SINDy(optimizer=ps.STLSQ(threshold=0.1), feature_library=library).fit(x, t, x_dot)
+    assert own.get_feature_names()[-3:] == ["x0^3", "x0*x1^2", "x1^3"]
+    np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-7, atol=1e-9)
+    with pytest.raises(exceptions.RequestError, match="write the products"):
+        ff.SINDy(feature_library=ps.TensoredLibrary([custom, ps.PolynomialLibrary(1)])).fit(x, t)
+
+
 # -- notebooks
 
 
