@@ -15,6 +15,7 @@ from ._frames import CLOCKS, Frame, frame, frames
 from ._runs import Columns, array_runs, is_arrays
 from .exceptions import DataError, RequestError
 
+Array = np.ndarray[Any, np.dtype[Any]]
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 #: What of states may be predicted; anything else is a column.
@@ -177,31 +178,38 @@ class Call:
         """Runs that end wherever the next value is not that of the next row: then it is one row more."""
         xs = [_matrix(one) for one in array_runs(self.x, "x")]
         ys = [_matrix(one) for one in array_runs(self.y, "y")]
-        us = [_matrix(one) for one in array_runs(self.u, "u")] if self.u is not None else [np.empty((len(x), 0)) for x in xs]
+        us = [_matrix(one) for one in array_runs(self.u, "u")] if self.u is not None else [x[:, :0] for x in xs]
         if [one.shape for one in xs] != [one.shape for one in ys]:
             raise ValueError(
                 f"y has the shapes {[one.shape for one in ys]} and x has {[one.shape for one in xs]}: "
                 "the next values are those of all states; give as many"
             )
-        if len(us) != len(xs) or any(len(u) != len(x) for u, x in zip(us, xs)):
+        if [len(one) for one in us] != [len(one) for one in xs]:
             raise ValueError("u has other rows than x; give as many")
         if self.t is not None and not _is_one(self.t):
             raise ValueError("t: next values that are given need no stamps; give dt=, the seconds from row to row")
-        given = self.dt if self.t is None else self.t
-        period = 1.0 if given is None else float(given)
-        new_x, new_u, stamps, first = [], [], [], 0
-        for x, y, u in zip(xs, ys, us):
-            after = y if predicts == "next" else x + y
-            # Sums are the next rows to rounding.
-            near = 1e-12 * np.max(np.abs(x), axis=0, initial=0.0)
-            ends = np.flatnonzero((np.abs(after[:-1] - x[1:]) > near).any(axis=1)) + 1
-            for rows in np.split(np.arange(len(x)), ends):
-                new_x.append(np.vstack([x[rows], after[rows[-1:]]]))
-                new_u.append(np.vstack([u[rows], u[rows[-1:]]]))
-                # Times of their own: pairs that are alike are different rows.
-                stamps.append(period * np.arange(first, first + len(rows) + 1))
-                first += len(rows) + 1
-        return replace(self, y=None, x=new_x, u=None if self.u is None else new_u, t=stamps, dt=None)
+        pieces = [
+            piece
+            for x, y, u in zip(xs, ys, us)
+            for piece in _pieces(x, y if predicts == "next" else x + y, u)
+        ]
+        period = self.dt if self.t is None else self.t
+        # Times of their own: pairs that are alike are different rows.
+        first = np.cumsum([0, *(len(x) for x, _ in pieces)])
+        stamps = [float(period or 1.0) * (at + np.arange(len(x))) for at, (x, _) in zip(first, pieces)]
+        u = None if self.u is None else [u for _, u in pieces]
+        return replace(self, y=None, x=[x for x, _ in pieces], u=u, t=stamps, dt=None)
+
+
+def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
+    """Rows with the rows after them, cut where these are not the next; each piece ends with what comes after its last
+    row, whose inputs nobody knows."""
+    # Sums are the next rows to rounding.
+    near = 1e-12 * np.max(np.abs(x), axis=0, initial=0.0)
+    ends = np.flatnonzero((np.abs(after[:-1] - x[1:]) > near).any(axis=1)) + 1
+    unknown = np.full((1, u.shape[1]), np.nan)
+    pieces = np.split(np.arange(len(x)), ends)
+    return [(np.vstack([x[rows], after[rows[-1:]]]), np.vstack([u[rows], unknown])) for rows in pieces]
 
 
 def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:

@@ -182,6 +182,22 @@ def test_next_values_say_where_runs_end(discrete):
         given.fit(before, y[:, :1])
 
 
+def test_next_values_with_inputs():
+    rng = np.random.default_rng(0)
+    u, x = rng.normal(size=(400, 1)), np.zeros((400, 1))
+    for k in range(399):
+        x[k + 1] = 0.8 * x[k] + 0.5 * u[k]
+    order = rng.permutation(399)
+    for estimator in (ff.SINDy(library="poly(1)", discrete_time=True), ff.PWA(target="next"), ff.NARX(1, 1, 1, direct=False, terms="all")):
+        for rows in (np.arange(399), order)[: 1 if isinstance(estimator, ff.NARX) else 2]:
+            estimator.fit(x[:-1][rows], y=x[1:][rows], u=u[:-1][rows])
+            found = dict(zip(estimator.get_feature_names(), estimator.coefficients()[0]))
+            assert found["x0"] == pytest.approx(0.8) and found["u0"] == pytest.approx(0.5)
+            assert estimator.report_["notes"] == []
+    with pytest.raises(ValueError, match="u has other rows"):
+        estimator.fit(x[:-1], y=x[1:], u=u)
+
+
 def test_a_column_is_predicted_from_others():
     rng = np.random.default_rng(0)
     X = rng.normal(size=(500, 3))
