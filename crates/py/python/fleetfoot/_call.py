@@ -254,12 +254,12 @@ def _values(given: Any) -> Any:
     found = frames(given)
     if found is None:
         return given
-    arrays = [one.column(one.names[0]) if _is_series(own) else one.matrix(one.numbers) for one, own in zip(found, _each(given))]
-    return arrays if isinstance(given, (list, tuple)) else arrays[0]
-
-
-def _each(given: Any) -> Sequence[Any]:
-    return given if isinstance(given, (list, tuple)) else [given]
+    many = isinstance(given, (list, tuple))
+    arrays = [
+        one.column(one.names[0]) if _is_series(own) else one.matrix(one.numbers)
+        for one, own in zip(found, given if many else [given])
+    ]
+    return arrays if many else arrays[0]
 
 
 def _is_series(table: Any) -> bool:
@@ -269,9 +269,10 @@ def _is_series(table: Any) -> bool:
 def vector(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """One target as a vector."""
     if array.ndim == 2 and array.shape[1] == 1:
-        warnings.warn("A column-vector y was passed when a 1d array was expected: give y.ravel()", DataConversionWarning, stacklevel=2)
+        what = "A column-vector y was passed when a 1d array was expected: give y.ravel()"
+        warnings.warn(what, DataConversionWarning, stacklevel=2)
     elif array.ndim != 1:
-        raise ValueError(f"y should be a 1d array, got an array of shape {array.shape} instead: the target is one column")
+        raise ValueError(f"y should be a 1d array, got an array of shape {array.shape} instead: it is one column")
     return array.reshape(len(array))
 
 

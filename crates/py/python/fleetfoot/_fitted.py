@@ -92,7 +92,7 @@ class Fitted:
         if not is_arrays(x) or self._fitted_names is None:
             found = model.predict(x, u, t, **options)
             # Of one target that was a vector, a table's column.
-            is_column = self._is_flat and frame(x) is not None and hasattr(found, "__getitem__") and len(model.outputs) == 1
+            is_column = self._is_flat and len(model.outputs) == 1 and frame(x) is not None
             return found[model.outputs[0]] if is_column and not hasattr(found, "collect") else found
         self._check_width(x)
         found = model.predict(*self._placed(model, x, u), t, **options)
@@ -126,9 +126,11 @@ class Fitted:
         wanted = (*model.states, *model.inputs)
         if any(name not in columns for name in wanted):
             return rows, beside
-        own = [np.column_stack([columns[name] for name in names]) if names else None for names in (model.states, model.inputs)]
+        states, given = (
+            np.column_stack([columns[name] for name in names]) if names else None for names in (model.states, model.inputs)
+        )
         # A model of constants still has rows.
-        return own[0], own[1] if wanted else np.empty((len(rows), 0))
+        return states, given if wanted else np.empty((len(rows), 0))
 
     def simulate(self, x0: ArrayLike, t: ArrayLike | int, u: Any = None, **options: Any) -> Array:
         """The states over time: :meth:`fleetfoot.Model.simulate`."""

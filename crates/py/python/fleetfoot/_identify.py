@@ -105,10 +105,10 @@ class Identifier(Fitted, BaseEstimator):
         value = self._said(name)
         return None if value is None else count(name, value, least)
 
-    def _real(self, name: str) -> float | str | None:
-        """A number, or "auto", that an argument says."""
+    def _real(self, name: str, *words: str) -> float | str | None:
+        """A number, or one of some words, that an argument says."""
         value = self._said(name)
-        return value if value is None or _is_auto(value) else number(name, value)
+        return value if value is None or (isinstance(value, str) and value in words) else number(name, value)
 
     def _text(self, name: str) -> str | None:
         """What an argument says, as a text."""
@@ -348,7 +348,3 @@ def partition(given: Any) -> str | None:
     if isinstance(given, (list, tuple)):
         return ",".join(str(partition(one)) for one in given)
     return f"kmeans:{count('partition', given, 1)}"
-
-
-def _is_auto(value: Any) -> bool:
-    return isinstance(value, str) and value == "auto"

@@ -154,7 +154,7 @@ class PWA(Identifier):
             **{name: self._whole(name, low) for name, low in least.items()},
             select=self._said("select"),
             purge=self._real("purge"),
-            shrinkage=self._real("shrinkage"),
+            shrinkage=self._real("shrinkage", "auto"),
             unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,

@@ -237,7 +237,7 @@ class SINDy(Identifier):
     def _section(self) -> dict[str, Any]:
         """The entries of ``[sindy]``."""
         said = _recipe.said(
-            threshold=self._real("threshold"),
+            threshold=self._real("threshold", "auto"),
             terms=self._whole("terms", 1),
             ridge=self._real("ridge"),
             normalize=self._said("normalize"),

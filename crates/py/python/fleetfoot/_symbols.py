@@ -1,4 +1,7 @@
-"""Functions of Python as expressions: called once with symbols in the place of numbers, so that they can be exported, differentiated and simulated."""
+"""Functions of Python as expressions: called once with symbols in the place of numbers.
+
+So they can be exported, differentiated and simulated like all other candidates.
+"""
 
 from __future__ import annotations
 

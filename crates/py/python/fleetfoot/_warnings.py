@@ -47,7 +47,7 @@ def warn(message: str) -> None:
 
 
 def tell_all(messages: Iterable[str]) -> list[str]:
-    """A warning for every message, but a line of the log ``fleetfoot`` for what is as usual; the messages as they were told."""
+    """A warning for every message, but a line of the log ``fleetfoot`` for what is as usual; the messages as told."""
     told = [of_python(message) for message in messages]
     for message in told:
         if _ROUTINE.search(message):

@@ -1,6 +1,7 @@
 """Messages of the engine in the words of Python: arguments in the place of flags and of sections of a recipe.
 
-The engine speaks to all its users at once, and names what it means by the flag or by the key of the recipe. Here each has its argument.
+The engine speaks to all its users at once, and names what it means by the flag or by the key of the recipe. Here each
+has its argument.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ _TWICE = re.compile(rf"\[(\w+)\] (\w+) = (\S+?) \(--[\w-]+(?: (?:{_VALUE}|[\w.]+
 _FLAG = re.compile(rf"(?<![\w/.-])`?--([a-z][\w-]*)(?:[= ]((?:{_VALUE})(?:,(?:{_VALUE}))*(?![\w-])))?`?")
 _ENTRY = re.compile(r"\[(?:pwa|sindy|sparse|narx|model|time|library|prepare)\] (\w+)( = )?")
 _NAMED = re.compile(r"(^|[;:(] )\[(states|inputs|latents|tasks|parameters)\] (\w+)")
-_SECTION = re.compile(r"\[(states|inputs|latents|tasks|parameters|columns|library|model|sindy|sparse|pwa|narx|time)\](?! ?=)")
+_SECTION = re.compile(
+    r"\[(states|inputs|latents|tasks|parameters|columns|library|model|sindy|sparse|pwa|narx|time)\](?! ?=)"
+)
 _JSON_PLACE = re.compile(r" at line \d+ column \d+")
 #: Commands of others stay as they are.
 _FOREIGN = re.compile(r"(`(?:mcap|rosbags-convert|pip) [^`]*`)")
