@@ -45,7 +45,9 @@ class Fitted:
         raise NotImplementedError
 
     def _found(self) -> Model:
-        check_is_fitted(self)
+        # Tags are not asked for with every call.
+        if not hasattr(self, "model_"):
+            check_is_fitted(self)
         return self.model_
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -79,6 +79,13 @@ class Identifier(Fitted, BaseEstimator):
     __metadata_request__score = {"x": "$UNUSED$"}
     __metadata_request__predict = {"x": "$UNUSED$"}
 
+    #: The defaults of the constructor's arguments.
+    _defaults: ClassVar[dict[str, Any]] = {}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._defaults = {one.name: one.default for one in inspect.signature(cls).parameters.values()}
+
     # -- what it is to scikit-learn
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -97,8 +104,8 @@ class Identifier(Fitted, BaseEstimator):
 
     def _said(self, name: str) -> Any:
         """An argument of the constructor, where it is not the default: that leaves the recipe its word."""
-        value, default = getattr(self, name), inspect.signature(type(self).__init__).parameters[name].default
-        return None if value is None or not _differs(value, default) else value
+        value = getattr(self, name)
+        return None if value is None or not _differs(value, self._defaults[name]) else value
 
     def _whole(self, name: str, least: int) -> int | None:
         """A whole number that an argument says."""
