@@ -11,6 +11,7 @@ mod generate;
 mod guards;
 mod narx;
 mod narx_search;
+mod objective;
 mod outside;
 mod prepare;
 mod real_data;

@@ -348,6 +348,12 @@ pub(crate) struct Rollout {
     /// How derivatives are integrated.
     #[arg(long, value_enum, default_value = "euler")]
     pub(crate) method: Method,
+    /// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
+    #[arg(long, value_enum, default_value = "tell")]
+    pub(crate) outside: OutsideArg,
+    /// States whose Euclidean distance from the recording is told too, separated by commas; they share a unit: `x,y` (default: none).
+    #[arg(long, value_name = "STATES")]
+    pub(crate) position: Option<List>,
     /// Choose the starts at random with this seed (default: evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,
@@ -363,6 +369,16 @@ pub(crate) struct Rollout {
     /// viewers (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OutsideArg {
+    /// It goes on, and is counted.
+    Tell,
+    /// It ends there.
+    End,
+    /// It goes on with the regressor held at the border of the range.
+    Hold,
 }
 
 #[derive(Debug, Args)]
@@ -479,6 +495,7 @@ mod tests {
     fn values(argument: &clap::Arg) -> [String; 2] {
         match argument.get_possible_values().as_slice() {
             [first, second, ..] => [first, second].map(|value| value.get_name().to_owned()),
+            _ if argument.get_id() == "objective" => ["steps:2", "steps:3"].map(str::to_owned),
             _ => ["2", "3"].map(str::to_owned),
         }
     }

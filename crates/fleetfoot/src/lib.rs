@@ -45,6 +45,7 @@ mod list;
 mod logs;
 mod narx;
 mod not_finite;
+mod objective;
 mod output;
 mod period;
 pub mod prepare;
@@ -70,7 +71,7 @@ pub use controller::controller;
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
-pub use fit::{FitPlan, Fitted, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
+pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
 pub use init::starter_recipe;
@@ -83,6 +84,7 @@ pub use narx::{
     NarxRegion, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule,
     TermRule, fit_narx,
 };
+pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
-use fleetfoot::dynamics::{Domain, End, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory};
+use fleetfoot::dynamics::{
+    Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory,
+};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     data::Data,
+    error::Kind,
     fit::{recipe, with_cache},
     model::{Model, method, region},
     points::array,
@@ -126,6 +129,10 @@ pub(crate) struct RolloutRequest {
     method: String,
     dt: Option<f64>,
     keep: bool,
+    /// "tell", "end", "hold".
+    outside: String,
+    /// States whose distance is told.
+    position: Vec<String>,
     controller: Option<String>,
     settings: Vec<String>,
 }
@@ -146,6 +153,8 @@ pub(crate) fn rollout<'py>(
     let mut options = RolloutOptions::new(request.horizon);
     options.method = method(&request.method)?;
     options.keep = request.keep;
+    options.position.clone_from(&request.position);
+    options.outside = outside(&request.outside)?;
     options.step = request.dt.map_or(Step::Median, Step::Seconds);
     let starts = match (request.at.is_empty(), request.seed) {
         (false, _) => Starts::At(request.at.iter().map(|&(episode, row)| Start { episode, row }).collect()),
@@ -160,6 +169,15 @@ pub(crate) fn rollout<'py>(
     let report = rolled.to_json().to_string();
     let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
     Ok((report, found.collect::<PyResult<_>>()?))
+}
+
+fn outside(word: &str) -> PyResult<Outside> {
+    match word {
+        "tell" => Ok(Outside::Tell),
+        "end" => Ok(Outside::End),
+        "hold" => Ok(Outside::Hold),
+        other => Err(Kind::Option.error(format!("outside={other:?}: give 'tell', 'end' or 'hold'"))),
+    }
 }
 
 fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py, PyDict>> {
@@ -179,6 +197,7 @@ fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py,
         End::Horizon => "horizon",
         End::Diverged => "diverged",
         End::NoRegion => "no region",
+        End::LeftDomain => "left domain",
     };
     dict.set_item("end", end)?;
     dict.set_item("left_domain", trajectory.left_domain)?;

@@ -2,12 +2,12 @@
 
 use super::{Context, files, in_sample, read_by, read_model, time_changes};
 use crate::{
-    args::{Method, Rollout},
+    args::{Method, OutsideArg, Rollout},
     table::{count, number, ratio, seconds, table},
 };
 use fleetfoot::{
     Error, Model, RolledOut,
-    dynamics::{Horizon, Method as Integration, RolloutOptions, Starts, StepSpan},
+    dynamics::{Estimate, Horizon, HorizonScore, Method as Integration, Outside, RolloutOptions, Starts, StepSpan},
     interval_in_words, replayed_in_words,
 };
 
@@ -22,6 +22,12 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         Method::Euler => Integration::Euler,
         Method::Rk4 => Integration::Rk4,
     };
+    options.outside = match arguments.outside {
+        OutsideArg::Tell => Outside::Tell,
+        OutsideArg::End => Outside::End,
+        OutsideArg::Hold => Outside::Hold,
+    };
+    options.position = arguments.position.iter().flat_map(|list| list.0.iter().cloned()).collect();
     let starts = match arguments.seed {
         None => Starts::Even(arguments.starts.get()),
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
@@ -50,7 +56,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
             rolled.rollouts.driven_inputs.join(", ")
         ));
     }
-    context.print(&rolled.to_json(), || to_text(&rolled, &model));
+    context.print(&rolled.to_json(), || to_text(&rolled, &model, &options.position.join(", ")));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
     }
@@ -108,7 +114,39 @@ fn when(spans: &[StepSpan], steps: usize) -> String {
     told.join(", ")
 }
 
-pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
+/// What whole rollouts come to: of the model, and of the baselines.
+fn summaries(horizon: &Horizon, position: &str) -> String {
+    let names = std::iter::once("model").chain(horizon.baselines.iter().map(|(baseline, _)| baseline.name()));
+    let scores: Vec<&HorizonScore> =
+        std::iter::once(&horizon.model).chain(horizon.baselines.iter().map(|(_, score)| score)).collect();
+    let mut header = vec![""];
+    header.extend(names);
+    let half =
+        |e: &Estimate| if e.high.is_finite() { format!(" ± {}", ratio(e.high - e.value)) } else { String::new() };
+    let row = |name: String, of: &dyn Fn(&HorizonScore) -> Option<Estimate>| {
+        let told = |score: &&HorizonScore| of(score).map_or_else(|| "-".into(), |e| ratio(e.value) + &half(&e));
+        std::iter::once(name).chain(scores.iter().map(told)).collect::<Vec<String>>()
+    };
+    let mut rows = vec![
+        row("Mahalanobis, average".into(), &|score| Some(score.summary.average)),
+        row("Mahalanobis, last step".into(), &|score| Some(score.summary.last)),
+        row("Mahalanobis, drift per second".into(), &|score| Some(score.summary.drift)),
+    ];
+    if horizon.model.displacement_summary.is_some() {
+        rows.push(row(format!("displacement of {position}, average"), &|score| {
+            Some(score.displacement_summary?.average)
+        }));
+        rows.push(row(format!("displacement of {position}, last step"), &|score| {
+            Some(score.displacement_summary?.last)
+        }));
+        rows.push(row(format!("displacement of {position}, drift per second"), &|score| {
+            Some(score.displacement_summary?.drift)
+        }));
+    }
+    table(&header, rows)
+}
+
+pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> String {
     let rollouts = &rolled.rollouts;
     let horizon = &rollouts.horizon;
     let states = horizon.states.len();
@@ -131,8 +169,13 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         })
         .collect();
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let outside = match rollouts.outside {
+        Outside::Tell => "",
+        Outside::End => " and ended there",
+        Outside::Hold => " and were held at its border",
+    };
     format!(
-        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}\n{}",
+        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain{outside}\n{}\n{}\n{}\n{}",
         count(rollouts.outcomes.len(), "rollout"),
         count(rolled.episodes, "episode"),
         rollouts.missing,
@@ -140,7 +183,7 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         rollouts.without_region(),
         rollouts.left_domain(),
         replayed_in_words(&rollouts.replayed),
-        table(&header, rows),
+        table(&header, rows) + "\n\n" + &summaries(horizon, position) + "\n",
         interval_in_words(&horizon.basis),
         useful(horizon)
     )

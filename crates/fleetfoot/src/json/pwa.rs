@@ -22,7 +22,7 @@ impl Fitted {
     /// Scores and candidates for programs.
     pub fn to_json(&self) -> Value {
         let found = &self.identification;
-        json!({
+        let mut report = json!({
             "hash": found.model.hash(),
             "rows": found.rows, "episodes": self.episodes, "files": self.files,
             "effective_rows": real(found.effective_rows),
@@ -40,6 +40,10 @@ impl Fitted {
             })).collect::<Vec<_>>(),
             "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
-        })
+        });
+        if let Some(refinement) = &self.refinement {
+            report["objective"] = refinement.to_json();
+        }
+        report
     }
 }

@@ -42,6 +42,9 @@ class NARX(Identifier):
         The most terms that ``"auto"`` tries.
     select : {"free-run", "one-se", "cv", "aic", "bic", "ebic"}, optional
         What is chosen by.
+    objective : str, optional
+        What coefficients are fitted to: ``"one-step"`` (as when not given) or ``"steps:20"``, simulations of 20 steps,
+        written where they simulate rows that did not train better; ``report_["objective"]`` tells.
     folds : int, optional
         Spans that are held out in turn.
     decimate : int, optional
@@ -92,6 +95,7 @@ class NARX(Identifier):
         terms: int | str | None = None,
         max_terms: int | None = None,
         select: str | None = None,
+        objective: str | None = None,
         folds: int | None = None,
         decimate: int | None = None,
         test_share: float | None = None,
@@ -120,6 +124,7 @@ class NARX(Identifier):
         self.terms = terms
         self.max_terms = max_terms
         self.select = select
+        self.objective = objective
         self.folds = folds
         self.decimate = decimate
         self.test_share = test_share
@@ -151,6 +156,7 @@ class NARX(Identifier):
             effort=self.effort,
             terms=self.terms if self.terms is None or isinstance(self.terms, str) else count("terms", self.terms, 1),
             select=self.select,
+            objective=self.objective,
             test_share=None if self.test_share is None else number("test_share", self.test_share),
         )
         model = _recipe.said(

@@ -155,6 +155,8 @@ class OnRecordings:
         dt: float | None = None,
         controller: str | os.PathLike[str] | None = None,
         settings: Mapping[str, Any] | None = None,
+        outside: str = "tell",
+        position: Sequence[str] = (),
         keep: bool = False,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
@@ -181,6 +183,11 @@ class OnRecordings:
             ``"treadmill"``, or a TOML file: closes the loop.
         settings : mapping, optional
             Settings of the controller.
+        outside : {"tell", "end", "hold"}
+            What becomes of a trajectory where a regressor is outside the range that its region saw in training: it
+            goes on, ends, or goes on with the regressor held at the border of the range.
+        position : list of str
+            States whose Euclidean distance from the recording is told too; they share a unit.
         keep : bool
             Whether trajectories are given.
         recipe, cache, progress : optional
@@ -191,9 +198,10 @@ class OnRecordings:
         dict
             ``time`` (horizon), ``states``, ``replayed`` (columns that came from the recording after a start: inputs
             that nothing drives, and what does not follow from states and inputs), ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
-            ``mahalanobis`` with intervals),
+            ``mahalanobis`` and ``displacement`` with intervals; ``summary`` and ``displacement_summary``: ``average``,
+            ``last``, ``drift_per_second`` over whole rollouts),
             ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
-            model is the better one), ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each
+            model is the better one), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep`` ``trajectories``: for each
             start a dict of ``episode``, ``row``,
             ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
 
@@ -211,6 +219,8 @@ class OnRecordings:
             "method": method,
             "dt": dt,
             "keep": keep,
+            "outside": outside,
+            "position": list(position),
             "controller": None if controller is None else os.fspath(controller),
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }

@@ -37,8 +37,11 @@ class PWA(Identifier):
     select : {"cv", "bic", "rollout"}, optional
         How one of several partitions is chosen: ``"cv"`` when not given; ``"rollout"`` by simulations of spans that did
         not train.
+    objective : str, optional
+        What coefficients are fitted to: ``"one-step"`` (as when not given) or ``"steps:20"``, simulations of 20 steps,
+        written where they simulate rows that did not train better; ``report_["objective"]`` tells.
     horizon : int, optional
-        Steps of these rollouts, and of those that choose a span ``{"over": "auto"}``; 50 when not given.
+        Steps of the rollouts of ``select``, and of those that choose a span ``{"over": "auto"}``; 50 when not given.
     folds : int, optional
         Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none, 10 when not given.
     purge : float, optional
@@ -88,6 +91,7 @@ class PWA(Identifier):
         lags: int | None = None,
         partition_on: Sequence[str] | None = None,
         select: str | None = None,
+        objective: str | None = None,
         horizon: int | None = None,
         folds: int | None = None,
         purge: float | None = None,
@@ -115,6 +119,7 @@ class PWA(Identifier):
         self.lags = lags
         self.partition_on = partition_on
         self.select = select
+        self.objective = objective
         self.horizon = horizon
         self.folds = folds
         self.purge = purge
@@ -149,6 +154,7 @@ class PWA(Identifier):
         pwa = _recipe.said(
             **{name: None if value is None else count(name, value, least[name]) for name, value in whole.items()},
             select=self.select,
+            objective=self.objective,
             purge=None if self.purge is None else number("purge", self.purge),
             shrinkage=self.shrinkage if self.shrinkage in (None, "auto") else number("shrinkage", self.shrinkage),
             unseen_labels=self.unseen_labels,

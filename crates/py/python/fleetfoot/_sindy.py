@@ -67,6 +67,9 @@ class SINDy(Identifier):
         a term, relative to the condition number of the columns.
     select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
         What is chosen by.
+    objective : str, optional
+        What coefficients are fitted to: ``"one-step"`` (as when not given) or ``"steps:20"``, simulations of 20 steps,
+        written where they simulate rows that did not train better; ``report_["objective"]`` tells.
     folds : int or str, optional
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
@@ -133,6 +136,7 @@ class SINDy(Identifier):
         max_iterations: int | None = None,
         kappa: float | None = None,
         select: str | None = None,
+        objective: str | None = None,
         folds: int | str | None = None,
         ensemble: str | None = None,
         inclusion: float | None = None,
@@ -168,6 +172,7 @@ class SINDy(Identifier):
         self.max_iterations = max_iterations
         self.kappa = kappa
         self.select = select
+        self.objective = objective
         self.folds = folds
         self.ensemble = ensemble
         self.inclusion = inclusion
@@ -225,6 +230,7 @@ class SINDy(Identifier):
             max_iterations=None if self.max_iterations is None else count("max_iterations", self.max_iterations, 1),
             kappa=None if self.kappa is None else number("kappa", self.kappa),
             select=self.select,
+            objective=self.objective,
             folds=None if self.folds is None else str(self.folds),
             ensemble=self.ensemble,
             inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
