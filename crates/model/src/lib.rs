@@ -37,6 +37,7 @@ mod latent_groups;
 mod partition;
 mod print;
 mod region;
+mod typeset;
 mod validate;
 
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
@@ -52,6 +53,7 @@ pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use partition::{Partition, Rule, UnseenLabel};
 pub use print::{describe, factor};
 pub use region::{Region, Training};
+pub use typeset::SetEquation;
 
 use fleetfoot_library::Expr;
 
