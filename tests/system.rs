@@ -15,6 +15,7 @@ mod outside;
 mod prepare;
 mod real_data;
 mod replayed;
+mod report;
 mod robot_logs;
 mod runner;
 mod settings;

@@ -4,18 +4,20 @@ mod examples;
 mod export;
 mod narx;
 mod prepare;
+mod report;
 mod sindy;
 mod sparse;
 mod statistic;
 mod tools;
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
-use fleetfoot::PwaSection;
+use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
 pub(crate) use prepare::Prepare;
+pub(crate) use report::Report;
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
@@ -77,6 +79,9 @@ pub(crate) enum Command {
     /// Simulate a model from measured states and compare with what happened.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
+    /// Write one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
+    #[command(after_help = examples::REPORT)]
+    Report(Box<Report>),
     /// Print a model's equations and regions.
     #[command(after_help = examples::SHOW)]
     Show(Show),
@@ -335,6 +340,32 @@ pub(crate) enum Method {
     Rk4,
 }
 
+/// What drives the inputs of simulations.
+#[derive(Debug, Args)]
+pub(crate) struct ControllerArgs {
+    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
+    /// and its settings (default: inputs as recorded).
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(crate) controller: Option<String>,
+    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
+    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
+    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
+    pub(crate) controller_set: Vec<List>,
+}
+
+impl ControllerArgs {
+    /// The file that it is read from, where it is no kind.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
+        self.controller.as_ref().map(PathBuf::from)
+    }
+
+    /// The controller, where there is one.
+    pub(crate) fn read(&self) -> Result<Option<Arc<dyn Controller>>, Error> {
+        let settings: Vec<String> = self.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
+        self.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Rollout {
     #[command(flatten)]
@@ -351,14 +382,8 @@ pub(crate) struct Rollout {
     /// Choose the starts at random with this seed (default: evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,
-    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
-    /// and its settings (default: inputs as recorded).
-    #[arg(long, value_name = "KIND|FILE")]
-    pub(crate) controller: Option<String>,
-    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
-    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
-    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
-    pub(crate) controller_set: Vec<List>,
+    #[command(flatten)]
+    pub(crate) controller: ControllerArgs,
     /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
     /// viewers (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]

@@ -30,6 +30,48 @@ pub(crate) fn score(
     Ok(scored.to_json().to_string())
 }
 
+/// What a page shows, and where it is written.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct ReportRequest {
+    path: PathBuf,
+    svg: Option<PathBuf>,
+    title: Option<String>,
+    horizon: Option<usize>,
+    starts: usize,
+    controller: Option<String>,
+    settings: Vec<String>,
+}
+
+/// Writes the page of models by name, and tells what it says first (JSON).
+#[pyfunction]
+#[pyo3(signature = (models, data, recipe_text, request, cache=None, progress=None))]
+pub(crate) fn report(
+    py: Python<'_>,
+    models: Vec<(String, Py<Model>)>,
+    data: Option<&Data>,
+    recipe_text: &str,
+    request: ReportRequest,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let models: Vec<_> = models.into_iter().map(|(name, model)| (name, model.get().model.clone())).collect();
+    let logs = data.map(|data| data.logs.clone()).unwrap_or_default();
+    run(py, progress, |progress| {
+        let mut options = fleetfoot::ReportOptions::default();
+        (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
+        let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
+        options.controller = controller.transpose()?;
+        let made = fleetfoot::report(&models, &changes, &logs, &options, progress)?;
+        made.write(&request.path, &logs.files())?;
+        if let Some(folder) = &request.svg {
+            made.write_figures(folder, &logs.files())?;
+        }
+        Ok(made.to_json().to_string())
+    })
+}
+
 /// Rows with their predictions, while they are collected.
 #[derive(Default)]
 struct Collected {

@@ -7,16 +7,19 @@ use crate::{
 };
 use fleetfoot::{
     Error, Model, RolledOut,
-    dynamics::{Horizon, Method as Integration, RolloutOptions, Starts, StepSpan},
-    interval_in_words, replayed_in_words,
+    dynamics::{Method as Integration, RolloutOptions, Starts},
+    interval_in_words, replayed_in_words, useful_in_words,
 };
 
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
-    let controller = arguments.controller.as_ref().map(std::path::PathBuf::from);
     let outputs: Vec<_> = arguments.output.iter().cloned().collect();
-    context.claim(&outputs, &read_by(&files, controller.iter().chain([&arguments.model.model])), false)?;
+    context.claim(
+        &outputs,
+        &read_by(&files, arguments.controller.file().iter().chain([&arguments.model.model])),
+        false,
+    )?;
     let mut options = RolloutOptions::new(arguments.horizon);
     options.method = match arguments.method {
         Method::Euler => Integration::Euler,
@@ -27,8 +30,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
     };
     let changes = time_changes(&arguments.model)?;
-    let settings: Vec<String> = arguments.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
-    let controller = arguments.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()?;
+    let controller = arguments.controller.read()?;
     let bar = context.bar();
     let rolled = fleetfoot::rollout(
         &model,
@@ -69,45 +71,6 @@ pub(crate) fn told(steps: usize) -> Vec<usize> {
     told
 }
 
-/// Spans of steps that are written out.
-const SPANS: usize = 3;
-
-/// When the model is better than the baselines: than all of them, and than each.
-fn useful(horizon: &Horizon) -> String {
-    let steps = horizon.time.len();
-    if horizon.useful.compared == 0 {
-        return "useful horizon: not known, no state was measured after the starts that the rollouts could be compared with".to_owned();
-    }
-    let mut text = match horizon.useful.spans.as_slice() {
-        [] => "useful horizon: none, some baseline is better at every step".to_owned(),
-        spans => format!("useful horizon: better than every baseline {}", when(spans, steps)),
-    };
-    for (baseline, spans) in &horizon.better {
-        let when = if spans.is_empty() { "at no step".to_owned() } else { when(spans, steps) };
-        text.push_str(&format!("\n  better than {} {when}", baseline.name()));
-    }
-    text
-}
-
-/// Spans of steps in seconds, for people.
-fn when(spans: &[StepSpan], steps: usize) -> String {
-    let one = |span: &StepSpan| match (span.first, span.last) {
-        (1, last) if last == steps => format!("at every step, to {}", seconds(span.to)),
-        (first, last) if last == steps => {
-            format!("from {} (step {first}) to the end ({})", seconds(span.from), seconds(span.to))
-        }
-        (first, last) if first == last => format!("at {} (step {first})", seconds(span.from)),
-        (first, last) => {
-            format!("from {} to {} (steps {first} to {last})", seconds(span.from), seconds(span.to))
-        }
-    };
-    let mut told: Vec<String> = spans.iter().take(SPANS).map(one).collect();
-    if spans.len() > SPANS {
-        told.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
-    }
-    told.join(", ")
-}
-
 pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
     let rollouts = &rolled.rollouts;
     let horizon = &rollouts.horizon;
@@ -142,6 +105,6 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         replayed_in_words(&rollouts.replayed),
         table(&header, rows),
         interval_in_words(&horizon.basis),
-        useful(horizon)
+        useful_in_words(horizon)
     )
 }

@@ -42,6 +42,7 @@ from . import plot
 from ._compare import Comparison, compare
 from ._data import Dataset, open  # noqa: A004
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
+from ._report import report
 
 __all__ = [
     "__version__",
@@ -102,6 +103,7 @@ __all__ = [
     "plot",
     "read",
     "read_mcap",
+    "report",
     "robots",
     "world",
 ]

@@ -343,6 +343,14 @@ def predict_rows(
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
 ) -> dict[str, Any]: ...
+def report(
+    models: Sequence[tuple[str, Model]],
+    data: Data | None,
+    recipe_text: str,
+    request: dict[str, Any],
+    cache: str | PathLike[str] | None = None,
+    progress: _Progress = None,
+) -> str: ...
 def rollout(
     model: Model,
     data: Data,
