@@ -47,7 +47,7 @@ impl Element {
         self
     }
 
-    /// With an attribute that is a length or a place, in hundredths of a pixel: more digits would only make the page longer.
+    /// With an attribute that is a length or a place, in tenths of a pixel: more digits would only make the page longer.
     pub(crate) fn at(self, name: &'static str, value: f64) -> Self {
         self.with(name, place(value))
     }
@@ -141,11 +141,10 @@ fn escape(text: &str, out: &mut String) {
     }
 }
 
-/// Hundredths of a pixel, without a tail of zeros and without a negative zero.
+/// Tenths of a pixel, without a tail of zeros and without a negative zero.
 pub(crate) fn place(value: f64) -> String {
-    let hundredths = (value * 100.0).round() + 0.0;
-    let text = format!("{:.2}", hundredths / 100.0);
-    let text = text.trim_end_matches('0').trim_end_matches('.');
+    let text = format!("{value:.1}");
+    let text = text.strip_suffix(".0").unwrap_or(&text);
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
@@ -165,7 +164,7 @@ mod tests {
 
     #[test]
     fn places_are_short() {
-        for (value, text) in [(0.0, "0"), (-0.001, "0"), (12.0, "12"), (1.239, "1.24"), (-3.5, "-3.5")] {
+        for (value, text) in [(0.0, "0"), (-0.01, "0"), (12.0, "12"), (1.26, "1.3"), (-3.5, "-3.5")] {
             assert_eq!(place(value), text);
         }
     }

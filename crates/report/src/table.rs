@@ -35,11 +35,13 @@ impl Cell {
         Self::Number(number(value))
     }
 
-    fn to_element(&self, first: bool) -> Element {
+    /// The cell; in a table of numbers alone it needs no class of its own.
+    fn to_element(&self, first: bool, numbers: bool) -> Element {
         // The first cell of a row says what the row is about.
         let cell = if first { Element::new("th").with("scope", "row") } else { Element::new("td") };
         match self {
             Self::Text(text) => cell.text(text),
+            Self::Number(text) if numbers => Element::new("td").text(typeset(text)),
             Self::Number(text) => cell.class("n").text(typeset(text)),
             Self::Light(light, text) => {
                 let sign = Element::new("span").class("sign").with("aria-hidden", "true").text(light.sign());
@@ -67,15 +69,17 @@ impl Table {
             let mut cells = self.rows.iter().filter_map(|row| row.get(column));
             cells.clone().next().is_some() && cells.all(|cell| matches!(cell, Cell::Number(_)))
         };
+        let numbers = self.rows.iter().flatten().all(|cell| matches!(cell, Cell::Number(_)));
         let head = self.head.iter().enumerate().map(|(column, name)| {
             let cell = Element::new("th").with("scope", "col");
-            if numeric(column) { cell.class("n").text(name) } else { cell.text(name) }
+            if numeric(column) && !numbers { cell.class("n").text(name) } else { cell.text(name) }
         });
         let rows = self.rows.iter().map(|row| {
-            let cells = row.iter().enumerate().map(|(column, cell)| cell.to_element(column == 0));
+            let cells = row.iter().enumerate().map(|(column, cell)| cell.to_element(column == 0, numbers));
             Element::new("tr").children(cells)
         });
         let table = Element::new("table")
+            .class(if numbers { "numbers" } else { "mixed" })
             .child(Element::new("thead").child(Element::new("tr").children(head)))
             .child(Element::new("tbody").children(rows));
         let label = if self.caption.is_empty() { "table" } else { &self.caption };
