@@ -155,10 +155,10 @@ impl Ruler {
     fn powers(&self, most: usize) -> Vec<f64> {
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
         let inside = |value: &f64| (self.low * 0.999..=self.high * 1.001).contains(value);
-        let every = ((last - first) as usize).div_ceil(most.max(1)).max(1);
-        let tens: Vec<f64> = (first..=last).step_by(every).map(|power| 10f64.powi(power)).filter(inside).collect();
+        let tens: Vec<f64> = (first..=last).map(|power| 10f64.powi(power)).filter(inside).collect();
         if tens.len() >= 3 {
-            return tens;
+            let every = tens.len().div_ceil(most.max(1));
+            return tens.into_iter().step_by(every).collect();
         }
         (first..=last).flat_map(|power| [1.0, 2.0, 5.0].map(|f| f * 10f64.powi(power))).filter(inside).collect()
     }
@@ -209,7 +209,12 @@ mod tests {
         assert_eq!(ticks(axis().between(-1e-9, 1e-9), &[], 2), ["−1·10⁻⁹", "0", "1·10⁻⁹"]);
         let mut log = axis().between(0.05, 200.0);
         log.scale = Scale::Logarithmic;
-        assert_eq!(ticks(log, &[], 6), ["0.1", "1", "10", "100"]);
+        assert_eq!(ticks(log.clone(), &[], 6), ["0.1", "1", "10", "100"]);
+        log.range = Some([8e-6, 0.13]);
+        assert_eq!(ticks(log.clone(), &[], 5), ["1·10⁻⁵", "1·10⁻⁴", "0.001", "0.01", "0.1"]);
+        assert_eq!(ticks(log.clone(), &[], 3), ["1·10⁻⁵", "0.001", "0.1"]);
+        log.range = Some([1.5, 30.0]);
+        assert_eq!(ticks(log, &[], 5), ["2", "5", "10", "20"]);
     }
 
     #[test]
