@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -18,11 +18,13 @@ const ARROWS: [(&str, &[&str]); 16] = [
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
     ("fleetfoot-estimate", &["data", "library", "stats", "model", "dynamics"]),
     ("fleetfoot-sim", &["data", "library", "dynamics"]),
+    // Of logs and models it knows nothing.
+    ("fleetfoot-report", &["features"]),
     (
         "fleetfoot",
         &[
             "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "pwa", "sparse", "estimate",
-            "sim",
+            "sim", "report",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

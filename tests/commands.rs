@@ -111,17 +111,61 @@ fn from_logs_to_a_scored_model() {
 #[test]
 fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
     let folder = logs();
-    let fit = |threads: &str, files: &[&str], output: &str| {
-        let mut arguments =
-            vec!["fit", "pwa", "-c", "robot.toml", "--partition", "kmeans:3,6", "--threads", threads, "-o", output];
-        arguments.extend(files);
-        fleetfoot(folder.path(), &arguments).ok();
-        fs::read(folder.path().join(output)).unwrap()
+    for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2")] {
+        let fit = |threads: &str, files: &[&str], output: &str| {
+            let mut arguments = vec!["fit", "pwa", "-c", "robot.toml", "--partition", partition, "--folds", folds];
+            arguments.extend(["--threads", threads, "-o", output]);
+            arguments.extend(files);
+            fleetfoot(folder.path(), &arguments).ok();
+            fs::read(folder.path().join(output)).unwrap()
+        };
+        let files = ["runs/run_0.csv", "runs/run_1.csv", "runs/run_2.csv"];
+        let one = fit("1", &files, "a.json");
+        assert!(one == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"), "{partition}");
+        assert!(one == fit("7", &files, "c.json"), "{partition}");
+    }
+}
+
+#[test]
+fn refined_models_go_the_whole_way() {
+    let folder = logs();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let fit = ["fit", "pwa", "-c", "robot.toml", "runs", "--folds", "4", "--partition"];
+    let fitted =
+        run(&[&fit[..], &["average,refined:2..3", "--keep-all", "--json", "-o", "model.json"]].concat()).json();
+    assert_eq!(
+        (fitted["chosen"].as_u64(), fitted["candidates"][1]["partition"].as_str()),
+        (Some(1), Some("refined:2"))
+    );
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
     };
-    let files = ["runs/run_0.csv", "runs/run_1.csv", "runs/run_2.csv"];
-    let one = fit("1", &files, "a.json");
-    assert!(one == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"));
-    assert!(one == fit("7", &files, "c.json"));
+    let objective = numbers(&fitted["candidates"][1]["objective"]);
+    assert!(objective.windows(2).all(|pair| pair[1] <= pair[0]), "{objective:?}");
+    assert!(fitted["candidates"][0].get("objective").is_none(), "{fitted:#}");
+    let loss = |at: usize| fitted["candidates"][at]["loss"].as_f64().unwrap();
+    assert!(loss(1) < 0.01 * loss(0), "{fitted:#}");
+    run(&["score", "model.json", "held-out.csv"]);
+
+    let show = run(&["show", "model.json"]).out;
+    assert!(show.contains("partition refined:2: 2 regions"), "{show}");
+    let transitions = run(&["show", "model.json", "--transitions"]).out;
+    assert!(
+        transitions.contains("transitions of refined:2")
+            && transitions.contains("mean dwell in rows")
+            && transitions.contains(" s)\n"),
+        "{transitions}"
+    );
+    fleetfoot(folder.path(), &["show", "model_average.json", "--transitions"])
+        .fails(&["model_average.json", "refined:K"]);
+
+    run(&["predict", "model.json", "held-out.csv", "-o", "predicted.parquet"]);
+    run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "--starts", "20"]);
+    for to in ["c", "rust", "python", "latex", "npz"] {
+        run(&["export", "model.json", "--to", to, "--prefix", "robot", "-o", "code"]);
+    }
+    let code = fs::read_to_string(folder.path().join("code/robot.c")).unwrap();
+    assert!(code.contains("Region of the partition refined:2"), "{code}");
 }
 
 #[test]
@@ -136,9 +180,9 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
     write("whole.csv", format!("{first}\n{second}"));
     write("second.csv", second);
     write("first.csv", first);
-    let fit = |files: &[&str], output: &str| {
+    let fit = |partition: &str, files: &[&str], output: &str| {
         let mut arguments = vec!["fit", "pwa", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u"];
-        arguments.extend(["--partition", "kmeans:4", "--lags", "2", "--folds", "2", "-o", output]);
+        arguments.extend(["--partition", partition, "--lags", "2", "--folds", "2", "-o", output]);
         arguments.extend(files);
         fleetfoot(folder.path(), &arguments).ok();
         let mut model: serde_json::Value =
@@ -152,7 +196,9 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
         model["model"]["training"]["episodes"] = serde_json::Value::Null;
         (ids, model)
     };
-    assert_eq!(fit(&["whole.csv"], "a.json"), fit(&["second.csv", "first.csv"], "b.json"));
+    for partition in ["kmeans:4", "refined:3"] {
+        assert_eq!(fit(partition, &["whole.csv"], "a.json"), fit(partition, &["second.csv", "first.csv"], "b.json"));
+    }
 }
 
 #[test]

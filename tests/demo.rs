@@ -81,13 +81,25 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
     assert_eq!(told["figure_9a"]["transitions"], 0);
     assert!(number(&told["figure_9a"]["rows"]) > 20_000.0);
 
+    // The first thing that it says is where the page will be, which is small enough to be sent.
+    assert!(said.err.lines().next().is_some_and(|line| line.ends_with("report.html")), "{}", said.err);
+    let page = fs::metadata(demo.join("report.html")).unwrap().len();
+    assert!((100_000..1_500_000).contains(&page), "{page} bytes");
+
     // Its commands, pasted, on another number of threads: the same files.
     let before = contents(&demo);
-    for name in ["model.json", "model_kmeans50.json", "model_null.json", "plane_drive.parquet", "train/robot.toml"] {
+    for name in [
+        "model.json",
+        "model_kmeans50.json",
+        "model_null.json",
+        "plane_drive.parquet",
+        "train/robot.toml",
+        "report.html",
+    ] {
         assert!(before.contains_key(name), "{name} of {:?}", before.keys());
     }
     let commands: Vec<&str> = said.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
-    assert_eq!(commands.len(), 8, "{}", said.err);
+    assert_eq!(commands.len(), 9, "{}", said.err);
     for command in commands {
         let done = Command::new("sh").arg("-c").arg(command).current_dir(folder.path()).output().unwrap();
         assert!(done.status.success(), "{command}: {}", String::from_utf8_lossy(&done.stderr));

@@ -34,7 +34,7 @@ fn every_package_is_compiled_once() {
     );
     for name in [
         "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "sparse", "pwa", "estimate",
-        "sim", "cli", "py",
+        "sim", "report", "cli", "py",
     ] {
         let own = resolved(&["--package", &format!("fleetfoot-{name}")]);
         let others: Vec<_> = own.difference(&all).collect();

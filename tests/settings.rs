@@ -21,9 +21,10 @@ const METHODS: [(&str, &[&str], &str); 6] = [
             "--iterations=20",
             "--memory=0.02",
             "--tsqr=false",
+            "--objective=one-step",
         ],
         "[model]\npartition = \"null\"\n[pwa]\nselect = \"cv\"\nfolds = 8\npurge = 0.2\nshrinkage = \"auto\"\nunseen_labels = \"refuse\"\nseed = 1\n\
-         restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\n",
+         restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\nobjective = \"steps:3\"\n",
     ),
     (
         "sparse",

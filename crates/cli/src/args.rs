@@ -4,18 +4,20 @@ mod examples;
 mod export;
 mod narx;
 mod prepare;
+mod report;
 mod sindy;
 mod sparse;
 mod statistic;
 mod tools;
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
-use fleetfoot::PwaSection;
+use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
 pub(crate) use prepare::Prepare;
+pub(crate) use report::Report;
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
@@ -77,6 +79,9 @@ pub(crate) enum Command {
     /// Simulate a model from measured states and compare with what happened.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
+    /// Write one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
+    #[command(after_help = examples::REPORT)]
+    Report(Box<Report>),
     /// Print a model's equations and regions.
     #[command(after_help = examples::SHOW)]
     Show(Show),
@@ -265,7 +270,7 @@ pub(crate) struct FitPwa {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Partitions: null, average, zscore:1.5, kmeans:10, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`)
+    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, labels:COLUMN, labels:COLUMN+kmeans:5. Of several (`average,kmeans:2,5,10`, `refined:2..20`)
     /// one is chosen (default: that of the recipe, else average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
@@ -335,6 +340,32 @@ pub(crate) enum Method {
     Rk4,
 }
 
+/// What drives the inputs of simulations.
+#[derive(Debug, Args)]
+pub(crate) struct ControllerArgs {
+    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
+    /// and its settings (default: inputs as recorded).
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(crate) controller: Option<String>,
+    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
+    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
+    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
+    pub(crate) controller_set: Vec<List>,
+}
+
+impl ControllerArgs {
+    /// The file that it is read from, where it is no kind.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
+        self.controller.as_ref().map(PathBuf::from)
+    }
+
+    /// The controller, where there is one.
+    pub(crate) fn read(&self) -> Result<Option<Arc<dyn Controller>>, Error> {
+        let settings: Vec<String> = self.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
+        self.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Rollout {
     #[command(flatten)]
@@ -348,21 +379,31 @@ pub(crate) struct Rollout {
     /// How derivatives are integrated.
     #[arg(long, value_enum, default_value = "euler")]
     pub(crate) method: Method,
+    /// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
+    #[arg(long, value_enum, default_value = "tell")]
+    pub(crate) outside: OutsideArg,
+    /// States whose Euclidean distance from the recording is told too, separated by commas; they share a unit: `x,y` (default: none).
+    #[arg(long, value_name = "STATES")]
+    pub(crate) position: Option<List>,
     /// Choose the starts at random with this seed (default: evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,
-    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
-    /// and its settings (default: inputs as recorded).
-    #[arg(long, value_name = "KIND|FILE")]
-    pub(crate) controller: Option<String>,
-    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
-    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
-    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
-    pub(crate) controller_set: Vec<List>,
+    #[command(flatten)]
+    pub(crate) controller: ControllerArgs,
     /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
     /// viewers (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OutsideArg {
+    /// It goes on, and is counted.
+    Tell,
+    /// It ends there.
+    End,
+    /// It goes on with the regressor held at the border of the range.
+    Hold,
 }
 
 #[derive(Debug, Args)]
@@ -373,6 +414,9 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
+    /// Tell which region follows which, and how long a visit lasts: for models of refined partitions, which carry it.
+    #[arg(long)]
+    pub(crate) transitions: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -479,6 +523,7 @@ mod tests {
     fn values(argument: &clap::Arg) -> [String; 2] {
         match argument.get_possible_values().as_slice() {
             [first, second, ..] => [first, second].map(|value| value.get_name().to_owned()),
+            _ if argument.get_id() == "objective" => ["steps:2", "steps:3"].map(str::to_owned),
             _ => ["2", "3"].map(str::to_owned),
         }
     }

@@ -15,6 +15,7 @@ pub(crate) mod man;
 pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod prepare;
+pub(crate) mod report;
 pub(crate) mod rollout;
 pub(crate) mod scan;
 pub(crate) mod score;
@@ -105,9 +106,14 @@ pub(crate) fn read_model(path: &Path) -> Result<Model, Error> {
 
 /// What the caller says about the clock and the channels of a model's data, as a recipe.
 pub(crate) fn time_changes(data: &crate::args::ModelData) -> Result<Recipe, Error> {
+    changes(&data.time, &data.model)
+}
+
+/// The same; what is kept of decoded logs stands beside `model`.
+pub(crate) fn changes(time: &crate::args::TimeArgs, model: &Path) -> Result<Recipe, Error> {
     let mut recipe = Recipe::default();
-    fit::apply_time(&mut recipe, &data.time)?;
-    recipe.cache = fit::cache(&data.time.channels, &data.model);
+    fit::apply_time(&mut recipe, time)?;
+    recipe.cache = fit::cache(&time.channels, model);
     Ok(recipe)
 }
 

@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
         Command::Generate(arguments) => commands::generate::generate(arguments, &context),
+        Command::Report(arguments) => commands::report::report(arguments, &context),
         Command::Show(arguments) => commands::show::show(arguments, &context),
         Command::Export(arguments) => commands::export::export(arguments, &context),
         Command::Completions(arguments) => commands::completions::completions(arguments),

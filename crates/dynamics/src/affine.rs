@@ -109,6 +109,10 @@ impl AffineKernel {
             let (low, high) = (&self.low[at..at + self.slots], &self.high[at..at + self.slots]);
             if !within(simd, &track.slots, low, high) {
                 track.left = Some(k);
+                if track.run.ends_outside {
+                    track.end = End::LeftDomain;
+                    return;
+                }
             }
         }
         let seconds = track.run.step(k);

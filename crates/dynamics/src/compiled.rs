@@ -6,6 +6,7 @@ use fleetfoot_model::{Equation, LatentGroup, Model, Rule, partitions_in_use};
 use crate::{
     Error,
     kernel::{LANES, affine, padded},
+    simulator::Ranges,
 };
 
 /// A model's equations as programs over columns.
@@ -114,10 +115,22 @@ impl Compiled {
         })
     }
 
+    /// [`Self::evaluate_within`] no ranges.
+    pub(crate) fn evaluate<'a>(&self, rows: usize, leaf: &dyn Fn(Leaf) -> &'a [f64], workspace: &mut Workspace) {
+        self.evaluate_within(rows, leaf, &[], workspace);
+    }
+
     /// Evaluates `rows` rows; `leaf` gives a column (with its lag) or time as a slice of at least that many values.
     ///
-    /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region.
-    pub(crate) fn evaluate<'a>(&self, rows: usize, leaf: &dyn Fn(Leaf) -> &'a [f64], workspace: &mut Workspace) {
+    /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region. The affine maps of groups that have ranges in `held` take a
+    /// function that is outside of its region's range at the border of it.
+    pub(crate) fn evaluate_within<'a>(
+        &self,
+        rows: usize,
+        leaf: &dyn Fn(Leaf) -> &'a [f64],
+        held: &[Ranges],
+        workspace: &mut Workspace,
+    ) {
         // Columns that are a power of two apart would fall on the same cache lines.
         let stride = padded(rows) + LANES;
         workspace.stride = stride;
@@ -127,8 +140,9 @@ impl Compiled {
         let leaves: Vec<&[f64]> = self.functions.leaves().iter().map(|&l| leaf(l)).collect();
         self.functions.evaluate(&leaves, rows, &mut workspace.values, stride, &mut workspace.scratch);
         self.assign(rows, workspace);
-        for group in &self.groups {
-            pulp::Arch::new().dispatch(EvaluateLatents { group, rows, workspace });
+        for (at, group) in self.groups.iter().enumerate() {
+            let held = held.iter().find(|ranges| ranges.group == at);
+            pulp::Arch::new().dispatch(EvaluateLatents { group, rows, held, workspace });
         }
         let leaves: Vec<&[f64]> = self
             .rights
@@ -173,6 +187,7 @@ impl Compiled {
 struct EvaluateLatents<'a> {
     group: &'a Latents,
     rows: usize,
+    held: Option<&'a Ranges>,
     workspace: &'a mut Workspace,
 }
 
@@ -181,13 +196,13 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.group.evaluate(self.rows, self.workspace);
+        self.group.evaluate(self.rows, self.held, self.workspace);
     }
 }
 
 impl Latents {
     #[inline(always)]
-    fn evaluate(&self, rows: usize, workspace: &mut Workspace) {
+    fn evaluate(&self, rows: usize, held: Option<&Ranges>, workspace: &mut Workspace) {
         let Workspace { stride, values, regions, latents, features, row: out, .. } = workspace;
         let (stride, count) = (*stride, self.kept.len());
         features.resize(count, 0.0);
@@ -202,6 +217,9 @@ impl Latents {
             }
             for (j, feature) in features.iter_mut().enumerate() {
                 *feature = values[(self.first + j) * stride + row];
+            }
+            if let Some(ranges) = held {
+                ranges.hold(region, features);
             }
             let matrix = &self.matrices[region * count * self.width..][..count * self.width];
             affine(matrix, &self.constants[region * self.width..][..self.width], features, out);

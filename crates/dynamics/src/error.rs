@@ -48,6 +48,14 @@ pub enum Error {
         /// Rows ahead.
         ahead: i32,
     },
+    /// The tangents of a first-order lag inside of a simulation are not known.
+    #[error(
+        "the model reads {column}, a first-order lag of what it simulates, whose tangents are not known: fit it one step ahead (objective = \"one-step\"), or make the lag a measured column"
+    )]
+    SimulatedLag {
+        /// The lag.
+        column: String,
+    },
     /// A column that follows from simulated ones cannot be computed in time.
     #[error(transparent)]
     Closed(#[from] fleetfoot_model::ClosedError),

@@ -196,10 +196,8 @@ impl Runner<'_> {
         for group in runs.chunk_by(|a, b| a.len() == b.len()).flat_map(|same| same.chunks(GROUP)) {
             let mut options = self.rollout.clone();
             options.horizon = group[0].len();
-            let windows: Vec<Window<'_>> = group
-                .iter()
-                .map(|run| Window::of_episode(&block, Start { episode, row: run.start }, &self.map))
-                .collect();
+            let windows: Vec<Window<'_>> =
+                group.iter().map(|run| Window::new(&block, Start { episode, row: run.start }, &self.map)).collect();
             let done = self.simulator.simulate(self.source, &windows.iter().collect::<Vec<_>>(), &options);
             parts.extend(group.iter().zip(done).map(|(run, trajectory)| self.part(&block, run, trajectory)));
         }

@@ -3,8 +3,12 @@
 use fleetfoot_library::Leaf;
 
 use crate::{
-    End, Method, RolloutOptions, Simulator, Trajectory, compiled::Workspace, controller::Drive,
-    integrate::runge_kutta_mean, kernel::within, simulator::Run,
+    End, Method, Outside, RolloutOptions, Simulator, Trajectory,
+    compiled::Workspace,
+    controller::Drive,
+    integrate::runge_kutta_mean,
+    kernel::within,
+    simulator::{Ranges, Run},
 };
 
 /// The columns of a batch over time: row `history + k` holds the values at step k, one a trajectory.
@@ -54,6 +58,8 @@ struct Batch<'a> {
     regions: Vec<u32>,
     /// The controllers of a closed loop, one a trajectory; none in an open loop.
     drives: Vec<Drive<'a>>,
+    /// The ranges that regressors are held within; none where they are not.
+    held: &'a [Ranges],
 }
 
 /// Simulates a batch of complete windows.
@@ -61,7 +67,7 @@ pub(crate) fn simulate(simulator: &Simulator, runs: &[Run<'_>], options: &Rollou
     if runs.is_empty() {
         return Vec::new();
     }
-    let mut batch = Batch::new(simulator, runs, options.horizon);
+    let mut batch = Batch::new(simulator, runs, options);
     for step in 0..options.horizon {
         if batch.end.iter().all(|end| *end != End::Horizon) {
             break;
@@ -72,7 +78,8 @@ pub(crate) fn simulate(simulator: &Simulator, runs: &[Run<'_>], options: &Rollou
 }
 
 impl<'a> Batch<'a> {
-    fn new(simulator: &'a Simulator, runs: &'a [Run<'a>], horizon: usize) -> Self {
+    fn new(simulator: &'a Simulator, runs: &'a [Run<'a>], options: &RolloutOptions) -> Self {
+        let horizon = options.horizon;
         let (count, history) = (runs.len(), simulator.history());
         let length = history + horizon + 1 + simulator.ahead();
         let mut columns =
@@ -132,12 +139,13 @@ impl<'a> Batch<'a> {
             left: vec![None; count],
             regions: Vec::with_capacity(horizon * count),
             drives,
+            held: if options.outside == Outside::Hold { &simulator.ranges } else { &[] },
         }
     }
 
     /// Right sides at a stage: states x trajectories.
     fn slopes(&mut self, stage: &Stage<'_>) -> Vec<f64> {
-        let Self { simulator, columns, workspace, time_lags, .. } = self;
+        let Self { simulator, columns, workspace, time_lags, held, .. } = self;
         let (count, step) = (columns.count, stage.step as i64);
         let times: Vec<Vec<f64>> = time_lags
             .iter()
@@ -158,7 +166,7 @@ impl<'a> Batch<'a> {
                 }
             }
         };
-        simulator.compiled.evaluate(count, &leaf, workspace);
+        simulator.compiled.evaluate_within(count, &leaf, held, workspace);
         let mut slopes = vec![0.0; simulator.states.len() * count];
         for (slope, output) in slopes.chunks_exact_mut(count).zip(workspace.outputs.chunks_exact(workspace.stride)) {
             slope.copy_from_slice(&output[..count]);
@@ -236,6 +244,10 @@ impl<'a> Batch<'a> {
                 self.steps[b] = step;
             } else if self.left[b].is_none() && !self.inside(b) {
                 self.left[b] = Some(step);
+                if self.runs[b].ends_outside {
+                    self.end[b] = End::LeftDomain;
+                    self.steps[b] = step;
+                }
             }
         }
     }

@@ -1,9 +1,13 @@
 //! Errors of rollouts by horizon, beside the baselines on the same starts.
 
-use fleetfoot_data::packed;
+use fleetfoot_data::{nearest, packed};
+use fleetfoot_library::UnknownColumn;
 use fleetfoot_model::Model;
 
-use crate::{Baseline, Basis, End, Estimate, Mahalanobis, Simulator, Trajectory, angle::wrap, window::Window};
+use crate::{
+    Baseline, Basis, End, Error, Estimate, Mahalanobis, RolloutOptions, Simulator, Trajectory, angle::wrap,
+    window::Window,
+};
 
 /// How far a model's rollouts are from the recording, by step.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +41,24 @@ pub struct HorizonScore {
     /// Mean Mahalanobis score (equation 10) of the state error under the training states' covariance: the vertical axis of Fig. 8 of Buchan, Haldane,
     /// Fearing.
     pub mahalanobis: Vec<Estimate>,
+    /// The Mahalanobis score over whole rollouts.
+    pub summary: RolloutSummary,
+    /// Mean Euclidean distance of the columns of [`RolloutOptions::position`](crate::RolloutOptions::position) by step, in their unit; empty where there are none.
+    pub displacement: Vec<Estimate>,
+    /// The distance over whole rollouts; `None` where there is none.
+    pub displacement_summary: Option<RolloutSummary>,
+}
+
+/// What rollouts come to, each rollout counting as much (section 7.1 of *Towards Sim-to-Real via Real-to-Sim*: average displacement, and how fast it grows).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct RolloutSummary {
+    /// Mean over the steps.
+    pub average: Estimate,
+    /// At the last step.
+    pub last: Estimate,
+    /// Growth from the first step to the last, per second.
+    pub drift: Estimate,
 }
 
 /// When the model's mean Mahalanobis score is below that of every baseline.
@@ -80,7 +102,14 @@ pub(crate) struct HorizonScorer {
     metric: Mahalanobis,
     angles: Vec<bool>,
     columns: Vec<usize>,
+    /// Positions (among the advanced states) of the columns of the displacement.
+    position: Vec<usize>,
 }
+
+/// Scores of a summary, behind those of the steps.
+const SUMMARY: usize = 3;
+/// Predictors: the model and the baselines.
+const PREDICTORS: usize = 1 + ROLLOUT_BASELINES.len();
 
 /// Errors of one predictor: per step and state.
 #[derive(Clone, Default)]
@@ -97,41 +126,52 @@ pub(crate) struct HorizonSums {
     time: Vec<f64>,
     ended: Vec<u64>,
     tables: Vec<ErrorTable>,
-    /// Per predictor and step: sum and sum of squares of the Mahalanobis scores, and their number.
+    /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the summary behind: sum and sum of squares of the scores, and their number.
     scores: Vec<Vec<[f64; 3]>>,
     /// Per episode, predictor and step: sum of the scores and their number.
     episodes: Vec<(usize, Vec<Vec<[f64; 2]>>)>,
 }
 
 impl HorizonScorer {
-    pub(crate) fn new(model: &Model, simulator: &Simulator, horizon: usize) -> Self {
-        let shown = simulator.shown();
+    /// # Errors
+    /// [`Error::UnknownColumn`] for a position that is no advanced state.
+    pub(crate) fn new(model: &Model, simulator: &Simulator, options: &RolloutOptions) -> Result<Self, Error> {
+        let (horizon, shown) = (options.horizon, simulator.shown());
+        let names = simulator.states();
+        let place = |name: &String| {
+            let place = names.iter().position(|known| known == name);
+            place.ok_or_else(|| {
+                let nearest = nearest(name, names.iter().map(String::as_str));
+                Error::from(UnknownColumn { name: name.clone(), nearest })
+            })
+        };
         let scored: Vec<usize> = (0..shown.len()).filter(|&s| shown[s].order.is_some()).collect();
         let order: Vec<usize> = scored.iter().filter_map(|&s| shown[s].order).collect();
         let covariance: Vec<f64> = (0..order.len())
             .flat_map(|i| (0..=i).map(move |j| (i, j)))
             .map(|(i, j)| model.training.state_covariance[packed(order[i], order[j])])
             .collect();
-        Self {
+        Ok(Self {
             horizon,
+            position: options.position.iter().map(place).collect::<Result<_, _>>()?,
             states: shown.len(),
             metric: Mahalanobis::of_covariance(&covariance, order.len()),
             scored,
             angles: shown.iter().map(|state| state.advance.angle).collect(),
             columns: shown.iter().map(|state| state.column).collect(),
-        }
+        })
     }
 
     pub(crate) fn empty(&self) -> HorizonSums {
-        let predictors = 1 + ROLLOUT_BASELINES.len();
+        let kinds = if self.position.is_empty() { 1 } else { 2 };
         let cells = self.horizon * self.states;
         let table = ErrorTable { square: vec![0.0; cells], absolute: vec![0.0; cells], rows: vec![0.0; cells] };
         HorizonSums {
             starts: 0,
             time: vec![0.0; self.horizon],
             ended: vec![0; self.horizon],
-            tables: vec![table; predictors],
-            scores: vec![vec![[0.0; 3]; self.horizon]; predictors],
+            tables: vec![table; PREDICTORS],
+            scores: vec![vec![[0.0; 3]; self.horizon + SUMMARY]; kinds * PREDICTORS],
             episodes: Vec::new(),
         }
     }
@@ -152,7 +192,8 @@ impl HorizonScorer {
         let velocity: Vec<f64> =
             (0..self.states).map(|s| self.difference(s, measured[s][1], measured[s][0]) / interval).collect();
         sums.starts += 1;
-        let episode = sums.episode(window.start.episode, self.horizon);
+        let episode = sums.episode(window.start.episode);
+        let mut series = vec![Vec::new(); sums.scores.len()];
         let mut error = vec![0.0; self.states];
         let mut vector = vec![0.0; self.scored.len()];
         let mut scratch = vec![0.0; self.metric.width()];
@@ -182,11 +223,19 @@ impl HorizonScorer {
                 }
                 if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
                     let score = self.metric.score_with(&vector, &mut scratch);
-                    let sum = &mut sums.scores[predictor][k - 1];
-                    *sum = [sum[0] + score, score.mul_add(score, sum[1]), sum[2] + 1.0];
-                    let part = &mut sums.episodes[episode].1[predictor][k - 1];
-                    *part = [part[0] + score, part[1] + 1.0];
+                    sums.push(episode, predictor, k - 1, score);
+                    series[predictor].push((time[k], score));
                 }
+                if !self.position.is_empty() && self.position.iter().all(|&s| error[s].is_finite()) {
+                    let distance = self.position.iter().map(|&s| error[s] * error[s]).sum::<f64>().sqrt();
+                    sums.push(episode, PREDICTORS + predictor, k - 1, distance);
+                    series[PREDICTORS + predictor].push((time[k], distance));
+                }
+            }
+        }
+        for (predictor, series) in series.iter().enumerate() {
+            for (at, value) in summary(series).into_iter().flatten().enumerate() {
+                sums.push(episode, predictor, self.horizon + at, value);
             }
         }
     }
@@ -208,6 +257,15 @@ impl HorizonScorer {
             rmse: sums.tables[predictor].means(|table| &table.square).map(f64::sqrt).collect(),
             mae: sums.tables[predictor].means(|table| &table.absolute).collect(),
             mahalanobis: (0..self.horizon).map(|k| sums.estimate(predictor, k)).collect(),
+            summary: sums.summary(predictor, self.horizon),
+            displacement: match self.position.as_slice() {
+                [] => Vec::new(),
+                _ => (0..self.horizon).map(|k| sums.estimate(PREDICTORS + predictor, k)).collect(),
+            },
+            displacement_summary: match self.position.as_slice() {
+                [] => None,
+                _ => Some(sums.summary(PREDICTORS + predictor, self.horizon)),
+            },
         };
         let time: Vec<f64> = sums.time.iter().map(|time| time / starts).collect();
         let model = score(0);
@@ -234,6 +292,13 @@ impl HorizonScorer {
             basis,
         }
     }
+}
+
+/// Average, last value and growth per second of the scores of one rollout, by time; `None` where there are none.
+fn summary(series: &[(f64, f64)]) -> Option<[f64; SUMMARY]> {
+    let (&(begin, first), &(end, last)) = (series.first()?, series.last()?);
+    let average = series.iter().map(|(_, score)| score).sum::<f64>() / series.len() as f64;
+    Some([average, last, if end > begin { (last - first) / (end - begin) } else { 0.0 }])
 }
 
 /// Whether the model is better at a step; `None` where nothing was measured or there is no baseline. A score that is not a number beats nothing.
@@ -300,12 +365,26 @@ impl ErrorTable {
 }
 
 impl HorizonSums {
+    /// Adds a score of a start.
+    fn push(&mut self, episode: usize, predictor: usize, at: usize, score: f64) {
+        let sum = &mut self.scores[predictor][at];
+        *sum = [sum[0] + score, score.mul_add(score, sum[1]), sum[2] + 1.0];
+        let part = &mut self.episodes[episode].1[predictor][at];
+        *part = [part[0] + score, part[1] + 1.0];
+    }
+
+    fn summary(&self, predictor: usize, horizon: usize) -> RolloutSummary {
+        let [average, last, drift] = [0, 1, 2].map(|at| self.estimate(predictor, horizon + at));
+        RolloutSummary { average, last, drift }
+    }
+
     /// The place of an episode's sums.
-    fn episode(&mut self, episode: usize, horizon: usize) -> usize {
+    fn episode(&mut self, episode: usize) -> usize {
         match self.episodes.iter().rposition(|(known, _)| *known == episode) {
             Some(place) => place,
             None => {
-                self.episodes.push((episode, vec![vec![[0.0; 2]; horizon]; self.scores.len()]));
+                let length = self.time.len() + SUMMARY;
+                self.episodes.push((episode, vec![vec![[0.0; 2]; length]; self.scores.len()]));
                 self.episodes.len() - 1
             }
         }
@@ -321,7 +400,7 @@ impl HorizonSums {
             (0..3).for_each(|i| a[i] += b[i]);
         }
         for (episode, parts) in &other.episodes {
-            let place = self.episode(*episode, self.time.len());
+            let place = self.episode(*episode);
             for (a, b) in self.episodes[place].1.iter_mut().flatten().zip(parts.iter().flatten()) {
                 (0..2).for_each(|i| a[i] += b[i]);
             }

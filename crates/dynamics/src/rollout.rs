@@ -7,7 +7,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 
 use crate::{
-    End, Error, Horizon, RolloutOptions, Simulator, Start, Starts, Trajectory,
+    End, Error, Horizon, Outside, RolloutOptions, Simulator, Start, Starts, Trajectory,
     controller::Controller,
     horizon::{HorizonScorer, HorizonSums},
     simulator::GROUP,
@@ -28,6 +28,8 @@ pub struct Rollouts {
     pub outcomes: Vec<Outcome>,
     /// Starts left out because a value that they need is missing.
     pub missing: usize,
+    /// What became of those that left the training domain.
+    pub outside: Outside,
     /// Errors by horizon.
     pub horizon: Horizon,
     /// The trajectories, if they were to be kept.
@@ -56,6 +58,11 @@ impl Rollouts {
     /// Rollouts that met a label not seen in training.
     pub fn without_region(&self) -> usize {
         self.outcomes.iter().filter(|outcome| outcome.end == End::NoRegion).count()
+    }
+
+    /// Rollouts that ended where they left the training domain.
+    pub fn ended_outside(&self) -> usize {
+        self.outcomes.iter().filter(|outcome| outcome.end == End::LeftDomain).count()
     }
 
     /// Rollouts that left the training domain.
@@ -129,7 +136,7 @@ fn roll_out(
     let needed = simulator.needed_rows(options.horizon);
     let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
     let map = simulator.column_map(source)?;
-    let scorer = HorizonScorer::new(model, simulator, options.horizon);
+    let scorer = HorizonScorer::new(model, simulator, options)?;
     let mut sums = scorer.empty();
     let (mut outcomes, mut trajectories, mut missing) = (Vec::with_capacity(starts.len()), Vec::new(), 0);
     parallel_fold(
@@ -161,6 +168,7 @@ fn roll_out(
         horizon: scorer.finish(simulator.states().to_vec(), &sums),
         outcomes,
         missing,
+        outside: options.outside,
         trajectories,
     })
 }

@@ -31,14 +31,32 @@ pub struct RolloutOptions {
     pub step: Step,
     /// A state this many training standard deviations away from where it started has diverged.
     pub divergence: f64,
+    /// What becomes of a trajectory that leaves the training domain.
+    pub outside: Outside,
+    /// States whose Euclidean distance from the recording is told too; they share a unit.
+    pub position: Vec<String>,
     /// Whether [`crate::rollout`] keeps the trajectories.
     pub keep: bool,
 }
 
+/// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Outside {
+    /// It goes on, and tells when it left ([`Trajectory::left_domain`]).
+    #[default]
+    Tell,
+    /// It ends there.
+    End,
+    /// It goes on with the regressor held at the border of the range: an affine map is not followed to where nothing was seen. What is given instead of
+    /// fitted, and the region, see the state itself.
+    Hold,
+}
+
 impl RolloutOptions {
-    /// Euler steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
+    /// Euler steps of the episode's median period, divergence at 1,000 standard deviations, leaving the training domain told, trajectories not kept.
     pub fn new(horizon: usize) -> Self {
-        Self { horizon, method: Method::Euler, step: Step::Median, divergence: 1e3, keep: false }
+        let (method, step, outside) = (Method::Euler, Step::Median, Outside::Tell);
+        Self { horizon, method, step, divergence: 1e3, outside, position: Vec::new(), keep: false }
     }
 
     pub(crate) fn validate(&self) -> Result<(), Error> {
@@ -56,9 +74,9 @@ impl RolloutOptions {
 /// ([`Simulator::replayed`]), and the rows up to a start.
 pub struct Simulator {
     /// As it was given.
-    model: Model,
+    pub(crate) model: Model,
     /// Seconds of the steps that delays are counted in.
-    period: f64,
+    pub(crate) period: f64,
     pub(crate) columns: Vec<String>,
     /// The states that equations advance, then the first-order lags of what is computed.
     pub(crate) states: Vec<State>,
@@ -95,6 +113,21 @@ pub(crate) struct Ranges {
     pub(crate) width: usize,
     pub(crate) low: Vec<f64>,
     pub(crate) high: Vec<f64>,
+}
+
+impl Ranges {
+    /// Puts what is outside of a region's range on its border; what is not a number stays so.
+    #[inline(always)]
+    pub(crate) fn hold(&self, region: usize, functions: &mut [f64]) {
+        let own = region * self.width..(region + 1) * self.width;
+        for ((value, &low), &high) in functions.iter_mut().zip(&self.low[own.clone()]).zip(&self.high[own]) {
+            if *value < low {
+                *value = low;
+            } else if *value > high {
+                *value = high;
+            }
+        }
+    }
 }
 
 impl Simulator {
@@ -291,8 +324,9 @@ impl Simulator {
     ) -> Vec<Trajectory> {
         let runs: Vec<Run<'_>> = windows.iter().map(|window| Run::new(source, window, options)).collect();
         match &self.kernel {
-            Some(kernel) => kernel.simulate(self, &runs, options.method),
-            None => crate::general::simulate(self, &runs, options),
+            // The kernel's slots are not held.
+            Some(kernel) if options.outside != Outside::Hold => kernel.simulate(self, &runs, options.method),
+            _ => crate::general::simulate(self, &runs, options),
         }
     }
 
@@ -357,12 +391,14 @@ pub(crate) struct Run<'a> {
     pub(crate) horizon: usize,
     /// [`RolloutOptions::divergence`].
     pub(crate) divergence: f64,
+    /// Whether it ends where it leaves the training domain.
+    pub(crate) ends_outside: bool,
     /// Whether all steps are `time[1]` long.
     uniform: bool,
 }
 
 impl<'a> Run<'a> {
-    fn new(source: &dyn Source, window: &'a Window<'a>, options: &RolloutOptions) -> Self {
+    pub(crate) fn new(source: &dyn Source, window: &'a Window<'a>, options: &RolloutOptions) -> Self {
         let start = window.start;
         let uniform = |seconds: f64| (0..=options.horizon).map(|k| k as f64 * seconds).collect();
         let time = match options.step {
@@ -374,7 +410,9 @@ impl<'a> Run<'a> {
             }
         };
         let uniform = options.step != Step::Stamps;
-        Self { window, time, start, horizon: options.horizon, divergence: options.divergence, uniform }
+        let (horizon, divergence, ends_outside) =
+            (options.horizon, options.divergence, options.outside == Outside::End);
+        Self { window, time, start, horizon, divergence, ends_outside, uniform }
     }
 
     /// Length of a step, seconds.
@@ -402,7 +440,7 @@ pub(crate) fn training_deviation(model: &Model, column: usize) -> f64 {
 }
 
 /// The states that equations advance, in the order of the columns, and their equations.
-fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
+pub(crate) fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
     let (mut states, mut equations) = (Vec::new(), Vec::new());
     for (index, column) in model.columns.iter().enumerate() {
         let mut own = model.equations.iter().filter_map(|equation| {

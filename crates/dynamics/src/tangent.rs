@@ -1,34 +1,20 @@
 //! Exact derivatives of a model at points: what a filter or a controller linearises.
 
-use fleetfoot_library::{Expr, Leaf, Program, Scratch};
+use fleetfoot_library::Leaf;
 use fleetfoot_model::{Equation, Prediction};
 
 use crate::{
     Error, Method, Points, Stepper, StepperWorkspace,
-    kernel::{LANES, padded},
+    slopes::{Reading, Slopes},
 };
 
 /// The derivatives of a model's right sides with respect to its states and inputs, compiled.
 ///
 /// Within the region of a point; values of earlier rows, and time, are held.
 pub struct Tangent {
-    features: Program,
-    /// Of every output of `features`: the group of latents, the function in it, and the variable.
-    feature_entries: Vec<(usize, usize, usize)>,
-    rights: Program,
-    /// Of every output of `rights`: the right side, and with respect to what.
-    right_entries: Vec<(usize, Variable)>,
+    slopes: Slopes,
     /// Columns of the states, then of the inputs.
     variables: Vec<usize>,
-}
-
-/// What a right side is differentiated by.
-#[derive(Debug, Clone, Copy)]
-enum Variable {
-    /// A state or an input.
-    Own(usize),
-    /// A latent, by its number in the model.
-    Latent(usize),
 }
 
 /// `f = A x + B u + c` to first order at a point; matrices by rows.
@@ -50,86 +36,31 @@ impl Tangent {
     /// [`Error::UnknownColumn`].
     pub fn new(stepper: &Stepper) -> Result<Self, Error> {
         let model = &stepper.model;
-        let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
-        let with_latents: Vec<&str> =
-            columns.iter().copied().chain(model.latents.iter().map(|latent| latent.name.as_str())).collect();
         let variables: Vec<usize> =
             stepper.states.iter().map(|state| state.column).chain(stepper.inputs.iter().copied()).collect();
-        let is_zero = |slope: &Expr| slope.as_number() == Some(0.0);
-        let (mut slopes, mut feature_entries) = (Vec::new(), Vec::new());
-        for (at, group) in stepper.compiled.groups.iter().enumerate() {
-            for (j, &function) in group.kept.iter().enumerate() {
-                for (variable, &column) in variables.iter().enumerate() {
-                    let slope = model.libraries[group.library][function].derivative(columns[column]);
-                    if !is_zero(&slope) {
-                        slopes.push(slope);
-                        feature_entries.push((at, j, variable));
-                    }
-                }
-            }
-        }
-        let (mut right_slopes, mut right_entries) = (Vec::new(), Vec::new());
-        for (row, state) in stepper.states.iter().enumerate() {
+        let of_state = |column: usize| {
             let advances = |equation: &&Equation| {
-                equation.subject == columns[state.column] && equation.prediction != Prediction::Value
+                equation.subject == model.columns[column].name && equation.prediction != Prediction::Value
             };
-            let lag = stepper.lags.iter().find(|lag| lag.column == state.column).map(|lag| &lag.equation);
-            let Some(equation) = model.equations.iter().find(advances).or(lag) else { continue };
-            let own = variables.iter().enumerate().map(|(i, &column)| (columns[column], Variable::Own(i)));
-            let latents = model.latents.iter().enumerate().map(|(i, l)| (l.name.as_str(), Variable::Latent(i)));
-            for (name, variable) in own.chain(latents) {
-                let slope = equation.right.derivative(name);
-                if !is_zero(&slope) {
-                    right_slopes.push(slope);
-                    right_entries.push((row, variable));
-                }
-            }
-        }
-        Ok(Self {
-            features: Program::compile(&slopes, &columns)?,
-            feature_entries,
-            rights: Program::compile(&right_slopes, &with_latents)?,
-            right_entries,
-            variables,
-        })
+            let lag = stepper.lags.iter().find(|lag| lag.column == column).map(|lag| &lag.equation);
+            model.equations.iter().find(advances).or(lag)
+        };
+        let sides: Vec<Option<&Equation>> = stepper.states.iter().map(|state| of_state(state.column)).collect();
+        let present: Vec<Reading> = variables.iter().map(|&column| (column, 0)).collect();
+        Ok(Self { slopes: Slopes::new(model, &stepper.compiled, &sides, &present)?, variables })
     }
 
     /// Derivatives of the states' right sides at the points (points x states x variables, the states before the inputs), after
     /// [`Stepper::evaluate`] there.
     fn slopes(&self, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
-        let (count, width, states) = (points.count(), self.variables.len(), stepper.states.len());
-        let features = run(&self.features, stepper, points, workspace);
-        let rights = run(&self.rights, stepper, points, workspace);
-        let stride = padded(count) + LANES;
-        let latents = stepper.compiled.groups.iter().flat_map(|group| &group.slots).max().map_or(0, |slot| slot + 1);
-        let mut slopes = vec![0.0; count * states * width];
-        let mut of_latents = vec![0.0; latents * width];
-        for b in 0..count {
-            of_latents.fill(0.0);
-            for (entry, &(at, j, variable)) in self.feature_entries.iter().enumerate() {
-                let group = &stepper.compiled.groups[at];
-                let region = workspace.model.regions.get(group.regions).map_or(0, |regions| regions[b] as usize);
-                let first = (region * group.kept.len() + j) * group.width;
-                for (o, &slot) in group.slots.iter().enumerate() {
-                    // A point without a region has no derivatives.
-                    let coefficient = group.matrices.get(first + o).copied().unwrap_or(f64::NAN);
-                    of_latents[slot * width + variable] += coefficient * features[entry * stride + b];
-                }
+        let leaf = |leaf: Leaf| -> &[f64] {
+            let lag = leaf.lag().unsigned_abs() as usize;
+            match leaf {
+                Leaf::Column { column, .. } => points.column(column, lag),
+                Leaf::Time { .. } => points.seconds(lag),
             }
-            let own = &mut slopes[b * states * width..][..states * width];
-            for (entry, &(row, variable)) in self.right_entries.iter().enumerate() {
-                let slope = rights[entry * stride + b];
-                match variable {
-                    Variable::Own(variable) => own[row * width + variable] += slope,
-                    Variable::Latent(slot) => {
-                        for variable in 0..width {
-                            own[row * width + variable] += slope * of_latents[slot * width + variable];
-                        }
-                    }
-                }
-            }
-        }
-        slopes
+        };
+        self.slopes.evaluate(&stepper.compiled, points.count(), &leaf, &workspace.model).total
     }
 
     /// The equations at each point to first order: the derivatives of the states, where any is integrated, else their next values (angles not wrapped).
@@ -245,27 +176,4 @@ fn chained(stepper: &Stepper, slopes: &[f64], before: &[f64], offset: f64, shape
         }
     }
     chained
-}
-
-/// The outputs of a program over columns and latents, at the points.
-fn run(program: &Program, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
-    let count = points.count();
-    let stride = padded(count) + LANES;
-    let leaves: Vec<&[f64]> = program
-        .leaves()
-        .iter()
-        .map(|leaf| {
-            let lag = leaf.lag().unsigned_abs() as usize;
-            match *leaf {
-                Leaf::Time { .. } => points.seconds(lag),
-                Leaf::Column { column, .. } => match stepper.compiled.latent(column, &workspace.model) {
-                    Some(values) => &values[..count],
-                    None => points.column(column, lag),
-                },
-            }
-        })
-        .collect();
-    let mut out = vec![0.0; program.outputs() * stride];
-    program.evaluate(&leaves, count, &mut out, stride, &mut Scratch::default());
-    out
 }

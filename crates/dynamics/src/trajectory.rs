@@ -11,6 +11,8 @@ pub enum End {
     Diverged,
     /// The row's label was not seen in training: no region applies.
     NoRegion,
+    /// A regressor was outside the range that its region saw in training ([`Outside::End`](crate::Outside::End)).
+    LeftDomain,
 }
 
 /// One free run of a model.

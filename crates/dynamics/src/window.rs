@@ -19,9 +19,9 @@ pub(crate) struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// The recording around a start in a block that holds its whole episode.
-    pub(crate) fn of_episode(block: &'a Block, start: Start, map: &'a [usize]) -> Self {
-        Self { block, at: start.row, start, map }
+    /// The recording around a start in a block of its episode; `map` gives the source's index of each column of the model.
+    pub(crate) fn new(block: &'a Block, start: Start, map: &'a [usize]) -> Self {
+        Self { block, at: start.row + block.before - block.first, start, map }
     }
 
     /// A column of the model from `from` to `to`, in rows relative to the start.
@@ -41,14 +41,7 @@ pub(crate) struct Windows {
 impl Windows {
     /// One window a start; `map` gives the source's index of each column of the model.
     pub(crate) fn windows<'a>(&'a self, starts: &[Start], map: &'a [usize]) -> Vec<Window<'a>> {
-        starts
-            .iter()
-            .zip(&self.of_start)
-            .map(|(&start, &block)| {
-                let block = &self.blocks[block];
-                Window { block, at: start.row - block.first, start, map }
-            })
-            .collect()
+        starts.iter().zip(&self.of_start).map(|(&start, &block)| Window::new(&self.blocks[block], start, map)).collect()
     }
 }
 

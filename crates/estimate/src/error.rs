@@ -96,9 +96,22 @@ pub enum EstimateError {
         /// The target.
         target: String,
     },
+    /// More coefficients than a simulation error is minimised over.
+    #[error(
+        "{count} coefficients are too many for a fit by simulation error, which takes {most} at most: offer fewer regions or candidates, or fit one step ahead (objective = \"one-step\")"
+    )]
+    TooManyCoefficients {
+        /// How many.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
     /// The factorisation of the Jacobian failed.
     #[error("the derivatives are too large to be factored: choose other units or initial values")]
     Overflow,
+    /// A model cannot be simulated on the source.
+    #[error(transparent)]
+    Dynamics(#[from] fleetfoot_dynamics::Error),
     /// The source has no such column.
     #[error(transparent)]
     UnknownColumn(#[from] UnknownColumn),

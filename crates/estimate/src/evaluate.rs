@@ -48,6 +48,8 @@ pub(crate) struct Evaluation {
     pub(crate) scores: Vec<Vec<f64>>,
     /// What was solved for on the way, one a residual.
     pub(crate) linear: Vec<LinearPart>,
+    /// Simulations that ended early.
+    pub(crate) ended: u64,
 }
 
 /// Linear coefficients at given nonlinear parameters.
@@ -119,6 +121,6 @@ impl Objective for Nonlinear<'_> {
         let (jacobian, rhs, beyond) = self.stack(&sums.factors);
         let cost = rhs.iter().map(|r| r * r).sum::<f64>() + beyond;
         let (targets, rows) = (sums.targets.iter().sum(), sums.rows);
-        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows, scores, linear: Vec::new() }))
+        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows, scores, linear: Vec::new(), ended: 0 }))
     }
 }

@@ -13,6 +13,8 @@
 //! [`separable`] does the same for models that are linear in most of what is unknown, `sum_j c_kj phi_kj(x_i, theta)`: it searches over theta
 //! alone. Both take filters, such as a motor's first-order lag, with their constants among the parameters, and answer with standard errors.
 //!
+//! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
+//!
 //! ```
 //! use fleetfoot_data::{Column, MemorySource, Silent};
 //! use fleetfoot_estimate::{Options, Parameter, Residual, nonlinear_least_squares};
@@ -39,6 +41,7 @@ mod problem;
 mod reads;
 mod rows;
 mod separable;
+mod simulation;
 mod step;
 mod uncertain;
 
@@ -47,4 +50,5 @@ pub use error::EstimateError;
 pub use fit::{Estimate, nonlinear_least_squares};
 pub use problem::{Parameter, Residual};
 pub use separable::{LinearFit, LinearTarget, Separable, SeparableOptions, Start, separable};
+pub use simulation::{MOST_COEFFICIENTS, Simulated, SimulationOptions, simulation_error};
 pub use uncertain::Uncertain;

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Prediction;
-use fleetfoot_pwa::{Identification, Options, Problem, Selection, Specification};
+use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification};
 
 use crate::{
-    Dataset, Derivative, Error, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule, Task, dataset,
-    fit_statistic,
+    Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
+    Task, dataset, fit_statistic,
     left_out::left_out,
-    not_finite,
+    not_finite, objective,
     output::{refuse_not_finite, write_model},
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };
@@ -38,6 +38,8 @@ pub struct Fitted {
     pub files: usize,
     /// How partition and spans were chosen by rollouts, where they were.
     pub rollouts: Option<RolloutChoice>,
+    /// The fit to simulations, where it was asked for.
+    pub refinement: Option<Refinement>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -101,6 +103,10 @@ pub struct FitPlan {
     pub passes: usize,
     /// Those among them that the choice by rollouts takes.
     pub choice_passes: usize,
+    /// Passes of one identification.
+    pub fit_passes: usize,
+    /// What coefficients are fitted to, which takes [`Objective::passes`] beside [`Self::passes`].
+    pub objective: Objective,
     /// Rows that k-means keeps.
     pub clustered_rows: usize,
     /// Bytes, about.
@@ -123,7 +129,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
     let options = PwaOptions::new(recipe)?;
     let (rollouts, spans) = (options.rollouts, candidates(recipe).len());
     // The training rows of a fold are fewer, so that its passes are less than the fit's own.
-    let choice_passes = rollouts.map_or(0, |rule| PASSES * rule.folds * spans);
+    let choice_passes = rollouts.map_or(0, |rule| PWA_PASSES * rule.folds * spans);
     let recipe = &settled(recipe, None);
     let (task, columns, rows, episodes, decoded, notes) =
         match dataset::estimate(recipe, &options.labels(), logs, progress)? {
@@ -148,8 +154,10 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         partitions: options.identification.partitions.len(),
         rollouts,
         spans,
-        passes: PASSES + choice_passes,
+        passes: PWA_PASSES + choice_passes,
         choice_passes,
+        fit_passes: PWA_PASSES,
+        objective: options.objective,
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
         notes,
@@ -157,7 +165,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
 }
 
 /// Passes of one identification: survey, scan, errors.
-const PASSES: usize = 3;
+pub const PWA_PASSES: usize = 3;
 
 /// All expressions over the aliases that a row needs.
 fn functions(task: &Task) -> Vec<Expr> {
@@ -199,14 +207,41 @@ pub fn fit_pwa(
     let mut identification =
         found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task)))?;
     refuse_not_finite(&identification.model)?;
+    let refinement = refined(said.objective, &task.problem, &options, &mut identification, &view, progress)?;
     let text = recipe.to_toml();
     for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
         model.training.recipe.clone_from(&text);
     }
     let mut notes = dataset.notes().to_vec();
+    notes.extend(said.objective.note(refinement.as_ref()));
     notes.extend(left_out(identification.incomplete, &dataset, functions(&task))?);
     notes.append(&mut identification.notes);
-    Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), rollouts, notes })
+    Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), rollouts, refinement, notes })
+}
+
+/// Fits the chosen model to simulations where that is the objective, and takes what comes of it where it is the better one.
+fn refined(
+    objective: Objective,
+    problem: &Problem,
+    options: &Options,
+    identification: &mut Identification,
+    source: &dyn Source,
+    progress: &dyn Progress,
+) -> Result<Option<Refinement>, Error> {
+    let chosen = &identification.candidates[identification.chosen];
+    let mut trial = options.clone();
+    (trial.folds, trial.keep_all, trial.tsqr) = (0, false, false);
+    trial.partitions = vec![chosen.specification.clone()];
+    (trial.selection, trial.shrinkage) = (Selection::Given(0), Shrinkage::Rows(chosen.shrinkage));
+    let fit = |train: &dyn Source| Ok(fleetfoot_pwa::identify(problem, &trial, train, progress)?.model);
+    let refinement = objective::refine(objective, &identification.model, source, progress, fit)?;
+    if let Some(found) = refinement.as_ref().filter(|found| found.written) {
+        identification.model.clone_from(&found.fitted.model);
+        // What the coefficients of one step left is not what these leave.
+        let regions = identification.model.partitions.iter_mut().flat_map(|partition| &mut partition.regions);
+        regions.for_each(|region| region.residual_covariance.fill(f64::NAN));
+    }
+    Ok(refinement)
 }
 
 /// Compares partitions and open spans by rollouts: for every span, all partitions are fitted in the same passes over the training rows of every fold.
@@ -218,7 +253,7 @@ fn by_rollouts(
     rule: RolloutRule,
     progress: &dyn Progress,
 ) -> Result<RolloutChoice, Error> {
-    let held = HeldOut::new(source, rule)?;
+    let held = HeldOut::new(source, rule, "--select rollout")?;
     let mut trial = options.clone();
     (trial.folds, trial.keep_all, trial.tsqr) = (0, true, false);
     let mut found = Vec::new();

@@ -21,6 +21,7 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     let file = logs.statistic()?;
     let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?);
     let said = PwaOptions::new(&recipe)?;
+    said.objective.refuse_statistic()?;
     refuse_rows(&said)?;
     let mut options = said.of_step(file.step());
     options.keep_all = request.keep_all;
@@ -61,7 +62,14 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
                 .into(),
         );
     }
-    Ok(Fitted { identification, episodes: file.episodes.len(), files: file.files.len(), rollouts: None, notes })
+    Ok(Fitted {
+        identification,
+        episodes: file.episodes.len(),
+        files: file.files.len(),
+        rollouts: None,
+        refinement: None,
+        notes,
+    })
 }
 
 /// What a statistic cannot answer.

@@ -11,11 +11,11 @@ use fleetfoot_dynamics::{Basis, Estimate};
 use serde_json::{Value, json};
 
 /// A number for JSON, which has no NaN.
-fn real(value: f64) -> Value {
+pub(crate) fn real(value: f64) -> Value {
     serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
 }
 
-fn reals(values: &[f64]) -> Vec<Value> {
+pub(crate) fn reals(values: &[f64]) -> Vec<Value> {
     values.iter().map(|&value| real(value)).collect()
 }
 

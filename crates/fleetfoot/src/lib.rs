@@ -35,6 +35,7 @@ mod folder;
 mod folds;
 pub mod generate;
 mod groups;
+mod in_words;
 mod init;
 mod json;
 mod known;
@@ -45,12 +46,14 @@ mod list;
 mod logs;
 mod narx;
 mod not_finite;
+mod objective;
 mod output;
 mod period;
 pub mod prepare;
 mod project;
 mod recipe;
 mod request;
+mod result_page;
 mod rollout_choice;
 mod rows;
 mod run;
@@ -70,9 +73,10 @@ pub use controller::controller;
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
-pub use fit::{FitPlan, Fitted, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
+pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
+pub use in_words::{spans_in_words, useful_in_words};
 pub use init::starter_recipe;
 pub use json::{interval_in_words, replayed_in_words};
 pub use known::{KnownModel, is_known, known_model};
@@ -83,6 +87,7 @@ pub use narx::{
     NarxRegion, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule,
     TermRule, fit_narx,
 };
+pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
@@ -92,6 +97,7 @@ pub use recipe::{
     Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
+pub use result_page::{Report, ReportOptions, report};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
@@ -117,8 +123,9 @@ pub use fleetfoot_estimate as estimate;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
-pub use fleetfoot_model::{self as model, Model, describe};
+pub use fleetfoot_model::{self as model, Model, describe, describe_transitions};
 pub use fleetfoot_pwa as pwa;
+pub use fleetfoot_report as report;
 pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;
 pub use fleetfoot_sparse as sparse;

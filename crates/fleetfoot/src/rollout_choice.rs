@@ -4,7 +4,7 @@
 //! over the spans that were kept back.
 
 use fleetfoot_data::{Progress, Silent, Source};
-use fleetfoot_dynamics::{Baseline, Error as DynamicsError, RolloutOptions, Starts, rollout};
+use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
 use fleetfoot_model::Model;
 
 use crate::{Derivative, Error, Recipe, narx::Spans};
@@ -68,7 +68,7 @@ pub struct RolloutChoice {
 }
 
 /// Errors that differ by less count as equal.
-const SAME: f64 = 1e-3;
+pub(crate) const SAME: f64 = 1e-3;
 
 impl RolloutChoice {
     /// The least error; of errors within a thousandth of it the smallest model.
@@ -105,13 +105,37 @@ pub(crate) struct HeldOut<'a> {
     cut: Spans<'a>,
     fold_of: Vec<usize>,
     rule: RolloutRule,
+    /// The option that asks for it.
+    option: String,
+}
+
+/// Rollouts of a model over spans that did not train it.
+pub(crate) struct HeldOutRollouts {
+    /// Squared error over that of persistence, its root, the mean over the states; a rollout that ended early with its last good state.
+    pub(crate) share: f64,
+    /// Rollouts that ended early.
+    pub(crate) ended: usize,
+    /// Rollouts.
+    pub(crate) starts: usize,
 }
 
 impl<'a> HeldOut<'a> {
     /// Cuts a source by the one fold rule.
-    pub(crate) fn new(source: &'a dyn Source, rule: RolloutRule) -> Result<Self, Error> {
+    pub(crate) fn new(source: &'a dyn Source, rule: RolloutRule, option: impl Into<String>) -> Result<Self, Error> {
         let (cut, fold_of) = Spans::folds(source, rule.folds)?;
-        Ok(Self { cut, fold_of, rule })
+        Ok(Self { cut, fold_of, rule, option: option.into() })
+    }
+
+    pub(crate) fn rule(&self) -> RolloutRule {
+        self.rule
+    }
+
+    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
+    pub(crate) fn far(&self, steps: usize) -> usize {
+        let spans = || self.cut.episodes().iter().zip(&self.fold_of);
+        let longest = |fold: usize| spans().filter(|(_, own)| **own == fold).map(|(span, _)| span.rows).max();
+        let room = (0..self.rule.folds).filter_map(longest).min().unwrap_or(0) / 2;
+        steps.min(room).max(self.rule.horizon)
     }
 
     /// The spans that train in a fold, or those that are held out. Differences and lags do not reach over their borders.
@@ -128,47 +152,68 @@ impl<'a> HeldOut<'a> {
         mut fit: impl FnMut(&dyn Source) -> Result<Vec<Model>, Error>,
     ) -> Result<Vec<Vec<f64>>, Error> {
         let mut errors: Vec<Vec<f64>> = Vec::new();
-        for fold in 0..self.rule.folds {
-            let models = fit(&self.part(fold, false)?)?;
-            let held = self.part(fold, true)?;
+        self.each(|train, held| {
+            let models = fit(train)?;
             progress.stage("rollouts");
             errors.resize(models.len().max(errors.len()), Vec::new());
             for (model, errors) in models.iter().zip(&mut errors) {
-                errors.push(self.error(model, &held)?);
+                errors.push(self.error(model, held)?);
             }
-        }
+            Ok(())
+        })?;
         Ok(errors)
     }
 
-    /// Error of a model's rollouts over that of persistence.
+    /// Hands on the rows that train and those that are held out, fold by fold.
+    pub(crate) fn each(
+        &self,
+        mut fold: impl FnMut(&dyn Source, &dyn Source) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        (0..self.rule.folds).try_for_each(|at| fold(&self.part(at, false)?, &self.part(at, true)?))
+    }
+
+    /// Error of a model's rollouts over that of persistence; infinite where one ended early.
     fn error(&self, model: &Model, held: &dyn Source) -> Result<f64, Error> {
         let options = RolloutOptions::new(self.rule.horizon);
-        let found = match rollout(model, held, &Starts::Even(self.rule.starts), &options, &Silent) {
+        let found = self.simulated(model, held, &Starts::Even(self.rule.starts), &options)?;
+        Ok(if found.ended > 0 { f64::INFINITY } else { found.share })
+    }
+
+    /// Rolls a model out over spans that did not train it.
+    pub(crate) fn simulated(
+        &self,
+        model: &Model,
+        held: &dyn Source,
+        starts: &Starts,
+        options: &RolloutOptions,
+    ) -> Result<HeldOutRollouts, Error> {
+        let found = match rollout(model, held, starts, options, &Silent) {
             Ok(found) => found,
             Err(error @ DynamicsError::TooShort { .. }) => {
                 return Err(Error::undetermined(format!(
-                    "--select rollout: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter --horizon, or longer logs",
-                    self.rule.folds
+                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter --horizon (fewer steps), or longer logs",
+                    self.option, self.rule.folds
                 )));
             }
             Err(error) => return Err(error.into()),
         };
-        if found.diverged() + found.without_region() > 0 {
-            return Ok(f64::INFINITY);
-        }
-        let horizon = &found.horizon;
-        let persistence = horizon.baselines.iter().find(|(baseline, _)| *baseline == Baseline::Persistence);
-        let Some((_, persistence)) = persistence else { return Ok(f64::INFINITY) };
-        let states = horizon.states.len();
-        let squares = |rmse: &[f64], state: usize| -> f64 {
-            rmse.iter().skip(state).step_by(states).filter(|value| value.is_finite()).map(|value| value * value).sum()
-        };
-        let moving = (0..states).filter(|&state| squares(&persistence.rmse, state) > 0.0);
-        let shares: Vec<f64> = moving
-            .map(|state| (squares(&horizon.model.rmse, state) / squares(&persistence.rmse, state)).sqrt())
-            .collect();
-        Ok(shares.iter().sum::<f64>() / shares.len() as f64)
+        let ended = found.diverged() + found.without_region();
+        Ok(HeldOutRollouts { share: over_persistence(&found.horizon), ended, starts: found.outcomes.len() })
     }
+}
+
+/// Squared error of rollouts over that of persistence, its root, the mean over the states that move.
+fn over_persistence(horizon: &Horizon) -> f64 {
+    let persistence = horizon.baselines.iter().find(|(baseline, _)| *baseline == Baseline::Persistence);
+    let Some((_, persistence)) = persistence else { return f64::INFINITY };
+    let states = horizon.states.len();
+    let squares = |rmse: &[f64], state: usize| -> f64 {
+        rmse.iter().skip(state).step_by(states).filter(|value| value.is_finite()).map(|value| value * value).sum()
+    };
+    let moving = (0..states).filter(|&state| squares(&persistence.rmse, state) > 0.0);
+    let shares: Vec<f64> =
+        moving.map(|state| (squares(&horizon.model.rmse, state) / squares(&persistence.rmse, state)).sqrt()).collect();
+    shares.iter().sum::<f64>() / shares.len() as f64
 }
 
 /// Coefficients of a model that are not zero.

@@ -117,7 +117,7 @@ pub struct PredictedRows<'a> {
 
 /// Whether a run of a model needs a column: all but those that only the targets speak of, which say what a prediction is compared with. A rollout starts from
 /// the states that it advances, so it needs these too.
-fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
+pub(crate) fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
     let speaks =
         |expression: &Expr| expression.columns().iter().chain(&expression.sources()).any(|column| **column == *name);
     let targets = model.equations.iter().filter_map(|equation| equation.target.as_ref());

@@ -12,6 +12,7 @@ mod model;
 mod options;
 mod parameters;
 mod plan;
+mod refined;
 mod report;
 mod solve;
 mod spans;
@@ -39,6 +40,7 @@ pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};
 pub use parameters::Parameter;
 pub use plan::{SindyPlan, plan_sindy};
+pub(crate) use refined::coefficients_of;
 pub use report::{EquationReport, FrontPoint, ParameterReport, RegionReport, SindyReport, TermReport};
 pub(crate) use solve::keys;
 use solve::{Solved, Solver};
@@ -102,6 +104,9 @@ pub fn fit_sindy(
     let logs = &logs.into();
     // What is wrong with the options is said before the pass.
     let options = SindyOptions::new(&recipe.sindy)?;
+    if logs.is_statistic() {
+        options.objective.refuse_statistic()?;
+    }
     let (mut evidence, recipe, rollouts) = if logs.is_statistic() {
         let (evidence, recipe) = Evidence::of_statistic(recipe, logs)?;
         (evidence, recipe, None)
@@ -126,7 +131,10 @@ pub fn fit_sindy(
     };
     let provenance = evidence.provenance(&method, &recipe, options.seed);
     let chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
-    let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
+    let model_of = |chosen: &[Mat<f64>]| {
+        evidence.task.model(&evidence.scan, evidence.partition.as_ref(), chosen, provenance.clone())
+    };
+    let mut model = model_of(&chosen);
     refuse_not_finite(&model)?;
     let front = if request.front && regions.len() == 1 {
         front_models(&evidence, &regions[0], &provenance)
@@ -136,6 +144,12 @@ pub fn fit_sindy(
     let folds = (solver.folds(), solver.fold_rule());
     let mut report = report(&evidence, &options, folds, &regions, &chosen, notes);
     report.rollouts = rollouts;
+    report.refinement = refined::refined(&recipe, &options, &evidence, &model, logs, progress)?;
+    report.notes.extend(options.objective.note(report.refinement.as_ref()));
+    if let Some(found) = report.refinement.clone().filter(|found| found.written) {
+        model = model_of(&coefficients_of(&found.fitted.model, &evidence.task, regions.len()));
+        report.refine(&evidence.task, &model, &found);
+    }
     Ok(SindyFitted { model, report, front })
 }
 
@@ -203,6 +217,7 @@ fn report(
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         regions,
         rollouts: None,
+        refinement: None,
         notes,
     }
 }

@@ -1,201 +1,119 @@
 //! Expressions as LaTeX mathematics.
 
-mod name;
-
-use std::fmt::Write;
-
-use crate::{Binary, Expr, Filter, Node, Unary};
-
-/// How tightly a form binds; an operand in a tighter place needs parentheses.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Binding {
-    Sum,
-    Product,
-    /// Fractions and functions: factors of a product, but no bases of powers.
-    Factor,
-    Atom,
-}
-
-/// What is left to write, last first.
-enum Job<'a> {
-    Expr(&'a Expr, Binding),
-    Text(&'static str),
-    Owned(String),
-}
+use crate::{
+    Expr, Unary,
+    typeset::{Forms, Notation, Subscript, Symbol, is_greek, typeset},
+};
 
 impl Expr {
     /// The expression in LaTeX's mathematical mode: quotients as fractions, `vx_1` as an upright vx with the subscript 1, Greek
     /// letters by their names, columns of a recording in discrete time as `x_{k-1}` (where a lag occurs, every column has its `k`).
     pub fn to_latex(&self) -> String {
-        let discrete = self.fold(|expr, below: &[bool]| match expr.node() {
-            Node::Column { lag, .. } | Node::Time { lag } => *lag != 0,
-            _ => below.contains(&true),
-        });
-        let mut out = String::new();
-        let mut jobs = vec![Job::Expr(self, Binding::Sum)];
-        while let Some(job) = jobs.pop() {
-            match job {
-                Job::Text(text) => out.push_str(text),
-                Job::Owned(text) => out.push_str(&text),
-                Job::Expr(expr, least) if binding(expr) < least => {
-                    out.push_str("\\left(");
-                    jobs.extend([Job::Text("\\right)"), Job::Expr(expr, Binding::Sum)]);
-                }
-                Job::Expr(expr, _) => write_node(expr, discrete, &mut jobs, &mut out),
-            }
-        }
-        out
+        typeset::<Latex>(self)
     }
 }
 
-fn binding(expr: &Expr) -> Binding {
-    match expr.node() {
-        Node::Number(value) if *value < 0.0 => Binding::Sum,
-        Node::Number(value) if number(*value).contains('\\') => Binding::Product,
-        Node::Number(_) | Node::Column { .. } | Node::Time { .. } => Binding::Atom,
-        Node::Unary(Unary::Neg, _) => Binding::Sum,
-        Node::Unary(Unary::Abs | Unary::Sqrt, _) => Binding::Atom,
-        Node::Unary(..) | Node::Power(..) => Binding::Factor,
-        Node::Binary(Binary::Add | Binary::Sub, ..) => Binding::Sum,
-        Node::Binary(Binary::Mul, ..) => Binding::Product,
-        Node::Binary(..) => Binding::Factor,
+struct Latex;
+
+impl Notation for Latex {
+    const FORMS: Forms = Forms {
+        parentheses: ["\\left(", "\\right)"],
+        absolute: ["\\left|", "\\right|"],
+        root: ["\\sqrt{", "}"],
+        fraction: ["\\frac{", "}{", "}"],
+        power: ["", "^{", "}"],
+        comma: ", ",
+        plus: " + ",
+        minus: " - ",
+        negative: "-",
+        product: [" \\, ", " \\cdot "],
+        minimum: "\\min",
+        maximum: "\\max",
+    };
+
+    fn number(digits: &str, exponent: Option<i32>) -> String {
+        match exponent {
+            Some(exponent) => format!("{digits} \\cdot 10^{{{exponent}}}"),
+            None => digits.to_owned(),
+        }
+    }
+
+    fn not_finite(value: f64) -> String {
+        let text = match value {
+            v if v.is_nan() => "\\mathrm{NaN}",
+            v if v > 0.0 => "\\infty",
+            _ => "-\\infty",
+        };
+        text.to_owned()
+    }
+
+    /// All digits: what is exported is computed with.
+    fn rounded(value: f64) -> f64 {
+        value
+    }
+
+    fn symbol(symbol: &Symbol<'_>) -> String {
+        let one = |subscript: &Subscript<'_>| match subscript {
+            Subscript::Word(text) => word(text),
+            Subscript::Row(0) => "k".to_owned(),
+            Subscript::Row(lag) => format!("k{}{}", if *lag > 0 { '-' } else { '+' }, lag.unsigned_abs()),
+        };
+        let subscripts: Vec<String> = symbol.subscripts.iter().map(one).collect();
+        let stem = word(symbol.stem);
+        if subscripts.is_empty() { stem } else { format!("{stem}_{{{}}}", subscripts.join(",")) }
+    }
+
+    fn function(function: Unary, exponent: Option<i32>) -> String {
+        let name = match function {
+            Unary::Neg => "-",
+            Unary::Sin => "\\sin",
+            Unary::Cos => "\\cos",
+            Unary::Tan => "\\tan",
+            Unary::Asin => "\\arcsin",
+            Unary::Acos => "\\arccos",
+            Unary::Atan => "\\arctan",
+            Unary::Sinh => "\\sinh",
+            Unary::Cosh => "\\cosh",
+            Unary::Tanh => "\\tanh",
+            Unary::Exp => "\\exp",
+            Unary::Log => "\\ln",
+            Unary::Sqrt => "\\sqrt",
+            Unary::Abs => "\\operatorname{abs}",
+            Unary::Sign => "\\operatorname{sgn}",
+            Unary::Step => "\\operatorname{step}",
+            Unary::Wrap => "\\operatorname{wrap}",
+        };
+        exponent.map_or_else(|| name.to_owned(), |exponent| format!("{name}^{{{exponent}}}"))
+    }
+
+    fn named(name: &str) -> String {
+        format!("\\operatorname{{{}}}", name.replace('_', "\\_"))
     }
 }
 
-/// Writes up to the first argument and queues the rest.
-fn write_node<'a>(expr: &'a Expr, discrete: bool, jobs: &mut Vec<Job<'a>>, out: &mut String) {
-    match expr.node() {
-        Node::Number(value) => out.push_str(&number(*value)),
-        Node::Column { name, lag } => out.push_str(&column(name, *lag, discrete)),
-        Node::Time { lag } => out.push_str(&name::symbol("t", discrete.then_some(*lag))),
-        Node::Unary(Unary::Neg, x) => {
-            out.push('-');
-            jobs.push(Job::Expr(x, Binding::Product));
-        }
-        Node::Unary(Unary::Abs, x) => {
-            out.push_str("\\left|");
-            jobs.extend([Job::Text("\\right|"), Job::Expr(x, Binding::Sum)]);
-        }
-        Node::Unary(Unary::Sqrt, x) => {
-            out.push_str("\\sqrt{");
-            jobs.extend([Job::Text("}"), Job::Expr(x, Binding::Sum)]);
-        }
-        Node::Unary(function, x) => {
-            out.push_str(function_name(*function));
-            jobs.extend([Job::Text("\\right)"), Job::Expr(x, Binding::Sum), Job::Text("\\left(")]);
-        }
-        Node::Power(base, k) => write_power(base, *k, jobs, out),
-        Node::Binary(function, a, b) => write_binary(*function, a, b, jobs, out),
+/// A Greek letter, a single letter, a number, or an upright word.
+fn word(text: &str) -> String {
+    if is_greek(text) {
+        return format!("\\{text}");
     }
-}
-
-/// The exponent of a function with a name stands behind the name.
-fn write_power<'a>(base: &'a Expr, k: i32, jobs: &mut Vec<Job<'a>>, out: &mut String) {
-    let named = |function: &Unary| !matches!(function, Unary::Neg | Unary::Abs | Unary::Sqrt);
-    match base.node() {
-        Node::Unary(function, x) if k > 0 && named(function) => {
-            let _ = write!(out, "{}^{{{k}}}", function_name(*function));
-            jobs.extend([Job::Text("\\right)"), Job::Expr(x, Binding::Sum), Job::Text("\\left(")]);
-        }
-        _ => jobs.extend([Job::Owned(format!("^{{{k}}}")), Job::Expr(base, Binding::Atom)]),
+    let mut characters = text.chars();
+    let single = characters.next().is_some_and(|c| c.is_ascii_alphabetic()) && characters.next().is_none();
+    if single || (!text.is_empty() && text.bytes().all(|c| c.is_ascii_digit())) {
+        return text.to_owned();
     }
-}
-
-fn write_binary<'a>(function: Binary, a: &'a Expr, b: &'a Expr, jobs: &mut Vec<Job<'a>>, out: &mut String) {
-    match function {
-        Binary::Add | Binary::Sub => {
-            let sign = if function == Binary::Add { " + " } else { " - " };
-            jobs.extend([Job::Expr(b, Binding::Product), Job::Text(sign), Job::Expr(a, Binding::Sum)]);
-        }
-        Binary::Mul => {
-            // Two numbers side by side would read as one.
-            let dot = starts_with_digit(b);
-            let sign = if dot { " \\cdot " } else { " \\, " };
-            jobs.extend([Job::Expr(b, Binding::Product), Job::Text(sign), Job::Expr(a, Binding::Product)]);
-        }
-        Binary::Div => {
-            out.push_str("\\frac{");
-            jobs.extend([Job::Text("}"), Job::Expr(b, Binding::Sum), Job::Text("}{"), Job::Expr(a, Binding::Sum)]);
-        }
-        Binary::Pow => {
-            jobs.extend([Job::Text("}"), Job::Expr(b, Binding::Sum), Job::Text("^{"), Job::Expr(a, Binding::Atom)])
-        }
-        Binary::Atan2 | Binary::Min | Binary::Max => {
-            out.push_str(match function {
-                Binary::Min => "\\min",
-                Binary::Max => "\\max",
-                _ => "\\operatorname{atan2}",
-            });
-            jobs.extend([
-                Job::Text("\\right)"),
-                Job::Expr(b, Binding::Sum),
-                Job::Text(", "),
-                Job::Expr(a, Binding::Sum),
-                Job::Text("\\left("),
-            ]);
+    let mut word = "\\mathrm{".to_owned();
+    for c in text.chars() {
+        match c {
+            '&' | '%' | '$' | '#' | '_' | '{' | '}' => word.extend(['\\', c]),
+            '\\' => word.push_str("\\backslash "),
+            '^' => word.push_str("\\hat{}"),
+            '~' => word.push_str("\\sim "),
+            ' ' => word.push_str("\\ "),
+            _ => word.push(c),
         }
     }
-}
-
-/// Whether the first thing written of a factor is a digit.
-fn starts_with_digit(expr: &Expr) -> bool {
-    let mut expr = expr;
-    loop {
-        match expr.node() {
-            // A negative number stands in parentheses.
-            Node::Number(value) => return value.is_finite() && *value >= 0.0,
-            Node::Binary(Binary::Mul | Binary::Pow, a, _) | Node::Power(a, _) => expr = a,
-            _ => return false,
-        }
-    }
-}
-
-fn function_name(function: Unary) -> &'static str {
-    match function {
-        Unary::Neg => "-",
-        Unary::Sin => "\\sin",
-        Unary::Cos => "\\cos",
-        Unary::Tan => "\\tan",
-        Unary::Asin => "\\arcsin",
-        Unary::Acos => "\\arccos",
-        Unary::Atan => "\\arctan",
-        Unary::Sinh => "\\sinh",
-        Unary::Cosh => "\\cosh",
-        Unary::Tanh => "\\tanh",
-        Unary::Exp => "\\exp",
-        Unary::Log => "\\ln",
-        Unary::Sqrt => "\\sqrt",
-        Unary::Abs => "\\operatorname{abs}",
-        Unary::Sign => "\\operatorname{sgn}",
-        Unary::Step => "\\operatorname{step}",
-        Unary::Wrap => "\\operatorname{wrap}",
-    }
-}
-
-/// A column, or the filter that it is the output of.
-fn column(name: &str, lag: i32, discrete: bool) -> String {
-    match Filter::of(name) {
-        Some(filter) => {
-            let (kind, shifted) = (filter.kind.name().replace('_', "\\_"), filter.input.shifted(lag));
-            format!("\\operatorname{{{kind}}}\\left({}, {}\\right)", shifted.to_latex(), filter.constant.to_latex())
-        }
-        None => name::symbol(name, discrete.then_some(lag)),
-    }
-}
-
-/// The fewest digits that read back exactly; very large and very small ones with a power of ten.
-fn number(value: f64) -> String {
-    if value.is_nan() {
-        return "\\mathrm{NaN}".to_owned();
-    }
-    if value.is_infinite() {
-        return if value > 0.0 { "\\infty".to_owned() } else { "-\\infty".to_owned() };
-    }
-    let text = format!("{value:?}");
-    match text.split_once('e') {
-        Some((digits, exponent)) => format!("{} \\cdot 10^{{{exponent}}}", digits.strip_suffix(".0").unwrap_or(digits)),
-        None => text.strip_suffix(".0").unwrap_or(&text).to_owned(),
-    }
+    word.push('}');
+    word
 }
 
 #[cfg(test)]

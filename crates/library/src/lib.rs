@@ -29,6 +29,7 @@ mod function;
 mod kernel;
 mod latex;
 mod library;
+mod mathml;
 mod monomial;
 mod parse;
 mod print;
@@ -40,6 +41,7 @@ mod simplify;
 mod straight_line;
 mod sum;
 mod terms;
+mod typeset;
 mod unit;
 mod view;
 

@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
-use crate::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel};
+use crate::{
+    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Transitions, UnseenLabel,
+};
 
 /// Version of the file format that this version writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -200,6 +202,9 @@ struct PartitionText {
     scale: Reals,
     rule: RuleText,
     regions: Vec<RegionText>,
+    /// Counts, from region to region; empty where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    transitions: Vec<Vec<u64>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -331,6 +336,7 @@ impl ModelText {
                     scale: floats(p.scale),
                     rule: p.rule.into_rule(),
                     regions: p.regions.into_iter().map(RegionText::into_region).collect(),
+                    transitions: (!p.transitions.is_empty()).then_some(Transitions { counts: p.transitions }),
                 })
             })
             .collect::<Result<Vec<_>, String>>()?;
@@ -383,6 +389,7 @@ impl From<&Partition> for PartitionText {
             scale: reals(&p.scale),
             rule: RuleText::from(&p.rule),
             regions: p.regions.iter().map(RegionText::from).collect(),
+            transitions: p.transitions.as_ref().map_or_else(Vec::new, |transitions| transitions.counts.clone()),
         }
     }
 }

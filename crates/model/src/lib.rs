@@ -37,6 +37,8 @@ mod latent_groups;
 mod partition;
 mod print;
 mod region;
+mod transitions;
+mod typeset;
 mod validate;
 
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
@@ -50,8 +52,10 @@ pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use partition::{Partition, Rule, UnseenLabel};
-pub use print::{describe, factor};
+pub use print::{describe, describe_transitions, factor};
 pub use region::{Region, Training};
+pub use transitions::Transitions;
+pub use typeset::SetEquation;
 
 use fleetfoot_library::Expr;
 

@@ -22,6 +22,8 @@ pub struct Partition {
     pub rule: Rule,
     /// One entry per region.
     pub regions: Vec<crate::Region>,
+    /// Which region follows which, where it was counted.
+    pub transitions: Option<crate::Transitions>,
 }
 
 /// How a region follows from standardised columns.
@@ -123,6 +125,7 @@ impl Partition {
             scale: Vec::new(),
             rule: Rule::Whole,
             regions: Vec::new(),
+            transitions: None,
         }
     }
 

@@ -101,6 +101,12 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
             partition.rule.count()
         ));
     }
+    if let Some(transitions) = &partition.transitions {
+        let count = partition.rule.count();
+        if transitions.counts.len() != count || transitions.counts.iter().any(|row| row.len() != count) {
+            return Err(format!("partition {name}: transitions are not {count} x {count}"));
+        }
+    }
     for region in &partition.regions {
         check_region(region, functions, fitted)
             .map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;

@@ -86,6 +86,20 @@ pub enum Error {
         /// How many are allowed.
         limit: usize,
     },
+    /// Separators of more numbers than their Hessian has room for.
+    #[error(
+        "refined:{regions} on {columns} partition columns has separators of {} numbers, and {limit} is the limit: ask for fewer regions, or look at fewer \
+         columns (--partition-on)",
+        regions * (columns + 1)
+    )]
+    TooManySeparators {
+        /// Regions.
+        regions: usize,
+        /// Partition columns.
+        columns: usize,
+        /// Numbers that there may be.
+        limit: usize,
+    },
     /// No equation has a target.
     #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
     NothingToFit,

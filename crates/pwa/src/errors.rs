@@ -15,6 +15,7 @@ use crate::{
     rows::{Rows, Tile},
     scan::Assigner,
     select::Order,
+    walks::Walks,
 };
 
 /// What the pass found.
@@ -29,6 +30,8 @@ pub(crate) struct Errors {
     pub(crate) deviation: Vec<f64>,
     /// Scatter of the residuals of each kept model in each of its regions.
     pub(crate) residuals: Vec<Scatter>,
+    /// Which region follows which, of each kept model of a refined partition.
+    pub(crate) walks: Vec<Option<Walks>>,
     /// Sums of absolute errors by (episode, fold), in the order of the chunks.
     parts: Vec<((usize, u16), PartErrors)>,
 }
@@ -137,7 +140,7 @@ impl Measure<'_> {
                 let mut scratch = std::mem::take(&mut part.scratch);
                 let tile = self.rows.evaluate(block, &source.episodes()[chunk.episode].name, tile, &mut scratch)?;
                 if tile.len() > 0 {
-                    self.add(part, &assigner, &prepared, chunk, &tile);
+                    self.add(part, &assigner, &prepared, chunk, (&tile, block.first));
                 }
                 part.scratch = scratch;
                 Ok::<_, Error>(())
@@ -150,6 +153,11 @@ impl Measure<'_> {
                 total.candidates.iter_mut().zip(&errors.candidates).for_each(|(a, b)| a.merge(b));
                 total.deviation.iter_mut().zip(&errors.deviation).for_each(|(a, b)| *a += b);
                 total.residuals.iter_mut().zip(&errors.residuals).for_each(|(a, b)| a.merge(b));
+                for (total, walks) in total.walks.iter_mut().zip(&errors.walks) {
+                    if let (Some(total), Some(walks)) = (total, walks) {
+                        total.merge(walks);
+                    }
+                }
                 Ok(())
             },
         )?;
@@ -164,8 +172,15 @@ impl Measure<'_> {
             null: Sums::new(q),
             deviation: vec![0.0; q],
             residuals: self.kept.iter().map(|&kept| Scatter::new(self.orders[kept].full.len(), q)).collect(),
+            walks: self.kept.iter().map(|&kept| self.walks(kept)).collect(),
             parts: Vec::new(),
         }
+    }
+
+    /// Room for the transitions of a candidate, where they are wanted: other partitions may have regions whose pairs fill the memory.
+    fn walks(&self, candidate: usize) -> Option<Walks> {
+        let refined = self.segmentation.candidates[candidate].specification.is_refined();
+        refined.then(|| Walks::new(self.orders[candidate].full.len()))
     }
 
     fn prepare(&self, order: &Order) -> Prepared {
@@ -174,7 +189,14 @@ impl Measure<'_> {
         Prepared { full: maps(&order.full), by_fold }
     }
 
-    fn add(&self, part: &mut Part, assigner: &Assigner<'_>, prepared: &[Prepared], chunk: &Chunk, tile: &Tile<'_>) {
+    fn add(
+        &self,
+        part: &mut Part,
+        assigner: &Assigner<'_>,
+        prepared: &[Prepared],
+        chunk: &Chunk,
+        (tile, first): (&Tile<'_>, usize),
+    ) {
         let (q, n, width) = (self.rows.targets, tile.len(), padded(self.rows.targets));
         let fold = usize::from(chunk.fold.own);
         let weights = tile.weights();
@@ -211,6 +233,10 @@ impl Measure<'_> {
                     maps.full.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
                 }
                 part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
+                if let Some(walks) = &mut part.errors.walks[kept] {
+                    let rows = tile.values.index.iter().map(|row| first + row);
+                    walks.extend(chunk.episode, rows.zip(part.regions.iter().copied()));
+                }
             }
         }
     }

@@ -21,7 +21,7 @@ pub(crate) struct RegionModel {
 }
 
 impl RegionModel {
-    fn new(solution: Solution) -> Self {
+    pub(crate) fn new(solution: Solution) -> Self {
         let Solution { coefficients, intercept, rank, condition, confounded, .. } = solution;
         Self { coefficients, intercept, rank, condition, confounded }
     }

@@ -16,7 +16,7 @@ use crate::{
     rows::Rows,
     scan::{Scan, pilot, scan},
     select::{Order, choose, effective_rows, evaluate},
-    survey::{Survey, kept_bytes},
+    survey::{Survey, example_bytes, examples, kept_bytes},
     tsqr::factor_regions,
 };
 
@@ -93,6 +93,8 @@ pub struct Score {
     pub losses: Vec<f64>,
     /// Bayesian information criterion.
     pub bic: f64,
+    /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
+    pub objective: Vec<f64>,
 }
 
 impl Identification {
@@ -136,7 +138,7 @@ pub fn identify(
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Cost {
-    /// Rows that k-means keeps: all, or as many as the memory allows.
+    /// Rows that are kept to find regions: all, or as many as the memory allows.
     pub clustered_rows: usize,
     /// Bytes, about: kept rows, stored statistics, blocks in flight.
     pub bytes: usize,
@@ -147,13 +149,18 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
     let width = problem.library.len() + targets;
     let per_row = kept_bytes(problem.partition_columns.len(), 0);
-    let clusters = options.partitions.iter().any(|p| p.clusters().is_some());
-    let clustered_rows = if clusters { rows.min(options.memory / per_row.max(1)) } else { 0 };
+    let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
+    let clustered = if any(Specification::is_clustered) { rows.min(options.memory / per_row.max(1)) } else { 0 };
+    let per_example = example_bytes(problem.partition_columns.len(), width);
+    let refined = if any(Specification::is_refined) { examples(rows, per_example, options.memory) } else { 0 };
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
-    Cost { clustered_rows, bytes: clustered_rows * per_row + statistics + blocks }
+    Cost {
+        clustered_rows: clustered.max(refined),
+        bytes: clustered * per_row + refined * per_example + statistics + blocks,
+    }
 }
 
 pub(crate) fn gram_bytes(width: usize) -> usize {
@@ -164,7 +171,7 @@ pub(crate) fn expected_regions(specification: &Specification) -> usize {
     match specification {
         Specification::Null | Specification::Average => 0,
         Specification::ZScore(_) => 2,
-        Specification::KMeans(k) => *k,
+        Specification::KMeans(k) | Specification::Refined(k) => *k,
         Specification::Labels { k, .. } => 10 * k.max(&1),
     }
 }
@@ -248,6 +255,11 @@ impl Fit<'_> {
             .zip(errors.residuals.iter().zip(&roots))
             .map(|(&kept, (residuals, roots))| self.model(&orders[kept], kept, &errors, residuals, source, roots))
             .collect();
+        for (model, walks) in models.iter_mut().zip(&errors.walks) {
+            if let (Some(partition), Some(walks)) = (model.partitions.first_mut(), walks) {
+                partition.transitions = Some(walks.transitions());
+            }
+        }
         let model = if self.options.keep_all { models[chosen].clone() } else { models.remove(0) };
         let mut notes = self.segmentation.notes.clone();
         confounded(self.problem, &base, &mut notes);
@@ -335,6 +347,7 @@ impl Fit<'_> {
                 standard_error: order.standard_error,
                 losses: order.losses.clone(),
                 bic: order.bic,
+                objective: candidate.objective.clone(),
             })
             .collect()
     }

@@ -39,7 +39,10 @@ pub fn partition(
     progress: &dyn Progress,
 ) -> Result<Partitioned, Error> {
     let options = Options { folds: 0, ..options.clone() };
-    let Prepared { survey, segmentation, .. } = prepare(problem, &options, source, progress)?;
+    let Prepared { survey, mut segmentation, .. } = prepare(problem, &options, source, progress)?;
+    segmentation.notes.extend(options.partitions.iter().filter(|one| one.is_refined()).map(|one| {
+        format!("{one}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` on logs refines regions anew for every fold")
+    }));
     let of = |index: usize| segmentation.partitions[index].clone();
     Ok(Partitioned {
         partitions: segmentation.candidates.iter().map(|c| (c.specification.clone(), of(c.full))).collect(),

@@ -7,7 +7,12 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
 
-use crate::{Error, KMeansOptions, Options, Points, Problem, Specification, Start, kmeans, rows::Rows, survey::Survey};
+use crate::{
+    Error, KMeansOptions, Options, Points, Problem, Specification, Start, kmeans,
+    refined::{Examples, Ground, Refined},
+    rows::Rows,
+    survey::Survey,
+};
 
 /// One kind of partition: made on all rows, and on the training rows of every fold.
 pub(crate) struct Candidate {
@@ -16,6 +21,8 @@ pub(crate) struct Candidate {
     pub(crate) full: usize,
     /// Index of the partition for each fold; the same as `full` where the partition does not depend on the rows.
     pub(crate) by_fold: Vec<usize>,
+    /// What a refinement on all rows lowered, after every pass; empty for other kinds.
+    pub(crate) objective: Vec<f64>,
 }
 
 /// All partitions that share the second pass.
@@ -43,28 +50,52 @@ pub(crate) fn segment(
         notes: Vec::new(),
     };
     let folds = if options.folds > 1 { options.folds } else { 0 };
-    for specification in &options.partitions {
-        let mut make = |held: Option<u16>| -> Result<usize, Error> {
-            let maker = Maker { problem, options, rows, survey, held };
-            let (partition, label, note) = maker.make(specification, progress)?;
-            if let (Some(note), None) = (note, held) {
-                result.notes.push(note);
+    let mut made: Vec<Vec<Made>> = options.partitions.iter().map(|_| Vec::new()).collect();
+    for held in std::iter::once(None).chain((0..folds).map(Some)) {
+        // What refinements share is there for one training set at a time.
+        let mut maker = Maker { problem, options, rows, survey, held, ground: None };
+        for (specification, made) in options.partitions.iter().zip(&mut made) {
+            let wanted = match specification {
+                Specification::Null | Specification::Average => false,
+                Specification::Labels { k: 0 | 1, .. } => held.is_none(),
+                _ => true,
+            };
+            if wanted {
+                made.push(maker.make(specification, progress)?);
             }
-            result.partitions.push(partition);
-            result.labels.push(label);
-            Ok(result.partitions.len() - 1)
-        };
-        let (full, by_fold) = match specification {
-            Specification::Null | Specification::Average => (0, vec![0; usize::from(folds)]),
-            Specification::Labels { k: 0 | 1, .. } => {
-                let full = make(None)?;
-                (full, vec![full; usize::from(folds)])
-            }
-            _ => (make(None)?, (0..folds).map(|fold| make(Some(fold))).collect::<Result<_, _>>()?),
-        };
-        result.candidates.push(Candidate { specification: specification.clone(), full, by_fold });
+        }
+    }
+    for (specification, made) in options.partitions.iter().zip(made) {
+        result.add(specification, made, usize::from(folds));
     }
     Ok(result)
+}
+
+impl Segmentation {
+    /// Adds what was made of a specification: on all rows, then on the training rows of every fold, or for all of them where there is one only.
+    fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
+        let first = if made.is_empty() { 0 } else { self.partitions.len() };
+        let own = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };
+        let by_fold = (0..folds).map(own).collect();
+        let mut objective = Vec::new();
+        for (at, made) in made.into_iter().enumerate() {
+            if at == 0 {
+                self.notes.extend(made.note);
+                objective = made.objective;
+            }
+            self.partitions.push(made.partition);
+            self.labels.push(made.label);
+        }
+        self.candidates.push(Candidate { specification: specification.clone(), full: first, by_fold, objective });
+    }
+}
+
+/// A partition of one training set.
+struct Made {
+    partition: Partition,
+    label: Option<usize>,
+    note: Option<String>,
+    objective: Vec<f64>,
 }
 
 /// Makes the partitions of one training set.
@@ -74,14 +105,12 @@ struct Maker<'a> {
     rows: &'a Rows,
     survey: &'a Survey,
     held: Option<u16>,
+    /// What all refinements begin with, once there is one.
+    ground: Option<Ground>,
 }
 
 impl Maker<'_> {
-    fn make(
-        &self,
-        specification: &Specification,
-        progress: &dyn Progress,
-    ) -> Result<(Partition, Option<usize>, Option<String>), Error> {
+    fn make(&mut self, specification: &Specification, progress: &dyn Progress) -> Result<Made, Error> {
         let moments = self.survey.training_moments(self.held).unwrap_or_else(|| Moments::new(self.rows.partition));
         let mut centre = moments.mean.clone();
         let mut scale: Vec<f64> = (0..self.rows.partition)
@@ -92,13 +121,19 @@ impl Maker<'_> {
             })
             .collect();
         let mut columns = self.problem.partition_columns.clone();
-        let runs = self.survey.training_runs(self.held);
+        let runs = self.survey.kept.training_runs(self.held);
+        let mut objective = Vec::new();
         let (rule, label, note) = match specification {
             Specification::Null | Specification::Average => (Rule::Whole, None, None),
             Specification::ZScore(radius) => (Rule::Ball { radius: *radius }, None, None),
             Specification::KMeans(k) => {
                 let (rule, note) = self.cluster(*k, &runs, |_| true, &centre, &scale, progress)?;
                 (rule, None, note)
+            }
+            Specification::Refined(k) => {
+                let (found, note) = self.refine(*k, (&centre, &scale), progress)?;
+                objective = found.objective;
+                (found.rule, None, note)
             }
             Specification::Labels { column, k } => {
                 let index = self.rows.labels.iter().position(|name| name == column).unwrap_or(0);
@@ -107,7 +142,7 @@ impl Maker<'_> {
                 let mut rules = Vec::with_capacity(values.len());
                 for &value in &values {
                     rules.push(if *k > 1 {
-                        let of_label = |row: usize| self.survey.kept_labels[index][row] == value;
+                        let of_label = |row: usize| self.survey.kept.columns[self.rows.partition + index][row] == value;
                         let (rule, more) = self.cluster(*k, &runs, of_label, &centre, &scale, progress)?;
                         note = note.or(more);
                         rule
@@ -122,9 +157,39 @@ impl Maker<'_> {
                 (Rule::Labels { values, names, rules, unseen: self.options.unseen }, Some(index), note)
             }
         };
-        let partition =
-            Partition { specification: specification.to_string(), columns, centre, scale, rule, regions: Vec::new() };
-        Ok((partition, label, note))
+        let specification = specification.to_string();
+        let partition = Partition { specification, columns, centre, scale, rule, ..Partition::whole() };
+        Ok(Made { partition, label, note, objective })
+    }
+
+    /// Regions that fit the dynamics of the kept training rows.
+    fn refine(
+        &mut self,
+        k: usize,
+        units: (&[f64], &[f64]),
+        progress: &dyn Progress,
+    ) -> Result<(Refined, Option<String>), Error> {
+        let ground = match &mut self.ground {
+            Some(ground) => ground,
+            empty => {
+                let shape = (self.rows.partition, self.rows.regressors, self.rows.targets);
+                let Some(examples) = Examples::new(&self.survey.examples, shape, units, self.held) else {
+                    return Ok((Refined { rule: Rule::Whole, objective: Vec::new() }, None));
+                };
+                empty.insert(Ground::new(examples, self.options.seed))
+            }
+        };
+        let found = ground.refine(k, progress)?;
+        let (count, name) = (found.rule.count(), Specification::Refined(k));
+        let (kept, all) = (self.survey.examples.rows(), self.survey.complete);
+        let note = if count < k {
+            Some(format!("{name}: only {count} regions have rows enough for a map of their own"))
+        } else if self.survey.examples_lack_memory {
+            Some(format!("{name}: refined on a sample of {kept} of {all} rows; raise --memory for more"))
+        } else {
+            None
+        };
+        Ok((found, note))
     }
 
     /// k-means on the kept training rows that `wanted` selects.
@@ -144,7 +209,8 @@ impl Maker<'_> {
             while from < run.end {
                 let start = (from..run.end).find(|&row| wanted(row)).unwrap_or(run.end);
                 let end = (start..run.end).find(|&row| !wanted(row)).unwrap_or(run.end);
-                let columns: Vec<&[f64]> = self.survey.kept.iter().map(|column| &column[start..end]).collect();
+                let columns: Vec<&[f64]> =
+                    self.survey.kept.columns[..self.rows.partition].iter().map(|column| &column[start..end]).collect();
                 points.append(&columns, centre, scale)?;
                 from = end;
             }
@@ -159,7 +225,7 @@ impl Maker<'_> {
         };
         let found = kmeans(&points, start, &options, progress)?;
         let clusters = found.centroids.len() / self.rows.partition.max(1);
-        let kept = self.survey.kept_rows();
+        let kept = self.survey.kept.rows();
         let note = if clusters < k {
             Some(format!("kmeans:{k}: only {clusters} different positions to cluster"))
         } else if !found.converged {

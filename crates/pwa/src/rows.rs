@@ -96,6 +96,11 @@ impl Rows {
         self.regressors + self.targets
     }
 
+    /// Number of columns of a row that regions are refined on.
+    pub(crate) fn example_columns(&self) -> usize {
+        self.partition + self.dimension() + usize::from(self.weighted)
+    }
+
     /// Index of the first partition column.
     fn first_partition(&self) -> usize {
         self.dimension() + self.states
@@ -133,6 +138,12 @@ impl Tile<'_> {
 
     pub(crate) fn partition_columns(&self) -> Vec<&[f64]> {
         (0..self.rows.partition).map(|c| self.values.output(self.rows.first_partition() + c)).collect()
+    }
+
+    /// Partition columns, regressors, targets, and the weight where there are weights.
+    pub(crate) fn example(&self) -> Vec<&[f64]> {
+        let regression = self.regression().chunks_exact(self.len().max(1));
+        self.partition_columns().into_iter().chain(regression).chain(self.weights()).collect()
     }
 
     pub(crate) fn label(&self, label: usize) -> &[f64] {

@@ -1,4 +1,5 @@
-//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `labels:terrain`, `labels:terrain+kmeans:5`.
+//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`, `labels:terrain`,
+//! `labels:terrain+kmeans:5`.
 
 use std::{fmt, str::FromStr};
 
@@ -13,6 +14,8 @@ pub enum Specification {
     ZScore(f64),
     /// Voronoi cells of k-means centroids.
     KMeans(usize),
+    /// Regions that fit the dynamics, between linear separators.
+    Refined(usize),
     /// One region per value of a column; within each, k-means when `k > 1`.
     Labels {
         /// The column.
@@ -25,7 +28,7 @@ pub enum Specification {
 /// Why a partition could not be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, labels:COLUMN or labels:COLUMN+kmeans:5"
+    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, labels:COLUMN or labels:COLUMN+kmeans:5"
 )]
 pub struct SpecificationError {
     text: String,
@@ -33,23 +36,40 @@ pub struct SpecificationError {
 }
 
 impl Specification {
-    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10`: bare numbers continue the k-means before them.
+    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10,refined:2..20`: bare numbers continue what is before them, and a range has both its ends.
+    ///
+    /// # Errors
+    /// What is no partition, with those that are.
     pub fn parse_list(text: &str) -> Result<Vec<Self>, SpecificationError> {
         let mut list: Vec<Self> = Vec::new();
         for item in text.split(',').map(str::trim) {
-            let more = match (item.parse::<usize>(), list.last()) {
-                (Ok(k), Some(Self::KMeans(_))) => Some(Self::KMeans(check_clusters(item, k)?)),
-                (Ok(k), Some(Self::Labels { column, k: 2.. })) => {
-                    Some(Self::Labels { column: column.clone(), k: check_clusters(item, k)? })
+            let (kind, numbers) = item.rsplit_once(':').map_or((None, item), |(kind, numbers)| (Some(kind), numbers));
+            let counts = counts(item, numbers)?;
+            match (kind, list.last().cloned()) {
+                (Some(kind), _) if numbers.contains("..") && !counts.is_empty() => {
+                    for count in counts {
+                        list.push(format!("{kind}:{count}").parse()?);
+                    }
                 }
-                _ => None,
-            };
-            list.push(match more {
-                Some(specification) => specification,
-                None => item.parse()?,
-            });
+                (None, Some(last)) if !counts.is_empty() && last.clusters().is_some() => {
+                    for count in counts {
+                        list.push(last.with_clusters(check_clusters(item, count)?));
+                    }
+                }
+                _ => list.push(item.parse()?),
+            }
         }
         Ok(list)
+    }
+
+    /// The same kind with another number of clusters.
+    fn with_clusters(&self, k: usize) -> Self {
+        match self {
+            Self::KMeans(_) => Self::KMeans(k),
+            Self::Refined(_) => Self::Refined(k),
+            Self::Labels { column, .. } => Self::Labels { column: column.clone(), k },
+            other => other.clone(),
+        }
     }
 
     /// The label column that it needs.
@@ -60,12 +80,22 @@ impl Specification {
         }
     }
 
-    /// Whether rows have to be clustered.
+    /// How many regions are searched for (within each label), where that depends on the rows.
     pub fn clusters(&self) -> Option<usize> {
         match self {
-            Self::KMeans(k) | Self::Labels { k: k @ 2.., .. } => Some(*k),
+            Self::KMeans(k) | Self::Refined(k) | Self::Labels { k: k @ 2.., .. } => Some(*k),
             _ => None,
         }
+    }
+
+    /// Whether its regions follow from the targets too, and not from where rows lie alone.
+    pub fn is_refined(&self) -> bool {
+        matches!(self, Self::Refined(_))
+    }
+
+    /// Whether k-means on all rows that the memory holds makes its regions.
+    pub(crate) fn is_clustered(&self) -> bool {
+        self.clusters().is_some() && !self.is_refined()
     }
 }
 
@@ -88,6 +118,7 @@ impl FromStr for Specification {
                 _ => Err(fail("the radius must be a positive number of standard deviations")),
             },
             Some(("kmeans", k)) => Ok(Self::KMeans(clusters(k)?)),
+            Some(("refined", k)) => Ok(Self::Refined(clusters(k)?)),
             Some(("labels", rest)) => {
                 let (column, k) = match rest.rsplit_once("+kmeans:") {
                     Some((column, k)) => (column, clusters(k)?),
@@ -102,6 +133,22 @@ impl FromStr for Specification {
         }
     }
 }
+
+/// A number, or all of a range `2..20`; nothing where the text is neither.
+fn counts(item: &str, text: &str) -> Result<Vec<usize>, SpecificationError> {
+    let Some((from, to)) = text.split_once("..") else { return Ok(text.parse().into_iter().collect()) };
+    match (from.parse::<usize>(), to.parse::<usize>()) {
+        (Ok(from), Ok(to)) if from <= to && to - from < MOST_OF_A_RANGE => Ok((from..=to).collect()),
+        (Ok(_), Ok(_)) => Err(SpecificationError {
+            text: item.to_owned(),
+            problem: format!("a range goes up, over {MOST_OF_A_RANGE} numbers at most"),
+        }),
+        _ => Ok(Vec::new()),
+    }
+}
+
+/// Partitions that one range may stand for.
+const MOST_OF_A_RANGE: usize = 200;
 
 fn check_clusters(text: &str, k: usize) -> Result<usize, SpecificationError> {
     if (1..=10_000).contains(&k) {
@@ -118,6 +165,7 @@ impl fmt::Display for Specification {
             Self::Average => f.write_str("average"),
             Self::ZScore(radius) => write!(f, "zscore:{radius}"),
             Self::KMeans(k) => write!(f, "kmeans:{k}"),
+            Self::Refined(k) => write!(f, "refined:{k}"),
             Self::Labels { column, k: 0 | 1 } => write!(f, "labels:{column}"),
             Self::Labels { column, k } => write!(f, "labels:{column}+kmeans:{k}"),
         }
@@ -141,6 +189,17 @@ mod tests {
     }
 
     #[test]
+    fn ranges_have_both_ends() {
+        let list = Specification::parse_list("kmeans:2..4,refined:2..3,7,9..10,labels:a..b+kmeans:2..3").unwrap();
+        let names: Vec<String> = list.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            names.join(" "),
+            "kmeans:2 kmeans:3 kmeans:4 refined:2 refined:3 refined:7 refined:9 refined:10 labels:a..b+kmeans:2 labels:a..b+kmeans:3"
+        );
+        assert_eq!(Specification::parse_list("refined:5..5").unwrap(), [Specification::Refined(5)]);
+    }
+
+    #[test]
     fn nonsense_is_refused() {
         for text in [
             "",
@@ -154,6 +213,14 @@ mod tests {
             "3",
             "voronoi:3",
             "kmeans:99999999",
+            "refined",
+            "refined:0",
+            "refined:5..2",
+            "refined:0..2",
+            "kmeans:1..9999",
+            "average:2..3",
+            "2..3",
+            "average,2..3",
         ] {
             assert!(Specification::parse_list(text).is_err(), "{text}");
         }

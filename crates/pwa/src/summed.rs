@@ -140,7 +140,12 @@ fn check(problem: &Problem, rows: &SummedRows) -> Result<(), Error> {
 fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candidate {
     let whole = matches!(own.specification, Specification::Null | Specification::Average);
     let full = if whole { 0 } else { at + 1 };
-    Candidate { specification: own.specification.clone(), full, by_fold: vec![full; usize::from(rows.folds)] }
+    Candidate {
+        specification: own.specification.clone(),
+        full,
+        by_fold: vec![full; usize::from(rows.folds)],
+        objective: Vec::new(),
+    }
 }
 
 /// What an absolute error is asked for is NaN.
@@ -161,6 +166,7 @@ fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64]) -> Score {
         standard_error: order.standard_error,
         losses: order.losses.clone(),
         bic: order.bic,
+        objective: Vec::new(),
     }
 }
 

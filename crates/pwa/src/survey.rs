@@ -1,21 +1,38 @@
-//! The first pass: moments of the partition columns for every fold, the labels there are, and the rows that k-means will cluster.
+//! The first pass: moments of the partition columns for every fold, the labels there are, the rows that k-means will cluster, and those that regions are
+//! refined on.
 //!
-//! While the partition columns of all rows fit the memory budget, all are kept and the clustering is exact. Beyond it, rows are kept by a hash of
-//! (episode, row): a sample that does not depend on files, threads or order.
+//! While the partition columns of all rows fit the memory budget, all are kept and the clustering is exact; beyond it a sample is ([`Kept`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use faer::MatRef;
-use fleetfoot_data::{EpisodeId, Progress, Source, mix};
+use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_library::DesignRows;
 use fleetfoot_stats::{Chunk, Fold, Gram, Moments, reduce};
 
-use crate::{Error, Specification, rows::Rows};
+use crate::{
+    Error, Specification,
+    kept::{Kept, Share},
+    rows::{Rows, Tile},
+};
 
 /// Different values that a label column may have.
 const LABEL_LIMIT: usize = 1_000;
 
-/// Bytes of a kept row: it is held twice for a while, as read and standardised for one fold.
+/// Rows that regions are refined on, at most: separators and maps are known far better than that from them, and all rows fit the maps in the end.
+const EXAMPLES: usize = 1 << 16;
+
+/// Bytes of a row that regions are refined on: as read, and as it is worked on.
+pub(crate) fn example_bytes(partition_columns: usize, dimension: usize) -> usize {
+    16 * (partition_columns + 1) + 32 * dimension
+}
+
+/// Rows that regions are refined on, of so many.
+pub(crate) fn examples(rows: usize, bytes: usize, memory: usize) -> usize {
+    rows.min(EXAMPLES).min(memory / bytes.max(1))
+}
+
+/// Bytes of a row that is kept for k-means: it is held twice for a while, as read and standardised for one fold.
 pub(crate) fn kept_bytes(partition_columns: usize, labels: usize) -> usize {
     16 * (partition_columns + labels)
 }
@@ -26,12 +43,12 @@ pub(crate) struct Survey {
     moments: BTreeMap<Fold, Moments>,
     /// Different values of each label column, ascending.
     pub(crate) labels: Vec<Vec<f64>>,
-    /// Partition columns of the kept rows.
-    pub(crate) kept: Vec<Vec<f64>>,
-    /// Labels of the kept rows.
-    pub(crate) kept_labels: Vec<Vec<f64>>,
-    /// Place in cross-validation of the kept rows: runs of rows.
-    pub(crate) kept_folds: Vec<(Fold, usize)>,
+    /// The rows that k-means will cluster: partition columns, then labels.
+    pub(crate) kept: Kept,
+    /// The rows that regions are refined on: partition columns, regressors, targets, and the weight where there are weights.
+    pub(crate) examples: Kept,
+    /// Whether these are fewer than they would be with more memory.
+    pub(crate) examples_lack_memory: bool,
     /// Moments of targets, then states, over all rows.
     pub(crate) scales: Gram,
     /// Rows with all values.
@@ -48,7 +65,7 @@ struct Part {
     scales: Option<Gram>,
     labels: Vec<BTreeSet<u64>>,
     kept: Vec<Vec<f64>>,
-    kept_labels: Vec<Vec<f64>>,
+    examples: Vec<Vec<f64>>,
     complete: u64,
     at_border: u64,
     incomplete: u64,
@@ -65,15 +82,13 @@ impl Survey {
         memory: usize,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let clusters = partitions.iter().any(|p| p.clusters().is_some());
-        let bytes = kept_bytes(rows.partition, rows.labels.len());
-        let share = if clusters { memory as f64 / (source.rows().max(1) * bytes.max(1)) as f64 } else { 0.0 };
+        let shares = Shares::new(rows, source.rows(), partitions, memory);
         let mut survey = Self {
             moments: BTreeMap::new(),
             labels: Vec::new(),
-            kept: vec![Vec::new(); rows.partition],
-            kept_labels: vec![Vec::new(); rows.labels.len()],
-            kept_folds: Vec::new(),
+            kept: Kept::new(rows.partition + rows.labels.len()),
+            examples: Kept::new(rows.example_columns()),
+            examples_lack_memory: shares.short,
             scales: Gram::new(rows.targets + rows.states),
             complete: 0,
             at_border: 0,
@@ -94,7 +109,7 @@ impl Survey {
                     &rows.evaluate(block, &episode.name, tile, &mut scratch)?,
                     episode.id,
                     block.first,
-                    share,
+                    &shares,
                 );
                 part.scratch = scratch;
                 part.labels.iter().zip(&rows.labels).try_for_each(|(seen, column)| limit_labels(column, seen))
@@ -113,9 +128,8 @@ impl Survey {
                 if let Some(moments) = part.moments {
                     survey.moments.entry(chunk.fold).or_insert_with(|| Moments::new(rows.partition)).merge(&moments);
                 }
-                survey.kept_folds.push((chunk.fold, part.kept.first().map_or(0, Vec::len)));
-                append(&mut survey.kept, part.kept);
-                append(&mut survey.kept_labels, part.kept_labels);
+                survey.kept.append(chunk.fold, part.kept);
+                survey.examples.append(chunk.fold, part.examples);
                 Ok::<_, Error>(())
             },
         )?;
@@ -138,37 +152,37 @@ impl Survey {
         selected.for_each(|moments| total.merge(moments));
         Some(total)
     }
+}
 
-    /// Rows that were kept.
-    pub(crate) fn kept_rows(&self) -> u64 {
-        self.kept_folds.iter().map(|&(_, rows)| rows as u64).sum()
-    }
+/// Which rows are kept for what.
+struct Shares {
+    kept: Share,
+    examples: Share,
+    /// Whether the memory allows fewer examples than there would be.
+    short: bool,
+}
 
-    /// Kept rows that train the model tested on `held`, as runs.
-    pub(crate) fn training_runs(&self, held: Option<u16>) -> Vec<std::ops::Range<usize>> {
-        let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
-        let mut at = 0;
-        for &(fold, rows) in &self.kept_folds {
-            if held.is_none_or(|held| fold.trains(held)) && rows > 0 {
-                match runs.last_mut() {
-                    Some(last) if last.end == at => last.end += rows,
-                    _ => runs.push(at..at + rows),
-                }
-            }
-            at += rows;
-        }
-        runs
+impl Shares {
+    fn new(rows: &Rows, count: usize, partitions: &[Specification], memory: usize) -> Self {
+        let any = |wanted: fn(&Specification) -> bool| partitions.iter().any(wanted);
+        let bytes = kept_bytes(rows.partition, rows.labels.len());
+        let kept =
+            if any(Specification::is_clustered) { memory as f64 / (count.max(1) * bytes.max(1)) as f64 } else { 0.0 };
+        let few = examples(count, example_bytes(rows.partition, rows.dimension()), memory);
+        let short = few < examples(count, 0, memory);
+        let share = if any(Specification::is_refined) { few as f64 / count.max(1) as f64 } else { 0.0 };
+        Self { kept: Share::new(kept), examples: Share::new(share), short }
     }
 }
 
 impl Part {
-    fn add(&mut self, rows: &Rows, tile: &crate::rows::Tile<'_>, episode: EpisodeId, first: usize, share: f64) {
+    fn add(&mut self, rows: &Rows, tile: &Tile<'_>, episode: EpisodeId, first: usize, shares: &Shares) {
         self.complete += tile.len() as u64;
         self.at_border += tile.values.at_border;
         self.incomplete += tile.values.incomplete;
         self.labels.resize_with(rows.labels.len(), BTreeSet::new);
-        self.kept.resize_with(rows.partition, Vec::new);
-        self.kept_labels.resize_with(rows.labels.len(), Vec::new);
+        self.kept.resize_with(rows.partition + rows.labels.len(), Vec::new);
+        self.examples.resize_with(rows.example_columns(), Vec::new);
         if tile.len() == 0 {
             return;
         }
@@ -186,31 +200,10 @@ impl Part {
                 }
             }
         }
-        if share >= 1.0 {
-            for (kept, column) in self.kept.iter_mut().zip(&columns) {
-                kept.extend_from_slice(column);
-            }
-            for (label, kept) in self.kept_labels.iter_mut().enumerate() {
-                kept.extend_from_slice(tile.label(label));
-            }
-        } else if share > 0.0 {
-            let limit = (share * 2f64.powi(64)) as u64;
-            let chosen: Vec<usize> = (0..tile.len())
-                .filter(|&row| address(episode, (first + tile.values.index[row]) as u64) < limit)
-                .collect();
-            for (kept, column) in self.kept.iter_mut().zip(&columns) {
-                kept.extend(chosen.iter().map(|&row| column[row]));
-            }
-            for (label, kept) in self.kept_labels.iter_mut().enumerate() {
-                kept.extend(chosen.iter().map(|&row| tile.label(label)[row]));
-            }
-        }
-    }
-}
-
-fn append(all: &mut [Vec<f64>], parts: Vec<Vec<f64>>) {
-    for (all, part) in all.iter_mut().zip(parts) {
-        all.extend(part);
+        let place = (episode, first, tile.values.index.as_slice());
+        let labels = (0..rows.labels.len()).map(|label| tile.label(label));
+        shares.kept.keep(&mut self.kept, &columns.iter().copied().chain(labels).collect::<Vec<_>>(), place);
+        shares.examples.keep(&mut self.examples, &tile.example(), place);
     }
 }
 
@@ -219,22 +212,4 @@ fn limit_labels(column: &str, seen: &BTreeSet<u64>) -> Result<(), Error> {
         return Err(Error::TooManyLabels { column: column.to_owned(), limit: LABEL_LIMIT });
     }
     Ok(())
-}
-
-/// A hash of (episode, row), uniform over 64 bits.
-fn address(episode: EpisodeId, row: u64) -> u64 {
-    let folded = (episode.0 as u64) ^ ((episode.0 >> 64) as u64);
-    mix(mix(folded).wrapping_add(row))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_hash_is_even() {
-        let rows = 100_000;
-        let chosen = (0..rows).filter(|&row| address(EpisodeId(12345), row) < u64::MAX / 10).count();
-        assert!((9_500..10_500).contains(&chosen), "{chosen}");
-    }
 }

@@ -42,6 +42,7 @@ mod prepare;
 mod read;
 mod recipe;
 mod table;
+mod table_rows;
 
 use pyo3::prelude::*;
 
@@ -81,7 +82,7 @@ mod _core {
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]
-    use crate::on_data::{predict_rows, rollout, score};
+    use crate::on_data::{predict_rows, report, rollout, score};
     #[pymodule_export]
     use crate::simulate::{TimeGrid, simulate, time_grid};
 

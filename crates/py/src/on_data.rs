@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
-use fleetfoot::dynamics::{Domain, End, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory};
+use fleetfoot::dynamics::{
+    Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory,
+};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     data::Data,
+    error::Kind,
     fit::{recipe, with_cache},
     model::{Model, method, region},
     points::array,
@@ -28,6 +31,48 @@ pub(crate) fn score(
     let changes = with_cache(recipe(recipe_text)?, cache);
     let scored = run(py, progress, |progress| fleetfoot::score(&model.model, &changes, &data.logs, progress))?;
     Ok(scored.to_json().to_string())
+}
+
+/// What a page shows, and where it is written.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct ReportRequest {
+    path: PathBuf,
+    svg: Option<PathBuf>,
+    title: Option<String>,
+    horizon: Option<usize>,
+    starts: usize,
+    controller: Option<String>,
+    settings: Vec<String>,
+}
+
+/// Writes the page of models by name, and tells what it says first (JSON).
+#[pyfunction]
+#[pyo3(signature = (models, data, recipe_text, request, cache=None, progress=None))]
+pub(crate) fn report(
+    py: Python<'_>,
+    models: Vec<(String, Py<Model>)>,
+    data: Option<&Data>,
+    recipe_text: &str,
+    request: ReportRequest,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let models: Vec<_> = models.into_iter().map(|(name, model)| (name, model.get().model.clone())).collect();
+    let logs = data.map(|data| data.logs.clone()).unwrap_or_default();
+    run(py, progress, |progress| {
+        let mut options = fleetfoot::ReportOptions::default();
+        (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
+        let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
+        options.controller = controller.transpose()?;
+        let made = fleetfoot::report(&models, &changes, &logs, &options, progress)?;
+        made.write(&request.path, &logs.files())?;
+        if let Some(folder) = &request.svg {
+            made.write_figures(folder, &logs.files())?;
+        }
+        Ok(made.to_json().to_string())
+    })
 }
 
 /// Rows with their predictions, while they are collected.
@@ -126,6 +171,10 @@ pub(crate) struct RolloutRequest {
     method: String,
     dt: Option<f64>,
     keep: bool,
+    /// "tell", "end", "hold".
+    outside: String,
+    /// States whose distance is told.
+    position: Vec<String>,
     controller: Option<String>,
     settings: Vec<String>,
 }
@@ -146,6 +195,8 @@ pub(crate) fn rollout<'py>(
     let mut options = RolloutOptions::new(request.horizon);
     options.method = method(&request.method)?;
     options.keep = request.keep;
+    options.position.clone_from(&request.position);
+    options.outside = outside(&request.outside)?;
     options.step = request.dt.map_or(Step::Median, Step::Seconds);
     let starts = match (request.at.is_empty(), request.seed) {
         (false, _) => Starts::At(request.at.iter().map(|&(episode, row)| Start { episode, row }).collect()),
@@ -160,6 +211,15 @@ pub(crate) fn rollout<'py>(
     let report = rolled.to_json().to_string();
     let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
     Ok((report, found.collect::<PyResult<_>>()?))
+}
+
+fn outside(word: &str) -> PyResult<Outside> {
+    match word {
+        "tell" => Ok(Outside::Tell),
+        "end" => Ok(Outside::End),
+        "hold" => Ok(Outside::Hold),
+        other => Err(Kind::Option.error(format!("outside={other:?}: give 'tell', 'end' or 'hold'"))),
+    }
 }
 
 fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py, PyDict>> {
@@ -179,6 +239,7 @@ fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py,
         End::Horizon => "horizon",
         End::Diverged => "diverged",
         End::NoRegion => "no region",
+        End::LeftDomain => "left domain",
     };
     dict.set_item("end", end)?;
     dict.set_item("left_domain", trajectory.left_domain)?;

@@ -210,6 +210,8 @@ impl Rows {
             (Some(x), Some(u)) if x != u => {
                 return Err(Kind::Model.error(format!("x has {x} rows and u has {u}; a run has as many of both")));
             }
+            // A vector of one number is one row too.
+            (None, Some(1)) | (Some(1), None) => 1,
             (None, Some(_)) if states > 0 => {
                 return Err(Kind::Model.error("x is one row and u has several; a run has as many of both"));
             }

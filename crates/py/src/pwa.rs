@@ -235,13 +235,19 @@ impl PwaFit {
         partition.map_or_else(Default::default, |partition| (partition.centre.clone(), partition.scale.clone()))
     }
 
-    /// Standardised centroids; empty where the partition has none.
+    /// Weights and offsets of the separators between regions; empty where the partition has none.
     #[getter]
-    fn centroids(&self) -> Vec<Vec<f64>> {
+    fn separators(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
         match self.found.model.partitions.first().map(|partition| &partition.rule) {
-            Some(Rule::Linear { weights, .. }) => weights.clone(),
-            _ => Vec::new(),
+            Some(Rule::Linear { weights, offsets }) => (weights.clone(), offsets.clone()),
+            _ => Default::default(),
         }
+    }
+
+    /// Whether the weights are centroids.
+    #[getter]
+    fn is_voronoi(&self) -> bool {
+        matches!(self.found.candidates[self.found.chosen].specification, Specification::KMeans(_))
     }
 
     /// Radius of the ball, where the partition is one.
@@ -296,7 +302,8 @@ pub(crate) struct PwaRule {
     features: Vec<usize>,
     centre: Vec<f64>,
     scale: Vec<f64>,
-    centroids: Vec<Vec<f64>>,
+    weights: Vec<Vec<f64>>,
+    offsets: Vec<f64>,
     radius: Option<f64>,
 }
 
@@ -304,16 +311,16 @@ pub(crate) struct PwaRule {
 #[pyfunction]
 pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult<Bound<'py, PyArray1<i32>>> {
     let array = Array::of(x, "X")?;
-    let PwaRule { features, centre, scale, centroids, radius } = rule;
+    let PwaRule { features, centre, scale, weights, offsets, radius } = rule;
     let width = features.len();
-    let fits = centre.len() == width && scale.len() == width && centroids.iter().all(|row| row.len() == width);
-    if !fits || features.iter().any(|&feature| feature >= array.columns()) {
+    let fits = centre.len() == width && scale.len() == width && weights.iter().all(|row| row.len() == width);
+    if !fits || offsets.len() != weights.len() || features.iter().any(|&feature| feature >= array.columns()) {
         return Err(Kind::Request.error("the partition's features, centres and scales do not go together"));
     }
     let rule = match radius {
         Some(radius) => Rule::Ball { radius },
-        None if centroids.is_empty() => Rule::Whole,
-        None => Rule::voronoi(centroids),
+        None if weights.is_empty() => Rule::Whole,
+        None => Rule::Linear { weights, offsets },
     };
     let found = run_any(x.py(), None, |progress| {
         const BLOCK: usize = 16_384;

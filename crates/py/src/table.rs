@@ -11,12 +11,17 @@ use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
 use fleetfoot::data::ColumnKind;
 use numpy::{PyArray1, ndarray::ArrayView1};
 use pyo3::{
-    exceptions::{PyImportError, PyIndexError, PyKeyError},
+    exceptions::{PyImportError, PyKeyError},
     prelude::*,
-    types::{PyCapsule, PyDict, PySlice, PyTuple},
+    types::{PyCapsule, PyDict, PyTuple},
 };
 
-use crate::{capsule, error::Kind, run::guard};
+use crate::{
+    capsule,
+    error::Kind,
+    run::guard,
+    table_rows::{Asked, taken},
+};
 
 /// A stamp that is missing, and numpy's "not a time".
 const MISSING: i64 = i64::MIN;
@@ -97,6 +102,23 @@ impl Table {
             PyKeyError::new_err(format!("no column `{name}`; there are {}{more}", names.join(", ")))
         })
     }
+
+    /// Some rows, or some columns, as a table.
+    fn part(&self, asked: &Asked) -> PyResult<Self> {
+        let batch = match asked {
+            Asked::Column(name) => self.projected(std::slice::from_ref(name))?,
+            Asked::Columns(names) => self.projected(names)?,
+            Asked::Span(rows) => self.batch.slice(rows.start, rows.len()),
+            Asked::Rows(rows) => taken(&self.batch, rows)?,
+            Asked::Both(pair) => return self.part(&pair[0])?.part(&pair[1]),
+        };
+        Ok(Self { batch, notes: self.notes.clone() })
+    }
+
+    fn projected(&self, names: &[String]) -> PyResult<RecordBatch> {
+        let places = names.iter().map(|name| self.place(name)).collect::<PyResult<Vec<_>>>()?;
+        self.batch.project(&places).map_err(|error| Kind::Internal.error(error))
+    }
 }
 
 /// Imports a library that a method needs.
@@ -152,21 +174,22 @@ impl Table {
         format!("Table({} rows: {}{more})", self.batch.num_rows(), shown.collect::<Vec<_>>().join(", "))
     }
 
-    /// A column as a numpy array that shares the table's memory and cannot be written (texts are made anew); rows as a table, for a slice.
+    /// A column as a numpy array that shares the table's memory and cannot be written (texts are made anew), for a name; a table, for a list of names, for
+    /// rows (a number, numbers, a mask, a slice: neighbouring rows are not copied), and for ``rows, names``.
     fn __getitem__<'py>(slf: &Bound<'py, Self>, key: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (py, own) = (slf.py(), slf.get());
-        if let Ok(slice) = key.cast::<PySlice>() {
-            let rows = own.batch.num_rows() as isize;
-            let indices = slice.indices(rows)?;
-            if indices.step != 1 {
-                return Err(PyIndexError::new_err("a table is sliced row by row: give a slice without a step"));
+        let own = slf.get();
+        match Asked::of(key, own.batch.num_rows())? {
+            Asked::Column(name) => {
+                let column = own.batch.column(own.place(&name)?);
+                guard(|| numpy_of(slf, column))
             }
-            let batch = own.batch.slice(indices.start.max(0) as usize, indices.slicelength);
-            return Ok(Bound::new(py, Self { batch, notes: own.notes.clone() })?.into_any());
+            asked => Ok(Bound::new(slf.py(), own.part(&asked)?)?.into_any()),
         }
-        let name: String = key.extract()?;
-        let column = own.batch.column(own.place(&name)?);
-        guard(|| numpy_of(slf, column))
+    }
+
+    /// The table for notebooks: its first rows.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("fleetfoot._html")?.call_method1("of_table", (slf,))
     }
 
     /// The schema as a capsule of Arrow's C interface.

@@ -97,6 +97,12 @@ Examples:
   fleetfoot rollout model.json held-out.mcap --horizon 50 --starts 500 -o rollouts.parquet
   fleetfoot rollout model.json test/ --controller treadmill --controller-set k_x=2,speed=0.25";
 
+pub(crate) const REPORT: &str = "\
+Examples:
+  fleetfoot report model.json held-out.mcap -o report.html
+  fleetfoot report model_average.json model_kmeans10.json test/ --horizon 100 --svg figures/
+  fleetfoot report model.json";
+
 pub(crate) const SHOW: &str = "\
 Examples:
   fleetfoot show model.json --regions 3";

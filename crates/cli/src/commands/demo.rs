@@ -8,7 +8,7 @@ mod table_one;
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{
-    Error, Model, Projected, PwaRequest, Recipe,
+    Error, Model, Projected, PwaRequest, Recipe, ReportOptions,
     demo::{DemoLogs, differential_drive, gaits, generate_logs},
     dynamics::{PlaneCell, RolloutOptions, Starts},
     fit_pwa,
@@ -19,7 +19,7 @@ use fleetfoot::{
 };
 use serde_json::{Map, Value, json};
 
-use super::{Context, plane, write_out};
+use super::{Context, plane, report::named, with, write_out};
 use crate::args;
 use horizons::Curve;
 
@@ -36,6 +36,9 @@ const PURGE: f64 = 0.1;
 const HORIZON: usize = 200;
 const STARTS: u64 = 1000;
 const ROWS_PER_START: u64 = 40;
+/// The page, and the models on it: the null model is the baseline that all are compared with.
+const PAGE: &str = "report.html";
+const REPORTED: [&str; 3] = ["average", "kmeans:10", "kmeans:50"];
 /// Fig. 9: the plane, and cells along each axis.
 const PLANE: [&str; 2] = ["alpha_l", "alpha_r"];
 const BINS: usize = 36;
@@ -50,6 +53,7 @@ pub(crate) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     demo.fit(&logs)?;
     demo.horizons(&logs)?;
     demo.planes(&logs)?;
+    demo.report(&logs)?;
     demo.files();
     if context.json {
         write_out(&format!("{:#}\n", Value::Object(demo.told)));
@@ -110,6 +114,8 @@ impl Demo<'_> {
     }
 
     fn logs(&mut self, minutes: f64) -> Result<DemoLogs, Error> {
+        let page = self.path(PAGE);
+        self.context.say(format!("the result will be one page, {}", page.display()));
         self.context.say(format!("simulating {minutes} minutes of a hexapod on a treadmill"));
         let bar = self.context.bar();
         let logs = generate_logs(&self.folder, self.seed, minutes, &bar);
@@ -176,8 +182,7 @@ impl Demo<'_> {
         let files = logs.held_out_files();
         let changes = self.cached(Recipe::default());
         let data = self.data("test", &logs.held_out.runs, &files);
-        let rows: u64 = logs.held_out.runs.iter().map(|run| run.rows).sum();
-        let starts = (rows / ROWS_PER_START).clamp(1, STARTS) as usize;
+        let starts = starts(logs);
         for (key, name, closed) in
             [("figure_8", "closed loop", true), ("figure_8_open_loop", "open loop (recorded inputs)", false)]
         {
@@ -255,17 +260,48 @@ impl Demo<'_> {
         projected
     }
 
+    /// The page that shows the models on the runs that did not train them.
+    fn report(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let models = self.models()?.into_iter().filter(|(name, _)| REPORTED.contains(&name.as_str()));
+        let paths: Vec<PathBuf> = models.map(|(_, path)| path).collect();
+        let files = logs.held_out_files();
+        let words_of_models: Vec<String> = paths.iter().map(|path| quoted(&path.display().to_string())).collect();
+        let (data, page) = (self.data("test", &logs.held_out.runs, &files), self.path(PAGE));
+        let (horizon, starts) = (HORIZON, starts(logs));
+        let flags =
+            format!("{data} --horizon {horizon} --starts {starts} --controller treadmill -o {}", self.word(PAGE));
+        self.command(&words(&["report", &words_of_models.join(" "), &flags]));
+        let mut options = ReportOptions::default();
+        options.horizon = Some(horizon);
+        options.starts = starts;
+        options.controller = Some(fleetfoot::controller("treadmill", &[])?);
+        let bar = self.context.bar();
+        let made = fleetfoot::report(&named(&paths)?, &self.cached(Recipe::default()), &files, &options, &bar);
+        bar.finish();
+        let made = made?;
+        made.write(&page, &files)?;
+        let told = with(made.to_json(), json!({ "page": page }));
+        self.tell("report", told, || format!("The result on one page: {}", page.display()));
+        Ok(())
+    }
+
     fn files(&mut self) {
         let folder = quoted(&self.folder.display().to_string());
         self.command(&words(&["show", &self.word(MODEL)]));
         self.context.say(format!(
-            "\nin {folder}: train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
+            "\nin {folder}: report.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
         ));
         let folder = json!(self.folder.display().to_string());
         if self.context.json {
             self.told.insert("folder".into(), folder);
         }
     }
+}
+
+/// Simulations: no more than tell something.
+fn starts(logs: &DemoLogs) -> usize {
+    let rows: u64 = logs.held_out.runs.iter().map(|run| run.rows).sum();
+    (rows / ROWS_PER_START).clamp(1, STARTS) as usize
 }
 
 fn words(words: &[&str]) -> Vec<String> {

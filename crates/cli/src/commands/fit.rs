@@ -1,10 +1,10 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, PwaRequest, Recipe, RolloutCandidate, RolloutChoice,
-    fit_pwa, is_known, is_statistic,
+    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe, Refinement,
+    RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::Specification,
+    pwa::{Score, Specification},
     rival, write_model,
 };
 use serde_json::json;
@@ -33,6 +33,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
+    say_passes(recipe.pwa.objective, fleetfoot::PWA_PASSES, context);
     let bar = context.bar();
     let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
     bar.finish();
@@ -92,6 +93,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         let of_choice = plan.choice_passes;
         format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
     });
+    let simulations = plan.objective.in_words(plan.fit_passes).map_or_else(String::new, |words| format!("\n{words}"));
     context.print(
         &json!({
             "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes),
@@ -101,7 +103,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         }),
         || {
             format!(
-                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}\nabout {} of memory",
+                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
                 count(plan.files, "file"),
                 plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
                 plan.rows,
@@ -145,6 +147,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     sigma.extend([String::new(), String::new(), String::new()]);
     rows.push(sigma);
     let rollouts = fitted.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", by_rollouts(choice)));
+    let rollouts = rollouts + &fitted.refinement.as_ref().map_or_else(String::new, refined_over_candidates);
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
     format!(
@@ -160,6 +163,31 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
         table(&header, rows)
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
+        + &refinement(&found.candidates[found.chosen])
+}
+
+/// How the regions of a refined partition were found.
+fn refinement(score: &Score) -> String {
+    match score.objective.as_slice() {
+        [first, .., last] => format!(
+            "\n{}: the objective fell from {first:.4} to {last:.4} in {} passes",
+            score.specification,
+            score.objective.len()
+        ),
+        _ => String::new(),
+    }
+}
+
+/// Tells what a fit to simulations will cost, before it begins.
+pub(crate) fn say_passes(objective: Option<Objective>, fit: usize, context: &Context) {
+    if let Some(words) = objective.unwrap_or_default().in_words(fit) {
+        context.say(format!("note: {words}"));
+    }
+}
+
+/// What a fit to simulations brought, above a table of candidates.
+pub(crate) fn refined_over_candidates(refinement: &Refinement) -> String {
+    format!("{}\nWhat follows compares models fitted one step ahead.\n\n", refinement.in_words())
 }
 
 /// What rollouts said of the candidates.

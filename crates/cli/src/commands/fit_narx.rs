@@ -29,6 +29,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
     let read = read_by(&data, free_run.iter().chain(&arguments.recipe.recipe));
     context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
+    fit::say_passes(recipe.narx.objective, 1, context);
     let bar = context.bar();
     let fitted = fit_narx(&recipe, &NarxRequest { free_run: (&free_run).into() }, &data, &bar);
     bar.finish();
@@ -68,6 +69,9 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     );
     if let Some(choice) = &report.choice {
         text.push_str(&format!("chosen by {choice}\n"));
+    }
+    if let Some(refinement) = &report.refinement {
+        text.push_str(&format!("\n{}", fit::refined_over_candidates(refinement)));
     }
     if let Some(search) = &report.search {
         text.push_str(&format!("\n{}\n", search_text(search)));

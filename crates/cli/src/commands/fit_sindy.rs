@@ -32,6 +32,7 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
+    fit::say_passes(recipe.sindy.objective, 1, context);
     let bar = context.bar();
     let horizon = fit::horizon(&recipe, arguments.horizon)?;
     let request = SindyRequest { front: arguments.front || arguments.keep_front, horizon };
@@ -129,10 +130,11 @@ fn plan_text(plan: &SindyPlan) -> String {
         [] => String::new(),
         names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
     };
+    let simulations = plan.objective.in_words(1).map_or_else(String::new, |words| format!("\n{words}"));
     let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
     let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
     format!(
-        "{}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}{more}{parameters}\n{}, about {} of memory",
+        "{}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}{more}{parameters}{simulations}\n{}, about {} of memory",
         count(plan.files, "file"),
         plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
         plan.rows,
@@ -163,6 +165,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     }
     if let Some(choice) = &report.rollouts {
         text.push_str(&format!("{}\n", fit::by_rollouts(choice)));
+    }
+    if let Some(refinement) = &report.refinement {
+        text.push_str(&format!("{}\n", refinement.in_words()));
     }
     for parameter in &report.parameters {
         text.push_str(&format!("{}\n", parameter_text(parameter)));

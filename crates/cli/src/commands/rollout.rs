@@ -2,33 +2,41 @@
 
 use super::{Context, files, in_sample, read_by, read_model, time_changes};
 use crate::{
-    args::{Method, Rollout},
+    args::{Method, OutsideArg, Rollout},
     table::{count, number, ratio, seconds, table},
 };
 use fleetfoot::{
     Error, Model, RolledOut,
-    dynamics::{Horizon, Method as Integration, RolloutOptions, Starts, StepSpan},
-    interval_in_words, replayed_in_words,
+    dynamics::{Estimate, Horizon, HorizonScore, Method as Integration, Outside, RolloutOptions, Starts},
+    interval_in_words, replayed_in_words, useful_in_words,
 };
 
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
-    let controller = arguments.controller.as_ref().map(std::path::PathBuf::from);
     let outputs: Vec<_> = arguments.output.iter().cloned().collect();
-    context.claim(&outputs, &read_by(&files, controller.iter().chain([&arguments.model.model])), false)?;
+    context.claim(
+        &outputs,
+        &read_by(&files, arguments.controller.file().iter().chain([&arguments.model.model])),
+        false,
+    )?;
     let mut options = RolloutOptions::new(arguments.horizon);
     options.method = match arguments.method {
         Method::Euler => Integration::Euler,
         Method::Rk4 => Integration::Rk4,
     };
+    options.outside = match arguments.outside {
+        OutsideArg::Tell => Outside::Tell,
+        OutsideArg::End => Outside::End,
+        OutsideArg::Hold => Outside::Hold,
+    };
+    options.position = arguments.position.iter().flat_map(|list| list.0.iter().cloned()).collect();
     let starts = match arguments.seed {
         None => Starts::Even(arguments.starts.get()),
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
     };
     let changes = time_changes(&arguments.model)?;
-    let settings: Vec<String> = arguments.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
-    let controller = arguments.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()?;
+    let controller = arguments.controller.read()?;
     let bar = context.bar();
     let rolled = fleetfoot::rollout(
         &model,
@@ -50,7 +58,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
             rolled.rollouts.driven_inputs.join(", ")
         ));
     }
-    context.print(&rolled.to_json(), || to_text(&rolled, &model));
+    context.print(&rolled.to_json(), || to_text(&rolled, &model, &options.position.join(", ")));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
     }
@@ -69,46 +77,39 @@ pub(crate) fn told(steps: usize) -> Vec<usize> {
     told
 }
 
-/// Spans of steps that are written out.
-const SPANS: usize = 3;
-
-/// When the model is better than the baselines: than all of them, and than each.
-fn useful(horizon: &Horizon) -> String {
-    let steps = horizon.time.len();
-    if horizon.useful.compared == 0 {
-        return "useful horizon: not known, no state was measured after the starts that the rollouts could be compared with".to_owned();
-    }
-    let mut text = match horizon.useful.spans.as_slice() {
-        [] => "useful horizon: none, some baseline is better at every step".to_owned(),
-        spans => format!("useful horizon: better than every baseline {}", when(spans, steps)),
+/// What whole rollouts come to: of the model, and of the baselines.
+fn summaries(horizon: &Horizon, position: &str) -> String {
+    let names = std::iter::once("model").chain(horizon.baselines.iter().map(|(baseline, _)| baseline.name()));
+    let scores: Vec<&HorizonScore> =
+        std::iter::once(&horizon.model).chain(horizon.baselines.iter().map(|(_, score)| score)).collect();
+    let mut header = vec![""];
+    header.extend(names);
+    let half =
+        |e: &Estimate| if e.high.is_finite() { format!(" ± {}", ratio(e.high - e.value)) } else { String::new() };
+    let row = |name: String, of: &dyn Fn(&HorizonScore) -> Option<Estimate>| {
+        let told = |score: &&HorizonScore| of(score).map_or_else(|| "-".into(), |e| ratio(e.value) + &half(&e));
+        std::iter::once(name).chain(scores.iter().map(told)).collect::<Vec<String>>()
     };
-    for (baseline, spans) in &horizon.better {
-        let when = if spans.is_empty() { "at no step".to_owned() } else { when(spans, steps) };
-        text.push_str(&format!("\n  better than {} {when}", baseline.name()));
+    let mut rows = vec![
+        row("Mahalanobis, average".into(), &|score| Some(score.summary.average)),
+        row("Mahalanobis, last step".into(), &|score| Some(score.summary.last)),
+        row("Mahalanobis, drift per second".into(), &|score| Some(score.summary.drift)),
+    ];
+    if horizon.model.displacement_summary.is_some() {
+        rows.push(row(format!("displacement of {position}, average"), &|score| {
+            Some(score.displacement_summary?.average)
+        }));
+        rows.push(row(format!("displacement of {position}, last step"), &|score| {
+            Some(score.displacement_summary?.last)
+        }));
+        rows.push(row(format!("displacement of {position}, drift per second"), &|score| {
+            Some(score.displacement_summary?.drift)
+        }));
     }
-    text
+    table(&header, rows)
 }
 
-/// Spans of steps in seconds, for people.
-fn when(spans: &[StepSpan], steps: usize) -> String {
-    let one = |span: &StepSpan| match (span.first, span.last) {
-        (1, last) if last == steps => format!("at every step, to {}", seconds(span.to)),
-        (first, last) if last == steps => {
-            format!("from {} (step {first}) to the end ({})", seconds(span.from), seconds(span.to))
-        }
-        (first, last) if first == last => format!("at {} (step {first})", seconds(span.from)),
-        (first, last) => {
-            format!("from {} to {} (steps {first} to {last})", seconds(span.from), seconds(span.to))
-        }
-    };
-    let mut told: Vec<String> = spans.iter().take(SPANS).map(one).collect();
-    if spans.len() > SPANS {
-        told.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
-    }
-    told.join(", ")
-}
-
-pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
+pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> String {
     let rollouts = &rolled.rollouts;
     let horizon = &rollouts.horizon;
     let states = horizon.states.len();
@@ -131,8 +132,13 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         })
         .collect();
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let outside = match rollouts.outside {
+        Outside::Tell => "",
+        Outside::End => " and ended there",
+        Outside::Hold => " and were held at its border",
+    };
     format!(
-        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain\n{}\n{}\n{}\n{}",
+        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain{outside}\n{}\n{}\n{}\n{}",
         count(rollouts.outcomes.len(), "rollout"),
         count(rolled.episodes, "episode"),
         rollouts.missing,
@@ -140,8 +146,8 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model) -> String {
         rollouts.without_region(),
         rollouts.left_domain(),
         replayed_in_words(&rollouts.replayed),
-        table(&header, rows),
+        table(&header, rows) + "\n\n" + &summaries(horizon, position) + "\n",
         interval_in_words(&horizon.basis),
-        useful(horizon)
+        useful_in_words(horizon)
     )
 }

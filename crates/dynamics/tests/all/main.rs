@@ -7,5 +7,6 @@ mod plane;
 mod replayed;
 mod rollouts;
 mod scores;
+mod sensitivities;
 mod simulations;
 mod steppers;

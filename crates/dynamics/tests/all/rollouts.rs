@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use crate::common::*;
 use fleetfoot_data::{Silent, Source, with_threads};
 use fleetfoot_dynamics::{
-    Baseline, Basis, End, Error, Method, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
+    Baseline, Basis, End, Error, Method, Outside, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
 };
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, UnseenLabel};
 
@@ -579,4 +579,85 @@ fn horizon_scores_equal_a_naive_computation() {
         assert!((estimate.value - mean).abs() < 1e-10 * mean, "{} {mean}", estimate.value);
         assert!((estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9);
     }
+}
+
+/// x' = x, seen up to 2: beyond it a trajectory goes on, ends, or grows by what the border gives.
+#[test]
+fn what_leaves_the_training_domain_is_told_ended_or_held() {
+    let columns = vec![column("x", Role::State, false)];
+    let fitted = vec![("x", Prediction::Derivative, "1", vec![(0.0, vec![1.0])])];
+    let mut model = model(columns, &["x"], Partition::whole(), fitted, &[]);
+    model.partitions[0].regions[0].range = vec![[-1.0, 2.0]];
+    let source = source(&["x"], 0.5, vec![vec![vec![1.0; 9]]]);
+    for method in [Method::Euler, Method::Rk4] {
+        for general in [false, true] {
+            let mut simulator = Simulator::new(&model).unwrap();
+            if general {
+                simulator = simulator.general();
+            }
+            let run = |outside: Outside| {
+                let mut options = options(6, method);
+                options.outside = outside;
+                one(&simulator, &source, 1, &options)
+            };
+            let (told, ended, held) = (run(Outside::Tell), run(Outside::End), run(Outside::Hold));
+            // 1, 1.5, 2.25: the third state is the first one outside; by Runge-Kutta 1, 1.65, 2.72.
+            assert_eq!([told.left_domain, ended.left_domain, held.left_domain], [Some(2); 3]);
+            assert_eq!((told.end, told.steps()), (End::Horizon, 6));
+            assert_eq!((ended.end, ended.steps()), (End::LeftDomain, 2));
+            assert_eq!((held.end, held.steps()), (End::Horizon, 6));
+            assert_eq!(ended.states, told.states[..3]);
+            for k in 2..6 {
+                assert!((held.state(k + 1)[0] - held.state(k)[0] - 0.5 * 2.0).abs() < 1e-14);
+            }
+            let growth = if method == Method::Euler { 1.5 } else { 1.0 + 0.5 + 0.125 + 0.125 / 6.0 + 0.0625 / 24.0 };
+            assert!((told.state(6)[0] / told.state(5)[0] - growth).abs() < 1e-14);
+        }
+    }
+}
+
+/// A region's own range holds its own map; what is given, and what is not a number, is not held.
+#[test]
+fn a_held_map_is_that_of_the_border() {
+    let columns = vec![column("x", Role::State, false), column("v", Role::State, false)];
+    let fitted = vec![("v", Prediction::Derivative, "1", vec![(0.5, vec![-2.0, 0.3])])];
+    let given = [("x", Prediction::Derivative, "v")];
+    let mut model = model(columns, &["x", "v"], Partition::whole(), fitted, &given);
+    model.partitions[0].regions[0].range = vec![[-0.5, 0.5], [-1.0, 1.0]];
+    let source = source(&["x", "v"], 0.1, vec![vec![vec![3.0; 4], vec![-4.0; 4]]]);
+    let mut options = options(1, Method::Euler);
+    options.outside = Outside::Hold;
+    let held = one(&Simulator::new(&model).unwrap(), &source, 1, &options);
+    assert!((held.state(1)[0] - (3.0 + 0.1 * -4.0)).abs() < 1e-15, "a given equation sees the state itself");
+    assert!((held.state(1)[1] - (-4.0 + 0.1 * (0.5 - 2.0 * 0.5 - 0.3))).abs() < 1e-15);
+}
+
+/// Two rollouts of a model that stands still while the truth moves by 3 and 4 a step: distances of 5 a step.
+#[test]
+fn displacements_are_told_by_step_and_over_whole_rollouts() {
+    let columns = vec![column("x", Role::State, false), column("y", Role::State, false)];
+    let still = || vec![(0.0, vec![0.0, 0.0])];
+    let fitted = vec![("x", Prediction::Derivative, "1", still()), ("y", Prediction::Derivative, "1", still())];
+    let model = model(columns, &["x", "y"], Partition::whole(), fitted, &[]);
+    let line = |slope: f64| (0..8).map(|k| slope * f64::from(k)).collect::<Vec<f64>>();
+    let source = source(&["x", "y"], 0.5, vec![vec![line(3.0), line(4.0)], vec![line(-3.0), line(4.0)]]);
+    let mut options = options(4, Method::Euler);
+    options.position = vec!["x".into(), "y".into()];
+    let found = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
+    for (k, distance) in found.model.displacement.iter().enumerate() {
+        assert!((distance.value - 5.0 * (k + 1) as f64).abs() < 1e-12 && distance.high - distance.value < 1e-9);
+    }
+    let summary = found.model.displacement_summary.unwrap();
+    for (estimate, value) in [(summary.average, 12.5), (summary.last, 20.0), (summary.drift, 10.0)] {
+        assert!((estimate.value - value).abs() < 1e-12, "{estimate:?}");
+    }
+    // Unit covariance: the score is the distance.
+    assert!((found.model.summary.average.value - 12.5).abs() < 1e-12);
+    assert!(found.baselines.iter().all(|(_, score)| score.displacement.len() == 4));
+    options.position = vec!["z".into()];
+    let error = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap_err();
+    assert!(matches!(error, Error::UnknownColumn(_)), "{error}");
+    options.position.clear();
+    let without = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
+    assert!(without.model.displacement.is_empty() && without.model.displacement_summary.is_none());
 }

@@ -118,7 +118,8 @@ impl Objective for Projected<'_> {
             linear.push(LinearPart { coefficients: left.coefficients, rss });
         }
         let jacobian = Mat::from_fn(rhs.len(), q, |i, j| columns[j][i]);
-        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows: sums.rows, scores: Vec::new(), linear }))
+        let rows = sums.rows;
+        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows, scores: Vec::new(), linear, ended: 0 }))
     }
 }
 

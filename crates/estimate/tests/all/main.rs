@@ -1,5 +1,9 @@
-//! Nonlinear parameters, against published answers and known truth.
+//! Nonlinear parameters and coefficients by simulation, against published answers, known truth and scipy.
+
+#[path = "../../../../tests/outside.rs"]
+mod outside;
 
 mod aircraft;
 mod least_squares;
 mod nist;
+mod simulation;

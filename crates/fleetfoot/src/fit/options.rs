@@ -4,7 +4,7 @@ use fleetfoot_model::UnseenLabel;
 use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
 
 use crate::{
-    Error, HORIZON, PartitionChoice, PwaSection, Recipe, RolloutRule, Tunable, UnseenLabels, recipe::seed,
+    Error, HORIZON, Objective, PartitionChoice, PwaSection, Recipe, RolloutRule, Tunable, UnseenLabels, recipe::seed,
     rollout_choice::open_spans,
 };
 
@@ -18,6 +18,8 @@ pub struct PwaOptions {
     pub purge: Option<f64>,
     /// How partitions and open spans are compared by rollouts, where they are.
     pub rollouts: Option<RolloutRule>,
+    /// What coefficients are fitted to.
+    pub objective: Objective,
 }
 
 /// Most folds.
@@ -59,7 +61,12 @@ impl PwaOptions {
         }
         let is_gap = |gap: &f64| *gap >= 0.0 && gap.is_finite();
         let purge = section.purge.map(|gap| checked("purge", gap, is_gap, "seconds, zero or more")).transpose()?;
-        Ok(Self { identification: options, purge, rollouts: rollouts(section, recipe)? })
+        Ok(Self {
+            identification: options,
+            purge,
+            rollouts: rollouts(section, recipe)?,
+            objective: section.objective.unwrap_or_default(),
+        })
     }
 
     /// The columns that partitions need beside the recipe's.

@@ -2,6 +2,8 @@
 
 use serde_json::{Value, json};
 
+use fleetfoot_pwa::Score;
+
 use super::{estimate, interval_in_words, real, reals};
 use crate::{Fitted, RolloutChoice};
 
@@ -22,7 +24,7 @@ impl Fitted {
     /// Scores and candidates for programs.
     pub fn to_json(&self) -> Value {
         let found = &self.identification;
-        json!({
+        let mut report = json!({
             "hash": found.model.hash(),
             "rows": found.rows, "episodes": self.episodes, "files": self.files,
             "effective_rows": real(found.effective_rows),
@@ -30,16 +32,28 @@ impl Fitted {
             "targets": found.targets, "sigma": reals(&found.sigma),
             "held_out": found.held_out, "fold_rule": found.fold_rule, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
             "chosen": found.chosen, "chosen_by": found.rule, "intervals": interval_in_words(&found.basis),
-            "candidates": found.candidates.iter().map(|score| json!({
+            "candidates": found.candidates.iter().map(candidate).collect::<Vec<_>>(),
+            "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
+            "notes": self.notes,
+        });
+        if let Some(refinement) = &self.refinement {
+            report["objective"] = refinement.to_json();
+        }
+        report
+    }
+}
+
+fn candidate(score: &Score) -> Value {
+    let mut told = json!({
                 "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
                 "mae_over_null": reals(&score.over_null),
                 "mae_over_null_intervals": score.over_null_interval.iter().map(estimate).collect::<Vec<_>>(),
                 "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
                 "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
                 "fold_losses": reals(&score.losses), "bic": real(score.bic),
-            })).collect::<Vec<_>>(),
-            "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
-            "notes": self.notes,
-        })
+    });
+    if let (false, Some(told)) = (score.objective.is_empty(), told.as_object_mut()) {
+        told.insert("objective".into(), reals(&score.objective).into());
     }
+    told
 }

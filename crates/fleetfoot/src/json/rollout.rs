@@ -1,9 +1,9 @@
 //! Scores of rollouts by horizon.
 
-use fleetfoot_dynamics::{HorizonScore, StepSpan};
+use fleetfoot_dynamics::{Estimate, HorizonScore, RolloutSummary, StepSpan};
 use serde_json::{Value, json};
 
-use super::{interval_in_words, real};
+use super::{estimate, interval_in_words, real};
 use crate::RolledOut;
 
 impl RolledOut {
@@ -20,12 +20,13 @@ impl RolledOut {
             };
             json!({
                 "rmse": table(&score.rmse), "mae": table(&score.mae),
-                "mahalanobis": score.mahalanobis.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect::<Vec<_>>(),
+                "mahalanobis": triples(&score.mahalanobis), "summary": summary(&score.summary),
+                "displacement": triples(&score.displacement), "displacement_summary": score.displacement_summary.as_ref().map(summary),
             })
         };
         json!({
             "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
-            "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(),
+            "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(), "ended_outside": rollouts.ended_outside(),
             "episodes": self.episodes, "in_sample_episodes": self.in_sample,
             "states": horizon.states, "replayed": rollouts.replayed,
             "driven_inputs": rollouts.driven_inputs,
@@ -43,6 +44,17 @@ impl RolledOut {
             "notes": self.notes,
         })
     }
+}
+
+/// Values with the ends of their intervals.
+fn triples(estimates: &[Estimate]) -> Value {
+    estimates.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect()
+}
+
+fn summary(summary: &RolloutSummary) -> Value {
+    json!({
+        "average": estimate(&summary.average), "last": estimate(&summary.last), "drift_per_second": estimate(&summary.drift),
+    })
 }
 
 /// Steps at which something holds.

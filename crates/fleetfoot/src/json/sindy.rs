@@ -8,7 +8,7 @@ use crate::{EquationReport, RolloutChoice, SindyReport};
 impl SindyReport {
     /// Equations, scores and terms for programs.
     pub fn to_json(&self) -> Value {
-        json!({
+        let mut report = json!({
             "rows": self.rows, "episodes": self.episodes,
             "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1], "rows_unassigned": self.left_out[2],
             "method": self.method, "choice": self.choice, "folds": self.folds, "fold_rule": self.fold_rule, "ensemble": self.ensemble,
@@ -23,7 +23,11 @@ impl SindyReport {
             })).collect::<Vec<_>>(),
             "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
-        })
+        });
+        if let Some(refinement) = &self.refinement {
+            report["objective"] = refinement.to_json();
+        }
+        report
     }
 }
 

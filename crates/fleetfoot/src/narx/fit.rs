@@ -1,5 +1,6 @@
 //! The pipeline: rows, partitions, choice, terms, model, scores.
 
+use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
@@ -17,7 +18,12 @@ use super::{
     terms::{EquationTerms, coefficients},
 };
 use crate::{
-    Dataset, EquationTask, Error, Logs, Provenance, Recipe, left_out::left_out, not_finite, output::refuse_not_finite,
+    Dataset, EquationTask, Error, Logs, Objective, Provenance, Recipe, Refinement,
+    left_out::left_out,
+    not_finite,
+    objective::{coefficient, refine},
+    output::refuse_not_finite,
+    sindy::coefficients_of,
 };
 
 /// What is asked of a fit beside the recipe.
@@ -134,11 +140,19 @@ impl Fit<'_> {
         let partition = partition.as_ref();
         let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
         let coefficients = coefficients(&chosen.terms, chosen.task.candidates());
-        let model = chosen.task.model(scan, partition, &coefficients, self.provenance(partition, *seed));
+        let model_of = |coefficients: &[Mat<f64>]| {
+            chosen.task.model(scan, partition, coefficients, self.provenance(partition, *seed))
+        };
+        let mut model = model_of(&coefficients);
+        let refinement = self.refined(&model, &chosen, progress)?;
+        notes.extend(self.options.objective.note(refinement.as_ref()));
+        if let Some(found) = refinement.as_ref().filter(|found| found.written) {
+            model = model_of(&coefficients_of(&found.fitted.model, &chosen.task, coefficients.len()));
+        }
         progress.stage("scores");
         let train = scores(&model, self.source, progress)?.ok_or_else(|| too_short(self.source))?;
         let counts = chosen.whole.counts();
-        let regions = regions(&chosen, scan, partition, &mut notes);
+        let regions = regions(&chosen, &model, scan, partition, &mut notes);
         let how = chosen.how;
         let report = NarxReport {
             rows: counts.complete,
@@ -154,12 +168,22 @@ impl Fit<'_> {
             tried: how.tried,
             orders: how.orders,
             regions,
+            refinement,
             train,
             test: None,
             files: None,
             notes,
         };
         Ok((model, report))
+    }
+
+    /// Fits the model to simulations where that is the objective; on the training rows of a fold terms are chosen anew, in the order that was found.
+    fn refined(&self, model: &Model, chosen: &Chosen, progress: &dyn Progress) -> Result<Option<Refinement>, Error> {
+        let order = OrderRule::Fixed(chosen.order);
+        let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
+        refine(self.options.objective, model, self.source, progress, |source| {
+            Ok(Fit { source, options: &options, ..*self }.run(progress)?.0)
+        })
     }
 
     /// The statistic of the training rows.
@@ -253,6 +277,7 @@ impl Fit<'_> {
 /// The equations of every region, for people.
 fn regions(
     chosen: &Chosen,
+    model: &Model,
     scan: &SystemScan,
     partition: Option<&Partition>,
     notes: &mut Vec<String>,
@@ -262,7 +287,11 @@ fn regions(
         name: partition.map_or_else(|| "all".into(), |partition| partition.region_name(region)),
         rows: scan.rows(region),
         shared: equations.iter().any(|equation| equation.shared),
-        equations: labels().zip(equations).map(|(label, own)| equation(&chosen.task, label, own)).collect(),
+        equations: labels()
+            .zip(equations)
+            .enumerate()
+            .map(|(target, (label, own))| equation(chosen, model, [region, target], label, own))
+            .collect(),
     };
     let regions: Vec<NarxRegion> = chosen.terms.iter().enumerate().map(region).collect();
     let shared: Vec<&str> = regions.iter().filter(|r| r.shared).map(|r| r.name.as_str()).collect();
@@ -273,7 +302,18 @@ fn regions(
     regions
 }
 
-fn equation(task: &EquationTask, label: &str, own: &EquationTerms) -> NarxEquation {
-    let term = |&(j, coefficient, err): &(usize, f64, f64)| NarxTerm { function: task.candidate(j), coefficient, err };
+/// The terms of an equation, and what the model has for them.
+fn equation(
+    chosen: &Chosen,
+    model: &Model,
+    [region, target]: [usize; 2],
+    label: &str,
+    own: &EquationTerms,
+) -> NarxEquation {
+    let latent = &chosen.task.fitted[target].latent;
+    let term = |&(j, found, err): &(usize, f64, f64)| {
+        let function = chosen.task.candidate(j);
+        NarxTerm { coefficient: coefficient(model, latent, region, &function).unwrap_or(found), function, err }
+    };
     NarxEquation { label: label.to_owned(), terms: own.terms.iter().map(term).collect() }
 }

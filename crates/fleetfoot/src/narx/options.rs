@@ -5,7 +5,7 @@ use fleetfoot_sparse::narx::NarxOrder;
 use serde::{Deserialize, Serialize};
 
 use super::Effort;
-use crate::{Criterion, Error, NarxSection, NarxTerms, Recipe, recipe::seed};
+use crate::{Criterion, Error, NarxSection, NarxTerms, Objective, Recipe, recipe::seed};
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,6 +130,8 @@ pub struct NarxOptions {
     pub seed: u64,
     /// Clusterings of every k to choose from, from this seed and the next ones.
     pub starts: usize,
+    /// What coefficients are fitted to.
+    pub objective: Objective,
 }
 
 /// The order where nothing is given and nothing is looked for.
@@ -169,6 +171,7 @@ impl NarxOptions {
             partitions,
             seed: seed("narx", section.seed)?,
             starts: within("starts", section.starts.unwrap_or(1), 1, 1_000)?,
+            objective: section.objective.unwrap_or_default(),
         };
         if !(0.0..1.0).contains(&options.test_share) {
             return Err(refused("test_share", options.test_share, "a share of the rows from 0 to less than 1"));

@@ -4,6 +4,7 @@ use fleetfoot_dynamics::{FreeRun, Scores};
 use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
 
 use super::{FileRuns, NarxCandidate, NarxSearch};
+use crate::Refinement;
 
 /// What a fit of an autoregression found.
 #[derive(Debug, Clone)]
@@ -35,6 +36,8 @@ pub struct NarxReport {
     pub orders: Option<OrderSearch>,
     /// The regions.
     pub regions: Vec<NarxRegion>,
+    /// The fit to simulations, where it was asked for.
+    pub refinement: Option<Refinement>,
     /// On the rows that trained.
     pub train: NarxScores,
     /// On the rows kept back.

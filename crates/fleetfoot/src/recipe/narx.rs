@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::settings;
-use crate::{Effort, GivenAs, NarxSelection};
+use crate::{Effort, GivenAs, NarxSelection, Objective};
 
 settings! {
     narx, |_, _| {};
@@ -33,6 +33,10 @@ settings! {
         /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: NarxSelection,
+        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// are the better ones (default: one-step).
+        #[arg(long, value_name = "OBJECTIVE")]
+        pub objective: Objective,
         /// Spans of the training rows that are held out in turn (default: 5).
         #[arg(long, value_name = "N")]
         pub folds: usize,

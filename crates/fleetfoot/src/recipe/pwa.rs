@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::{Tunable, settings};
+use crate::Objective;
 
 /// How one of several partitions is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -36,6 +37,10 @@ settings! {
         /// Steps of the rollouts that `--select rollout`, or a span of `over:auto`, compares (default: 50).
         #[arg(long, value_name = "STEPS")]
         pub horizon: u32,
+        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// are the better ones (default: one-step).
+        #[arg(long, value_name = "OBJECTIVE")]
+        pub objective: Objective,
         /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode; 0 for none (default: 10).
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=100))]
         pub folds: u16,

@@ -6,7 +6,7 @@ use super::{
     Recipe,
     settings::{Tunable, settings},
 };
-use crate::{Criterion, GroupWords, SindyOptimizer};
+use crate::{Criterion, GroupWords, Objective, SindyOptimizer};
 
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -79,6 +79,10 @@ settings! {
         /// What the number of terms is chosen by (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
+        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// are the better ones (default: one-step).
+        #[arg(long, value_name = "OBJECTIVE")]
+        pub objective: Objective,
         /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
         /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]

@@ -6,7 +6,9 @@ use fleetfoot_sparse::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{Criterion, Error, FoldRule, GroupRule, Normalize, SindySection, Tunable, recipe::seed, sparse_fit::words};
+use crate::{
+    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindySection, Tunable, recipe::seed, sparse_fit::words,
+};
 
 /// Which optimiser looks for the terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
@@ -95,6 +97,8 @@ pub struct SindyOptions {
     pub l1_ratio: f64,
     /// Seed of everything random.
     pub seed: u64,
+    /// What coefficients are fitted to.
+    pub objective: Objective,
 }
 
 /// Ridge weight when a threshold is given and none is: pysindy's.
@@ -170,6 +174,7 @@ impl SindyOptions {
             groups,
             l1_ratio: section.l1_ratio.unwrap_or(0.0),
             seed: seed("sindy", section.seed)?,
+            objective: section.objective.unwrap_or_default(),
         })
     }
 }

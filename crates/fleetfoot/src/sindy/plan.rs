@@ -3,7 +3,7 @@
 use fleetfoot_data::Progress;
 
 use super::{EquationTask, SindyOptions, evidence::specification};
-use crate::{Dataset, Error, Logs, Recipe, dataset};
+use crate::{Dataset, Error, Logs, Objective, Recipe, dataset};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone)]
@@ -27,6 +27,8 @@ pub struct SindyPlan {
     pub parameters: Vec<String>,
     /// Regions, at most.
     pub regions: usize,
+    /// What coefficients are fitted to.
+    pub objective: Objective,
     /// Bytes of statistics, about.
     pub memory: usize,
     /// What was assumed or left out.
@@ -39,7 +41,7 @@ pub struct SindyPlan {
 /// Those of the recipe and of opening.
 pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<SindyPlan, Error> {
     let logs = &logs.into();
-    SindyOptions::new(&recipe.sindy)?;
+    let objective = SindyOptions::new(&recipe.sindy)?.objective;
     if logs.is_statistic() {
         return Err(Error::needs_rows(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
@@ -56,6 +58,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
         regions,
+        objective,
         memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, rows),
         notes,
     };

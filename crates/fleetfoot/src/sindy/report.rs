@@ -4,7 +4,7 @@ use fleetfoot_model::factor;
 use fleetfoot_stats::explained_share;
 
 use super::{DifferenceErrors, EquationTask, solve::Solved};
-use crate::RolloutChoice;
+use crate::{Refinement, RolloutChoice};
 
 /// What a fit of equations found.
 #[derive(Debug, Clone)]
@@ -34,6 +34,8 @@ pub struct SindyReport {
     pub regions: Vec<RegionReport>,
     /// How open spans of derivatives were chosen by rollouts, where there were any.
     pub rollouts: Option<RolloutChoice>,
+    /// The fit to simulations, where it was asked for.
+    pub refinement: Option<Refinement>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -197,7 +199,7 @@ pub(super) fn equation(
 }
 
 /// The right side with what was learnt written out behind the nominal part.
-fn right(task: &EquationTask, target: usize, terms: &[TermReport]) -> String {
+pub(super) fn right(task: &EquationTask, target: usize, terms: &[TermReport]) -> String {
     let learnt = sum(terms.iter().map(|term| (term.function.as_str(), term.coefficient)));
     let nominal = &task.fitted[target].nominal;
     match nominal {

@@ -28,7 +28,7 @@ pub(super) fn by_rollouts(
     }
     let (dataset, task) = Dataset::for_equations(&settled(recipe, None), logs, progress)?;
     let view = dataset.view()?;
-    let held = HeldOut::new(&view, rule)?;
+    let held = HeldOut::new(&view, rule, "over = \"auto\"")?;
     let mut found = Vec::new();
     for over in candidates(recipe) {
         let task = task.spanned(recipe, over);
@@ -50,7 +50,7 @@ pub(super) fn by_rollouts(
 }
 
 /// The equations that some rows give.
-fn equations(
+pub(super) fn equations(
     recipe: &Recipe,
     task: &EquationTask,
     options: &SindyOptions,

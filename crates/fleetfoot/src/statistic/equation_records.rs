@@ -161,7 +161,7 @@ impl PartitionRecord {
             }
         };
         let Self { specification, centre, scale, .. } = self;
-        Ok(Partition { specification, columns, centre, scale, rule, regions: Vec::new() })
+        Ok(Partition { specification, columns, centre, scale, rule, regions: Vec::new(), transitions: None })
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use fleetfoot_library::Expr;
 
 use super::{ExportOptions, ExportedFile};
-use crate::{Latent, Model, Prediction, Rule};
+use crate::{Latent, Model, Prediction, Rule, typeset::summands};
 
 /// The file `prefix.tex`: an `align*` for the equations, one for the latents, regions as cases. It needs the package `amsmath`.
 pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
@@ -61,13 +61,9 @@ fn latent_lines(model: &Model, latent: &Latent) -> String {
 
 /// The function in a region, coefficients with six digits.
 fn sum(model: &Model, latent: &Latent, region: usize) -> String {
-    let constant = Some((latent.constants[region], None)).filter(|(value, _)| *value != 0.0);
-    let functions = model.libraries[latent.library].iter().zip(&latent.coefficients[region]);
-    let terms = functions.filter(|(_, value)| **value != 0.0).map(|(function, &value)| (value, Some(function)));
-    let sum = constant.into_iter().chain(terms).fold(None, |sum: Option<Expr>, (value, function)| {
-        let size = Expr::number(rounded(value.abs()));
-        let term = function.map_or_else(|| size.clone(), |function| size.clone() * function);
-        Some(match (sum, value < 0.0) {
+    let terms = summands(model, latent, region, 6).into_iter();
+    let sum = terms.fold(None, |sum: Option<Expr>, (negative, term)| {
+        Some(match (sum, negative) {
             (None, false) => term,
             (None, true) => -term,
             (Some(sum), false) => sum + term,
@@ -75,11 +71,6 @@ fn sum(model: &Model, latent: &Latent, region: usize) -> String {
         })
     });
     sum.map_or_else(|| "0".into(), |sum| sum.to_latex())
-}
-
-/// Six significant digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition) {

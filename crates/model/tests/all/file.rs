@@ -2,7 +2,8 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column, Equation, FileError, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel,
+    Column, Equation, FileError, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Transitions,
+    UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -52,6 +53,9 @@ fn model(numbers: &[f64; 12]) -> Model {
             unseen: UnseenLabel::Pool,
         },
         regions: (0..5).map(region).collect(),
+        transitions: Some(Transitions {
+            counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
+        }),
     }];
     model.latents = vec![Latent {
         name: "f_x".into(),

@@ -81,6 +81,7 @@ impl Maker {
             scale,
             rule,
             regions: Vec::new(),
+            transitions: None,
         });
         self.model.partitions.len() - 1
     }
@@ -88,6 +89,14 @@ impl Maker {
     /// Random centroids.
     pub(crate) fn voronoi(&mut self, count: usize, columns: usize) -> Rule {
         Rule::voronoi((0..count).map(|_| self.draw.values(columns).iter().map(|v| 2.0 * v).collect()).collect())
+    }
+
+    /// Random linear separators.
+    pub(crate) fn separators(&mut self, count: usize, columns: usize) -> Rule {
+        Rule::Linear {
+            weights: (0..count).map(|_| self.draw.values(columns)).collect(),
+            offsets: self.draw.values(count),
+        }
     }
 
     /// A latent with random coefficients, of which about `share` are not zero.
@@ -363,7 +372,7 @@ fn regression() -> Model {
     let columns = [("a", INPUT), ("b", INPUT), ("force", Role::Auxiliary), ("torque", Role::Auxiliary)];
     let mut maker = Maker::new(7, "sparse", &columns);
     let library = maker.library(&["a", "b", "a*b", "sqrt(abs(a) + 1)", "a^-2*b"]);
-    let rule = maker.voronoi(4, 2);
+    let rule = maker.separators(4, 2);
     let partition = maker.partition("kmeans:4", &["a", "b"], rule);
     maker.latent("f", library, partition, 1.0);
     maker.latent("g", library, partition, 1.0);

@@ -40,9 +40,11 @@ from ._stats import Plan, Stats, merge, scan
 # -- tables
 from . import plot
 from ._compare import Comparison, compare
-from ._data import Dataset, open  # noqa: A004
+from ._data import Dataset
+from ._data import open as open  # noqa: A004
 from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
+from ._report import report
 
 __all__ = [
     "__version__",
@@ -100,11 +102,11 @@ __all__ = [
     "compare",
     "generate",
     "info",
-    "open",
     "plot",
     "prepare",
     "read",
     "read_mcap",
+    "report",
     "robots",
     "world",
 ]

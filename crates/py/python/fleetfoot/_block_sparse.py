@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _core, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, groups_of, number
+from ._call import TASKS
+from ._identify import AnyRecipe, Derivative, Identifier, States, documented, groups_of
 from ._model import Model
 from ._progress import Progress
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @documented
@@ -35,11 +39,11 @@ class BlockSparse(Identifier):
         Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with
         ``scale``, the error that counts as one; a pair
         of texts is target and right side.
-    lam : float or str, optional
+    lam : float or str, default="auto"
         Lambda: ``"auto"``, a number, or ``"L0/sqrt(n)"``.
-    select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
+    select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
         What lambda is chosen by.
-    folds : int or str, optional
+    folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     l1_ratio : float, optional
         Share of the absolute values in the penalty: beside squares (the elastic net), or with `groups` beside the
@@ -47,27 +51,28 @@ class BlockSparse(Identifier):
     groups : str or dict of str to list of str, optional
         Group lasso, functions that enter together: ``"signal"`` (a signal with its powers and lags), ``"term"`` (a
         function in all equations), or lists of signals by the names of the groups.
-    adaptive : bool, optional
+    adaptive : bool, default=False
         Penalty factors from a first fit.
     bolasso : str, optional
         ``"rows:128"``, ``"chunks:128"`` or ``"episodes:128"``.
     threshold : float, optional
         Share of the resamples that must select a column.
-    stability : bool, optional
+    stability : bool, default=False
         Stability selection by half-samples.
-    prior_strength : float, optional
+    prior_strength : float, default=1
         Of all priors that name none.
-    unscaled : bool, optional
+    unscaled : bool, default=False
         Penalise coefficients in raw units.
-    seed : int, optional
+    seed : int, default=0
         Of everything random.
     degree : int, optional
         Degree of the polynomials without ``latents``; 2 when neither it nor a recipe is given.
     target : str, optional
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``.
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``. When not given what the recipe says,
+        else ``"derivative"``.
     by : str, optional
         A label of the episodes: a model for every value of it, ``models_``.
-    influence : bool
+    influence : bool, default=False
         Leave every episode out once and tell what it does.
     COMMON
 
@@ -107,18 +112,18 @@ class BlockSparse(Identifier):
         latents: Mapping[str, Mapping[str, Any]] | None = None,
         tasks: Mapping[str, Any] | None = None,
         *,
-        lam: float | str | None = None,
-        select: str | None = None,
-        folds: int | str | None = None,
+        lam: float | str = "auto",
+        select: str = "one-se",
+        folds: int | str = "auto",
         l1_ratio: float | None = None,
         groups: str | Mapping[str, Sequence[str]] | None = None,
-        adaptive: bool | None = None,
+        adaptive: bool = False,
         bolasso: str | None = None,
         threshold: float | None = None,
-        stability: bool | None = None,
-        prior_strength: float | None = None,
-        unscaled: bool | None = None,
-        seed: int | None = None,
+        stability: bool = False,
+        prior_strength: float = 1.0,
+        unscaled: bool = False,
+        seed: int = 0,
         degree: int | None = None,
         target: str | None = None,
         by: str | None = None,
@@ -126,9 +131,10 @@ class BlockSparse(Identifier):
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
-        derivative: Derivative = None,
+        derivative: Derivative = "auto",
         known: Mapping[str, str] | None = None,
         weight: str | None = None,
+        dt: float | None = None,
         recipe: AnyRecipe = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
@@ -157,26 +163,29 @@ class BlockSparse(Identifier):
         self.derivative = derivative
         self.known = known
         self.weight = weight
+        self.dt = dt
         self.recipe = recipe
         self.cache = cache
         self.progress = progress
 
+    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+        return TASKS if self.tasks else super()._predicts(own)
+
     def _own_recipe(self) -> dict[str, Any]:
-        shares = {name: getattr(self, name) for name in ("l1_ratio", "threshold", "prior_strength")}
+        lam = self._said("lam")
         sparse = _recipe.said(
-            **{name: None if value is None else number(name, value) for name, value in shares.items()},
-            **{"lambda": None if self.lam is None else _text(self.lam)},
-            select=self.select,
-            folds=None if self.folds is None else str(self.folds),
+            **{name: self._real(name) for name in ("l1_ratio", "threshold", "prior_strength")},
+            **{"lambda": None if lam is None else _text(lam)},
+            select=self._said("select"),
+            folds=self._text("folds"),
             groups=groups_of(self.groups),
-            adaptive=self.adaptive,
-            bolasso=self.bolasso,
-            stability=self.stability,
-            unscaled=self.unscaled,
-            seed=None if self.seed is None else count("seed", self.seed, 0),
+            adaptive=self._said("adaptive"),
+            bolasso=self._said("bolasso"),
+            stability=self._said("stability"),
+            unscaled=self._said("unscaled"),
+            seed=self._whole("seed", 0),
         )
-        degree = None if self.degree is None else count("degree", self.degree, 1)
-        model = _recipe.said(predict=self.target, degree=degree)
+        model = _recipe.said(predict=self._said("target"), degree=self._whole("degree", 1))
         tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
         sections = (("sparse", sparse), ("model", model), ("latents", dict(self.latents or {})), ("tasks", tasks))
         return {name: section for name, section in sections if section}
@@ -195,6 +204,33 @@ class BlockSparse(Identifier):
         self.reports_ = {value: report for value, _, report in models if value is not None}
         _, model, report = models[0]
         return model, report
+
+
+    def _candidates(self) -> list[list[str]]:
+        """The candidates of every unknown function."""
+        self._found()
+        return [[one["function"] for one in latent["functions"]] for latent in self.report_["latents"]]
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of all candidate functions, where the unknown functions have the same; the model itself keeps those
+        that are used, which ``latent`` names."""
+        candidates = self._candidates()
+        if latent is not None or any(one != candidates[0] for one in candidates):
+            return super().get_feature_names(latent)
+        return candidates[0]
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """Coefficients (unknown functions, candidates) in the order of :meth:`get_feature_names`, zeros among them;
+        with ``latent`` those that the model keeps of one."""
+        candidates = self._candidates()
+        if latent is not None or any(one != candidates[0] for one in candidates):
+            return super().coefficients(latent=latent, region=region)
+        found = np.zeros((len(candidates), len(candidates[0])))
+        for row, one in zip(found, self.report_["latents"]):
+            names = super().get_feature_names(one["name"])
+            kept = dict(zip(names, super().coefficients(latent=one["name"], region=region)))
+            row[:] = [kept.get(name, 0.0) for name in candidates[0]]
+        return found
 
 
 def _text(lam: float | str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._data import Dataset
 from ._data import open as open_data
+from ._html import of_comparison
 from ._progress import Progress, reporting
 
 Array = Any
@@ -91,6 +92,13 @@ class Comparison:
         )
         text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
         return "\n".join(text)
+
+    def cells(self) -> tuple[list[str], list[list[str]]]:
+        """Header and lines of the table, as texts."""
+        return self._cells(" ± ")
+
+    def _repr_html_(self) -> str:
+        return of_comparison(self)
 
     def _cells(self, between: str, escape: Callable[[str], str] = str) -> tuple[list[str], list[list[str]]]:
         """Header and lines: for each target its error and the difference to the reference."""

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from . import _core
+from ._frames import frame
+from ._html import of_dataset
 
 
 class Dataset:
@@ -33,9 +35,22 @@ class Dataset:
         The recipe as TOML; may be empty.
     """
 
-    def __init__(self, core: _core.Data, recipe: str = "") -> None:
+    def __init__(self, core: _core.Data, recipe: str = "", opened: tuple[Any, dict[str, Any]] | None = None) -> None:
         self._core = core
         self.recipe = recipe
+        self._opened = opened
+
+    def __copy__(self) -> Dataset:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Dataset:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it was opened: files by their paths, tables and arrays by their values."""
+        if self._opened is None:
+            raise TypeError("this Dataset was not opened by fleetfoot.open, and cannot be pickled")
+        return _reopened, self._opened
 
     @property
     def names(self) -> list[str]:
@@ -50,13 +65,26 @@ class Dataset:
         shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
         return f"Dataset({len(names)} {'log' if len(names) == 1 else 'logs'}: {shown})"
 
+    def _repr_html_(self) -> str:
+        return of_dataset(self)
+
     def __add__(self, other: Dataset) -> Dataset:
         """Both as one; they are read by one recipe."""
         if not isinstance(other, Dataset):
             return NotImplemented
         if self.recipe and other.recipe and self.recipe != other.recipe:
             raise ValueError("the two datasets have different recipes; open one of them without")
-        return Dataset(self._core.joined([other._core]), self.recipe or other.recipe)
+        parts = ("+", {"parts": [self, other]})
+        return Dataset(self._core.joined([other._core]), self.recipe or other.recipe, parts)
+
+
+def _reopened(source: Any, given: dict[str, Any]) -> Dataset:
+    """A pickled data set."""
+    if "parts" in given:
+        first, second = given["parts"]
+        both: Dataset = first + second
+        return both
+    return open(source, **given)
 
 
 def open(  # noqa: A001
@@ -117,17 +145,26 @@ def open(  # noqa: A001
     """
     if t is not None and dt is not None:
         raise ValueError("t and dt are both given; the stamps come from one of them")
+    given = {"recipe": recipe, "name": name, "t": t, "dt": dt}
+    added: tuple[str, str | None] | None = None
     if isinstance(source, Dataset):
-        core, added = source._core, None
+        core = source._core
         if t is not None and not isinstance(t, str):
             raise ValueError("t: the dataset is open already; give the name of its clock's column")
         recipe = source.recipe if recipe is None else recipe
     elif _is_path(source) or _is_paths(source):
-        core, added = _files(source, name, t), None
+        core = _files(source, name, t)
     else:
-        core, added = _memory(source, name, t)
-    clock = t if isinstance(t, str) else added
-    return Dataset(core, _recipe(recipe, clock, "s" if added and not _is_dated(t) else None, dt))
+        core, added = _memory(source, name, t, has_clock=dt is not None or _says_clock(recipe))
+    clock, unit = (t, None) if isinstance(t, str) else added or (None, None)
+    return Dataset(core, _recipe(recipe, clock, unit, dt), (source, given))
+
+
+def _says_clock(recipe: Any) -> bool:
+    """Whether a recipe says which column is the clock, or that there is none."""
+    text = _recipe(recipe, None, None, None)
+    time = json.loads(_core.recipe_json(text, "the recipe")).get("time", {}) if text.strip() else {}
+    return "column" in time or "dt" in time
 
 
 def _is_path(source: Any) -> bool:
@@ -142,11 +179,6 @@ def _is_table(source: Any) -> bool:
     return hasattr(source, "__arrow_c_stream__") or hasattr(source, "__arrow_c_array__")
 
 
-def _is_dated(t: Any) -> bool:
-    first = t[0] if isinstance(t, (list, tuple)) and t else t
-    return np.asarray(first).dtype.kind in "mM"
-
-
 def _files(source: Any, name: Any, t: Any) -> _core.Data:
     if name is not None:
         raise ValueError("name: files have their own names")
@@ -155,9 +187,9 @@ def _files(source: Any, name: Any, t: Any) -> _core.Data:
     return _core.Data.files([source] if _is_path(source) else list(source))
 
 
-def _memory(source: Any, name: Any, t: Any) -> tuple[_core.Data, str | None]:
-    """Tables in memory, and the name of the clock's column where one was added."""
-    if isinstance(source, np.ndarray) or isinstance(source, Mapping) or _is_table(source):
+def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.Data, tuple[str, str | None] | None]:
+    """Tables in memory, and the clock's column and its unit where one was added."""
+    if isinstance(source, (np.ndarray, Mapping)) or _is_table(source) or frame(source) is not None:
         runs, single = [source], True
     elif isinstance(source, (list, tuple)):
         runs, single = list(source), False
@@ -176,9 +208,39 @@ def _memory(source: Any, name: Any, t: Any) -> tuple[_core.Data, str | None]:
     stamps: list[Any] = [None] * len(runs)
     if t is not None and not isinstance(t, str):
         stamps = _stamps(t, len(runs), single)
-    parts = [_run(name, run, stamp) for name, run, stamp in zip(names, runs, stamps)]
+    clocks: list[tuple[str, str | None] | None] = []
+    for at, (run, stamp) in enumerate(zip(runs, stamps)):
+        runs[at], clock = _clocked(run, stamp, has_clock)
+        clocks.append(clock)
+    if len(set(clocks)) > 1:
+        raise ValueError("some of the runs have an index of times and some have none, or they are called differently")
+    parts = [_run(name, run) for name, run in zip(names, runs)]
     core = parts[0].joined(parts[1:]) if len(parts) > 1 else parts[0]
-    return core, None if stamps[0] is None else "t"
+    return core, clocks[0]
+
+
+def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, str | None] | None]:
+    """A run with its stamps as a column, where they were given or are its index, and that column's name and unit."""
+    table = frame(run)
+    index = None if table is None or stamps is not None else table.clock
+    name, values = ("t", stamps) if index is None else index
+    if table is not None:
+        run = table.source
+        if values is not None:
+            name = table.free(name)
+            run = table.joined(name, values)
+    elif values is not None and isinstance(run, _Batches):
+        raise ValueError("t: batches have their own stamps; give the name of the clock's column")
+    elif values is not None and _is_table(run) and not isinstance(run, np.ndarray):
+        raise ValueError("t: give the name of the clock's column, or a table of pandas, polars or pyarrow")
+    elif values is not None:
+        columns: dict[Any, Any] = {tuple(names): array for array, names in _parts("source", run)}
+        if any("t" in names for names in columns):
+            raise ValueError("t: there is a column `t` already; give its name, t='t', or leave the array away")
+        run = {**columns, ("t",): values}
+    if values is None or (index is not None and has_clock):
+        return run, None
+    return run, (name, None if np.asarray(values).dtype.kind in "mM" else "s")
 
 
 def _names(name: Any, count: int, single: bool) -> list[str]:
@@ -209,28 +271,23 @@ class _Batches:
         self.batches = list(batches)
 
 
-def _run(name: str, run: Any, stamps: Any) -> _core.Data:
+def _run(name: str, run: Any) -> _core.Data:
     if isinstance(run, _Batches):
         for at, batch in enumerate(run.batches):
             if not _is_table(batch):
                 raise TypeError(f"source: batch {at} is a {type(batch).__name__}; give record batches or tables")
-        if stamps is not None:
-            raise ValueError("t: batches have their own stamps; give the name of the clock's column")
         return _core.Data.arrow([(name, run.batches)])
     if _is_table(run) and not isinstance(run, np.ndarray):
-        if stamps is not None:
-            raise ValueError("t: tables have their own stamps; give the name of the clock's column")
         try:
             return _core.Data.arrow([(name, [run])])
         except ImportError:
             # pandas hands out Arrow only beside pyarrow; its columns are arrays as well.
-            if not hasattr(run, "to_numpy"):
+            table = frame(run)
+            if table is None:
                 raise
-            run = {str(column): run[column].to_numpy() for column in run.columns}
-    parts = _parts(name, run)
-    if stamps is not None:
-        parts.append((stamps, ["t"]))
-    return _core.Data.arrays([(name, parts)])
+            arrays = {column: table.column(column) for column in table.names}
+            run = {column: array for column, array in arrays.items() if array.dtype.kind in "iufbmM"}
+    return _core.Data.arrays([(name, _parts(name, run))])
 
 
 def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:

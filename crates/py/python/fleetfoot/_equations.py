@@ -64,6 +64,14 @@ class Content:
         ]
         return np.array(rows, dtype=float)
 
+    def complexity(self) -> int:
+        """Coefficients that are not zero, of all functions and regions."""
+        return sum(
+            int(np.count_nonzero(np.array(latent[part], dtype=float)))
+            for latent in self.latents
+            for part in ("constants", "coefficients")
+        )
+
     def regions(self) -> list[str]:
         """Names of the regions in the first latent's partition."""
         if not self.latents:

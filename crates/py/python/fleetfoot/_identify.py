@@ -5,21 +5,19 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from . import _core, _recipe
+from ._base import BaseEstimator
+from ._call import OF_STATES, Call, second_by_position
+from ._fitted import Fitted
 from ._model import Model
 from ._progress import Progress, reporting
-from ._runs import differentiated, is_arrays, runs
-from ._warnings import warn_all
+from ._runs import is_arrays, runs
+from ._warnings import tell_all
 from .exceptions import RequestError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    Array = np.ndarray[Any, np.dtype[np.float64]]
 
 Own = TypeVar("Own", bound="Identifier")
 States = Sequence[str] | Mapping[str, Mapping[str, Any]] | None
@@ -35,8 +33,8 @@ COMMON = """states : list of str, or dict, optional
     angles : list of str
         States and inputs that are angles (radians): their differences wrap, libraries and partitions see their cosine
         and sine.
-    derivative : str, dict or callable, optional
-        How derivatives are measured: ``"auto"`` (as when not given: central differences, their order chosen by data in
+    derivative : str, dict or callable, default="auto"
+        How derivatives are measured: ``"auto"`` (central differences, their order chosen by data in
         `SINDy`), ``"central"``, ``"central4"``, ``"central6"``, ``"forward"``, ``"backward"``, or a column; a
         dict says it state by state. A function
         ``(x, t) -> x_dot``, such as pysindy's differentiation objects, is called for every run of arrays.
@@ -44,9 +42,11 @@ COMMON = """states : list of str, or dict, optional
         Derivatives that are given, as expressions over columns: integrated, never fitted.
     weight : str, optional
         Non-negative weights of the rows: a column or an expression.
+    dt : float, optional
+        Seconds from row to row of arrays and tables without a clock, so that ``fit(X, y)`` needs none.
     recipe : path, TOML text or dict, optional
-        Anything else that a recipe may say. What the arguments say stands above it; it stands above the recipe of the
-        data.
+        Anything else that a recipe may say. An argument that differs from its default stands above it; it stands
+        above the recipe of the data, which so can be told a default: ``{"pwa": {"folds": 10}}``.
     cache : path, optional
         A folder for the decoded columns of robots' logs.
     progress : bool or callable, optional
@@ -59,10 +59,9 @@ def documented(cls: type[Own]) -> type[Own]:
     return cls
 
 
-class Identifier:
-    """Base of what fits models to recordings."""
+class Identifier(Fitted, BaseEstimator):
+    """Base of what fits models to recordings: an estimator, as scikit-learn has them."""
 
-    model_: Model
     report_: dict[str, Any]
 
     states: States
@@ -75,36 +74,61 @@ class Identifier:
     cache: str | os.PathLike[str] | None
     progress: Progress
 
-    # -- parameters, as scikit-learn has them
+    #: The arrays that scikit-learn's routing of metadata need not know.
+    __metadata_request__fit = {"x": "$UNUSED$"}
+    __metadata_request__score = {"x": "$UNUSED$"}
+    __metadata_request__predict = {"x": "$UNUSED$"}
 
-    @classmethod
-    def _parameters(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
+    #: The defaults of the constructor's arguments.
+    _defaults: ClassVar[dict[str, Any]] = {}
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The arguments of the constructor by name."""
-        return {name: getattr(self, name) for name in self._parameters()}
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._defaults = {one.name: one.default for one in inspect.signature(cls).parameters.values()}
 
-    def set_params(self: Own, **params: Any) -> Own:
-        """Changes arguments of the constructor."""
-        known = self._parameters()
-        for name, value in params.items():
-            if name not in known:
-                raise ValueError(f"{type(self).__name__} has no parameter {name!r}; it has {', '.join(known)}")
-            setattr(self, name, value)
-        return self
-
-    def __repr__(self) -> str:
-        defaults = inspect.signature(type(self).__init__).parameters
-        params = self.get_params().items()
-        given = (f"{name}={value!r}" for name, value in params if _differs(value, defaults[name].default))
-        return f"{type(self).__name__}({', '.join(given)})"
+    # -- what it is to scikit-learn
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "model_")
 
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import RegressorTags  # type: ignore[import-untyped, unused-ignore]
+
+        tags = super().__sklearn_tags__()  # type: ignore[misc, unused-ignore]
+        tags.estimator_type = "regressor"
+        tags.regressor_tags = RegressorTags()
+        tags.target_tags.multi_output = self._predicts() in OF_STATES
+        # Rows that lack a value are left out, and counted.
+        tags.input_tags.allow_nan = True
+        return tags
+
+    def _said(self, name: str) -> Any:
+        """An argument of the constructor, where it is not the default: that leaves the recipe its word."""
+        value = getattr(self, name)
+        return None if value is None or not _differs(value, self._defaults[name]) else value
+
+    def _whole(self, name: str, least: int) -> int | None:
+        """A whole number that an argument says."""
+        value = self._said(name)
+        return None if value is None else count(name, value, least)
+
+    def _real(self, name: str, *words: str) -> float | str | None:
+        """A number, or one of some words, that an argument says."""
+        value = self._said(name)
+        return value if value is None or (isinstance(value, str) and value in words) else number(name, value)
+
+    def _text(self, name: str) -> str | None:
+        """What an argument says, as a text."""
+        value = self._said(name)
+        return None if value is None else str(value)
+
+    def _list(self, name: str) -> list[str] | None:
+        value = self._said(name)
+        return None if value is None else list(value)
+
     # -- fitting
 
+    @second_by_position
     def fit(
         self: Own,
         x: Any,
@@ -114,6 +138,7 @@ class Identifier:
         feature_names: Sequence[str] | None = None,
         input_names: Sequence[str] | None = None,
         *,
+        y: Any = None,
         dt: float | None = None,
         columns: Mapping[str, Any] | None = None,
     ) -> Own:
@@ -121,19 +146,27 @@ class Identifier:
 
         Parameters
         ----------
-        x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
+        x : array, table, list of them, or anything that :func:`fleetfoot.open` takes
             The states of a run, (rows, states), or a list of such, one for each run. Read where they are, whatever
-            their type, order and strides.
-            Or files, a table, a data set, a statistic.
+            their type, order and strides. A table (pandas, polars, pyarrow, xarray) whose columns no ``states`` and
+            ``inputs`` name has all its numbers as states, but the clock and the target.
+            Or files, a data set, a statistic.
         t : array, list of arrays, float or str, optional
             Stamps of the rows in seconds, (rows,), for each run or one for all; or the period. For tables and files
-            the name of the clock's column.
+            the name of the clock's column. A table's index of times is its clock; so is a column ``stamp``, ``t``,
+            ``time`` or ``timestamp``.
         x_dot : array or list of arrays, optional
             Measured derivatives, in the shape of ``x``; differences of ``x`` when not given.
-        u : array or list of arrays, optional
+        u : array, table or list of them, optional
             Inputs, (rows, inputs).
         feature_names, input_names : list of str, optional
             Names of the columns of ``x`` and ``u``; ``x0``, ``x1``, ... and ``u0``, ``u1``, ... when not given.
+        y : array or list of arrays, optional
+            Targets, as scikit-learn calls them: derivatives, or with ``target`` (``discrete_time``) next values or
+            differences, in the shape of ``x``; or the column that ``target`` names, (rows,). Never stamps. The second
+            argument by position is ``t``, as pysindy has it; and ``y``, as scikit-learn's tools hand it over, where
+            the clock is told by its name (``t=``, ``dt=``, or ``dt`` of the constructor), or ``target`` names a column
+            that is nowhere else, which needs none.
         dt : float, optional
             Seconds from row to row, in place of ``t``.
         columns : dict of str to array or list of arrays, optional
@@ -159,81 +192,99 @@ class Identifier:
         Warns
         -----
         FleetfootWarning
-            What was assumed, left out, or cannot be told apart.
+            What was left out, or cannot be told apart, or may be wrong. What was assumed as usual is logged
+            (``logging``, ``fleetfoot``), and stands in ``report_["notes"]`` too.
         """
-        data, recipe = self._data(x, t, x_dot, u, feature_names, input_names, dt, columns)
+        given = Call(x, t, x_dot, u, feature_names, input_names, y, dt, columns)
+        own = _recipe.of_anything(self.recipe)
+        call = given.understood(self._predicts(own), self.dt, self._names_columns(own))
+        data, recipe = self._data(call, own)
         with reporting(self.progress) as callback:
             self.model_, self.report_ = self._fit(data, _recipe.to_json(recipe), callback)
         self.report_["recipe"] = self.model_.recipe
-        warn_all(self.report_.get("notes", ()))
+        self._is_flat = call.is_flat
+        self.report_["notes"] = tell_all(self.report_.get("notes", ()))
         return self
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         raise NotImplementedError
 
     def _derivative(self) -> Derivative:
-        return self.derivative
+        said: Derivative = self._said("derivative")
+        return said
 
     def _own_recipe(self) -> dict[str, Any]:
         """What the arguments of this method say."""
         return {}
 
+    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+        """What is predicted: of states, or a column."""
+        recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if own is None else own)
+        return str(recipe.get("model", {}).get("predict", "derivative"))
+
+    def _names_columns(self, own: Mapping[str, Any]) -> bool:
+        """Whether arguments or recipe give columns of tables their roles."""
+        named = (self.states, self.inputs, self.known, *(own.get(name) for name in ("states", "inputs", "tasks")))
+        return any(named) or bool(self._own_recipe().get("tasks"))
+
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         """The period of arrays without a clock, where none is needed."""
         return None if recipe.get("model", {}).get("predict", "derivative") == "derivative" else 1.0
 
-    def _data(
-        self,
-        x: Any,
-        t: Any,
-        x_dot: Any,
-        u: Any,
-        feature_names: Sequence[str] | None,
-        input_names: Sequence[str] | None,
-        dt: float | None,
-        columns: Mapping[str, Any] | None,
-    ) -> tuple[_core.Data, dict[str, Any]]:
+    def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
         """What is read, and the whole recipe."""
-        own = _recipe.of_anything(self.recipe)
-        derivative = self._derivative()
-        differentiate = derivative if callable(derivative) else None
-        if is_arrays(x):
-            named = feature_names if feature_names is not None else _listed(self.states)
-            found = runs(
-                x,
-                t,
-                x_dot,
-                u,
-                named,
-                input_names if input_names is not None or u is None else _listed(self.inputs),
-                dt=dt,
-                default_dt=self._period(_recipe.over(self._own_recipe(), own)),
-                differentiate=differentiate,
-                columns=columns,
-            )
-            data = found.core
-            states = {name: _recipe.said(derivative=found.derivatives.get(name)) for name in found.states}
-            below = {"states": states, "inputs": {name: {} for name in found.inputs}, "time": found.time}
-            recipe = _recipe.over(own, below)
-        else:
-            if any(given is not None for given in (x_dot, u, feature_names, input_names, columns)):
-                raise ValueError(
-                    "x_dot, u, feature_names, input_names and columns belong to arrays; "
-                    "of files and tables name the columns: states=, inputs=, derivative="
-                )
-            if differentiate is not None:
-                raise ValueError("derivative: a function is called for arrays; of files and tables name a column")
-            from ._data import open as open_data
-
-            if hasattr(x, "_as_data"):
-                data, recipe = x._as_data(), own
-            else:
-                dataset = open_data(x, t=t, dt=dt)
-                data, recipe = dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
-        recipe = _recipe.say(self._own_recipe(), self._roles(recipe, is_arrays(x)))
+        arrays = is_arrays(call.x)
+        data, recipe = self._of_arrays(call, own) if arrays else self._of_recordings(call, own)
+        recipe = _recipe.say(self._own_recipe(), self._roles(recipe, arrays))
         if self.weight is not None:
             recipe = _recipe.over({"model": {"weight": self.weight}}, recipe)
         return data, recipe
+
+    def _of_arrays(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+        derivative = self._derivative()
+        found = runs(
+            call.x,
+            call.t,
+            call.x_dot,
+            call.u,
+            call.feature_names if call.feature_names is not None else _listed(self.states),
+            call.input_names if call.input_names is not None or call.u is None else _listed(self.inputs),
+            dt=call.dt,
+            default_dt=self._period(_recipe.over(self._own_recipe(), own)),
+            differentiate=derivative if callable(derivative) else None,
+            columns=call.columns,
+        )
+        self._remember(found.states, found.inputs, call.table_names)
+        states = {name: _recipe.said(derivative=found.derivatives.get(name)) for name in found.states}
+        below = {"states": states, "inputs": {name: {} for name in found.inputs}, "time": found.time}
+        return found.core, _recipe.over(own, below)
+
+    def _of_recordings(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+        besides = (call.x_dot, call.u, call.feature_names, call.input_names, call.columns, call.y)
+        if any(given is not None for given in besides):
+            raise ValueError(
+                "x_dot, y, u, feature_names, input_names and columns belong to arrays; "
+                "of files and tables name the columns: states=, inputs=, derivative=, target="
+            )
+        if callable(self._derivative()):
+            raise ValueError("derivative: a function is called for arrays; of files and tables name a column")
+        self._remember(None, None, None)
+        if hasattr(call.x, "_as_data"):
+            return call.x._as_data(), own
+        from ._data import open as open_data
+
+        dataset = open_data(call.x, t=call.t, dt=call.dt)
+        return dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
+
+    def _remember(self, states: list[str] | None, inputs: list[str] | None, table: Sequence[str] | None) -> None:
+        """The columns of arrays, as scikit-learn's estimators keep them."""
+        for name in ("n_features_in_", "feature_names_in_"):
+            vars(self).pop(name, None)
+        self._fitted_names = None if states is None else (tuple(states), tuple(inputs or ()))
+        if states is not None:
+            self.n_features_in_ = len(states)
+        if table is not None:
+            self.feature_names_in_ = np.array(table, dtype=object)
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
         """The recipe with what the arguments say of states and inputs."""
@@ -261,59 +312,6 @@ class Identifier:
                 states[name] = {**states[name], what: text}
         sections = {"states": states, "inputs": inputs}
         return {**recipe, **{name: section for name, section in sections.items() if section}}
-
-    # -- what was found
-
-    def _found(self) -> Model:
-        if not hasattr(self, "model_"):
-            raise AttributeError(f"this {type(self).__name__} is not fitted yet; call fit first")
-        return self.model_
-
-    @property
-    def model(self) -> Model:
-        """The fitted model."""
-        return self._found()
-
-    def print(self, regions: int = 10) -> None:
-        """Prints the model: columns, equations, regions."""
-        self._found().print(regions)
-
-    def equations(self, precision: int = 5, *, region: int | None = None) -> list[str]:
-        """The equations with numbers: :meth:`fleetfoot.Model.equations`."""
-        return self._found().equations(precision, region=region)
-
-    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
-        """The coefficients: :meth:`fleetfoot.Model.coefficients`."""
-        return self._found().coefficients(latent=latent, region=region)
-
-    def get_feature_names(self, latent: str | None = None) -> list[str]:
-        """Names of the candidate functions: :meth:`fleetfoot.Model.get_feature_names`."""
-        return self._found().get_feature_names(latent)
-
-    def predict(self, x: Any, u: ArrayLike | None = None, t: ArrayLike | None = None, **options: Any) -> Any:
-        """What the fitted equations say of every row: :meth:`fleetfoot.Model.predict`."""
-        return self._found().predict(x, u, t, **options)
-
-    def simulate(self, x0: ArrayLike, t: ArrayLike, u: Any = None, **options: Any) -> Array:
-        """The states over time: :meth:`fleetfoot.Model.simulate`."""
-        return self._found().simulate(x0, t, u, **options)
-
-    def score(self, x: Any, t: Any = None, x_dot: Any = None, u: Any = None, **options: Any) -> float:
-        """Coefficient of determination of the one-step predictions, the mean of the fitted equations.
-
-        :meth:`fleetfoot.Model.score` takes the same and tells more: errors beside baselines, by episode, with
-        intervals.
-        """
-        model, derivative = self._found(), self._derivative()
-        if callable(derivative) and x_dot is None and is_arrays(x):
-            x_dot = differentiated(x, t, options.get("dt"), model.dt, derivative)
-        report = model.score(x, t, x_dot, u, **options)
-        shares = [target["r2"] for target in report["targets"]]
-        return float(np.mean([np.nan if share is None else share for share in shares]))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model's file: :meth:`fleetfoot.Model.save`."""
-        self._found().save(path)
 
 
 def _listed(given: States) -> Sequence[str] | None:

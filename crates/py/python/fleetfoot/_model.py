@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _core
 from ._equations import Content
+from ._html import of_model
 from ._on_recordings import OnRecordings
 from ._warnings import warn
 from .exceptions import ModelError
@@ -151,6 +152,11 @@ class Model(OnRecordings):
         """Names of the candidate functions, the constant ``"1"`` first."""
         return self.content.feature_names(latent)
 
+    @property
+    def complexity(self) -> int:
+        """Number of terms: coefficients that are not zero, of all equations and regions."""
+        return self.content.complexity()
+
     def describe(self, regions: int = 10) -> str:
         """The model in words: columns, equations, and its ``regions`` largest regions."""
         return self._core.describe(regions)
@@ -165,6 +171,9 @@ class Model(OnRecordings):
     def __repr__(self) -> str:
         count = len(self.regions)
         return f"Model({self.method!r}, {', '.join(self.outputs)}; {count} region{'' if count == 1 else 's'})"
+
+    def _repr_html_(self) -> str:
+        return of_model(self)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Model) and self._core.hash() == other._core.hash()
@@ -351,9 +360,10 @@ class Model(OnRecordings):
     def simulate(
         self,
         x0: ArrayLike,
-        t: ArrayLike,
+        t: ArrayLike | int,
         u: ArrayLike | Callable[..., ArrayLike] | None = None,
         *,
+        interpolate: bool = False,
         method: str | None = None,
         substeps: int | None = None,
         rtol: float | None = None,
@@ -370,12 +380,16 @@ class Model(OnRecordings):
         ----------
         x0 : array
             Where it starts: (states,), or (points, states) for many at once.
-        t : array of shape (times,)
-            Seconds, rising; the first is that of ``x0``.
+        t : array of shape (times,), or int
+            Seconds, rising; the first is that of ``x0``. For what goes from row to row also how many rows, that of
+            ``x0`` among them.
         u : array or callable, optional
-            Inputs, each row held until the next time: (times, inputs) or (times - 1, inputs), or with points in
+            Inputs, each row held until the next time (or see ``interpolate``): (times, inputs) or (times - 1, inputs), or with points in
             front. Or ``u(t)``, or ``u(t, x)``, which closes the loop: asked at every time and, where times are further
             apart, at every sampling period of the model (with ``substeps`` at the times alone), and held.
+        interpolate : bool, default=False
+            Whether inputs go from row to row of ``u`` in straight lines, asked as those of a function of time, instead
+            of being held.
         method : {"rk45", "rk4", "euler"}, optional
             How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, the
             others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
@@ -409,7 +423,9 @@ class Model(OnRecordings):
         array([1.   , 0.607, 0.368])
         """
         how = self._passing(method, substeps, rtol, atol)
-        grid = _core.time_grid(self._core, t)
+        grid = _core.time_grid(self._core, self._times(t))
+        if interpolate:
+            u = _lines(grid.times, u, len(self.inputs))
         if callable(u):
             fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
@@ -431,6 +447,16 @@ class Model(OnRecordings):
             found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
             warn("the simulation is no finite number from some time on: it diverges, or no region holds")
         return found
+
+    def _times(self, t: ArrayLike | int) -> ArrayLike:
+        """The times of a simulation; of as many rows, for models that go by rows."""
+        if isinstance(t, (bool, np.bool_)) or not isinstance(t, (int, np.integer)):
+            return t
+        if self.is_continuous and not self.lags:
+            raise ModelError(f"t={t}: derivatives are integrated over seconds; give the times, np.arange({t}) * dt")
+        if t < 1:
+            raise ModelError(f"t={t}: give 1 row or more")
+        return self.dt * np.arange(int(t))
 
     def _closed_loop(
         self,
@@ -474,6 +500,16 @@ class Model(OnRecordings):
 
 #: Share of a state's size that the integration may miss without a word.
 _MISSED = 1e-3
+
+
+def _lines(t: Array, u: Any, inputs: int) -> Callable[[float], Array]:
+    """Inputs as a function of time, in straight lines between the rows."""
+    rows = np.asarray(u, dtype=float)
+    rows = rows[:, None] if rows.ndim == 1 and inputs == 1 else rows
+    if callable(u) or rows.shape != (len(t), inputs):
+        shape = "a function" if callable(u) else f"the shape {rows.shape}"
+        raise ModelError(f"interpolate=True: u has {shape}; give a row of {inputs} inputs for each of {len(t)} times")
+    return lambda time: np.array([np.interp(time, t, column) for column in rows.T])
 
 
 def _takes_state(u: Callable[..., Any]) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _core, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number, partition
+from ._identify import AnyRecipe, Derivative, Identifier, States, documented, partition
 from ._model import Model
 from ._progress import Progress
 
@@ -31,24 +31,27 @@ class NARX(Identifier):
         Whether inputs act at once; looked for when neither it nor ``lags_in`` is given.
     order : {"fixed", "auto"}, optional
         Lags and degree as given (2 where they are not), or the best up to them.
-    effort : {"low", "normal", "high"}, optional
+    effort : {"low", "normal", "high"}, default="normal"
         How far what is not given is looked for: a count of work, never of seconds.
     library : list of str, optional
         Functions of outputs and inputs of one row, ``["y", "u", "sqrt(max(y, 0))"]``: the candidates are the lags of
         each, in the place of products of lags.
-    terms : int or {"auto", "all"}, optional
+    terms : int or {"auto", "all"}, default="auto"
         Terms of every equation.
-    max_terms : int, optional
+    max_terms : int, default=20
         The most terms that ``"auto"`` tries.
-    select : {"free-run", "one-se", "cv", "aic", "bic", "ebic"}, optional
+    select : {"free-run", "one-se", "cv", "aic", "bic", "ebic"}, default="free-run"
         What is chosen by.
-    folds : int, optional
+    objective : str, default="one-step"
+        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        simulate rows that did not train better; ``report_["objective"]`` tells.
+    folds : int, default=5
         Spans that are held out in turn.
-    decimate : int, optional
+    decimate : int, default=1
         Every n-th row only.
-    test_share : float, optional
+    test_share : float, default=0
         Last share of the rows of every episode that does not train and is run freely.
-    seed, starts : int, optional
+    seed, starts : int, default=0, 1
         Of k-means.
     partition : int, str or list, optional
         Regions, as for :class:`fleetfoot.PWA`.
@@ -87,25 +90,27 @@ class NARX(Identifier):
         *,
         direct: bool | None = None,
         order: str | None = None,
-        effort: str | None = None,
+        effort: str = "normal",
         library: Sequence[str] | None = None,
-        terms: int | str | None = None,
-        max_terms: int | None = None,
-        select: str | None = None,
-        folds: int | None = None,
-        decimate: int | None = None,
-        test_share: float | None = None,
-        seed: int | None = None,
-        starts: int | None = None,
+        terms: int | str = "auto",
+        max_terms: int = 20,
+        select: str = "free-run",
+        objective: str = "one-step",
+        folds: int = 5,
+        decimate: int = 1,
+        test_share: float = 0.0,
+        seed: int = 0,
+        starts: int = 1,
         partition: int | str | Sequence[int | str] | None = None,
         partition_on: Sequence[str] | None = None,
         free_run: Any = None,
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
-        derivative: Derivative = None,
+        derivative: Derivative = "auto",
         known: Mapping[str, str] | None = None,
         weight: str | None = None,
+        dt: float | None = None,
         recipe: AnyRecipe = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
@@ -120,6 +125,7 @@ class NARX(Identifier):
         self.terms = terms
         self.max_terms = max_terms
         self.select = select
+        self.objective = objective
         self.folds = folds
         self.decimate = decimate
         self.test_share = test_share
@@ -134,6 +140,7 @@ class NARX(Identifier):
         self.derivative = derivative
         self.known = known
         self.weight = weight
+        self.dt = dt
         self.recipe = recipe
         self.cache = cache
         self.progress = progress
@@ -141,24 +148,27 @@ class NARX(Identifier):
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         return 1.0
 
+    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+        return "next"
+
     def _own_recipe(self) -> dict[str, Any]:
         whole = ("lags_out", "lags_in", "max_terms", "folds", "decimate", "seed", "starts")
-        numbers = {name: getattr(self, name) for name in whole}
         narx = _recipe.said(
-            **{name: None if value is None else count(name, value, 0) for name, value in numbers.items()},
-            direct=self.direct,
-            order=self.order,
-            effort=self.effort,
-            terms=self.terms if self.terms is None or isinstance(self.terms, str) else count("terms", self.terms, 1),
-            select=self.select,
-            test_share=None if self.test_share is None else number("test_share", self.test_share),
+            **{name: self._whole(name, 0) for name in whole},
+            direct=self._said("direct"),
+            order=self._said("order"),
+            effort=self._said("effort"),
+            terms=self._said("terms") if isinstance(self.terms, str) else self._whole("terms", 1),
+            select=self._said("select"),
+            objective=self._said("objective"),
+            test_share=self._real("test_share"),
         )
         model = _recipe.said(
-            degree=None if self.degree is None else count("degree", self.degree, 1),
-            partition=partition(self.partition),
-            partition_on=None if self.partition_on is None else list(self.partition_on),
+            degree=self._whole("degree", 1),
+            partition=partition(self._said("partition")),
+            partition_on=self._list("partition_on"),
         )
-        library = _recipe.said(functions=None if self.library is None else list(self.library))
+        library = _recipe.said(functions=self._list("library"))
         sections = (("narx", narx), ("model", model), ("library", library))
         return {name: section for name, section in sections if section}
 

@@ -12,10 +12,11 @@ import numpy as np
 from . import _core as engine
 from . import _recipe
 from ._equations import Content
+from ._frames import CLOCKS, Frame, frame
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
-from ._warnings import warn_all
-from .exceptions import ModelError
+from ._warnings import tell_all
+from .exceptions import DataError, ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,6 +32,9 @@ class OnRecordings:
     _core: engine.Model
     states: tuple[str, ...]
     inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    lags: int
+    uses_time: bool
     dt: float
 
     @property
@@ -68,8 +72,9 @@ class OnRecordings:
 
         Returns
         -------
-        array or dict
-            For arrays (rows, outputs), for a list of runs a list of such; NaN for rows without the past that the
+        array, table or dict
+            For arrays (rows, outputs), for tables (pandas, polars, pyarrow, xarray) one of that kind with a column for
+            each output, for a list of runs a list of such; NaN for rows without the past that the
             model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
             ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows,
             targets), ``region`` (-1: none),
@@ -81,17 +86,44 @@ class OnRecordings:
         ------
         ModelError, DataError, RequestError
         """
-        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
+        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) or frame(run) is not None for run in x):
             us: Any = u if self.inputs else [None] * len(x)
             ts: Any = [None] * len(x) if t is None else t
             if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
                 raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
             return [self.predict(*run) for run in zip(x, us, ts)]
+        table = frame(x)
+        if table is not None:
+            return self._predict_table(table, x, u, t, recipe, cache, progress)
         if x is None or is_arrays(x):
             return self._core.fitted(x, u, t)[0]
         data, changes = self._opened(x, recipe)
         with reporting(progress) as callback:
             return engine.predict_rows(self._core, data, changes, cache, callback)
+
+    def _predict_table(
+        self, table: Frame, x: Any, u: Any, t: Any, recipe: Any, cache: Any, progress: Progress
+    ) -> Any:
+        """Predictions of a table's rows, as a table of its kind."""
+        beside = frame(u)
+        columns = {name: table.column for name in table.names}
+        columns.update({name: beside.column for name in beside.names} if beside is not None else {})
+        wanted = (*self.states, *(self.inputs if u is None or beside is not None else ()))
+        # A table alone says by its clock where rows follow each other, beside inputs all its rows do.
+        if all(name in columns for name in wanted) and (not self.lags or u is not None):
+            rows, given = (_beside(columns, names, table.rows) for names in (self.states, self.inputs))
+            seconds = _seconds(table, t) if self.uses_time else None
+            found = self._core.fitted(rows, given if u is None or beside is not None else u, seconds)[0]
+        else:
+            data, changes = self._opened(x, recipe, t if isinstance(t, str) else None)
+            with reporting(progress) as callback:
+                found = engine.predict_rows(self._core, data, changes, cache, callback)["predicted"]
+            if len(found) != table.rows:
+                raise DataError(
+                    f"{table.rows - len(found)} of {table.rows} rows of the table have no stamp that can be read; "
+                    "leave them out, or predict of fleetfoot.open(table)"
+                )
+        return table.made(self.outputs, found)
 
     def score(
         self,
@@ -141,7 +173,7 @@ class OnRecordings:
             data, changes = self._opened(x, recipe, t, dt)
         with reporting(progress) as callback:
             report: dict[str, Any] = json.loads(engine.score(core, data, changes, cache, callback))
-        warn_all(report["notes"])
+        report["notes"] = tell_all(report["notes"])
         return report
 
     def rollout(
@@ -155,6 +187,8 @@ class OnRecordings:
         dt: float | None = None,
         controller: str | os.PathLike[str] | None = None,
         settings: Mapping[str, Any] | None = None,
+        outside: str = "tell",
+        position: Sequence[str] = (),
         keep: bool = False,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
@@ -181,6 +215,11 @@ class OnRecordings:
             ``"treadmill"``, or a TOML file: closes the loop.
         settings : mapping, optional
             Settings of the controller.
+        outside : {"tell", "end", "hold"}
+            What becomes of a trajectory where a regressor is outside the range that its region saw in training: it
+            goes on, ends, or goes on with the regressor held at the border of the range.
+        position : list of str
+            States whose Euclidean distance from the recording is told too; they share a unit.
         keep : bool
             Whether trajectories are given.
         recipe, cache, progress : optional
@@ -191,9 +230,10 @@ class OnRecordings:
         dict
             ``time`` (horizon), ``states``, ``replayed`` (columns that came from the recording after a start: inputs
             that nothing drives, and what does not follow from states and inputs), ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
-            ``mahalanobis`` with intervals),
+            ``mahalanobis`` and ``displacement`` with intervals; ``summary`` and ``displacement_summary``: ``average``,
+            ``last``, ``drift_per_second`` over whole rollouts),
             ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
-            model is the better one), ``diverged``, ``left_domain``, ``notes``; and with ``keep`` ``trajectories``: for each
+            model is the better one), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep`` ``trajectories``: for each
             start a dict of ``episode``, ``row``,
             ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
 
@@ -211,6 +251,8 @@ class OnRecordings:
             "method": method,
             "dt": dt,
             "keep": keep,
+            "outside": outside,
+            "position": list(position),
             "controller": None if controller is None else os.fspath(controller),
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }
@@ -219,7 +261,7 @@ class OnRecordings:
         report: dict[str, Any] = json.loads(text)
         if keep:
             report["trajectories"] = trajectories
-        warn_all(report["notes"])
+        report["notes"] = tell_all(report["notes"])
         return report
 
     def _opened(self, data: Any, recipe: Any, t: Any = None, dt: float | None = None) -> tuple[engine.Data, str]:
@@ -264,3 +306,22 @@ class OnRecordings:
             derivative_names=own,
         )
         return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
+
+
+def _beside(columns: Mapping[str, Any], names: Sequence[str], rows: int) -> Any:
+    """Columns side by side; no columns are nothing, but rows of a model of constants."""
+    values = [np.asarray(columns[name](name), dtype=np.float64) for name in names]
+    return np.column_stack(values) if values else np.empty((rows, 0))
+
+
+def _seconds(table: Frame, t: Any) -> Any:
+    """Seconds since the first row, by stamps or by the table's clock."""
+    named = t if isinstance(t, str) else next((name for name in CLOCKS if name in table.names), None)
+    if t is not None and not isinstance(t, str):
+        return t
+    if table.clock is None and named is None:
+        return None
+    stamps = table.column(named) if named in table.names else table.clock[1] if table.clock is not None else None
+    stamps = np.asarray(stamps)
+    since = stamps - stamps[:1]
+    return since / np.timedelta64(1, "s") if since.dtype.kind == "m" else since.astype(np.float64)

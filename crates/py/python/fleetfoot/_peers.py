@@ -6,8 +6,11 @@ Whatever such an object says takes effect, or is refused.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from ._symbols import expressions
 from .exceptions import RequestError
 
 
@@ -26,36 +29,56 @@ def _default(thing: Any, name: str, *allowed: Any) -> None:
         raise _refused(thing, f"with {name}={value!r} is not supported", f"leave {name}={allowed[0]!r}")
 
 
-def library(given: Any) -> list[str] | None:
-    """Items of a library: texts, or a library of pysindy."""
+def library(given: Any) -> list[Any] | None:
+    """Items of a library: texts, functions, or a library of pysindy. Functions, which are of all variables, stay such."""
     if given is None:
         return None
     if isinstance(given, str):
         return [given]
+    if isinstance(given, Functions) or (callable(given) and not hasattr(given, "transform")):
+        return [given if isinstance(given, Functions) else Functions([given])]
     if isinstance(given, (list, tuple)):
         return [item for one in given for item in library(one) or ()]
     name = _class(given)
     if name == "PolynomialLibrary":
-        _default(given, "interaction_only", False)
         if not getattr(given, "include_interaction", True):
             mend = "write the functions: library=['x^2', 'y^2']"
             raise _refused(given, "without interactions is not supported", mend)
         bias = "" if getattr(given, "include_bias", True) else ", bias=false"
-        return [f"poly({int(given.degree)}{bias})"]
+        kind = "interactions" if getattr(given, "interaction_only", False) else "poly"
+        return [f"{kind}({int(given.degree)}{bias})"]
     if name == "FourierLibrary":
         _default(given, "include_sin", True)
         _default(given, "include_cos", True)
         return [f"fourier({int(given.n_frequencies)})"]
     if name == "IdentityLibrary":
         return ["identity"]
+    if name == "CustomLibrary":
+        own = Functions(list(given.functions), repeats=not given.interaction_only)
+        return ["1", own] if given.include_bias else [own]
     if name == "ConcatLibrary":
         return [item for one in given.libraries for item in library(one) or ()]
     if name == "TensoredLibrary":
         _default(given, "inputs_per_library", None)
-        factors = [" + ".join(library(one) or ()) for one in given.libraries]
+        items = [library(one) or [] for one in given.libraries]
+        if any(isinstance(item, Functions) for one in items for item in one):
+            raise _refused(given, "with functions of Python is not supported", "write the products: library=['x*y^2']")
+        factors = [" + ".join(one) for one in items]
         return ["*".join(f"({factor})" for factor in factors)]
     mend = "write its functions, for example library=['poly(3)', 'sin', 'x*abs(y)']"
     raise _refused(given, "is no library that can be read", mend)
+
+
+@dataclass(frozen=True)
+class Functions:
+    """Functions of Python as candidates, of every choice of as many variables as they take."""
+
+    functions: list[Callable[..., Any]]
+    repeats: bool = False
+
+    def expressions(self, names: Sequence[str]) -> list[str]:
+        """Candidates over variables of these names."""
+        return [text for one in self.functions for text in expressions(one, names, repeats=self.repeats)]
 
 
 def optimizer(given: Any) -> dict[str, Any]:

@@ -139,7 +139,9 @@ def check_is_fitted(estimator: Any, attributes: str | list[str] | None = None) -
 
     Fitted is what has an attribute that ends with an underscore, or the ones named.
     """
-    if attributes is None:
+    if attributes is None and hasattr(estimator, "__sklearn_is_fitted__"):
+        fitted = bool(estimator.__sklearn_is_fitted__())
+    elif attributes is None:
         fitted = any(name.endswith("_") and not name.startswith("__") for name in vars(estimator))
     else:
         names = [attributes] if isinstance(attributes, str) else attributes

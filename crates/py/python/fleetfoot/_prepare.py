@@ -13,7 +13,7 @@ from . import _core, _recipe
 from ._data import Dataset
 from ._data import open as open_data
 from ._progress import Progress, reporting
-from ._warnings import warn_all
+from ._warnings import tell_all
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def prepare(
     text = _recipe.to_json(_recipe.say(above, _recipe.of_toml(dataset.recipe)))
     with reporting(progress) as callback:
         made = json.loads(_core.prepare(dataset._core, text, Path(folder), force, callback))
-    warn_all(made["notes"])
+    tell_all(made["notes"])
     files = [Path(file) for file in made["files"]]
     return Prepared(
         files, Path(made["recipe"]), made["rows"], made["written"], made["smoothed"], made["episodes"]

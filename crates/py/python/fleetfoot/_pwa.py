@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _core, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, count, documented, number, partition
+from ._identify import AnyRecipe, Derivative, Identifier, States, documented, partition
 from ._model import Model
 from ._progress import Progress
 
@@ -23,38 +23,43 @@ class PWA(Identifier):
     Parameters
     ----------
     partition : int, str or list, optional
-        ``"average"`` (one region, as when not given), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``),
-        ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list one is
-        chosen.
+        ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"`` (regions
+        that fit the dynamics), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list, or of a range
+        ``"refined:2..20"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
     target : str, optional
-        ``"derivative"`` (as when not given), ``"next"``, ``"delta"``, or a column (plain regression).
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
+        else ``"derivative"``.
     degree : int, optional
-        Total degree of the polynomials; 1, affine, when not given.
+        Total degree of the polynomials. When not given what the recipe says, else 1, affine.
     lags : int, optional
-        Past rows of every state and input that stand beside the present one.
+        Past rows of every state and input that stand beside the present one. When not given what the recipe says, else
+        0.
     partition_on : list of str, optional
         What partitions look at; the states when not given.
-    select : {"cv", "bic", "rollout"}, optional
-        How one of several partitions is chosen: ``"cv"`` when not given; ``"rollout"`` by simulations of spans that did
+    select : {"cv", "bic", "rollout"}, default="cv"
+        How one of several partitions is chosen; ``"rollout"`` by simulations of spans that did
         not train.
-    horizon : int, optional
-        Steps of these rollouts, and of those that choose a span ``{"over": "auto"}``; 50 when not given.
-    folds : int, optional
-        Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none, 10 when not given.
+    objective : str, default="one-step"
+        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        simulate rows that did not train better; ``report_["objective"]`` tells.
+    horizon : int, default=50
+        Steps of the rollouts of ``select``, and of those that choose a span ``{"over": "auto"}``.
+    folds : int, default=10
+        Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none.
     purge : float, optional
         Seconds between held-out and training rows of one episode; a tenth of the held-out span when not given.
-    shrinkage : float or "auto", optional
-        Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation; 0 when not given.
-    unseen_labels : {"refuse", "pool"}, optional
-        What happens to labels that training did not see; an error when not given.
-    seed, restarts, iterations : int, optional
-        Of k-means; 0, 1 and 100 when not given.
-    tsqr : bool, optional
+    shrinkage : float or "auto", default=0
+        Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation.
+    unseen_labels : {"refuse", "pool"}, default="refuse"
+        What happens to labels that training did not see: an error, or a model fitted on all rows.
+    seed, restarts, iterations : int, default=0, 1, 100
+        Of k-means.
+    tsqr : bool, default=False
         Fit by TSQR in one more pass.
     keep_all : bool
         Keep the models of all partitions, ``models_``.
-    memory : int, optional
-        Bytes for the rows that k-means keeps; beyond it a sample is clustered. 512 MiB when not given.
+    memory : int, default=2**29
+        Bytes for the rows that k-means keeps; beyond it a sample is clustered.
     COMMON
 
     Attributes
@@ -87,24 +92,26 @@ class PWA(Identifier):
         degree: int | None = None,
         lags: int | None = None,
         partition_on: Sequence[str] | None = None,
-        select: str | None = None,
-        horizon: int | None = None,
-        folds: int | None = None,
+        select: str = "cv",
+        objective: str = "one-step",
+        horizon: int = 50,
+        folds: int = 10,
         purge: float | None = None,
-        shrinkage: float | str | None = None,
-        unseen_labels: str | None = None,
-        seed: int | None = None,
-        restarts: int | None = None,
-        iterations: int | None = None,
-        tsqr: bool | None = None,
+        shrinkage: float | str = 0.0,
+        unseen_labels: str = "refuse",
+        seed: int = 0,
+        restarts: int = 1,
+        iterations: int = 100,
+        tsqr: bool = False,
         keep_all: bool = False,
-        memory: int | None = None,
+        memory: int = 2**29,
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
-        derivative: Derivative = None,
+        derivative: Derivative = "auto",
         known: Mapping[str, str] | None = None,
         weight: str | None = None,
+        dt: float | None = None,
         recipe: AnyRecipe = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
@@ -115,6 +122,7 @@ class PWA(Identifier):
         self.lags = lags
         self.partition_on = partition_on
         self.select = select
+        self.objective = objective
         self.horizon = horizon
         self.folds = folds
         self.purge = purge
@@ -132,29 +140,31 @@ class PWA(Identifier):
         self.derivative = derivative
         self.known = known
         self.weight = weight
+        self.dt = dt
         self.recipe = recipe
         self.cache = cache
         self.progress = progress
 
     def _own_recipe(self) -> dict[str, Any]:
         model = _recipe.said(
-            predict=self.target,
-            degree=None if self.degree is None else count("degree", self.degree, 1),
-            lags=None if self.lags is None else count("lags", self.lags, 0),
-            partition=partition(self.partition),
-            partition_on=None if self.partition_on is None else list(self.partition_on),
+            predict=self._said("target"),
+            degree=self._whole("degree", 1),
+            lags=self._whole("lags", 0),
+            partition=partition(self._said("partition")),
+            partition_on=self._list("partition_on"),
         )
         least = {"horizon": 1, "folds": 0, "seed": 0, "restarts": 1, "iterations": 1}
-        whole = {name: getattr(self, name) for name in least}
+        memory = self._whole("memory", 1)
         pwa = _recipe.said(
-            **{name: None if value is None else count(name, value, least[name]) for name, value in whole.items()},
-            select=self.select,
-            purge=None if self.purge is None else number("purge", self.purge),
-            shrinkage=self.shrinkage if self.shrinkage in (None, "auto") else number("shrinkage", self.shrinkage),
-            unseen_labels=self.unseen_labels,
+            **{name: self._whole(name, low) for name, low in least.items()},
+            select=self._said("select"),
+            objective=self._said("objective"),
+            purge=self._real("purge"),
+            shrinkage=self._real("shrinkage", "auto"),
+            unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
-            memory=None if self.memory is None else count("memory", self.memory, 1) / 2**20,
-            tsqr=self.tsqr,
+            memory=None if memory is None else memory / 2**20,
+            tsqr=self._said("tsqr"),
         )
         return {name: section for name, section in (("model", model), ("pwa", pwa)) if section}
 

@@ -1,4 +1,4 @@
-"""Piecewise-affine regression: regions by k-means, an affine map in each."""
+"""Piecewise-affine regression: regions by k-means or refined, an affine map in each."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     n_regions : int or list of int, default=10
         Regions; of several numbers cross-validation chooses one.
     partition : str or None, default=None
-        Partitions in place of `n_regions`: ``"kmeans:10"``, ``"zscore:1.5"`` (inside and outside a ball of that many
+        ``"refined"``: `n_regions` regions that fit the targets, between linear separators, in place of the cells of
+        k-means. Or partitions in place of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``, ``"zscore:1.5"`` (inside and outside a ball of that many
         standard deviations), ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from:
         ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
@@ -77,7 +78,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     counts_ : ndarray of shape ``(n_regions_,)``
         Training rows in each region.
     n_regions_ : int
-        Regions. Fewer than asked for where there are fewer different rows.
+        Regions. Fewer than asked for where there are fewer different rows, or where refined regions would starve.
     partition_ : str
         The partition that was chosen.
     best_index_ : int
@@ -92,8 +93,9 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     Notes
     -----
     A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
-    the one of least norm in standardised units. Weights count in the regressions; the regions do not depend on them.
-    k-means sees all rows up to 512 MB of them, and a sample of that size beyond.
+    the one of least norm in standardised units. Weights count in the regressions; the cells of k-means do not depend on
+    them, refined regions do. k-means sees all rows up to 512 MB of them, and a sample of that size beyond; regions are
+    refined on 65,536 rows at most.
 
     Examples
     --------
@@ -250,16 +252,18 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             # The null model's library is empty.
             self.coef_ = np.zeros((*self.intercept_.shape, self.n_features_in_))
         self.partition_ = fit.partition
-        (centre, scale), centroids = fit.units, fit.centroids
+        (centre, scale), (weights, offsets) = fit.units, fit.separators
         features = self._features(self.n_features_in_) if centre else []
         self._rule: PwaRule = {
             "features": features,
             "centre": centre,
             "scale": scale,
-            "centroids": centroids,
+            "weights": weights,
+            "offsets": offsets,
             "radius": fit.radius,
         }
-        self.centers_ = np.asarray(centroids) * np.asarray(scale) + np.asarray(centre) if centroids else None
+        voronoi = bool(weights) and fit.is_voronoi
+        self.centers_ = np.asarray(weights) * np.asarray(scale) + np.asarray(centre) if voronoi else None
         names, regions, losses, errors, splits, r2, bic = map(list, zip(*fit.candidates))
         self.cv_results_ = {
             "partition": names,
@@ -280,13 +284,15 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     f"partition={self.partition!r}: regions by labels are not supported by PWARegressor; "
                     "fit one for each label, or use PWA"
                 )
-            return self.partition
+            if self.partition not in ("kmeans", "refined"):
+                return self.partition
+        kind = self.partition or "kmeans"
         if isinstance(self.n_regions, Integral):
-            return f"kmeans:{self.n_regions}"
+            return f"{kind}:{self.n_regions}"
         wanted = np.asarray(self.n_regions)
         if wanted.ndim != 1 or not len(wanted) or not np.issubdtype(wanted.dtype, np.integer) or (wanted < 1).any():
             raise ValueError(f"n_regions must be a positive int or a list of them. Got {self.n_regions!r} instead.")
-        return ",".join(f"kmeans:{regions}" for regions in wanted)
+        return ",".join(f"{kind}:{regions}" for regions in wanted)
 
     def _features(self, features: int) -> list[int]:
         """Features that the regions depend on."""
@@ -301,7 +307,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _request(self, features: int, groups: list[int]) -> PwaRequest:
         partitions = self._partitions()
-        choice = "," in partitions or self.shrinkage == "auto"
+        choice = "," in partitions or ".." in partitions or self.shrinkage == "auto"
         return {
             "partitions": partitions,
             "features": self._features(features),

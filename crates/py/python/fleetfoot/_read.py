@@ -25,14 +25,7 @@ def _one_path(path: Any) -> Path:
     return Path(names[0])
 
 
-@overload
-def read_mcap(
-    path: Any,
-    topic: Sequence[str],
-    *,
-    fields: Sequence[str] | None = None,
-    progress: Progress = None,
-) -> dict[str, Table]: ...
+# A text is a sequence of texts: its overload stands first.
 @overload
 def read_mcap(
     path: Any,
@@ -43,9 +36,17 @@ def read_mcap(
     recipe: Any = None,
     base: str | None = None,
     rate: float | None = None,
-    stamp: str | None = None,
+    stamp: Literal["header", "log", "publish"] | str | None = None,
     progress: Progress = None,
 ) -> Table: ...
+@overload
+def read_mcap(
+    path: Any,
+    topic: Sequence[str],
+    *,
+    fields: Sequence[str] | None = None,
+    progress: Progress = None,
+) -> dict[str, Table]: ...
 def read_mcap(
     path: Any,
     topic: str | Sequence[str] | None = None,

@@ -57,5 +57,6 @@ class PwaRule(TypedDict):
     features: list[int]
     centre: list[float]
     scale: list[float]
-    centroids: list[list[float]]
+    weights: list[list[float]]
+    offsets: list[float]
     radius: float | None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,19 +26,50 @@ class Runs:
     time: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Columns:
+    """A run as its columns, each an array where it lies."""
+
+    arrays: list[np.ndarray[Any, Any]]
+    ndim: ClassVar[int] = 2
+
+    def __len__(self) -> int:
+        return len(self.arrays[0])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return len(self), len(self.arrays)
+
+    def parts(self, names: Sequence[str]) -> list[tuple[Any, list[str]]]:
+        """The arrays with their names."""
+        return [(array, [name]) for array, name in zip(self.arrays, names)]
+
+
 def is_arrays(x: Any) -> bool:
     """Whether this is an array, or a list of arrays, and not a path, a table or a mapping."""
-    if isinstance(x, np.ndarray):
+    if isinstance(x, (np.ndarray, Columns)):
         return True
     if not isinstance(x, (list, tuple)) or not x:
         return False
-    return all(isinstance(one, (np.ndarray, list, tuple, int, float, np.generic)) for one in x)
+    return all(isinstance(one, (np.ndarray, Columns, list, tuple, int, float, np.generic)) for one in x)
 
 
-def _listed(values: Any, what: str) -> list[np.ndarray[Any, Any]]:
+def _numbers(values: Any, what: str) -> np.ndarray[Any, Any]:
+    """Values as an array; objects that are numbers become such."""
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise ValueError(f"{what} holds complex numbers. Complex data not supported: give real and imaginary parts")
+    return array.astype(np.float64) if array.dtype.kind == "O" else array
+
+
+def array_runs(values: Any, what: str) -> list[Any]:
     """One array for each run."""
-    many = isinstance(values, (list, tuple)) and any(isinstance(one, np.ndarray) for one in values)
-    arrays = [np.asarray(one) for one in values] if many else [np.asarray(values)]
+    if isinstance(values, Columns):
+        return [values]
+    many = isinstance(values, (list, tuple)) and any(isinstance(one, (np.ndarray, Columns)) for one in values)
+    each = values if many else [values]
+    arrays = [one if isinstance(one, Columns) else _numbers(one, what) for one in each]
     for run, array in enumerate(arrays):
         if array.ndim not in (1, 2):
             where = f"{what}[{run}]" if many else what
@@ -46,7 +77,7 @@ def _listed(values: Any, what: str) -> list[np.ndarray[Any, Any]]:
     return arrays
 
 
-def _width(arrays: list[np.ndarray[Any, Any]], what: str) -> int:
+def _width(arrays: list[Any], what: str) -> int:
     widths = {1 if array.ndim == 1 else array.shape[1] for array in arrays}
     if len(widths) > 1:
         raise ValueError(f"{what}: the runs have {', '.join(map(str, sorted(widths)))} columns; give as many in each")
@@ -108,9 +139,9 @@ def _check_rise(stamp: np.ndarray[Any, Any], run: int) -> None:
         raise ValueError(f"t of run {run} stands still at {still} of {len(stamp)} rows. {_MEANT}")
 
 
-def _beside(values: Any, what: str, x: list[np.ndarray[Any, Any]]) -> list[np.ndarray[Any, Any]]:
+def _beside(values: Any, what: str, x: list[Any]) -> list[Any]:
     """Arrays that stand beside those of x."""
-    arrays = _listed(values, what)
+    arrays = array_runs(values, what)
     if len(arrays) != len(x):
         raise ValueError(f"{what} has {len(arrays)} runs and x has {len(x)}; give as many")
     for run, (array, own) in enumerate(zip(arrays, x)):
@@ -143,11 +174,15 @@ def runs(
     """Arrays as one data set; a list is a list of runs."""
     if t is not None and dt is not None:
         raise ValueError("t and dt are both given; the stamps come from one of them")
-    xs = _listed(x, "x")
+    xs = array_runs(x, "x")
+    if any(one.ndim == 2 and one.shape[1] == 0 for one in xs):
+        raise ValueError(f"x has 0 feature(s) (shape={xs[0].shape}) while a minimum of 1 is required.")
     if any(len(one) == 0 for one in xs):
         raise ValueError("x has a run without rows")
     states = _names(feature_names, "feature_names", "x", _width(xs, "x"))
-    parts: list[list[tuple[Any, list[str]]]] = [[(one, states)] for one in xs]
+    parts: list[list[tuple[Any, list[str]]]] = [
+        one.parts(states) if isinstance(one, Columns) else [(one, states)] for one in xs
+    ]
     taken = set(states)
     inputs: list[str] = []
     if u is not None:
@@ -196,13 +231,13 @@ def runs(
 
 def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
     """Derivatives of every run by a function of the caller's."""
-    xs = _listed(x, "x")
+    xs = array_runs(x, "x")
     stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
     clocks: Sequence[Any] = stamps if stamps is not None else [default_dt if period is None else period] * len(xs)
     return [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
 
 
-def _derivative(differentiate: Differentiate, x: np.ndarray[Any, Any], t: Any, run: int) -> np.ndarray[Any, Any]:
+def _derivative(differentiate: Differentiate, x: Any, t: Any, run: int) -> np.ndarray[Any, Any]:
     found = np.asarray(differentiate(_columns(x), t))
     if found.shape != _columns(x).shape:
         shape = _columns(x).shape
@@ -210,5 +245,13 @@ def _derivative(differentiate: Differentiate, x: np.ndarray[Any, Any], t: Any, r
     return found
 
 
-def _columns(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    return array[:, None] if array.ndim == 1 else array
+def _columns(array: Any) -> np.ndarray[Any, Any]:
+    if isinstance(array, Columns):
+        return np.column_stack(array.arrays)
+    return np.asarray(array[:, None] if array.ndim == 1 else array)
+
+
+def by_name(array: Any, names: Sequence[str]) -> dict[str, np.ndarray[Any, Any]]:
+    """The columns of a run by their names."""
+    columns = array.arrays if isinstance(array, Columns) else _columns(array).T
+    return dict(zip(names, columns))

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core, _peers, _recipe
+from ._call import Call
 from ._identify import (
     AnyRecipe,
     Derivative,
     Identifier,
     States,
-    count,
     documented,
     groups_of,
     number,
@@ -23,6 +23,8 @@ from ._identify import (
 )
 from ._model import Model
 from ._progress import Progress
+from ._runs import array_runs, differentiated, runs
+from ._symbols import quoted
 from .exceptions import RequestError
 
 if TYPE_CHECKING:
@@ -40,18 +42,21 @@ class SINDy(Identifier):
 
     Parameters
     ----------
-    optimizer : str or object, optional
-        ``"auto"`` (as when not given: thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
+    optimizer : str or object, default="auto"
+        ``"auto"`` (thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
         ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of
         pysindy or of this package: then the terms are those that it keeps. What it says takes effect, and what cannot
         is refused.
     library : str, list of str or object, optional
-        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; or a polynomial, Fourier,
-        identity, concatenated or tensored library of pysindy.
-        ``"poly(2)"`` when not given.
-    differentiation : optional
-        Another name for ``derivative``, for pysindy's objects.
-    threshold : float or "auto", optional
+        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; functions of Python among them,
+        ``["poly(1)", lambda x, y: x * abs(y)]``, of every choice of so many variables: they are read as expressions; or
+        a polynomial, Fourier, identity, custom, concatenated or tensored library of pysindy. When not given what
+        the recipe says, else ``"poly(2)"``, or ``"poly(1)"`` where that would be more than 500 functions.
+    feature_library : object, optional
+        Another name for ``library``, as pysindy has it.
+    differentiation_method : callable, optional
+        Another name for ``derivative``, as pysindy has it.
+    threshold : float or "auto", default="auto"
         The cut-off of STLSQ and SR3.
     terms : int, optional
         The number of terms of every equation.
@@ -60,25 +65,28 @@ class SINDy(Identifier):
     normalize : bool or "length", optional
         Whether thresholds and ridge see shares of the target instead of physical coefficients; ``"length"``:
         coefficients of columns of length 1, as pysindy's ``normalize_columns`` has them.
-    max_iterations : int, optional
+    max_iterations : int, default=20
         Regressions of STLSQ at most.
     kappa : float, optional
         Forward regression (``"frols"``) chooses the number of terms by its error reduction ratios: this is the weight of
         a term, relative to the condition number of the columns.
-    select : {"one-se", "cv", "aic", "bic", "ebic"}, optional
+    select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
         What is chosen by.
-    folds : int or str, optional
+    objective : str, default="one-step"
+        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        simulate rows that did not train better; ``report_["objective"]`` tells.
+    folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
         ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
-    inclusion : float, optional
+    inclusion : float, default=0.6
         Share of the members of an ensemble that must have a term.
     groups : str or dict of str to list of str, optional
         Functions that enter together, of the group lasso: ``"signal"`` (a signal with its powers and lags, as when not
         given), or lists of signals by the names of the groups.
-    l1_ratio : float, optional
+    l1_ratio : float, default=0
         Share of the absolute values in the penalty of the group lasso.
-    seed : int, optional
+    seed : int, default=0
         Of everything random.
     nominal : dict of str to str, optional
         What is known of a state's right side: only the rest is learnt.
@@ -86,15 +94,16 @@ class SINDy(Identifier):
         Terms that a state's equation has in any case.
     parameters : dict, optional
         Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
-    discrete_time : bool
+    discrete_time : bool, default=False
         Whether next values are predicted instead of derivatives.
     target : str, optional
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column.
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column. When not given what the recipe says, else
+        ``"derivative"``.
     partition : int, str or list, optional
         Regions, as for :class:`fleetfoot.PWA`, each with equations of its own.
     partition_on : list of str, optional
         What the partition looks at.
-    front : bool
+    front : bool, default=False
         Keep the models of other numbers of terms, ``front_``.
     COMMON
 
@@ -121,24 +130,25 @@ class SINDy(Identifier):
 
     def __init__(
         self,
-        optimizer: Any = None,
+        optimizer: Any = "auto",
         library: Any = None,
-        differentiation: Any = None,
+        differentiation_method: Any = None,
         *,
         feature_library: Any = None,
-        threshold: float | str | None = None,
+        threshold: float | str = "auto",
         terms: int | None = None,
         ridge: float | None = None,
         normalize: bool | str | None = None,
-        max_iterations: int | None = None,
+        max_iterations: int = 20,
         kappa: float | None = None,
-        select: str | None = None,
-        folds: int | str | None = None,
+        select: str = "one-se",
+        objective: str = "one-step",
+        folds: int | str = "auto",
         ensemble: str | None = None,
-        inclusion: float | None = None,
+        inclusion: float = 0.6,
         groups: str | Mapping[str, Sequence[str]] | None = None,
-        l1_ratio: float | None = None,
-        seed: int | None = None,
+        l1_ratio: float = 0.0,
+        seed: int = 0,
         nominal: Mapping[str, str] | None = None,
         fixed: Mapping[str, Sequence[str]] | None = None,
         parameters: Mapping[str, Any] | None = None,
@@ -150,16 +160,17 @@ class SINDy(Identifier):
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
-        derivative: Derivative = None,
+        derivative: Derivative = "auto",
         known: Mapping[str, str] | None = None,
         weight: str | None = None,
+        dt: float | None = None,
         recipe: AnyRecipe = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> None:
         self.optimizer = optimizer
         self.library = library
-        self.differentiation = differentiation
+        self.differentiation_method = differentiation_method
         self.feature_library = feature_library
         self.threshold = threshold
         self.terms = terms
@@ -168,6 +179,7 @@ class SINDy(Identifier):
         self.max_iterations = max_iterations
         self.kappa = kappa
         self.select = select
+        self.objective = objective
         self.folds = folds
         self.ensemble = ensemble
         self.inclusion = inclusion
@@ -188,23 +200,25 @@ class SINDy(Identifier):
         self.derivative = derivative
         self.known = known
         self.weight = weight
+        self.dt = dt
         self.recipe = recipe
         self.cache = cache
         self.progress = progress
 
     def _derivative(self) -> Derivative:
-        found: Derivative = _one("derivative", self.derivative, "differentiation", self.differentiation)
+        given = self._said("derivative")
+        found: Derivative = _one("derivative", given, "differentiation_method", self.differentiation_method)
         return found
 
     def _own_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
             raise RequestError(f"discrete_time=True predicts next values, target={self.target!r} not; leave one away")
         model = _recipe.said(
-            predict="next" if self.discrete_time else self.target,
-            partition=partition(self.partition),
-            partition_on=None if self.partition_on is None else list(self.partition_on),
+            predict="next" if self.discrete_time else self._said("target"),
+            partition=partition(self._said("partition")),
+            partition_on=self._list("partition_on"),
         )
-        items = _peers.library(_one("library", self.library, "feature_library", self.feature_library))
+        items = _peers.library(_one("library", self._said("library"), "feature_library", self.feature_library))
         recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
         if items is not None:
             recipe["library"] = {"functions": items}
@@ -215,24 +229,35 @@ class SINDy(Identifier):
             }
         return {name: section for name, section in recipe.items() if section}
 
+    def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+        data, recipe = super()._data(call, own)
+        items = recipe.get("library", {}).get("functions", [])
+        if any(isinstance(item, _peers.Functions) for item in items):
+            states = [name for name, state in recipe.get("states", {}).items() if state.get("regressor", True)]
+            names = [*states, *recipe.get("inputs", {})]
+            texts = [item.expressions(names) if isinstance(item, _peers.Functions) else [item] for item in items]
+            recipe = _recipe.over({"library": {"functions": [text for one in texts for text in one]}}, recipe)
+        return data, recipe
+
     def _section(self) -> dict[str, Any]:
         """The entries of ``[sindy]``."""
         said = _recipe.said(
-            threshold=self.threshold if self.threshold in (None, "auto") else number("threshold", self.threshold),
-            terms=None if self.terms is None else count("terms", self.terms, 1),
-            ridge=None if self.ridge is None else number("ridge", self.ridge),
-            normalize=self.normalize,
-            max_iterations=None if self.max_iterations is None else count("max_iterations", self.max_iterations, 1),
-            kappa=None if self.kappa is None else number("kappa", self.kappa),
-            select=self.select,
-            folds=None if self.folds is None else str(self.folds),
-            ensemble=self.ensemble,
-            inclusion=None if self.inclusion is None else number("inclusion", self.inclusion),
+            threshold=self._real("threshold", "auto"),
+            terms=self._whole("terms", 1),
+            ridge=self._real("ridge"),
+            normalize=self._said("normalize"),
+            max_iterations=self._whole("max_iterations", 1),
+            kappa=self._real("kappa"),
+            select=self._said("select"),
+            objective=self._said("objective"),
+            folds=self._text("folds"),
+            ensemble=self._said("ensemble"),
+            inclusion=self._real("inclusion"),
             groups=groups_of(self.groups),
-            l1_ratio=None if self.l1_ratio is None else number("l1_ratio", self.l1_ratio),
-            seed=None if self.seed is None else count("seed", self.seed, 0),
+            l1_ratio=self._real("l1_ratio"),
+            seed=self._whole("seed", 0),
         )
-        given = _peers.optimizer(self.optimizer)
+        given = _peers.optimizer(self._said("optimizer"))
         twice = [name for name in said if name in given and said[name] != given[name]]
         if twice:
             raise RequestError(
@@ -260,6 +285,42 @@ class SINDy(Identifier):
         chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
         self.front_ = {terms: Model(one) for terms, one in front}
         return Model(chosen), json.loads(report)
+
+    def differentiate(self, x: Any, t: Any = None, *, dt: float | None = None) -> Any:
+        """Derivatives of runs as the fit measures them, NaN where a difference lacks its neighbours.
+
+        Parameters
+        ----------
+        x : array or list of arrays
+            States, (rows, states).
+        t : array, list of arrays or float, optional
+            Stamps, or the period; that of the fit when neither it nor ``dt`` is given.
+        dt : float, optional
+            The period, seconds.
+
+        Returns
+        -------
+        array or list of arrays
+            In the shape of ``x``.
+        """
+        model, derivative = self._found(), self._derivative()
+        default = self.dt or model.dt
+        if callable(derivative):
+            found = differentiated(x, t, dt, default, derivative)
+        else:
+            # Derivatives that were given to the fit are no differences.
+            targets = {one["subject"]: one["target"] for one in model.content.fitted() if "(" in one["target"]}
+            names = list((self._fitted_names or (model.states, ()))[0])
+            data = runs(x, t, None, None, names, dt=dt, default_dt=default)
+            text = _core.recipe(_recipe.to_json({"time": data.time}), "the recipe", True, None, None, None)
+            wanted = [targets.get(name) or f"central({quoted(name)})" for name in names]
+            table = _core.read_table(data.core, text, list(dict.fromkeys(wanted)), None, None, None, None)
+            every = np.column_stack([table[name] for name in wanted])
+            lengths = [len(one) for one in array_runs(x, "x")]
+            found = np.split(every, np.cumsum(lengths)[:-1])
+        many = isinstance(x, (list, tuple)) and any(isinstance(one, np.ndarray) for one in x)
+        shaped = [one.reshape(np.shape(own)) for one, own in zip(found, array_runs(x, "x"))]
+        return shaped if many else shaped[0]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
         """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some

@@ -13,7 +13,7 @@ from ._core import Data, Statistic
 from ._data import open as open_data
 from ._episodes import Episode, Episodes, matching
 from ._progress import Progress, reporting
-from ._warnings import warn_all
+from ._warnings import tell_all
 from .exceptions import StatisticError
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ class Plan(_Value):
         dataset = open_data(data, recipe=recipe)
         with reporting(progress) as callback:
             self._core, notes = Statistic.freeze(dataset.recipe, dataset._core, [], chunk_rows, callback)
-        warn_all(notes)
+        tell_all(notes)
 
     @property
     def hash(self) -> str:
@@ -458,7 +458,7 @@ def scan(
         dataset = open_data(data, recipe=plan)
         with reporting(progress) as callback:
             core, skipped, notes = Statistic.scan(dataset.recipe, dataset._core, labels, chunk_rows, callback)
-    warn_all(notes + [f"left out: {name}" for name in skipped])
+    tell_all(notes + [f"left out: {name}" for name in skipped])
     return Stats._of(core)
 
 

@@ -1,10 +1,14 @@
-"""What the engine wants its user to know, as Python warnings."""
+"""What the engine wants its user to know: what may be wrong as Python warnings, what it took as usual as log lines."""
 
 from __future__ import annotations
 
+import logging
 import os
+import re
 import warnings
 from collections.abc import Iterable
+
+from ._words import of_python
 
 
 class FleetfootWarning(UserWarning):
@@ -12,6 +16,22 @@ class FleetfootWarning(UserWarning):
 
 
 _HERE = os.path.dirname(os.path.abspath(__file__))
+_LOG = logging.getLogger("fleetfoot")
+#: Facts that every recording of a kind has, and that nobody need act on.
+_ROUTINE = re.compile(
+    "|".join(
+        [
+            "(is|are) taken as the time",
+            "(^|: )the rows are the messages of",
+            "(^|: )stamps are the",
+            "the rows have no time stamps: they are taken in their order",
+            "its columns are separated by",
+            "no header: the columns are called",
+            "decimal comma$",
+            "no message is lost",
+        ]
+    )
+)
 
 
 def warn(message: str) -> None:
@@ -26,7 +46,12 @@ def warn(message: str) -> None:
     warnings.warn(message, FleetfootWarning, stacklevel=level)
 
 
-def warn_all(messages: Iterable[str]) -> None:
-    """A warning for every message."""
-    for message in messages:
-        warn(message)
+def tell_all(messages: Iterable[str]) -> list[str]:
+    """A warning for every message, but a line of the log ``fleetfoot`` for what is as usual; the messages as told."""
+    told = [of_python(message) for message in messages]
+    for message in told:
+        if _ROUTINE.search(message):
+            _LOG.info(message)
+        else:
+            warn(message)
+    return told

@@ -12,7 +12,7 @@ from . import _core
 from ._data import open as open_data
 from ._progress import Progress, reporting
 from ._stats import Plan, Recipe, Stats
-from ._warnings import warn_all
+from ._warnings import tell_all
 from .exceptions import RequestError
 
 __all__ = ["scan"]
@@ -109,7 +109,7 @@ def scan(
             f"no row can be used: {rows.at_border} lack neighbours at the border of their episode, "
             f"{rows.incomplete} have a missing value; give other files"
         )
-    warn_all(list(dict.fromkeys(notes)) + [f"left out: {name}" for name in skipped])
+    tell_all(list(dict.fromkeys(notes)) + [f"left out: {name}" for name in skipped])
     return whole
 
 

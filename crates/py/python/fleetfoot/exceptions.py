@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ._words import of_python
+
 __all__ = [
     "DataError",
     "FitError",
@@ -23,6 +25,10 @@ __all__ = [
 
 class FleetfootError(Exception):
     """Anything that fleetfoot raises on its own account."""
+
+    def __init__(self, *given: object) -> None:
+        message, *rest = given or ("",)
+        super().__init__(of_python(message) if isinstance(message, str) else message, *rest)
 
 
 class RequestError(FleetfootError, ValueError):

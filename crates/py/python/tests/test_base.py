@@ -61,6 +61,21 @@ with warnings.catch_warnings(record=True) as found:
     warnings.simplefilter("always")
     ff.LassoLars(alpha=0.0).fit(np.c_[X, X[:, 0]], y)
 assert any(issubclass(warning.category, _base.ConvergenceWarning) for warning in found)
+t = np.arange(300) * 0.01
+x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+for model in [ff.SINDy(dt=0.01, library="poly(1)"), ff.PWA(dt=0.01), ff.NARX(2, degree=1, terms=2), ff.BlockSparse(degree=1, dt=0.01)]:
+    try:
+        model.predict(x)
+    except _base.NotFittedError as error:
+        assert type(model).__name__ in str(error)
+    else:
+        raise AssertionError("not fitted")
+    warnings.simplefilter("ignore")
+    assert model.fit(x).score(x) > 0.99 and model.n_features_in_ == 2
+    again = type(model)(**model.get_params()).fit(x)
+    assert np.array_equal(pickle.loads(pickle.dumps(again)).predict(x), model.predict(x), equal_nan=True)
+    warnings.resetwarnings()
+assert ff.SINDy(optimizer=ff.STLSQ()).set_params(optimizer__threshold=0.5).get_params()["optimizer__threshold"] == 0.5
 print("fitted without", ff.LassoLarsCV(cv=4).fit(X.astype(float), y).alpha_)
 """
 

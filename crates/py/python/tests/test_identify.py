@@ -75,7 +75,7 @@ def test_pysindy_gives_the_same():
     own = ff.SINDy(
         optimizer=ps.STLSQ(threshold=0.1),
         feature_library=ps.PolynomialLibrary(degree=2),
-        differentiation=ps.FiniteDifference(),
+        differentiation_method=ps.FiniteDifference(),
     ).fit(x, t)
     assert [name.replace(" ", "*") for name in peer.get_feature_names()] == own.get_feature_names()
     np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-9, atol=1e-9)
@@ -100,7 +100,7 @@ def test_pysindy_with_inputs_and_runs():
         inputs.append(u)
     peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.2), feature_library=ps.PolynomialLibrary(2))
     peer.fit(runs, t=t, u=inputs)
-    own = ff.SINDy(threshold=0.2, library="poly(2)", differentiation=ps.FiniteDifference()).fit(runs, t, u=inputs)
+    own = ff.SINDy(threshold=0.2, library="poly(2)", differentiation_method=ps.FiniteDifference()).fit(runs, t, u=inputs)
     assert own.model_.inputs == ("u0",)
     np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-8, atol=1e-8)
 
@@ -357,6 +357,7 @@ WORDS = {
     "bolasso": ("chunks:5", "rows:5"),
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
+    "objective": ("one-step", "steps:3"),
     **dict.fromkeys(("tsqr", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
 }
 
@@ -377,6 +378,29 @@ def test_every_option_of_a_method_is_an_argument_that_stands_above_the_recipe(es
         below = {section: {entry: other}}
         assert _recipe.say(given, below) == given, entry
         assert _recipe.say({section: {}}, below) == below, entry
+
+
+def test_an_objective_of_simulations_is_told_beside_that_of_one_step():
+    """A decay that is measured with noise: one step pulls it to zero, simulations do not."""
+    rng = np.random.default_rng(3)
+    runs = []
+    for _ in range(6):
+        x, u = np.zeros(300), rng.normal(size=300)
+        for k in range(299):
+            x[k + 1] = 0.9 * x[k] + u[k]
+        runs.append((x + rng.normal(size=300), u))
+    x, u = [run[0] for run in runs], [run[1] for run in runs]
+    given = {"t": 0.1, "u": u, "feature_names": ["x"], "input_names": ["u"]}
+    found = {how: ff.PWA(1, target="next", folds=0, objective=how).fit(x, **given) for how in ("one-step", "steps:10")}
+    at = found["one-step"].get_feature_names().index("x")
+    slope = {how: float(fit.coefficients()[0, at]) for how, fit in found.items()}
+    assert abs(slope["steps:10"] - 0.9) < 0.5 * abs(slope["one-step"] - 0.9), slope
+    report = found["steps:10"].report_["objective"]
+    assert report["written"] and report["steps"] == 10 and "objective" not in found["one-step"].report_
+    before, after = report["rollouts_over_persistence"]
+    assert after < before
+    with pytest.raises(ff.exceptions.FleetfootError, match="one-step, or steps:N"):
+        ff.PWA(objective="many").fit(x, **given)
 
 
 def test_what_is_said_silences_what_contradicts_it():

@@ -190,6 +190,30 @@ def test_simulate_is_the_rollout_on_a_recording(sindy, pwa, lagged):
         assert len(rolled["time"]) == 50 and "persistence" in rolled["baselines"]
 
 
+def test_rollouts_tell_distances_and_mind_the_training_domain():
+    t = np.arange(60) * 0.1
+    model = ff.PWA(1, target="next", folds=0).fit(np.exp(t), t, feature_names=["x"]).model_
+    longer = ff.open({"x": np.exp(np.arange(90) * 0.1)}, dt=0.1)
+    asked = {"starts": [(0, 20)], "position": ["x"], "keep": True}
+    found = {how: model.rollout(longer, 50, outside=how, **asked) for how in ("tell", "end", "hold")}
+    assert [found[how]["trajectories"][0]["end"] for how in found] == ["horizon", "left domain", "horizon"]
+    assert [found[how]["ended_outside"] for how in found] == [0, 1, 0]
+    last = {how: found[how]["model"]["displacement"][-1][0] for how in found}
+    assert last["tell"] < 1e-6 * last["end"] and last["hold"] > 1
+    for report in found.values():
+        # One state: the distance is its absolute error; a whole rollout is summed up from its steps.
+        steps = np.array([step[0] for step in report["model"]["displacement"]])
+        np.testing.assert_allclose(steps, np.array(report["model"]["mae"])[:, 0], rtol=1e-12, atol=1e-300)
+        summary = report["model"]["displacement_summary"]
+        np.testing.assert_allclose(summary["average"]["value"], steps.mean(), rtol=1e-12)
+        drift = (steps[-1] - steps[0]) / 4.9
+        np.testing.assert_allclose(summary["drift_per_second"]["value"], drift, rtol=1e-9, atol=1e-12)
+    with pytest.raises(RequestError, match="outside"):
+        model.rollout(longer, 5, outside="stay")
+    with pytest.raises(ff.exceptions.FleetfootError, match="y"):
+        model.rollout(longer, 5, position=["y"])
+
+
 def test_substeps_converge(sindy):
     t, x, u = pendulum(40, seed=6)
     coarse = np.arange(0, 4.0, 0.4)

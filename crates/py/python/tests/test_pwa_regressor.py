@@ -23,6 +23,28 @@ def _data(n: int = 900, noise: float = 0.0) -> tuple[NDArray[np.float64], NDArra
     return X, y + noise * random.normal(size=y.shape), region
 
 
+def test_refined_regions_follow_the_targets() -> None:
+    # Two maps of rows that lie on both sides of the border alike.
+    random = np.random.RandomState(1)
+    X = random.uniform(-3.0, 3.0, (600, 2))
+    y = np.where(X[:, 0] > X[:, 1], X @ [1.0, -2.0] + 1.0, X @ [-3.0, 0.5] + 1.0) + 0.01 * random.normal(size=len(X))
+    refined = ff.PWARegressor(partition="refined", n_regions=2).fit(X, y)
+    assert refined.partition_ == "refined:2" and refined.n_regions_ == 2
+    assert refined.centers_ is None
+    agreement = np.mean(refined.labels_ == (X[:, 0] > X[:, 1]))
+    assert max(agreement, 1.0 - agreement) > 0.98
+    assert refined.score(X, y) > 0.99
+    clustered = ff.PWARegressor(n_regions=2).fit(X, y)
+    assert refined.score(X, y) > clustered.score(X, y) + 0.01
+    again = pickle.loads(pickle.dumps(refined))
+    np.testing.assert_array_equal(again.predict(X), refined.predict(X))
+    chosen = ff.PWARegressor(partition="refined", n_regions=[1, 2]).fit(X, y)
+    ranged = ff.PWARegressor(partition="refined:1..2").fit(X, y)
+    assert chosen.partition_ == ranged.partition_ == "refined:2"
+    np.testing.assert_array_equal(chosen.labels_, refined.labels_)
+    np.testing.assert_array_equal(ranged.labels_, refined.labels_)
+
+
 def test_maps_of_separate_regions_are_found() -> None:
     X, y, region = _data()
     model = ff.PWARegressor(n_regions=3, n_init=5).fit(X, y)

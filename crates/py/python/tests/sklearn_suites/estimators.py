@@ -9,6 +9,11 @@ _REGIONS = "equal rows are drawn more often as starts of k-means: other regions,
 _AT_ONCE = "pysindy's optimizers refuse a bad parameter when it is given, and so do these"
 _OPTIMIZER = {"check_do_not_raise_errors_in_init_or_set_params": _AT_ONCE}
 
+_CLOCK = "the second argument is t, as in pysindy; by position it is y where the clock is told otherwise, as here by target"
+_VECTOR = "a run of one state may be a vector"
+_IDENTIFIER = {"check_fit_score_takes_y": _CLOCK, "check_fit1d": _VECTOR}
+_FEW = {"check_fit2d_1sample": "says how many rows it takes, in words of its own"}
+
 #: Checks that fail, by class and check.
 EXPECTED: dict[str, dict[str, str]] = {
     "Bolasso": {
@@ -16,6 +21,10 @@ EXPECTED: dict[str, dict[str, str]] = {
             "a row of weight 2 is drawn as one row, two equal rows are drawn each on its own: the replicates differ"
         ),
     },
+    # -- identification
+    "BlockSparse": _IDENTIFIER,
+    "PWA": {**_IDENTIFIER, **_FEW},
+    "SINDy": {**_IDENTIFIER, **_FEW},
     # -- clusters and thresholds
     "FROLS": _OPTIMIZER,
     "KMeans": {"check_sample_weight_equivalence_on_dense_data": _REGIONS},
@@ -28,4 +37,13 @@ EXPECTED: dict[str, dict[str, str]] = {
 }
 
 #: How to make an estimator for the checks, where its defaults will not do.
-MAKE: dict[str, Callable[[Any], Any]] = {}
+MAKE: dict[str, Callable[[Any], Any]] = {
+    "BlockSparse": lambda found: found(target="y", select="bic"),
+    "PWA": lambda found: found(target="y"),
+    "SINDy": lambda found: found(target="y", library="poly(1)"),
+}
+
+#: Estimators to which the checks do not apply, with the reason.
+OTHERS: dict[str, str] = {
+    "NARX": "predicts the next value of every column of X from its past: rows depend on their neighbours, and y on all columns",
+}

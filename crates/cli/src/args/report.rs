@@ -1,0 +1,33 @@
+//! Arguments of `report`.
+
+use std::{num::NonZeroUsize, path::PathBuf};
+
+use clap::Args;
+
+use super::{ControllerArgs, TimeArgs};
+
+#[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// Models (`*.json`), and the files, globs or folders that they are held against; without these the page shows the models alone.
+    #[arg(required = true, value_name = "MODEL|DATA")]
+    pub(crate) files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) time: TimeArgs,
+    /// The title of the page (default: what the models are).
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) title: Option<String>,
+    /// Steps of every simulation (default: 200, and at most a quarter of the longest episode).
+    #[arg(long, value_name = "STEPS")]
+    pub(crate) horizon: Option<usize>,
+    /// Number of simulations of every model.
+    #[arg(long, value_name = "N", default_value = "500")]
+    pub(crate) starts: NonZeroUsize,
+    #[command(flatten)]
+    pub(crate) controller: ControllerArgs,
+    /// The page to write.
+    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    pub(crate) output: PathBuf,
+    /// Folder to write every figure to as SVG, for papers (default: none).
+    #[arg(long, value_name = "DIR")]
+    pub(crate) svg: Option<PathBuf>,
+}

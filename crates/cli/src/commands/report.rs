@@ -1,0 +1,69 @@
+//! `fleetfoot report`.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot::{Error, Model, ReportOptions};
+use serde_json::json;
+
+use super::{Context, changes, files, in_sample, read_by, read_model, with};
+use crate::args::Report;
+
+pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error> {
+    let (paths, data): (Vec<PathBuf>, Vec<PathBuf>) = arguments.files.iter().cloned().partition(|path| is_model(path));
+    let Some(first) = paths.first() else {
+        return Err(Error::missing("no file is a model: name one or more (*.json), then the data".into()));
+    };
+    let data = if data.is_empty() { Vec::new() } else { files(&data)? };
+    let inputs = read_by(&data, arguments.controller.file().iter().chain(&paths));
+    context.claim(std::slice::from_ref(&arguments.output), &inputs, false)?;
+    let models = named(&paths)?;
+    let changes = changes(&arguments.time, first)?;
+    let mut options = ReportOptions::default();
+    options.title.clone_from(&arguments.title);
+    options.horizon = arguments.horizon;
+    options.starts = arguments.starts.get();
+    options.controller = arguments.controller.read()?;
+    let bar = context.bar();
+    let made = fleetfoot::report(&models, &changes, &data, &options, &bar);
+    bar.finish();
+    let made = made?;
+    context.notes(&made.notes);
+    in_sample(context, &made.in_sample, made.episodes);
+    made.write(&arguments.output, &inputs)?;
+    let folder = arguments.svg.as_deref();
+    let figures = folder.map(|folder| made.write_figures(folder, &inputs)).transpose()?.unwrap_or_default();
+    let told = with(made.to_json(), json!({ "page": arguments.output, "figures": figures }));
+    context.print(&told, || {
+        let finding = |finding: &fleetfoot::report::Sentence| {
+            format!("{}: {} {}", finding.light.word(), finding.head, finding.text)
+        };
+        made.findings().map(finding).collect::<Vec<_>>().join("\n")
+    });
+    context.say(format!("wrote {}", arguments.output.display()));
+    if let Some(folder) = folder {
+        context.say(format!("wrote {} figures to {}", figures.len(), folder.display()));
+    }
+    Ok(())
+}
+
+fn is_model(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Models by what they are; where that does not tell them apart by the names of their files, else by their paths.
+pub(super) fn named(paths: &[PathBuf]) -> Result<Vec<(String, Model)>, Error> {
+    let models = paths.iter().map(|path| read_model(path)).collect::<Result<Vec<Model>, Error>>()?;
+    let methods = models.iter().map(|model| model.method.clone()).collect();
+    let stems = paths.iter().map(|path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    let whole = paths.iter().map(|path| path.display().to_string()).collect();
+    let names = [methods, stems, whole].into_iter().find(|names: &Vec<String>| are_distinct(names));
+    Ok(names
+        .unwrap_or_else(|| (1..=paths.len()).map(|place| format!("model {place}")).collect())
+        .into_iter()
+        .zip(models)
+        .collect())
+}
+
+fn are_distinct(names: &[String]) -> bool {
+    names.iter().collect::<std::collections::BTreeSet<_>>().len() == names.len()
+}

@@ -1,0 +1,383 @@
+//! Forward sensitivities: how a trajectory of a model moves with the model's coefficients.
+//!
+//! The tangent S_k = d x_k / d theta of the states after k steps follows the trajectory that the simulator made, by the derivatives of the very step that
+//! made it: for a step x_{k+1} = factor x_k + gain f(x_k, x_{k-1}, ..., theta),
+//!
+//! ```text
+//! S_{k+1} = factor S_k + gain (sum_l df/dx_{k-l} S_{k-l} + df/dtheta),    S_k = 0 for k <= 0
+//! ```
+//!
+//! and stage by stage for the Runge-Kutta method. Regions are those of the trajectory: within them the model is smooth, and what crossing their borders a
+//! little earlier would change is left out.
+
+use std::collections::HashMap;
+
+use fleetfoot_library::Leaf;
+use fleetfoot_model::{Closed, Equation, Model};
+use fleetfoot_stats::kernel::add_scaled;
+
+use crate::{
+    Error, Method, Simulator, Trajectory,
+    compiled::{Latents, Workspace},
+    kernel::padded,
+    simulator::{Run, advanced_states},
+    slopes::{Reading, SlopeRows, Slopes},
+    window::Window,
+};
+
+/// A fitted number of a model: a coefficient, or a constant, of a latent in one region.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Coefficient {
+    /// The region, of the latent's partition.
+    pub region: usize,
+    /// Index of the latent.
+    pub latent: usize,
+    /// Index of the function in the latent's library; `None` for the constant.
+    pub function: Option<usize>,
+}
+
+impl Coefficient {
+    /// The numbers of a model that are not zero, by region.
+    pub fn support(model: &Model) -> Vec<Self> {
+        let mut found = Vec::new();
+        for (latent, own) in model.latents.iter().enumerate() {
+            for (region, coefficients) in own.coefficients.iter().enumerate() {
+                found.push(Self { region, latent, function: None });
+                found.extend((0..coefficients.len()).map(|j| Self { region, latent, function: Some(j) }));
+            }
+        }
+        found.retain(|coefficient| coefficient.value(model) != 0.0);
+        found.sort_unstable();
+        found
+    }
+
+    /// Its value in a model.
+    pub fn value(self, model: &Model) -> f64 {
+        let latent = &model.latents[self.latent];
+        self.function.map_or(latent.constants[self.region], |j| latent.coefficients[self.region][j])
+    }
+
+    /// Gives it a value in a model.
+    pub fn set(self, model: &mut Model, value: f64) {
+        let latent = &mut model.latents[self.latent];
+        match self.function {
+            None => latent.constants[self.region] = value,
+            Some(j) => latent.coefficients[self.region][j] = value,
+        }
+    }
+}
+
+/// The derivatives that tangents are made of, compiled for a simulator.
+pub(crate) struct Sensitivity {
+    slopes: Slopes,
+    /// What the right sides are differentiated by: a state (its place in the simulator), rows back.
+    variables: Vec<(usize, usize)>,
+    /// For every group of latents, by region, then the constant and the functions in use, then latent: the coefficient's number; `NONE` where it is not
+    /// asked for.
+    places: Vec<Vec<u32>>,
+}
+
+/// No coefficient.
+const NONE: u32 = u32::MAX;
+
+/// The tangents of one trajectory.
+pub(crate) struct Tangents {
+    /// Numbers of the coefficients that it met, ascending.
+    pub(crate) active: Vec<usize>,
+    /// Active coefficients, padded.
+    pub(crate) width: usize,
+    /// (steps + 1) x states x width.
+    pub(crate) values: Vec<f64>,
+}
+
+impl Tangents {
+    /// The tangents of a state after so many steps.
+    pub(crate) fn of(&self, step: usize, state: usize, states: usize) -> &[f64] {
+        &self.values[(step * states + state) * self.width..][..self.active.len()]
+    }
+}
+
+/// The model's derivatives at all rows of a trajectory, in one stage of its steps.
+struct Stage {
+    slopes: SlopeRows,
+    workspace: Workspace,
+    /// Seconds behind the row, of each.
+    offset: Vec<f64>,
+    /// Weight in the mean of the stages.
+    weight: f64,
+}
+
+impl Sensitivity {
+    /// Differentiates a simulator's equations with respect to its states and to `coefficients`.
+    ///
+    /// # Errors
+    /// [`Error::SimulatedLag`] for a model that reads first-order lags of what it simulates.
+    pub(crate) fn new(simulator: &Simulator, coefficients: &[Coefficient]) -> Result<Self, Error> {
+        let Closed { model, lags, .. } = &simulator.model.closed(simulator.period, &[])?;
+        if let Some(lag) = lags.first() {
+            return Err(Error::SimulatedLag { column: model.columns[lag.column].name.clone() });
+        }
+        let (_, equations) = advanced_states(model)?;
+        let readings = readings(simulator);
+        let sides: Vec<Option<&Equation>> = equations.into_iter().map(Some).collect();
+        let place = |column: usize| simulator.states.iter().position(|state| state.column == column).unwrap_or(0);
+        let number: HashMap<Coefficient, u32> = coefficients.iter().copied().zip(0..).collect();
+        Ok(Self {
+            slopes: Slopes::new(model, &simulator.compiled, &sides, &readings)?,
+            variables: readings.iter().map(|&(column, lag)| (place(column), lag as usize)).collect(),
+            places: simulator.compiled.groups.iter().map(|group| places(group, &number)).collect(),
+        })
+    }
+
+    /// The tangents along a trajectory that the simulator made of this run.
+    pub(crate) fn along(
+        &self,
+        simulator: &Simulator,
+        run: &Run<'_>,
+        trajectory: &Trajectory,
+        method: Method,
+    ) -> Tangents {
+        let stages = self.stages(simulator, run, trajectory, method);
+        let active = self.active(simulator, &stages);
+        let mut local = vec![NONE; active.last().map_or(0, |last| last + 1)];
+        active.iter().zip(0..).for_each(|(&number, at)| local[number] = at);
+        let (states, width) = (simulator.states.len(), padded(active.len()));
+        let mut values = vec![0.0; (trajectory.steps() + 1) * states * width];
+        let mut stepping = Stepping {
+            sensitivity: self,
+            simulator,
+            local: &local,
+            width,
+            slope: vec![0.0; states * width],
+            before: vec![0.0; states * width],
+            first: vec![0.0; states * width],
+            mean: vec![0.0; states * width],
+        };
+        for k in 0..trajectory.steps() {
+            let (past, next) = values.split_at_mut((k + 1) * states * width);
+            stepping.step(&stages, k, run.step(k), past, &mut next[..states * width]);
+        }
+        Tangents { active, width, values }
+    }
+
+    /// Evaluates the model's derivatives at all rows of a trajectory at once, stage by stage.
+    fn stages(&self, simulator: &Simulator, run: &Run<'_>, trajectory: &Trajectory, method: Method) -> Vec<Stage> {
+        let continuous = simulator.states.iter().any(|state| state.advance.continuous);
+        let plan: &[(f64, f64)] = match method {
+            Method::Rk4 if continuous => &[(0.0, 1.0 / 6.0), (0.5, 2.0 / 6.0), (0.5, 2.0 / 6.0), (1.0, 1.0 / 6.0)],
+            _ => &[(0.0, 1.0)],
+        };
+        let path = Path::new(simulator, run.window, trajectory);
+        let mut stages: Vec<Stage> = Vec::with_capacity(plan.len());
+        for &(fraction, weight) in plan {
+            let offset: Vec<f64> = (0..path.rows).map(|k| fraction * run.step(k)).collect();
+            let moved = stages.last().map(|before| path.moved(&offset, before));
+            stages.push(self.stage(&path, moved.as_deref(), offset, weight));
+        }
+        stages
+    }
+
+    fn stage(&self, path: &Path<'_>, moved: Option<&[Vec<f64>]>, offset: Vec<f64>, weight: f64) -> Stage {
+        let compiled = &path.simulator.compiled;
+        let times = path.times(&offset);
+        let leaf = |leaf: Leaf| path.leaf(leaf, moved, &times);
+        let mut workspace = Workspace::default();
+        compiled.evaluate(path.rows, &leaf, &mut workspace);
+        let slopes = self.slopes.evaluate(compiled, path.rows, &leaf, &workspace);
+        Stage { slopes, workspace, offset, weight }
+    }
+
+    /// Numbers of the coefficients of the regions that were met.
+    fn active(&self, simulator: &Simulator, stages: &[Stage]) -> Vec<usize> {
+        let mut active = Vec::new();
+        for (group, places) in simulator.compiled.groups.iter().zip(&self.places) {
+            let length = (group.kept.len() + 1) * group.width;
+            let mut met: Vec<u32> = stages
+                .iter()
+                .filter_map(|stage| stage.workspace.regions.get(group.regions))
+                .flatten()
+                .copied()
+                .collect();
+            met.sort_unstable();
+            met.dedup();
+            for own in met.iter().filter_map(|&region| places.get(region as usize * length..)?.get(..length)) {
+                active.extend(own.iter().filter(|&&number| number != NONE).map(|&number| number as usize));
+            }
+        }
+        active.sort_unstable();
+        active
+    }
+}
+
+/// The states, and the rows back, that a simulator's equations read.
+fn readings(simulator: &Simulator) -> Vec<Reading> {
+    let leaves = simulator.compiled.functions.leaves().iter().chain(simulator.compiled.rights.leaves());
+    let of_state = |leaf: &Leaf| match *leaf {
+        Leaf::Column { column, lag } if simulator.states.iter().any(|state| state.column == column) => {
+            Some((column, lag))
+        }
+        _ => None,
+    };
+    let mut readings: Vec<Reading> = leaves.filter_map(of_state).collect();
+    readings.sort_unstable();
+    readings.dedup();
+    readings
+}
+
+fn places(group: &Latents, number: &HashMap<Coefficient, u32>) -> Vec<u32> {
+    let regions = group.constants.len() / group.width;
+    let functions = || std::iter::once(None).chain(group.kept.iter().copied().map(Some));
+    let mut places = Vec::with_capacity(regions * (group.kept.len() + 1) * group.width);
+    for region in 0..regions {
+        for function in functions() {
+            let of = |&latent: &usize| number.get(&Coefficient { region, latent, function }).copied().unwrap_or(NONE);
+            places.extend(group.slots.iter().map(of).chain(std::iter::repeat(NONE)).take(group.width));
+        }
+    }
+    places
+}
+
+/// What the equations read at the rows of a trajectory.
+struct Path<'a> {
+    simulator: &'a Simulator,
+    window: &'a Window<'a>,
+    /// Rows from which a step was made.
+    rows: usize,
+    /// For every state, the recorded values in front of the start and those of the trajectory.
+    states: Vec<Vec<f64>>,
+}
+
+impl<'a> Path<'a> {
+    fn new(simulator: &'a Simulator, window: &'a Window<'a>, trajectory: &Trajectory) -> Self {
+        let (rows, back) = (trajectory.steps(), simulator.history() as i64);
+        let of_state = |(place, state): (usize, &crate::simulator::State)| {
+            let before = window.values(state.column, -back, 0).iter().copied();
+            before.chain((0..rows).map(|k| trajectory.state(k)[place])).collect()
+        };
+        Self { simulator, window, rows, states: simulator.states.iter().enumerate().map(of_state).collect() }
+    }
+
+    /// The states of a stage: those of the rows, moved by the slopes of the stage before.
+    fn moved(&self, offset: &[f64], before: &Stage) -> Vec<Vec<f64>> {
+        let history = self.simulator.history();
+        let of_state = |(place, state): (usize, &crate::simulator::State)| {
+            let slopes = &before.workspace.outputs[place * before.workspace.stride..][..self.rows];
+            let values = self.states[place][history..].iter().zip(slopes).zip(offset);
+            let gain = f64::from(u8::from(state.advance.continuous));
+            values.map(|((&x, &slope), &offset)| if gain == 0.0 { x } else { offset.mul_add(slope, x) }).collect()
+        };
+        self.simulator.states.iter().enumerate().map(of_state).collect()
+    }
+
+    /// Seconds since the start of the episode at every row, for the lags at which the equations read the clock.
+    fn times(&self, offset: &[f64]) -> Vec<(i32, Vec<f64>)> {
+        let compiled = &self.simulator.compiled;
+        let leaves = compiled.functions.leaves().iter().chain(compiled.rights.leaves());
+        let lags = leaves.filter_map(|leaf| if let Leaf::Time { lag } = *leaf { Some(lag) } else { None });
+        let block = self.window.block;
+        let at = |lag: i32, k: usize| {
+            let stamp = block.time[(self.window.at as i64 + k as i64 - i64::from(lag)) as usize];
+            (stamp - block.start) as f64 * 1e-9 + offset[k]
+        };
+        lags.map(|lag| (lag, (0..self.rows).map(|k| at(lag, k)).collect())).collect()
+    }
+
+    fn leaf<'b>(&'b self, leaf: Leaf, moved: Option<&'b [Vec<f64>]>, times: &'b [(i32, Vec<f64>)]) -> &'b [f64] {
+        match leaf {
+            // A derivative reads the clock where the expression does.
+            Leaf::Time { lag } => times.iter().find(|(own, _)| *own == lag).map_or(&[], |(_, times)| times),
+            Leaf::Column { column, lag } => {
+                let state = self.simulator.states.iter().position(|state| state.column == column);
+                match (state, moved) {
+                    (Some(state), Some(moved)) if lag == 0 => &moved[state],
+                    (Some(state), _) => {
+                        &self.states[state][self.simulator.history() - lag.unsigned_abs() as usize..][..self.rows]
+                    }
+                    (None, _) => self.window.values(column, -i64::from(lag), self.rows as i64 - i64::from(lag)),
+                }
+            }
+        }
+    }
+}
+
+/// The recursion over the steps of one trajectory, and its memory: states x active coefficients each.
+struct Stepping<'a> {
+    sensitivity: &'a Sensitivity,
+    simulator: &'a Simulator,
+    /// The place of a coefficient among the active ones.
+    local: &'a [u32],
+    width: usize,
+    slope: Vec<f64>,
+    before: Vec<f64>,
+    first: Vec<f64>,
+    mean: Vec<f64>,
+}
+
+impl Stepping<'_> {
+    /// The tangents after step `k` from all those before.
+    fn step(&mut self, stages: &[Stage], k: usize, seconds: f64, past: &[f64], next: &mut [f64]) {
+        let (states, width) = (self.simulator.states.len(), self.width);
+        self.mean.fill(0.0);
+        for (number, stage) in stages.iter().enumerate() {
+            self.slope.fill(0.0);
+            self.chain(stage, k, past, number > 0);
+            self.sources(stage, k);
+            add_scaled(stage.weight, &self.slope, &mut self.mean);
+            if number == 0 {
+                self.first.copy_from_slice(&self.slope);
+            }
+            std::mem::swap(&mut self.slope, &mut self.before);
+        }
+        let now = &past[k * states * width..];
+        for (s, state) in self.simulator.states.iter().enumerate() {
+            let row = s * width..(s + 1) * width;
+            // Differences and next values are those of the row itself.
+            let slope = if state.advance.continuous { &self.mean[row.clone()] } else { &self.first[row.clone()] };
+            let next = &mut next[row.clone()];
+            add_scaled(state.advance.factor(seconds), &now[row], next);
+            add_scaled(state.advance.gain(seconds), slope, next);
+        }
+    }
+
+    /// What the right sides change by what they read: states of this stage and of earlier rows.
+    fn chain(&mut self, stage: &Stage, k: usize, past: &[f64], moved: bool) {
+        let (states, width, readings) = (self.simulator.states.len(), self.width, &self.sensitivity.variables);
+        for row in 0..states {
+            let slopes = &stage.slopes.total[(k * states + row) * readings.len()..][..readings.len()];
+            let out = &mut self.slope[row * width..][..width];
+            for (&slope, &(state, lag)) in slopes.iter().zip(readings).filter(|(slope, _)| **slope != 0.0) {
+                // The rows in front of the start are recorded.
+                let Some(at) = k.checked_sub(lag) else { continue };
+                add_scaled(slope, &past[(at * states + state) * width..][..width], out);
+                if lag == 0 && moved && self.simulator.states[state].advance.continuous {
+                    add_scaled(slope * stage.offset[k], &self.before[state * width..][..width], out);
+                }
+            }
+        }
+    }
+
+    /// What the right sides change by the coefficients themselves.
+    fn sources(&mut self, stage: &Stage, k: usize) {
+        let (states, width, compiled) = (self.simulator.states.len(), self.width, &self.simulator.compiled);
+        let Workspace { stride, values, regions, .. } = &stage.workspace;
+        let latents = stage.slopes.by_latents.len() / (stage.offset.len() * states).max(1);
+        for (group, places) in compiled.groups.iter().zip(&self.sensitivity.places) {
+            let region = regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
+            let length = (group.kept.len() + 1) * group.width;
+            let Some(places) = places.get(region.saturating_mul(length)..).and_then(|own| own.get(..length)) else {
+                continue;
+            };
+            for row in 0..states {
+                let by_latents = &stage.slopes.by_latents[(k * states + row) * latents..][..latents];
+                for (o, &slot) in group.slots.iter().enumerate().filter(|(_, slot)| by_latents[**slot] != 0.0) {
+                    for (j, places) in places.chunks_exact(group.width).enumerate() {
+                        let feature = if j == 0 { 1.0 } else { values[(group.first + j - 1) * stride + k] };
+                        if let Some(&at) = self.local.get(places[o] as usize) {
+                            self.slope[row * width + at as usize] += by_latents[slot] * feature;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Derivatives of simulations by coefficients, beside differences of simulations.
+
+use crate::common::*;
+use fleetfoot_data::{MemorySource, Source};
+use fleetfoot_dynamics::{Coefficient, Error, Method, Segment, Shooting, ShootingOptions, Step};
+use fleetfoot_model::{Model, Partition, Prediction, Role, Rule};
+use proptest::prelude::*;
+
+/// Every segment of a source.
+fn segments(model: &Model, source: &MemorySource, options: &ShootingOptions) -> Vec<Segment> {
+    let coefficients = Coefficient::support(model);
+    let shooting = Shooting::new(model, source, &coefficients, options).unwrap();
+    let mut found = Vec::new();
+    for (episode, info) in source.episodes().iter().enumerate() {
+        let block = source.read(episode, 0..info.rows, shooting.halo()).unwrap();
+        assert_eq!(shooting.segments(episode, &block, 0..info.rows, |segment| found.push(segment)), 0);
+    }
+    found
+}
+
+/// The greatest difference between the slopes and central differences of the residuals, relative to the greatest slope of a segment.
+fn worst(model: &Model, source: &MemorySource, options: &ShootingOptions) -> f64 {
+    let coefficients = Coefficient::support(model);
+    let own = segments(model, source, options);
+    assert!(!own.is_empty() && own.iter().all(|segment| segment.is_finite() && !segment.residuals.is_empty()));
+    let mut worst = 0.0_f64;
+    for (number, coefficient) in coefficients.iter().enumerate() {
+        let value = coefficient.value(model);
+        let step = 1e-7 * value.abs().max(1.0);
+        let moved = |sign: f64| {
+            let mut model = model.clone();
+            coefficient.set(&mut model, value + sign * step);
+            segments(&model, source, options)
+        };
+        for ((own, more), less) in own.iter().zip(moved(1.0)).zip(moved(-1.0)) {
+            let n = own.residuals.len();
+            let size = own.slopes.iter().fold(1e-2_f64, |size, slope| size.max(slope.abs()));
+            let at = own.active.iter().position(|&active| active == number);
+            for row in 0..n {
+                let difference = (more.residuals[row] - less.residuals[row]) / (2.0 * step);
+                let slope = at.map_or(0.0, |at| own.slopes[at * n + row]);
+                worst = worst.max((slope - difference).abs() / size);
+            }
+        }
+    }
+    worst
+}
+
+/// Two states, one an angle; an input; library functions of all kinds, of earlier rows and of time; coefficients from the seed.
+fn tangled(seed: u64, prediction: Prediction, regions: usize) -> (Model, MemorySource) {
+    let library = ["q", "v", "u", "sin(q)", "v^2", "lag(v,1)*u", "cos(time())", "lag(q,2)"];
+    let columns =
+        vec![column("q", Role::State, true), column("v", Role::State, false), column("u", Role::Input, false)];
+    let rule = match regions {
+        1 => Rule::Whole,
+        _ => Rule::voronoi((0..regions).map(|r| vec![1.2 * noise(seed + 900 + r as u64)]).collect()),
+    };
+    let partition = if regions == 1 { Partition::whole() } else { partition(&["v"], &[0.1], &[0.7], rule) };
+    let size = if prediction == Prediction::Next { 0.12 } else { 0.8 };
+    let maps = |state: u64| -> Vec<(f64, Vec<f64>)> {
+        let number = |region: usize, j: usize| size * noise(seed + 1000 * state + 40 * region as u64 + j as u64);
+        let map = |region: usize| (number(region, 20), (0..library.len()).map(|j| number(region, j)).collect());
+        (0..regions).map(map).collect()
+    };
+    let fitted = vec![("q", prediction, "1", maps(1)), ("v", prediction, "1", maps(2))];
+    let mut model = model(columns, &library, partition, fitted, &[]);
+    // A right side in which a latent stands within a product.
+    model.equations[1].right = parse("latent_v*(1 + 0.2*u) - 0.1*q");
+    let values = |shift: f64| (0..60).map(|k| (0.13 * k as f64 + shift).sin()).collect::<Vec<f64>>();
+    let source = source(
+        &["q", "v", "u"],
+        0.02,
+        vec![vec![values(0.0), values(1.0), values(2.5)], vec![values(4.0), values(0.4), values(3.0)]],
+    );
+    (model, source)
+}
+
+fn options(steps: usize, method: Method) -> ShootingOptions {
+    let mut options = ShootingOptions::new(steps);
+    options.method = method;
+    options
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Central differences with steps of 1e-7 are good to some 1e-9 of the residuals' size; within a region the model is smooth.
+    #[test]
+    fn slopes_are_those_of_simulations(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
+        let (prediction, method) = [
+            (Prediction::Derivative, Method::Rk4),
+            (Prediction::Derivative, Method::Euler),
+            (Prediction::Difference, Method::Rk4),
+            (Prediction::Next, Method::Euler),
+        ][kind];
+        let (model, source) = tangled(seed, prediction, regions);
+        let worst = worst(&model, &source, &options(steps, method));
+        prop_assert!(worst < 1e-6, "{worst:e}");
+    }
+}
+
+#[test]
+fn the_affine_path_has_the_same_slopes() {
+    let (model, source) = random_hybrid(3, 2, 4, 80);
+    for method in [Method::Euler, Method::Rk4] {
+        let worst = worst(&model, &source, &options(6, method));
+        assert!(worst < 1e-6, "{worst:e}");
+    }
+}
+
+/// x' = a x from x0: after k Euler steps of h, x0 (1 + h a)^k, and its derivative k h x0 (1 + h a)^(k-1).
+#[test]
+fn slopes_of_a_decay_have_a_closed_form() {
+    let (a, h) = (-0.7, 0.1);
+    let columns = vec![column("x", Role::State, false)];
+    let model =
+        model(columns, &["x"], Partition::whole(), vec![("x", Prediction::Derivative, "1", vec![(0.0, vec![a])])], &[]);
+    let x: Vec<f64> = (0..13).map(|k| 2.0 + (k as f64).cos()).collect();
+    let found = segments(&model, &source(&["x"], h, vec![vec![x.clone()]]), &options(4, Method::Euler));
+    // Row 0 is in front of the first start: rows 1 to 5 and 5 to 9; a third segment would need row 13.
+    assert_eq!(found.len(), 2);
+    for (segment, first) in found.iter().zip([1, 5]) {
+        assert_eq!((segment.active.as_slice(), segment.ended), (&[0][..], false));
+        for k in 1..=4 {
+            let (growth, scale) = (1.0 + h * a, 0.5);
+            let residual = scale * (x[first + k] - x[first] * growth.powi(k as i32));
+            let slope = -scale * k as f64 * h * x[first] * growth.powi(k as i32 - 1);
+            assert!((segment.residuals[k - 1] - residual).abs() < 1e-14);
+            assert!((segment.slopes[k - 1] - slope).abs() < 1e-14);
+        }
+    }
+}
+
+/// A coefficient that another region has alone does not move a segment, and is not among those that do.
+#[test]
+fn a_segment_knows_the_coefficients_of_its_regions() {
+    let columns = vec![column("x", Role::State, false)];
+    let rule = Rule::voronoi(vec![vec![-1.0], vec![1.0]]);
+    let maps = vec![(0.5, vec![-1.0]), (0.0, vec![-0.1])];
+    let regions = partition(&["x"], &[0.0], &[1.0], rule);
+    let model = model(columns, &["x"], regions, vec![("x", Prediction::Derivative, "1", maps)], &[]);
+    let x = (0..9).map(|k| 3.0 - 0.1 * f64::from(k)).collect();
+    let found = segments(&model, &source(&["x"], 0.1, vec![vec![x]]), &options(3, Method::Rk4));
+    // The zero constant of the second region is no part of the support: its coefficient is number 2.
+    assert_eq!(Coefficient::support(&model).len(), 3);
+    assert!(found.iter().all(|segment| segment.active == [2]));
+}
+
+/// A segment that runs away keeps its last good state, whose derivatives stand for the rest.
+#[test]
+fn what_diverges_ends_and_says_so() {
+    let columns = vec![column("x", Role::State, false)];
+    let maps = vec![(0.0, vec![30.0])];
+    let model = model(columns, &["x"], Partition::whole(), vec![("x", Prediction::Derivative, "1", maps)], &[]);
+    let source = source(&["x"], 0.1, vec![vec![vec![1.0; 8]]]);
+    let found = segments(&model, &source, &options(5, Method::Euler));
+    // 1, 4, then 16, which is more than ten deviations away.
+    assert!(found[0].ended && found[0].is_finite());
+    let scale = 1.0 / 5f64.sqrt();
+    assert!(found[0].residuals.iter().all(|r| (r + 3.0 * scale).abs() < 1e-14), "{:?}", found[0].residuals);
+    assert!(found[0].slopes.iter().all(|slope| (slope + 0.1 * scale).abs() < 1e-14));
+}
+
+#[test]
+fn what_cannot_be_cut_is_refused() {
+    let (model, source) = tangled(3, Prediction::Derivative, 1);
+    let refused = |options: &ShootingOptions| Shooting::new(&model, &source, &[], options).err().expect("an error");
+    assert!(matches!(refused(&options(0, Method::Rk4)), Error::NoHorizon));
+    assert!(matches!(refused(&options(59, Method::Rk4)), Error::TooShort { .. }));
+    let mut backward = options(5, Method::Rk4);
+    backward.step = Step::Seconds(-0.1);
+    assert!(matches!(refused(&backward), Error::BadStep(_)));
+}

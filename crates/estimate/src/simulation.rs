@@ -1,0 +1,316 @@
+//! Coefficients by simulation error: those with which a model, left to itself for some steps, stays nearest to what was recorded.
+//!
+//! A model of least error one step ahead is not the one of least error many steps ahead: noise in the states that it is fitted on shrinks its coefficients, and what
+//! is wrong with a step adds up. Here the coefficients minimise the sum of squares of [`Shooting`]: segments of N steps, each from its measured beginning.
+//! Coefficients that are zero stay zero.
+//!
+//! A pass over the rows is a reduction of the segments' residuals r and their exact derivatives J into J'J, J'r and r'r. The steps are those of every other least
+//! squares of this crate. J'J is made of the columns of J scaled to unit length, and J'r is summed by itself: what squaring costs is digits of a step, which the
+//! next one takes back, and not of the minimum.
+
+use std::ops::Range;
+
+use faer::{Accum, Mat, MatRef, Par, linalg::matmul::triangular::BlockStructure};
+use fleetfoot_data::{Block, Progress, Source};
+use fleetfoot_dynamics::{Coefficient, Segment, Shooting, ShootingOptions};
+use fleetfoot_model::Model;
+use fleetfoot_stats::{Chunk, Grid, reduce, svd};
+
+use crate::{
+    EstimateError, Options, Status,
+    descent::Descent,
+    evaluate::{Evaluation, Objective, Pass},
+    step::rank_level,
+};
+
+/// Coefficients beyond which J'J, of which every chunk in flight has one, would take more than 32 MiB.
+pub const MOST_COEFFICIENTS: usize = 2_000;
+
+/// How coefficients are fitted by simulation error.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SimulationOptions {
+    /// The segments.
+    pub shooting: ShootingOptions,
+    /// When the iteration ends; a trial step is one pass.
+    pub descent: Options,
+}
+
+impl SimulationOptions {
+    /// Segments of `steps` steps, 20 trial steps at most.
+    pub fn new(steps: usize) -> Self {
+        let descent = Options { gradient: 1e-8, step: 1e-8, cost: 1e-8, max_iterations: 20, ..Options::default() };
+        Self { shooting: ShootingOptions::new(steps), descent }
+    }
+
+    /// Passes over the rows, at most.
+    pub fn passes(&self) -> usize {
+        1 + self.descent.max_iterations
+    }
+}
+
+/// A model of least simulation error.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Simulated {
+    /// The model, with new coefficients; what it says of its training is that of the model before.
+    pub model: Model,
+    /// The coefficients that were fitted.
+    pub coefficients: Vec<Coefficient>,
+    /// Segments.
+    pub segments: u64,
+    /// Segments left out because a value that they need is missing.
+    pub missing: u64,
+    /// Segments that ended early, of the model before and after.
+    pub ended: [u64; 2],
+    /// The sum of squares, of the model before and after.
+    pub cost: [f64; 2],
+    /// Numbers that were compared.
+    pub residuals: u64,
+    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian.
+    pub gradient: f64,
+    /// Why the iteration ended.
+    pub status: Status,
+    /// Passes over the rows.
+    pub passes: usize,
+}
+
+/// Fits the coefficients of a model that are not zero to its simulations through segments of a source, whose columns are the model's.
+///
+/// The same bits on any number of threads.
+///
+/// # Errors
+/// Those of [`Shooting::new`]; a model without coefficients or with too many; fewer residuals than coefficients; those of reading.
+pub fn simulation_error(
+    model: &Model,
+    source: &dyn Source,
+    options: &SimulationOptions,
+    progress: &dyn Progress,
+) -> Result<Simulated, EstimateError> {
+    options.descent.check()?;
+    let coefficients = Coefficient::support(model);
+    match coefficients.len() {
+        0 => return Err(EstimateError::NoParameters),
+        count if count > MOST_COEFFICIENTS => {
+            return Err(EstimateError::TooManyCoefficients { count, most: MOST_COEFFICIENTS });
+        }
+        _ => {}
+    }
+    let bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; coefficients.len()];
+    let objective = Segments { model, coefficients, bounds, source, options, progress };
+    let theta = objective.coefficients.iter().map(|coefficient| coefficient.value(model)).collect::<Vec<f64>>();
+    let before = objective.sums(&theta)?;
+    let at = objective.evaluation(&before)?.ok_or_else(|| before.not_finite(source))?;
+    let mut descent = Descent::from(&objective, theta, at, &options.descent)?;
+    let (status, steps) = descent.run()?;
+    let gradient = descent.gradient(&descent.at, &descent.room());
+    let (cost, after) = ([before.cost, descent.at.cost], objective.model_at(&descent.theta));
+    let ended = [before.ended, descent.at.ended];
+    Ok(Simulated {
+        model: after,
+        segments: before.segments,
+        missing: before.missing,
+        ended,
+        cost,
+        residuals: before.residuals,
+        gradient,
+        status,
+        passes: 1 + steps,
+        coefficients: objective.coefficients,
+    })
+}
+
+/// The segments of a source as a sum of squares over the coefficients of a model.
+struct Segments<'a> {
+    model: &'a Model,
+    coefficients: Vec<Coefficient>,
+    bounds: Vec<[f64; 2]>,
+    source: &'a dyn Source,
+    options: &'a SimulationOptions,
+    progress: &'a dyn Progress,
+}
+
+impl Segments<'_> {
+    fn model_at(&self, theta: &[f64]) -> Model {
+        let mut model = self.model.clone();
+        self.coefficients.iter().zip(theta).for_each(|(coefficient, &value)| coefficient.set(&mut model, value));
+        model
+    }
+
+    /// One pass.
+    fn sums(&self, theta: &[f64]) -> Result<Sums, EstimateError> {
+        let model = self.model_at(theta);
+        let shooting = Shooting::new(&model, self.source, &self.coefficients, &self.options.shooting)?;
+        let chunks = Grid { chunk_rows: self.options.descent.chunk_rows }.chunks(self.source.episodes());
+        let mut total = Sums::new(theta.len());
+        reduce(
+            self.source,
+            &chunks,
+            shooting.halo(),
+            self.progress,
+            || Sums::new(theta.len()),
+            |sums, chunk, block, tile| {
+                sums.add(&shooting, chunk, block, tile);
+                Ok::<_, EstimateError>(())
+            },
+            |_, sums| {
+                total.merge(sums);
+                Ok(())
+            },
+        )?;
+        Ok(total)
+    }
+
+    /// What a descent asks for; `None` where a number is not finite.
+    fn evaluation(&self, sums: &Sums) -> Result<Option<Evaluation>, EstimateError> {
+        if sums.broken.is_some() {
+            return Ok(None);
+        }
+        let (jacobian, rhs) = compressed(&sums.products, &sums.slope).ok_or(EstimateError::Overflow)?;
+        Ok(Some(Evaluation {
+            jacobian,
+            rhs,
+            cost: sums.cost,
+            targets: sums.size,
+            rows: sums.residuals,
+            scores: Vec::new(),
+            linear: Vec::new(),
+            ended: sums.ended,
+        }))
+    }
+}
+
+impl Objective for Segments<'_> {
+    fn bounds(&self) -> &[[f64; 2]] {
+        &self.bounds
+    }
+
+    /// The sums count residuals.
+    fn residuals(&self) -> usize {
+        1
+    }
+
+    fn unknowns(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    fn evaluate(&self, theta: &[f64]) -> Result<Pass, EstimateError> {
+        let sums = self.sums(theta)?;
+        let found = self.evaluation(&sums)?;
+        Ok(found.map_or_else(|| Pass::Refused(sums.not_finite(self.source)), Pass::Finite))
+    }
+}
+
+/// Segments, summed.
+struct Sums {
+    /// J'J (p x p); the lower triangle counts.
+    products: Mat<f64>,
+    /// J'r (p).
+    slope: Vec<f64>,
+    /// r'r.
+    cost: f64,
+    size: f64,
+    residuals: u64,
+    segments: u64,
+    ended: u64,
+    missing: u64,
+    /// The episode and first row of a tile in which a number is not finite.
+    broken: Option<(usize, usize)>,
+}
+
+impl Sums {
+    fn new(coefficients: usize) -> Self {
+        Self {
+            products: Mat::zeros(coefficients, coefficients),
+            slope: vec![0.0; coefficients],
+            cost: 0.0,
+            size: 0.0,
+            residuals: 0,
+            segments: 0,
+            ended: 0,
+            missing: 0,
+            broken: None,
+        }
+    }
+
+    fn add(&mut self, shooting: &Shooting<'_>, chunk: &Chunk, block: &Block, tile: Range<usize>) {
+        let place = (chunk.episode, block.first + tile.start);
+        let missing = shooting.segments(chunk.episode, block, tile, |segment| {
+            if segment.is_finite() {
+                self.push(&segment);
+            } else {
+                self.broken.get_or_insert(place);
+            }
+        });
+        self.missing += missing;
+    }
+
+    fn push(&mut self, segment: &Segment) {
+        let (p, n) = (segment.active.len(), segment.residuals.len());
+        self.segments += 1;
+        self.ended += u64::from(segment.ended);
+        self.residuals += n as u64;
+        self.size += segment.size;
+        self.cost += segment.residuals.iter().map(|r| r * r).sum::<f64>();
+        if p * n == 0 {
+            return;
+        }
+        let slopes = MatRef::from_column_major_slice(&segment.slopes, n, p);
+        let mut own = Mat::<f64>::zeros(p, p);
+        faer::linalg::matmul::triangular::matmul(
+            own.as_mut(),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            slopes.transpose(),
+            BlockStructure::Rectangular,
+            slopes,
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        for (b, &to) in segment.active.iter().enumerate() {
+            let column = slopes.col(b);
+            self.slope[to] += column.iter().zip(&segment.residuals).map(|(slope, r)| slope * r).sum::<f64>();
+            let into = self.products.col_as_slice_mut(to);
+            for (a, &from) in segment.active.iter().enumerate().skip(b) {
+                into[from] += own[(a, b)];
+            }
+        }
+    }
+
+    fn merge(&mut self, other: Self) {
+        for j in 0..self.slope.len() {
+            let own = self.products.col_as_slice_mut(j)[j..].iter_mut();
+            own.zip(&other.products.col_as_slice(j)[j..]).for_each(|(sum, value)| *sum += value);
+        }
+        self.slope.iter_mut().zip(&other.slope).for_each(|(sum, value)| *sum += value);
+        self.cost += other.cost;
+        self.size += other.size;
+        self.residuals += other.residuals;
+        self.segments += other.segments;
+        self.ended += other.ended;
+        self.missing += other.missing;
+        self.broken = self.broken.or(other.broken);
+    }
+
+    fn not_finite(&self, source: &dyn Source) -> EstimateError {
+        let (episode, row) = self.broken.unwrap_or_default();
+        EstimateError::NotFinite { episode: source.episodes()[episode].name.clone(), row }
+    }
+}
+
+/// Rows with the products J'J and J'r: `diag(s)^(1/2) V' D` and `diag(s)^(-1/2) V' D^-1 J'r`, for the scaled products `D^-1 J'J D^-1 = V diag(s) V'` with a
+/// diagonal of ones. Directions that are rounding are left out. `None` where the decomposition fails.
+fn compressed(products: &Mat<f64>, slope: &[f64]) -> Option<(Mat<f64>, Vec<f64>)> {
+    let p = slope.len();
+    let length = |j: usize| if products[(j, j)] > 0.0 { products[(j, j)].sqrt() } else { 1.0 };
+    let lengths: Vec<f64> = (0..p).map(length).collect();
+    let scaled = Mat::from_fn(p, p, |i, j| products[(i.max(j), i.min(j))] / (lengths[i] * lengths[j]));
+    let factors = svd(scaled.as_ref())?;
+    let least = factors.s.first().map_or(0.0, |largest| largest * rank_level(p));
+    let rank = factors.s.iter().filter(|&&s| s > least).count();
+    let rows = Mat::from_fn(rank, p, |i, j| factors.s[i].sqrt() * factors.v[(j, i)] * lengths[j]);
+    let along = |i: usize| (0..p).map(|j| factors.v[(j, i)] * slope[j] / lengths[j]).sum::<f64>();
+    let rhs = (0..rank).map(|i| along(i) / factors.s[i].sqrt()).collect();
+    Some((rows, rhs))
+}

@@ -1,0 +1,196 @@
+//! One page that shows what models are worth: sentences, equations, tables and figures, from the one score and rollout that there are.
+
+mod horizons;
+mod judged;
+mod logs;
+mod models;
+mod regions;
+mod scores;
+mod series;
+mod verdict;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use fleetfoot_data::Progress;
+use fleetfoot_dynamics::controller::Controller;
+use fleetfoot_log::{check_outputs, write_atomic};
+use fleetfoot_model::Model;
+use fleetfoot_report::{Page, Part, Section, Sentence, words::series as listed};
+use serde_json::{Value, json};
+
+use crate::{Error, Logs, Recipe};
+use judged::Judged;
+
+/// What a page shows beside what its models and logs say.
+#[derive(Clone)]
+#[non_exhaustive]
+pub struct ReportOptions {
+    /// The title; `None`: what the models are.
+    pub title: Option<String>,
+    /// Steps of every simulation; `None`: 200, and at most a quarter of the longest episode.
+    pub horizon: Option<usize>,
+    /// Simulations of every model, evenly spread.
+    pub starts: usize,
+    /// What drives the inputs of the simulations; `None`: what was recorded.
+    pub controller: Option<Arc<dyn Controller>>,
+}
+
+impl Default for ReportOptions {
+    fn default() -> Self {
+        Self { title: None, horizon: None, starts: 500, controller: None }
+    }
+}
+
+/// A page, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Report {
+    /// The page.
+    pub page: Page,
+    /// Episodes scored.
+    pub episodes: usize,
+    /// Names of those that one of the models was trained on: scores on them are in-sample.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Shows models, and what they are worth on logs. Without logs it shows the models alone.
+///
+/// The rows are read once a model to score it, once more for what the best of them predicts, and where simulations start. What is shown of them is binned as it is
+/// read: the page does not grow with the rows.
+///
+/// # Errors
+/// No model; those of [`score`](crate::score) and [`rollout`](crate::rollout) but that nothing could be scored or simulated, which the page says.
+pub fn report(
+    models: &[(String, Model)],
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    options: &ReportOptions,
+    progress: &dyn Progress,
+) -> Result<Report, Error> {
+    let logs = logs.into();
+    if models.is_empty() {
+        return Err(Error::missing("there is no model to report on: name a model file (*.json)".into()));
+    }
+    if logs.is_statistic() {
+        return Err(Error::needs_rows(
+            "a report scores and simulates on the rows of logs, and a statistic has none: give logs".into(),
+        ));
+    }
+    let seen = if logs.is_empty() { None } else { Some(logs::Seen::open(models, changes, &logs, progress)?) };
+    let judged = models
+        .iter()
+        .map(|(name, model)| {
+            Judged::new(name, model, changes, seen.as_ref().map(|seen| (&logs, seen)), options, progress)
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    let mut page = Page::new(title(models, options), lead(models, seen.as_ref()), sections(&judged, seen.as_ref()));
+    if let Some(seen) = &seen {
+        let best = best(&judged);
+        let worst = best.scored().and_then(scores::worst);
+        let rows = series::section(best.model, changes, &logs, worst, seen, progress)?;
+        if let Some(place) = page.sections.iter().position(|section| section.id == "model") {
+            page.sections.splice(place..place, rows);
+        }
+    }
+    page.source = source(models);
+    let mut notes: Vec<String> = seen.iter().flat_map(|seen| seen.notes.clone()).collect();
+    let mut in_sample: Vec<String> = Vec::new();
+    for scored in judged.iter().filter_map(Judged::scored) {
+        notes.extend(scored.notes.iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
+        in_sample.extend(scored.in_sample.iter().filter(|name| !in_sample.contains(name)).cloned().collect::<Vec<_>>());
+    }
+    let episodes = seen.as_ref().map_or(0, |seen| seen.episodes.len());
+    Ok(Report { page, episodes, in_sample, notes })
+}
+
+/// The model with the least error one step ahead: of several, the rows and logs of this one are shown.
+fn best<'a, 'b>(judged: &'b [Judged<'a>]) -> &'b Judged<'a> {
+    let known = judged.iter().filter_map(|one| Some((one.mean_over_null().filter(|mean| mean.is_finite())?, one)));
+    known.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(&judged[0], |(_, one)| one)
+}
+
+fn sections(judged: &[Judged<'_>], seen: Option<&logs::Seen>) -> Vec<Section> {
+    let mut sections = vec![verdict::section(judged)];
+    sections.extend(scores::section(judged));
+    sections.extend(horizons::section(judged));
+    sections.push(models::section(judged));
+    sections.extend(seen.map(logs::Seen::section));
+    sections
+}
+
+fn title(models: &[(String, Model)], options: &ReportOptions) -> String {
+    options.title.clone().unwrap_or_else(|| match models {
+        [(name, _)] => name.clone(),
+        [(first, _), (second, _)] => format!("{first} and {second}"),
+        several => format!("{} models", several.len()),
+    })
+}
+
+fn lead(models: &[(String, Model)], seen: Option<&logs::Seen>) -> String {
+    let outputs = models[0].1.outputs();
+    let what = if outputs.is_empty() { "given equations".to_owned() } else { listed(&outputs, 8) };
+    match seen {
+        Some(seen) => format!("Models of {what}, held against {}.", seen.in_words()),
+        None => format!("Models of {what}. No log was given, so nothing is scored here."),
+    }
+}
+
+/// What the page was made by and from.
+fn source(models: &[(String, Model)]) -> Vec<String> {
+    let one = |(name, model): &(String, Model)| {
+        format!("{name}: model {}, fitted by fleetfoot {}.", model.hash(), model.training.version)
+    };
+    let made = format!("Made by fleetfoot {}.", env!("CARGO_PKG_VERSION"));
+    std::iter::once(made).chain(models.iter().map(one)).collect()
+}
+
+impl Report {
+    /// What the page says first.
+    pub fn findings(&self) -> impl Iterator<Item = &Sentence> {
+        let parts = self.page.sections.first().into_iter().flat_map(|section| &section.parts);
+        let findings = parts.filter_map(|part| match part {
+            Part::Findings(findings) => Some(findings),
+            _ => None,
+        });
+        findings.flatten()
+    }
+
+    /// The findings for programs; the figures have their tables on the page.
+    pub fn to_json(&self) -> Value {
+        let finding =
+            |finding: &Sentence| json!({ "light": finding.light.word(), "head": finding.head, "text": finding.text });
+        json!({
+            "title": self.page.title, "findings": self.findings().map(finding).collect::<Vec<_>>(),
+            "episodes": self.episodes, "in_sample_episodes": self.in_sample, "notes": self.notes,
+        })
+    }
+
+    /// Writes the page. `inputs` are files that must not be written over.
+    ///
+    /// # Errors
+    /// The file cannot be written, or is one of the inputs.
+    pub fn write(&self, path: &Path, inputs: &[PathBuf]) -> Result<(), Error> {
+        check_outputs(std::slice::from_ref(&path.to_path_buf()), inputs)?;
+        Ok(write_atomic(path, self.page.to_html().as_bytes())?)
+    }
+
+    /// Writes every figure as an SVG file into a folder, and gives their paths. `inputs` are files that must not be written over.
+    ///
+    /// # Errors
+    /// A file cannot be written, or is one of the inputs.
+    pub fn write_figures(&self, folder: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+        std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+        let figures: Vec<_> = self.page.figures().collect();
+        let paths: Vec<PathBuf> = figures.iter().map(|figure| folder.join(format!("{}.svg", figure.name))).collect();
+        check_outputs(&paths, inputs)?;
+        for (figure, path) in figures.iter().zip(&paths) {
+            write_atomic(path, figure.to_svg().as_bytes())?;
+        }
+        Ok(paths)
+    }
+}

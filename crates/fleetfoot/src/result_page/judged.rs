@@ -1,0 +1,82 @@
+//! A model with what the logs say of it.
+
+use fleetfoot_data::Progress;
+use fleetfoot_dynamics::{Error as DynamicsError, Estimate, Horizon, RolloutOptions, Starts};
+use fleetfoot_model::Model;
+
+use super::{ReportOptions, logs::Seen};
+use crate::{Cause, Error, Logs, Recipe, RequestError, RolledOut, Scored};
+
+/// Steps of a simulation where none are given, and the share of the longest episode that they are at most.
+const HORIZON: usize = 200;
+const SHARE: usize = 4;
+
+/// A model, its scores and its simulations; or why there are none.
+pub(super) struct Judged<'a> {
+    pub(super) name: &'a str,
+    pub(super) model: &'a Model,
+    /// `None` without logs.
+    pub(super) scores: Option<Result<Scored, String>>,
+    /// `None` without logs.
+    pub(super) rollouts: Option<Result<RolledOut, String>>,
+}
+
+impl<'a> Judged<'a> {
+    pub(super) fn new(
+        name: &'a str,
+        model: &'a Model,
+        changes: &Recipe,
+        logs: Option<(&Logs, &Seen)>,
+        options: &ReportOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let Some((logs, seen)) = logs else { return Ok(Self { name, model, scores: None, rollouts: None }) };
+        let scores = said(crate::score(model, changes, logs, progress))?;
+        let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(seen.longest() / SHARE).max(1));
+        let rollouts = said(crate::rollout(
+            model,
+            changes,
+            logs,
+            &Starts::Even(options.starts),
+            &RolloutOptions::new(horizon),
+            options.controller.as_ref(),
+            None,
+            progress,
+        ))?;
+        Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts) })
+    }
+
+    pub(super) fn scored(&self) -> Option<&Scored> {
+        self.scores.as_ref()?.as_ref().ok()
+    }
+
+    pub(super) fn rolled(&self) -> Option<&RolledOut> {
+        self.rollouts.as_ref()?.as_ref().ok()
+    }
+
+    pub(super) fn horizon(&self) -> Option<&Horizon> {
+        self.rolled().map(|rolled| &rolled.rollouts.horizon)
+    }
+
+    /// The mean over the targets of the error over the null model's.
+    pub(super) fn mean_over_null(&self) -> Option<f64> {
+        let targets = &self.scored()?.scores.targets;
+        Some(targets.iter().map(|target| target.mae_over_null.value).sum::<f64>() / targets.len() as f64)
+    }
+}
+
+/// What cannot be scored or simulated is something to be said; what cannot be read is an error.
+fn said<T>(result: Result<T, Error>) -> Result<Result<T, String>, Error> {
+    match result {
+        Ok(found) => Ok(Ok(found)),
+        Err(error @ Error::Request(RequestError { cause: Cause::TooFewRows { .. }, .. })) => Ok(Err(error.to_string())),
+        Err(error @ Error::Dynamics(DynamicsError::Data(_) | DynamicsError::NoHorizon)) => Err(error),
+        Err(error @ Error::Dynamics(_)) => Ok(Err(error.to_string())),
+        Err(error) => Err(error),
+    }
+}
+
+/// An estimate for a figure.
+pub(super) fn interval(estimate: &Estimate) -> fleetfoot_report::Interval {
+    fleetfoot_report::Interval { value: estimate.value, low: estimate.low, high: estimate.high }
+}

@@ -1,0 +1,152 @@
+//! The models: what they speak of, their equations, their regions.
+
+use fleetfoot_model::{Column, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
+use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
+
+use super::{Judged, regions, verdict};
+
+/// Columns that stand unfolded.
+const COLUMNS: usize = 8;
+/// Regions whose equations stand unfolded; the others are a click away.
+const UNFOLDED: usize = 1;
+
+pub(super) fn section(judged: &[Judged<'_>]) -> Section {
+    let one = judged.len() == 1;
+    let parts = judged.iter().flat_map(|judged| {
+        let parts = parts(judged.model);
+        if one {
+            return parts;
+        }
+        let findings = std::iter::once(verdict::fitted(judged)).chain(verdict::of_model(judged)).collect();
+        let heading = Part::Heading(judged.name.to_owned());
+        vec![heading, Part::Findings(findings), Part::Fold("Equations and regions".into(), parts)]
+    });
+    let parts: Vec<Part> = parts.collect();
+    Section::new("model", if one { "Model" } else { "Models" }, parts)
+}
+
+fn parts(model: &Model) -> Vec<Part> {
+    let mut parts = vec![Part::Paragraph(about(model))];
+    let given: Vec<Equation> = (model.equations.iter())
+        .filter(|equation| !is_by_region(model, equation))
+        .map(|equation| set(model.set_equation(equation, 0), how(equation)))
+        .collect();
+    if !given.is_empty() {
+        parts.push(Part::Equations(given));
+    }
+    let shared: Vec<Equation> = (model.latents.iter())
+        .filter(|latent| is_shared(model, latent) && latent.constants.len() == 1)
+        .map(|latent| set(model.set_latent(latent, 0), String::new()))
+        .collect();
+    if !shared.is_empty() {
+        parts.push(Part::Equations(shared));
+    }
+    for partition in 0..model.partitions.len() {
+        parts.extend(by_region(model, partition));
+    }
+    parts.push(columns(model));
+    parts
+}
+
+fn about(model: &Model) -> String {
+    let continuous = model.equations.iter().any(|equation| equation.prediction == Prediction::Derivative);
+    let kind = match (model.is_discrete(), continuous) {
+        (true, _) => "It goes from row to row",
+        (false, true) => "It is continuous in time",
+        (false, false) => "It tells values of the same row, and advances nothing",
+    };
+    let step = if model.step > 0.0 {
+        format!("; its training rows are {} apart", fleetfoot_report::words::seconds(model.step))
+    } else {
+        String::new()
+    };
+    let coefficients = if model.latents.is_empty() {
+        ""
+    } else {
+        " Coefficients are written with four digits; the model file has all of them."
+    };
+    format!("{kind}{step}.{coefficients}")
+}
+
+/// Whether an equation is a fitted function that differs from region to region.
+fn is_by_region(model: &Model, equation: &ModelEquation) -> bool {
+    model.latent_of(equation).is_some_and(|latent| latent.constants.len() > 1)
+}
+
+/// Whether a fitted function stands in equations by its name.
+fn is_shared(model: &Model, latent: &Latent) -> bool {
+    !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|own| own.name == latent.name))
+}
+
+fn set(equation: SetEquation, note: String) -> Equation {
+    let pieces = std::iter::once(equation.left).chain(equation.terms).map(Math::new).collect();
+    Equation { pieces, note }
+}
+
+/// Where it comes from that is not fitted.
+fn how(equation: &ModelEquation) -> String {
+    if equation.target.is_none() { "given".into() } else { String::new() }
+}
+
+/// The equations of the regions of a partition, and the table of regions.
+fn by_region(model: &Model, partition: usize) -> Vec<Part> {
+    let own = &model.partitions[partition];
+    if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
+        return Vec::new();
+    }
+    if own.regions.len() < 2 {
+        return vec![Part::Paragraph(regions::alone(model, partition))];
+    }
+    let mut parts = regions::tables(model, partition);
+    let order = regions::by_size(own);
+    for (rank, &region) in order.iter().take(regions::SHOWN).enumerate() {
+        let equations = Part::Equations(in_region(model, partition, region));
+        let name = format!("Region {}", own.regions[region].name);
+        if rank < UNFOLDED {
+            parts.extend([Part::Heading(format!("{name}, the largest")), equations]);
+        } else {
+            parts.push(Part::Fold(format!("{name}: its equations"), vec![equations]));
+        }
+    }
+    if order.len() > regions::SHOWN {
+        let rest = order.len() - regions::SHOWN;
+        parts.push(Part::Paragraph(format!("The equations of {rest} smaller regions are in the model file.")));
+    }
+    parts
+}
+
+fn in_region(model: &Model, partition: usize, region: usize) -> Vec<Equation> {
+    let here = |latent: &Latent| latent.partition == partition;
+    let equations = model.equations.iter().filter(|equation| model.latent_of(equation).is_some_and(here));
+    let equations = equations.map(|equation| set(model.set_equation(equation, region), String::new()));
+    let shared = model.latents.iter().filter(|latent| here(latent) && is_shared(model, latent));
+    let shared = shared.map(|latent| set(model.set_latent(latent, region), String::new()));
+    equations.chain(shared).collect()
+}
+
+fn columns(model: &Model) -> Part {
+    let mut table = Table::new(
+        "Columns that the model speaks of, and the fields of the log that they are.",
+        ["column", "part", "unit", "field"],
+    );
+    for column in &model.columns {
+        table = table.row(row(column));
+    }
+    if model.columns.len() > COLUMNS {
+        Part::Fold(format!("Its {} columns", model.columns.len()), vec![Part::Table(table)])
+    } else {
+        Part::Table(table)
+    }
+}
+
+fn row(column: &Column) -> Vec<Cell> {
+    let part = match column.role {
+        Role::State => "state",
+        Role::Input => "input",
+        Role::Auxiliary => "read beside",
+    };
+    let part = if column.angle { format!("{part}, angle") } else { part.to_owned() };
+    let unit = fleetfoot_report::words::unit(column.unit.as_deref().unwrap_or_default());
+    let source = if column.source == column.name { String::new() } else { column.source.clone() };
+    [column.name.clone(), part, unit, source].map(Cell::Text).to_vec()
+}

@@ -1,0 +1,146 @@
+//! A model's equations as mathematics is set.
+
+use fleetfoot_library::{Binary, Expr, Node, Unary};
+
+use crate::{Equation, Latent, Model, Prediction};
+
+/// Digits of a fitted coefficient in an equation for people; the model's file has all of them.
+const DIGITS: usize = 4;
+
+/// An equation as presentation MathML, in pieces between which a line may break. Each is the content of a `<math>` element; names are escaped.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SetEquation {
+    /// The left side with the sign of equality.
+    pub left: String,
+    /// The terms of the right side, each but the first with its sign.
+    pub terms: Vec<String>,
+}
+
+impl Model {
+    /// An equation. Where its right side is a fitted function alone, that function in a region stands there instead of its name.
+    pub fn set_equation(&self, equation: &Equation, region: usize) -> SetEquation {
+        let left = format!("{}<mo>=</mo>", left(equation));
+        let terms = match self.latent_of(equation) {
+            Some(latent) => summands(self, latent, region, DIGITS),
+            None => split(&equation.right),
+        };
+        SetEquation { left, terms: signed(&terms) }
+    }
+
+    /// A fitted function in a region.
+    pub fn set_latent(&self, latent: &Latent, region: usize) -> SetEquation {
+        let left = format!("{}<mo>=</mo>", Expr::column(latent.name.as_str()).to_mathml());
+        SetEquation { left, terms: signed(&summands(self, latent, region, DIGITS)) }
+    }
+
+    /// The fitted function that is all of an equation's right side.
+    pub fn latent_of(&self, equation: &Equation) -> Option<&Latent> {
+        let name = equation.right.as_column()?;
+        self.latents.iter().find(|latent| latent.name == name)
+    }
+}
+
+fn left(equation: &Equation) -> String {
+    let subject = Expr::column(equation.subject.as_str());
+    let upright = "<mi mathvariant=\"normal\">d</mi>";
+    match equation.prediction {
+        Prediction::Derivative => {
+            format!("<mfrac><mrow>{upright}{}</mrow><mrow>{upright}<mi>t</mi></mrow></mfrac>", subject.to_mathml())
+        }
+        Prediction::Next => subject.shifted(-1).to_mathml(),
+        Prediction::Difference => (subject.shifted(-1) - &subject).to_mathml(),
+        Prediction::Value => subject.to_mathml(),
+    }
+}
+
+/// A function in a region as terms, each whether it is subtracted, and its absolute value with coefficients of so many digits; zeros are left out.
+pub(crate) fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) -> Vec<(bool, Expr)> {
+    let constant = latent.constants.get(region).map(|&value| (value, None));
+    let coefficients = latent.coefficients.get(region).into_iter().flatten();
+    let functions = model.libraries[latent.library].iter().zip(coefficients).map(|(f, &value)| (value, Some(f)));
+    let terms = constant.into_iter().chain(functions).filter(|(value, _)| *value != 0.0);
+    let term = |(value, function): (f64, Option<&Expr>)| {
+        let size = Expr::number(rounded(value.abs(), digits));
+        (value < 0.0, function.map_or_else(|| size.clone(), |function| size.clone() * function))
+    };
+    let terms: Vec<(bool, Expr)> = terms.map(term).collect();
+    if terms.is_empty() { vec![(false, Expr::number(0.0))] } else { terms }
+}
+
+/// So many significant digits.
+fn rounded(value: f64, digits: usize) -> f64 {
+    let decimals = digits.saturating_sub(1);
+    format!("{value:.decimals$e}").parse().unwrap_or(value)
+}
+
+/// An expression as the terms of its outermost sum.
+fn split(expr: &Expr) -> Vec<(bool, Expr)> {
+    let mut terms = Vec::new();
+    let mut left = vec![(false, expr)];
+    while let Some((negative, expr)) = left.pop() {
+        match expr.node() {
+            Node::Binary(Binary::Add, a, b) => left.extend([(negative, b), (negative, a)]),
+            Node::Binary(Binary::Sub, a, b) => left.extend([(!negative, b), (negative, a)]),
+            Node::Unary(Unary::Neg, x) => left.push((!negative, x)),
+            _ => terms.push((negative, expr.clone())),
+        }
+    }
+    terms
+}
+
+fn signed(terms: &[(bool, Expr)]) -> Vec<String> {
+    let one = |(place, (negative, term)): (usize, &(bool, Expr))| {
+        let sign = match (place, negative) {
+            (0, false) => "",
+            (0, true) => "<mo form=\"prefix\">\u{2212}</mo>",
+            (_, false) => "<mo form=\"infix\">+</mo>",
+            (_, true) => "<mo form=\"infix\">\u{2212}</mo>",
+        };
+        format!("{sign}{}", term.to_mathml())
+    };
+    terms.iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_library::{Expr, Scope};
+
+    use super::split;
+    use crate::{Column, Equation, Latent, Model, Prediction, Role, Training};
+
+    #[test]
+    fn a_fitted_function_stands_in_its_equation_with_four_digits() {
+        let column = Column { name: "T".into(), source: "T".into(), unit: None, role: Role::State, angle: false };
+        let mut model = Model::new("sindy", vec![column], 0.1, Training::default());
+        let temperature = Expr::column("T");
+        model.libraries.push(vec![temperature.clone(), temperature.clone().powi(2)]);
+        model.latents.push(Latent {
+            name: "f_T".into(),
+            library: 0,
+            partition: 0,
+            constants: vec![10.00004, 0.0],
+            coefficients: vec![vec![-0.512345, 0.0], vec![0.0, 0.0]],
+        });
+        let (subject, right) = ("T".to_owned(), Expr::column("f_T"));
+        model.equations.push(Equation { subject, prediction: Prediction::Next, right, target: None, unit: None });
+        let set = model.set_equation(&model.equations[0], 0);
+        assert!(set.left.ends_with("<mo>=</mo>") && set.left.contains("<mi>T</mi>"), "{set:?}");
+        assert_eq!(set.terms.len(), 2, "a zero is left out: {set:?}");
+        assert_eq!(set.terms[0], "<mn>10</mn>");
+        assert!(set.terms[1].starts_with("<mo form=\"infix\">\u{2212}</mo><mn>0.5123</mn>"), "{set:?}");
+        // Where nothing is left, nothing is what it is.
+        assert_eq!(model.set_equation(&model.equations[0], 1).terms, ["<mn>0</mn>"]);
+        assert!(model.set_latent(&model.latents[0], 0).left.contains("<mi>f</mi>"));
+    }
+
+    #[test]
+    fn a_sum_splits_into_its_terms() {
+        let expr = Expr::parse("a - (b - c*(d + e)) - -f", &Scope::open()).unwrap();
+        let terms: Vec<String> = split(&expr)
+            .iter()
+            .map(|(negative, term)| format!("{}{term}", if *negative { "-" } else { "+" }))
+            .collect();
+        assert_eq!(terms, ["+a", "-b", "+c*(d + e)", "+f"]);
+    }
+}

@@ -1,0 +1,173 @@
+//! Regions that fit the dynamics: refined partitions.
+//!
+//! k-means puts regions where rows are dense. Here they are put where one affine map fits, and where a row can be told from its partition columns to belong. After
+//! Bemporad, "A Piecewise Linear Regression and Classification Algorithm with Application to Learning and Model Predictive Control of Hybrid Systems" (PARC, IEEE
+//! Trans. Automatic Control 2023): with the region `l_i` of every row, the map of every region and separators `w_k . z + b_k`,
+//!
+//! `1/V sum_i v_i [ |e_i|^2 / (2 tau^2) + ln sum_k exp(w_k . z_i + b_k) - (w_l . z_i + b_l) ] + q ln tau + pull + penalty`
+//!
+//! is minimised over one of them at a time, so that it falls in every pass: maps by exact least squares on the regions' Gram matrices, tau^2 by the mean squared
+//! error, separators by Newton's method (`separators`), regions row by row. `e_i` is the error of the row's region in units of the targets' standard deviations,
+//! over q targets; `v_i` are weights and V their sum. PARC's weight between error and separation is `2 tau^2`: with it the objective is the negative
+//! logarithm of the likelihood of a mixture of experts with known regions (Jordan and Jacobs, "Hierarchical mixtures of experts and the EM algorithm", 1994),
+//! and needs no tuning.
+//!
+//! Every region behaves as if it had seen `PULL` more rows that obey the one map of all (so a starved region has a map), and separators are penalised as if each
+//! weight had been drawn from a normal distribution of variance `1/PENALTY`. In the end the region is that of the greatest `w_k . z + b_k`; those that
+//! hold too few rows for a map of their own are given up, and their rows are their second choice's.
+
+mod descent;
+mod examples;
+mod separators;
+mod start;
+
+use std::collections::{BTreeMap, btree_map::Entry};
+
+use fleetfoot_data::Progress;
+use fleetfoot_model::Rule;
+
+use crate::Error;
+use descent::Descent;
+use separators::Separators;
+use start::{Joined, by_kmeans, cells};
+
+pub(crate) use examples::Examples;
+
+/// Numbers in all separators of a partition, at most: their Hessian takes 8 bytes for each pair of them.
+const LIMIT: usize = 4096;
+
+/// Rows that several starts may go through together, and starts at most: few rows leave much to chance, and cost little.
+const STARTED: usize = 2048;
+const STARTS: usize = 16;
+
+/// Separators that were found, and how.
+#[derive(Debug, Clone)]
+pub(crate) struct Refined {
+    pub(crate) rule: Rule,
+    /// The objective after every pass.
+    pub(crate) objective: Vec<f64>,
+}
+
+/// Rows to refine regions on, and the joined cells that refinements begin with, whatever the number of regions.
+pub(crate) struct Ground {
+    examples: Examples,
+    seed: u64,
+    /// By the number of cells and the seed.
+    joined: BTreeMap<(usize, u64), Joined>,
+}
+
+impl Ground {
+    pub(crate) fn new(examples: Examples, seed: u64) -> Self {
+        Self { examples, seed, joined: BTreeMap::new() }
+    }
+
+    /// Refines `regions` regions: from joined cells and from k-means, where rows are few several times; the one stays whose regions, as their separators
+    /// tell them, fit best.
+    ///
+    /// # Errors
+    /// More separators than their Hessian has room for; cancelled.
+    pub(crate) fn refine(&mut self, regions: usize, progress: &dyn Progress) -> Result<Refined, Error> {
+        let (examples, d) = (&self.examples, self.examples.dimensions);
+        if regions * (d + 1) > LIMIT {
+            return Err(Error::TooManySeparators { regions, columns: d, limit: LIMIT });
+        }
+        let regions = regions.min(examples.rows / (examples.regressors + 2));
+        if regions < 2 || d == 0 {
+            return Ok(Refined { rule: rule(&Separators::zero(1, d)), objective: Vec::new() });
+        }
+        let mut starts = Vec::new();
+        for start in 0..(STARTED / examples.rows).clamp(1, STARTS) {
+            let seed = self.seed.wrapping_add(start as u64);
+            // Of few rows it is not known how large cells should be.
+            let cells = (cells(examples, regions) * (1 + start % 3)).min(examples.rows);
+            let joined = match self.joined.entry((cells, seed)) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(place) => place.insert(Joined::new(examples, cells, seed, progress)?),
+            };
+            starts.extend(joined.start(regions, d));
+            starts.extend(by_kmeans(examples, regions, seed, progress)?);
+        }
+        let mut best = Refined { rule: rule(&Separators::zero(1, d)), objective: Vec::new() };
+        let mut least = f64::INFINITY;
+        for (labels, separators) in starts {
+            let (found, objective) = Descent::new(examples, labels, separators).run(progress)?;
+            for (error, separators) in found.map(|separators| settled(examples, separators)) {
+                if error < least {
+                    (least, best) = (error, Refined { rule: rule(&separators), objective: objective.clone() });
+                }
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Gives up regions that have too few rows for a map; the squared error that is left, as the separators tell the regions.
+fn settled(examples: &Examples, mut separators: Separators) -> (f64, Separators) {
+    let least = examples.regressors as u64 + 2;
+    loop {
+        let grams = examples.grams(&separators.winners(examples), separators.regions);
+        let fewest = (0..grams.len()).min_by_key(|&region| grams[region].rows).unwrap_or(0);
+        if separators.regions == 1 || grams[fewest].rows >= least {
+            let filled = grams.iter().filter(|gram| gram.weight > 0.0);
+            return (filled.map(|gram| examples.scaled(&examples.root(gram).residual)).sum(), separators);
+        }
+        let kept: Vec<usize> = (0..separators.regions).filter(|&region| region != fewest).collect();
+        separators = separators.only(&kept);
+    }
+}
+
+fn rule(separators: &Separators) -> Rule {
+    let (weights, offsets) = separators.rows().map(|(weights, offset)| (weights.to_vec(), offset)).unzip();
+    Rule::Linear { weights, offsets }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refined::examples::tests::rows_of;
+    use fleetfoot_data::{Silent, mix};
+
+    fn uniform(at: u64) -> f64 {
+        2.0 * (mix(mix(at)) >> 11) as f64 * 2f64.powi(-53) - 1.0
+    }
+
+    #[test]
+    fn joined_cells_are_the_better_start() {
+        let functions: [fn(f64, f64) -> f64; 4] = [
+            |x, y| (4.0 * x - 5.0 * y * y).sin() + 2.0 * y,
+            |x, y| (x.abs() - 0.3 * y).max(0.8 * y + 0.2),
+            |x, y| x.signum() * (0.5 + 0.3 * y),
+            |x, y| (x + y).max(y - x).max(-0.5 * y),
+        ];
+        let mut sums = [0.0; 2];
+        for (number, f) in functions.into_iter().enumerate() {
+            let row = |at: u64| {
+                let (x, y) = (uniform(2 * at), uniform(2 * at + 1));
+                [1.7 * x, 1.7 * y, f(x, y)]
+            };
+            let rows: Vec<[f64; 3]> = (0..800).map(|at| row(at + 1000 * number as u64)).collect();
+            let examples = rows_of(&rows);
+            let joined = Joined::new(&examples, cells(&examples, 5), 0, &Silent).unwrap();
+            let starts = [joined.start(5, 2), by_kmeans(&examples, 5, 0, &Silent).unwrap()];
+            let errors = starts.map(|start| {
+                let (labels, separators) = start.unwrap();
+                let [plain, sharp] = Descent::new(&examples, labels, separators).run(&Silent).unwrap().0;
+                settled(&examples, plain).0.min(settled(&examples, sharp).0)
+            });
+            sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error);
+        }
+        // Not for every function, but over all.
+        assert!(sums[0] < sums[1], "{sums:?}");
+    }
+
+    #[test]
+    fn what_is_refined_does_not_depend_on_what_else_is() {
+        let examples = || rows_of(&crate::refined::examples::tests::waves(500));
+        let mut together = Ground::new(examples(), 3);
+        for regions in [2, 5, 3] {
+            let alone = Ground::new(examples(), 3).refine(regions, &Silent).unwrap();
+            let found = together.refine(regions, &Silent).unwrap();
+            assert_eq!((found.rule, found.objective), (alone.rule, alone.objective));
+        }
+    }
+}

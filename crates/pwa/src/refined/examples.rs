@@ -1,0 +1,230 @@
+//! The rows that regions are refined on: one training set, standardised, in chunks of a fixed grid.
+
+use std::ops::Range;
+
+use faer::{MatMut, MatRef};
+use fleetfoot_data::{Cancelled, Silent, parallel_fold, parallel_map};
+use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, kernel::padded};
+
+use crate::{
+    fit::{Base, RegionModel},
+    kept::Kept,
+    residual::{Maps, by_rows},
+};
+
+/// Rows of a chunk. The grid is fixed by row numbers alone, so that sums have the same bits on any number of threads.
+const CHUNK: usize = 2048;
+
+/// Partition columns, regressors, targets.
+pub(crate) type Shape = (usize, usize, usize);
+
+/// Rows with everything that a refinement asks of them.
+pub(crate) struct Examples {
+    /// Partition columns, d.
+    pub(super) dimensions: usize,
+    pub(super) regressors: usize,
+    pub(super) targets: usize,
+    pub(super) chunks: Vec<Chunk>,
+    pub(super) rows: usize,
+    /// Sum of the weights.
+    pub(super) weight: f64,
+    /// Variance of every target.
+    pub(super) variance: Vec<f64>,
+    /// The map of all these rows.
+    pub(super) base: Base,
+    pub(super) preconditioner: Preconditioner,
+}
+
+/// Some of the rows.
+pub(super) struct Chunk {
+    /// Standardised partition columns, column after column.
+    pub(super) z: Vec<f64>,
+    /// Regressors by rows, and targets by rows of padded length.
+    x: Vec<f64>,
+    y: Vec<f64>,
+    /// Regressors and targets in the coordinates of the preconditioner, column after column.
+    work: Vec<f64>,
+    pub(super) weights: Option<Vec<f64>>,
+    pub(super) rows: usize,
+}
+
+impl Chunk {
+    fn new(columns: &[Vec<f64>], (d, p, q): Shape, (centre, scale): (&[f64], &[f64]), range: Range<usize>) -> Self {
+        let n = range.len();
+        let part: Vec<&[f64]> = columns.iter().map(|column| &column[range.clone()]).collect();
+        let (z, rest) = part.split_at(d);
+        let (regression, weights) = rest.split_at(p + q);
+        let standard = |(column, (centre, scale)): (&&[f64], (&f64, &f64))| {
+            column.iter().map(|value| (value - centre) / scale).collect::<Vec<f64>>()
+        };
+        let mut chunk = Self {
+            z: z.iter().zip(centre.iter().zip(scale)).flat_map(standard).collect(),
+            x: Vec::new(),
+            y: Vec::new(),
+            work: regression.concat(),
+            weights: weights.first().map(|weights| weights.to_vec()),
+            rows: n,
+        };
+        by_rows(&regression[..p], p, &mut chunk.x);
+        by_rows(&regression[p..], padded(q), &mut chunk.y);
+        chunk
+    }
+
+    /// The weight of a row.
+    #[inline(always)]
+    pub(super) fn weight(&self, row: usize) -> f64 {
+        self.weights.as_ref().map_or(1.0, |weights| weights[row])
+    }
+
+    /// A standardised partition column.
+    pub(super) fn column(&self, column: usize) -> &[f64] {
+        &self.z[column * self.rows..(column + 1) * self.rows]
+    }
+}
+
+impl Examples {
+    /// The kept rows that train the model tested on `held`; `None` where none weigh anything.
+    pub(crate) fn new(kept: &Kept, shape: Shape, units: (&[f64], &[f64]), held: Option<u16>) -> Option<Self> {
+        let (d, p, q) = shape;
+        let runs = kept.training_runs(held);
+        let gather = |column: &Vec<f64>| runs.iter().flat_map(|run| &column[run.clone()]).copied().collect();
+        let columns: Vec<Vec<f64>> = kept.columns.iter().map(gather).collect();
+        let n = columns.first().map_or(0, Vec::len);
+        if n == 0 {
+            return None;
+        }
+        let mut chunks: Vec<Chunk> = (0..n.div_ceil(CHUNK))
+            .map(|at| Chunk::new(&columns, shape, units, at * CHUNK..((at + 1) * CHUNK).min(n)))
+            .collect();
+        let regression = columns[d..d + p + q].concat();
+        let preconditioner = Preconditioner::from_pilot(MatRef::from_column_major_slice(&regression, n, p + q), p);
+        for chunk in &mut chunks {
+            preconditioner.apply(MatMut::from_column_major_slice_mut(&mut chunk.work, chunk.rows, p + q));
+        }
+        let mut whole = Gram::new(p + q);
+        for chunk in &chunks {
+            whole.merge(&Gram::of_rows(chunk.regression(p + q), chunk.weights.as_deref()));
+        }
+        (whole.weight > 0.0).then(|| {
+            let base = Base::new(preconditioner.square_root(&whole));
+            let variance = |total: &f64| if *total > 0.0 { total / whole.weight } else { 1.0 };
+            Self {
+                dimensions: d,
+                regressors: p,
+                targets: q,
+                rows: n,
+                weight: whole.weight,
+                variance: base.root.total.iter().map(variance).collect(),
+                base,
+                preconditioner,
+                chunks,
+            }
+        })
+    }
+
+    /// The Gram matrix of the rows of each of `count` regions, in the preconditioner's coordinates; `regions` by chunk and row.
+    pub(super) fn grams(&self, regions: &[Vec<u32>], count: usize) -> Vec<Gram> {
+        let width = self.regressors + self.targets;
+        let mut grams = vec![Gram::new(width); count];
+        let of_chunk = |at: usize| {
+            let chunk: &Chunk = &self.chunks[at];
+            let parts = Gram::by_region(chunk.regression(width), chunk.weights.as_deref(), &regions[at], count);
+            Ok::<_, Cancelled>(parts)
+        };
+        let merge = |parts: Vec<(u32, Gram)>| {
+            parts.into_iter().for_each(|(region, gram)| grams[region as usize].merge(&gram));
+            Ok(())
+        };
+        // Silence is never cancelled.
+        let _ = parallel_fold(self.chunks.len(), &Silent, of_chunk, merge);
+        grams
+    }
+
+    /// The square-root form of a Gram matrix of these rows.
+    pub(super) fn root(&self, gram: &Gram) -> SquareRoot {
+        self.preconditioner.square_root(gram)
+    }
+
+    /// Sum over the targets of squared errors in units of their variances.
+    pub(super) fn scaled(&self, squares: &[f64]) -> f64 {
+        squares.iter().zip(&self.variance).map(|(square, variance)| square / variance).sum()
+    }
+
+    /// `work` on every chunk, in order.
+    pub(super) fn map<R: Send>(&self, work: impl Fn(usize, &Chunk) -> R + Sync) -> Vec<R> {
+        let of = |at: usize| Ok::<_, Cancelled>(work(at, &self.chunks[at]));
+        // Silence is never cancelled.
+        parallel_map(self.chunks.len(), &Silent, of).unwrap_or_default()
+    }
+
+    /// For every row of a chunk the squared error of a region's map, in units of the targets' variances.
+    pub(super) fn errors(&self, chunk: &Chunk, maps: &Maps, region: u32, out: &mut [f64]) {
+        let width = padded(self.targets);
+        let mut residuals = vec![0.0; chunk.rows * width];
+        maps.residuals(&vec![region; chunk.rows], &chunk.x, &chunk.y, &mut residuals);
+        for (out, residual) in out.iter_mut().zip(residuals.chunks_exact(width)) {
+            *out = residual.iter().zip(&self.variance).map(|(e, variance)| e * e / variance).sum();
+        }
+    }
+
+    /// Maps laid out for rows.
+    pub(super) fn maps(&self, models: &[RegionModel]) -> Maps {
+        Maps::new(models, self.regressors, self.targets)
+    }
+}
+
+impl Chunk {
+    fn regression(&self, width: usize) -> MatRef<'_, f64> {
+        MatRef::from_column_major_slice(&self.work, self.rows, width)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use fleetfoot_stats::Fold;
+
+    /// Two inputs and a target with a curve.
+    pub(crate) fn waves(rows: usize) -> Vec<[f64; 3]> {
+        let row = |i: usize| {
+            let (a, b) = ((i as f64 * 0.731).sin() * 2.0, (i as f64 * 0.417).cos() * 1.5);
+            [a, b, (1.3 * a).sin() + b.abs()]
+        };
+        (0..rows).map(row).collect()
+    }
+
+    /// Examples of rows (x0, x1, y), whose regions look at x0 and x1 as they are.
+    pub(crate) fn rows_of(rows: &[[f64; 3]]) -> Examples {
+        let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
+        let mut kept = Kept::new(5);
+        kept.append(Fold::default(), [0, 1, 0, 1, 2].map(column).to_vec());
+        Examples::new(&kept, (2, 2, 1), (&[0.0; 2], &[1.0; 2]), None).unwrap()
+    }
+
+    #[test]
+    fn chunks_do_not_show_in_the_sums() {
+        let rows = waves(3 * CHUNK + 17);
+        let examples = rows_of(&rows);
+        assert_eq!((examples.chunks.len(), examples.rows), (4, rows.len()));
+        let regions: Vec<Vec<u32>> = examples.map(|_, chunk| (0..chunk.rows).map(|row| (row % 2) as u32).collect());
+        let grams = examples.grams(&regions, 3);
+        assert_eq!(grams.iter().map(|gram| gram.rows).sum::<u64>(), rows.len() as u64);
+        assert_eq!(grams[2].rows, 0);
+        // The least squares of a region, against its normal equations by hand: its residuals are orthogonal to the regressors.
+        let root = examples.root(&grams[0]);
+        let model = RegionModel::new(fleetfoot_stats::least_squares(&root, &examples.base.scale));
+        let residual = |row: &[f64; 3]| {
+            row[2] - model.intercept[0] - model.coefficients[(0, 0)] * row[0] - model.coefficients[(1, 0)] * row[1]
+        };
+        let own = rows.chunks(CHUNK).flat_map(|chunk| chunk.iter().step_by(2));
+        for j in 0..2 {
+            let product: f64 = own.clone().map(|row| residual(row) * row[j]).sum();
+            assert!(product.abs() < 1e-9 * rows.len() as f64, "{product}");
+        }
+        let mut errors = vec![0.0; examples.chunks[0].rows];
+        examples.errors(&examples.chunks[0], &examples.maps(std::slice::from_ref(&model)), 0, &mut errors);
+        for (error, row) in errors.iter().zip(&rows) {
+            assert!((error - residual(row).powi(2) / examples.variance[0]).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! Refined partitions on systems of known truth, beside k-means; and their invariants.
+
+use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Column, Equation, Prediction, Role};
+use fleetfoot_pwa::{Identification, Options, Problem, Specification, identify, partition};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Inputs and output.
+type Row = (Vec<f64>, f64);
+
+/// A function of so many inputs, and its name.
+type Function = (&'static str, usize, fn(&[f64]) -> f64);
+
+/// Columns `x0 .. x(d-1)` and `y`.
+fn source(rows: &[Row], episodes: usize) -> MemorySource {
+    let d = rows[0].0.len();
+    let mut names: Vec<String> = (0..d).map(|j| format!("x{j}")).collect();
+    names.push("y".into());
+    let mut source = MemorySource::new(names.iter().map(DataColumn::float).collect::<Vec<_>>());
+    for part in rows.chunks(rows.len().div_ceil(episodes)) {
+        let mut columns: Vec<Vec<f64>> = (0..d).map(|j| part.iter().map(|row| row.0[j]).collect()).collect();
+        columns.push(part.iter().map(|row| row.1).collect());
+        source.push_uniform("run", 0.01, columns);
+    }
+    source
+}
+
+/// `y = f(x0, ..)`, with regions on all x.
+fn problem(d: usize) -> Problem {
+    let column = |name: String, role| Column { source: name.clone(), name, unit: None, role, angle: false };
+    let inputs: Vec<Expr> = (0..d).map(|j| Expr::column(format!("x{j}"))).collect();
+    let columns = (0..d).map(|j| column(format!("x{j}"), Role::State)).chain([column("y".into(), Role::Auxiliary)]);
+    Problem {
+        columns: columns.collect(),
+        library: inputs.clone(),
+        equations: vec![Equation {
+            subject: "y".into(),
+            prediction: Prediction::Value,
+            right: Expr::column("f_y"),
+            target: Some(Expr::column("y")),
+            unit: None,
+        }],
+        partition_columns: inputs,
+        weight: None,
+        step: 0.01,
+    }
+}
+
+fn options(partitions: &str, folds: u16) -> Options {
+    let mut options = Options::default();
+    options.partitions = Specification::parse_list(partitions).unwrap();
+    options.folds = folds;
+    options
+}
+
+fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
+    identify(problem, options, source, &Silent).unwrap()
+}
+
+fn normal(random: &mut Pcg64) -> f64 {
+    let (u, v): (f64, f64) = (random.random_range(f64::MIN_POSITIVE..1.0), random.random());
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+/// A PWARX system of three modes in (y, u); no mode's rows lie together, and the middle mode has most. Rows with the mode of each.
+fn pwarx(rows: usize, seed: u64) -> (Vec<Row>, Vec<usize>) {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut y = 0.0;
+    (0..rows)
+        .map(|_| {
+            let u: f64 = random.random_range(-4.0..4.0);
+            let mode = mode(y, u);
+            let [a, b, c] = MODES[mode];
+            let next = a * y + b * u + c + 0.1 * normal(&mut random);
+            let row = (vec![y, u], next);
+            y = next;
+            (row, mode)
+        })
+        .unzip()
+}
+
+fn mode(y: f64, u: f64) -> usize {
+    if 4.0 * y - u + 10.0 < 0.0 {
+        0
+    } else if 5.0 * y + u - 6.0 > 0.0 {
+        2
+    } else {
+        1
+    }
+}
+
+/// Coefficients of y and u, and the constant.
+const MODES: [[f64; 3]; 3] = [[-0.4, 1.0, 1.5], [0.5, -1.0, -0.5], [-0.3, 0.5, -1.7]];
+
+/// Share of the rows whose region is their mode, with the best naming of regions by modes; and the mode that each region stands for.
+fn recovered(found: &Identification, rows: &[Row], modes: &[usize]) -> (f64, Vec<usize>) {
+    let partition = &found.model.partitions[0];
+    let mut counts = vec![[0usize; 3]; partition.rule.count()];
+    for ((x, _), &mode) in rows.iter().zip(modes) {
+        let z: Vec<f64> =
+            x.iter().zip(partition.centre.iter().zip(&partition.scale)).map(|(x, (c, s))| (x - c) / s).collect();
+        counts[partition.rule.assign_row(&z).unwrap() as usize][mode] += 1;
+    }
+    let best = |count: &[usize; 3]| (0..3).max_by_key(|&mode| count[mode]).unwrap();
+    let names: Vec<usize> = counts.iter().map(best).collect();
+    let right: usize = counts.iter().zip(&names).map(|(count, &mode)| count[mode]).sum();
+    (right as f64 / rows.len() as f64, names)
+}
+
+#[test]
+fn modes_that_do_not_follow_density_are_found() {
+    for seed in 0..5 {
+        let (rows, modes) = pwarx(1000, seed);
+        let source = source(&rows, 1);
+        let refined = run(&problem(2), &options("refined:3", 0), &source);
+        let (share, names) = recovered(&refined, &rows, &modes);
+        let clustered = recovered(&run(&problem(2), &options("kmeans:3", 0), &source), &rows, &modes).0;
+        assert!(share >= 0.98, "seed {seed}: {share} of the modes");
+        assert!(clustered < 0.9, "seed {seed}: k-means finds {clustered}");
+        let latent = &refined.model.latents[0];
+        for (region, &mode) in names.iter().enumerate() {
+            // Standard errors of ordinary least squares, from what the model says of its region.
+            let info = &refined.model.partitions[0].regions[region];
+            let (xx, xy, yy) = (info.covariance[0], info.covariance[1], info.covariance[2]);
+            let noise = info.residual_covariance[0] / info.rows as f64;
+            let determinant = xx * yy - xy * xy;
+            let errors = [(noise * yy / determinant).sqrt(), (noise * xx / determinant).sqrt()];
+            for j in 0..2 {
+                let off = (latent.coefficients[region][j] - MODES[mode][j]) / errors[j];
+                assert!(off.abs() < 4.0, "seed {seed} mode {mode}: coefficient {j} is {off} standard errors off");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_number_of_modes_is_chosen_on_rows_that_did_not_train() {
+    let (rows, _) = pwarx(1000, 7);
+    let found = run(&problem(2), &options("average,refined:2..5", 5), &source(&rows, 1));
+    assert_eq!(found.candidates[found.chosen].specification, Specification::Refined(3), "{:?}", found.candidates);
+    let objective = &found.candidates[found.chosen].objective;
+    assert!(objective.len() > 1 && objective.windows(2).all(|pair| pair[1] < pair[0]), "{objective:?}");
+}
+
+#[test]
+fn noise_has_no_regions_that_hold_out() {
+    let mut random = Pcg64::seed_from_u64(3);
+    let rows: Vec<Row> =
+        (0..600).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
+    let found = run(&problem(2), &options("null,refined:6", 5), &source(&rows, 1));
+    // Regions refined on the held-out rows too would explain some of them.
+    let [null, refined] = [0, 1].map(|at| found.candidates[at].loss);
+    assert!(refined > null, "{refined} {null}");
+    assert_eq!(found.chosen, 0);
+}
+
+/// Functions with kinks, steps and curves; inputs uniform between -1 and 1.
+fn functions() -> Vec<Function> {
+    vec![
+        ("waves", 2, |x| (4.0 * x[0] - 5.0 * x[1] * x[1]).sin() + 2.0 * x[1]),
+        ("wedge", 2, |x| (x[0].abs() - 0.3 * x[1]).max(0.8 * x[1] + 0.2)),
+        ("saturation", 3, |x| (2.0 * x[0] + x[1]).clamp(-1.0, 1.0) + 0.5 * x[2].abs()),
+        ("friction", 4, |x| x[0].signum() * (0.5 + 0.3 * x[1]) + x[2] * x[3].max(0.0)),
+        ("largest", 5, |x| (x[0] + x[1]).max(x[2] - x[3]).max(0.5 * x[4])),
+    ]
+}
+
+fn sampled(f: fn(&[f64]) -> f64, d: usize, rows: usize, seed: u64) -> Vec<Row> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut row = |_| {
+        let x: Vec<f64> = (0..d).map(|_| random.random_range(-1.0..1.0)).collect();
+        let y = f(&x);
+        (x, y)
+    };
+    (0..rows).map(&mut row).collect()
+}
+
+#[test]
+fn functions_are_explained_better_than_by_as_many_cells_of_k_means() {
+    for (name, d, f) in functions() {
+        let found = run(&problem(d), &options("kmeans:6,refined:6", 5), &source(&sampled(f, d, 1000, 11), 1));
+        let [clustered, refined] = [0, 1].map(|at| found.candidates[at].loss);
+        assert!(refined < 0.8 * clustered, "{name}: {refined} {clustered}");
+    }
+}
+
+#[test]
+fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+    let (name, d, f) = functions()[2];
+    let rows = sampled(f, d, 9000, 5);
+    let options = options("refined:2..3", 3);
+    let said = |source: &MemorySource| {
+        let found = run(&problem(d), &options, source);
+        let mut model = found.model;
+        model.training.episodes.sort();
+        let losses: Vec<u64> = found.candidates.iter().map(|score| score.loss.to_bits()).collect();
+        (model.to_json(), losses, found.notes)
+    };
+    let whole = source(&rows, 6);
+    let alone = with_threads(1, || said(&whole));
+    for threads in [2, 7] {
+        assert_eq!(with_threads(threads, || said(&whole)), alone, "{name}");
+    }
+    let mut reversed: Vec<Row> = Vec::new();
+    rows.chunks(1500).rev().for_each(|part| reversed.extend_from_slice(part));
+    assert_eq!(said(&source(&reversed, 6)), alone, "{name}");
+}
+
+#[test]
+fn starved_regions_are_given_up() {
+    let (rows, _) = pwarx(40, 1);
+    let found = run(&problem(2), &options("refined:30", 0), &source(&rows, 1));
+    let partition = &found.model.partitions[0];
+    assert!((2..=10).contains(&partition.rule.count()), "{}", partition.rule.count());
+    assert!(partition.regions.iter().all(|region| region.rows >= 4));
+    assert!(found.notes.iter().any(|note| note.contains("have rows enough for a map")), "{:?}", found.notes);
+}
+
+#[test]
+fn a_sample_is_refined_and_all_rows_are_fitted() {
+    let (rows, modes) = pwarx(20_000, 2);
+    let mut small = options("refined:3", 0);
+    small.memory = 2_000 * 144;
+    let found = run(&problem(2), &small, &source(&rows, 1));
+    assert!(found.notes.iter().any(|note| note.contains("a sample of")), "{:?}", found.notes);
+    assert_eq!(found.model.partitions[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
+    assert!(recovered(&found, &rows, &modes).0 > 0.98);
+}
+
+#[test]
+fn one_region_and_constant_columns_are_no_trouble() {
+    let (name, d, f) = functions()[1];
+    let rows: Vec<Row> = sampled(f, d, 300, 4).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
+    let found = run(&problem(3), &options("average,refined:1,refined:3", 3), &source(&rows, 1));
+    assert!((found.candidates[0].loss - found.candidates[1].loss).abs() < 1e-12, "{name}");
+    assert!(found.candidates[2].loss < 0.5 * found.candidates[0].loss, "{name}: {:?}", found.candidates);
+}
+
+#[test]
+fn regions_on_too_many_columns_are_refused() {
+    let rows = sampled(|x| x[0], 80, 400, 1);
+    let error = identify(&problem(80), &options("refined:60", 0), &source(&rows, 1), &Silent).unwrap_err().to_string();
+    assert!(error.contains("4860 numbers") && error.contains("4096") && error.contains("--partition-on"), "{error}");
+}
+
+#[test]
+fn partitions_alone_say_that_they_saw_all_rows() {
+    let (rows, _) = pwarx(300, 9);
+    let found = partition(&problem(2), &options("refined:3", 5), &source(&rows, 1), &Silent).unwrap();
+    assert!(found.notes.iter().any(|note| note.contains("are too small")), "{:?}", found.notes);
+    assert_eq!(found.partitions[0].1.rule.count(), 3);
+}

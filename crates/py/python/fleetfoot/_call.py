@@ -1,0 +1,311 @@
+"""What a call of `fit` or `score` was given, and what it means: arrays and tables, clocks and targets."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from ._base import DataConversionWarning
+from ._frames import CLOCKS, Frame, frame, frames
+from ._runs import Columns, array_runs, is_arrays
+from .exceptions import DataError, RequestError
+
+Array = np.ndarray[Any, np.dtype[Any]]
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+#: What of states may be predicted; anything else is a column.
+OF_STATES = ("derivative", "next", "delta")
+#: Equations that name their own targets.
+TASKS = "tasks"
+
+
+@dataclass(frozen=True)
+class Second:
+    """A second argument that was given by position: stamps, as pysindy has them, or targets, as scikit-learn has."""
+
+    value: Any
+
+
+def second_by_position(method: Method) -> Method:
+    """Marks the second argument of a method, where it was given by position."""
+
+    @functools.wraps(method)
+    def call(self: Any, x: Any, *rest: Any, **named: Any) -> Any:
+        if rest and "t" in named:
+            # The clock has its name: this is what scikit-learn's tools hand over, y, or nothing.
+            if rest[0] is not None and "y" in named:
+                raise TypeError("y is given twice, by its place and by its name; give it once")
+            named, rest = {"y": rest[0], **named}, (None, *rest[1:]) if len(rest) > 1 else ()
+        elif rest:
+            rest = (Second(rest[0]), *rest[1:])
+        return method(self, x, *rest, **named)
+
+    return cast(Method, call)
+
+
+@dataclass(frozen=True)
+class Call:
+    """The arguments of `fit` and `score`."""
+
+    x: Any
+    t: Any = None
+    x_dot: Any = None
+    u: Any = None
+    feature_names: Sequence[str] | None = None
+    input_names: Sequence[str] | None = None
+    y: Any = None
+    dt: float | None = None
+    columns: Mapping[str, Any] | None = None
+    #: Names of the features, where a table has them.
+    table_names: tuple[str, ...] | None = None
+    #: Whether the targets that were given are a vector.
+    is_flat: bool = False
+
+    def understood(self, predicts: str, period: float | None, columns_are_named: bool) -> Call:
+        """The same with the second argument as what it is, with columns in the place of tables, and with targets as
+        derivatives, columns, or next rows.
+
+        Parameters
+        ----------
+        predicts : str
+            One of :data:`OF_STATES`, or a column.
+        period : float, optional
+            Seconds from row to row, where the estimator knows them.
+        columns_are_named : bool
+            Whether the columns of tables have roles by their names.
+        """
+        call = self
+        if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
+            raise TypeError("x is a sparse matrix, and sparse data are not supported here: give x.toarray()")
+        call = replace(call, x=_collected(_plain_array(call.x)))
+        tables = frames(call.x)
+        call = call._with_second(predicts, period, tables)
+        call = replace(call, is_flat=_is_vector(call.y))
+        if period is not None and call.t is None and call.dt is None:
+            call = replace(call, dt=period)
+        if tables is not None and columns_are_named:
+            return call._joined(tables, predicts)
+        if tables is not None:
+            call = call._of_tables(tables, predicts)
+        call = replace(call, t=_clock(call.t), x_dot=_values(call.x_dot), y=_values(call.y))
+        inputs = frames(call.u)
+        if inputs is not None:
+            call = replace(call, **_inputs(inputs, call))
+        return call if call.y is None else call._with_targets(predicts)
+
+    def _with_second(self, predicts: str, period: float | None, tables: list[Frame] | None) -> Call:
+        """The second argument by position: the clock, unless the estimator knows its own or needs none."""
+        if not isinstance(self.t, Second):
+            return self
+        there = {*(self.columns or ()), *(self.feature_names or ())}
+        there |= set(tables[0].names) if tables is not None else set()
+        is_column = predicts not in (*OF_STATES, TASKS) and predicts not in there
+        is_plain = is_column and (tables is not None or is_arrays(self.x))
+        value = _plain_array(self.t.value)
+        # A number is a period, whatever else is known.
+        if _is_one(value) or not (is_plain or period is not None or self.dt is not None):
+            return replace(self, t=value)
+        if self.y is not None:
+            raise RequestError("y is given twice, by its place and by its name; give it once")
+        return replace(self, t=None, y=value)
+
+    def _joined(self, tables: list[Frame], predicts: str) -> Call:
+        """Tables whose columns have names that the recipe knows, with a column of targets."""
+        if self.y is None:
+            return self
+        if predicts in (*OF_STATES, TASKS):
+            raise RequestError(
+                "y: the columns of the table have names, so name that of the targets: "
+                "derivative={'x': 'x_dot'}, or target='y'"
+            )
+        targets = array_runs(_values(self.y), "y")
+        if len(targets) != len(tables):
+            raise ValueError(f"y has {len(targets)} runs and x has {len(tables)}; give as many")
+        for at, (table, own) in enumerate(zip(tables, targets)):
+            if len(own) != table.rows:
+                raise ValueError(f"y of run {at} has {len(own)} rows and x has {table.rows}; give as many")
+        new = [table.joined(predicts, vector(own)) for table, own in zip(tables, targets)]
+        return replace(self, x=new if isinstance(self.x, (list, tuple)) else new[0], y=None)
+
+    def _of_tables(self, tables: list[Frame], predicts: str) -> Call:
+        """All numbers of tables as states, but the clock and the target."""
+        call = self
+        stamps = _clock_column(tables[0], self)
+        if stamps is not None:
+            call = replace(call, t=[_stamps_of(table, stamps) for table in tables])
+        columns = dict(self.columns or {})
+        if predicts in tables[0].names:
+            columns[predicts] = [table.column(predicts) for table in tables]
+        left = {stamps, *columns}
+        names = [name for name in tables[0].numbers if name not in left]
+        if self.feature_names and set(self.feature_names) <= set(tables[0].names):
+            names = list(self.feature_names)
+        if not names:
+            raise DataError(f"the table has no column of numbers beside its clock; it has {', '.join(tables[0].names)}")
+        for at, table in enumerate(tables):
+            missing = [name for name in names if name not in table.names]
+            if missing:
+                raise DataError(f"the table of run {at} has no column `{missing[0]}`, and that of run 0 has")
+        return replace(
+            call,
+            x=[Columns([table.column(name) for name in names]) for table in tables],
+            feature_names=self.feature_names or names,
+            columns=columns or None,
+            table_names=tuple(names),
+        )
+
+    def _with_targets(self, predicts: str) -> Call:
+        """Given targets as what they are: derivatives, a column, or the next rows."""
+        if predicts == TASKS:
+            raise RequestError("y: the tasks name their targets; give these columns by their names, columns={...}")
+        if predicts not in OF_STATES:
+            targets = [vector(one) for one in array_runs(self.y, "y")]
+            return replace(self, y=None, columns={**(self.columns or {}), predicts: targets})
+        if predicts == "derivative":
+            if self.x_dot is not None:
+                raise ValueError("y and x_dot are both given, and both are derivatives; give one of them")
+            return replace(self, y=None, x_dot=self.y)
+        if self.columns:
+            raise ValueError("columns: with next values in y the rows are rearranged; give the columns as inputs, u=")
+        return self._by_next_values(predicts)
+
+    def _by_next_values(self, predicts: str) -> Call:
+        """Runs that end wherever the next value is not that of the next row: then it is one row more."""
+        xs = [_matrix(one) for one in array_runs(self.x, "x")]
+        ys = [_matrix(one) for one in array_runs(self.y, "y")]
+        us = [_matrix(one) for one in array_runs(self.u, "u")] if self.u is not None else [x[:, :0] for x in xs]
+        if [one.shape for one in xs] != [one.shape for one in ys]:
+            raise ValueError(
+                f"y has the shapes {[one.shape for one in ys]} and x has {[one.shape for one in xs]}: "
+                "the next values are those of all states; give as many"
+            )
+        if [len(one) for one in us] != [len(one) for one in xs]:
+            raise ValueError("u has other rows than x; give as many")
+        if self.t is not None and not _is_one(self.t):
+            raise ValueError("t: next values that are given need no stamps; give dt=, the seconds from row to row")
+        pieces = [
+            piece
+            for x, y, u in zip(xs, ys, us)
+            for piece in _pieces(x, y if predicts == "next" else x + y, u)
+        ]
+        period = self.dt if self.t is None else self.t
+        # Times of their own: pairs that are alike are different rows.
+        first = np.cumsum([0, *(len(x) for x, _ in pieces)])
+        stamps = [float(period or 1.0) * (at + np.arange(len(x))) for at, (x, _) in zip(first, pieces)]
+        u = None if self.u is None else [u for _, u in pieces]
+        return replace(self, y=None, x=[x for x, _ in pieces], u=u, t=stamps, dt=None)
+
+
+def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
+    """Rows with the rows after them, cut where these are not the next; each piece ends with what comes after its last
+    row, whose inputs nobody knows."""
+    # Sums are the next rows to rounding.
+    near = 1e-12 * np.max(np.abs(x), axis=0, initial=0.0)
+    ends = np.flatnonzero((np.abs(after[:-1] - x[1:]) > near).any(axis=1)) + 1
+    unknown = np.full((1, u.shape[1]), np.nan)
+    pieces = np.split(np.arange(len(x)), ends)
+    return [(np.vstack([x[rows], after[rows[-1:]]]), np.vstack([u[rows], unknown])) for rows in pieces]
+
+
+def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:
+    """Inputs of tables as arrays: the columns that are named, else all numbers."""
+    given = list(call.input_names or ())
+    names = given if given and set(given) <= set(tables[0].names) else tables[0].numbers
+    u = [table.matrix(names) for table in tables]
+    return {"u": u if isinstance(call.u, (list, tuple)) else u[0], "input_names": given or names}
+
+
+def _clock_column(table: Frame, call: Call) -> str | None:
+    """The column of a table, or the name of its index, that is the clock: the one named, else one of a clock's name."""
+    if isinstance(call.t, str):
+        if call.t not in table.names and (table.clock is None or table.clock[0] != call.t):
+            raise DataError(f"t={call.t!r}: the table has no such column; it has {', '.join(table.names)}")
+        return call.t
+    if call.t is not None or call.dt is not None:
+        return None
+    if table.clock is not None:
+        return table.clock[0]
+    return next((name for name in CLOCKS if name in table.names), None)
+
+
+def _stamps_of(table: Frame, name: str) -> np.ndarray[Any, Any]:
+    if table.clock is not None and table.clock[0] == name:
+        return table.clock[1]
+    return table.column(name)
+
+
+def _clock(t: Any) -> Any:
+    """Stamps as arrays, whatever series they are."""
+    if isinstance(t, (list, tuple)):
+        return [_clock(one) for one in t]
+    one = frame(t)
+    if one is not None:
+        return one.column(one.names[0])
+    return np.asarray(t) if hasattr(t, "__array__") and np.ndim(t) else t
+
+
+def _values(given: Any) -> Any:
+    """Arrays in the place of tables and series."""
+    found = frames(given)
+    if found is None:
+        return given
+    many = isinstance(given, (list, tuple))
+    arrays = [
+        one.column(one.names[0]) if _is_series(own) else one.matrix(one.numbers)
+        for one, own in zip(found, given if many else [given])
+    ]
+    return arrays if many else arrays[0]
+
+
+def _is_series(table: Any) -> bool:
+    return type(table).__name__ == "Series"
+
+
+def vector(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """One target as a vector."""
+    if array.ndim == 2 and array.shape[1] == 1:
+        what = "A column-vector y was passed when a 1d array was expected: give y.ravel()"
+        warnings.warn(what, DataConversionWarning, stacklevel=2)
+    elif array.ndim != 1:
+        raise ValueError(f"y should be a 1d array, got an array of shape {array.shape} instead: it is one column")
+    return array.reshape(len(array))
+
+
+def _matrix(one: Any) -> np.ndarray[Any, Any]:
+    if isinstance(one, Columns):
+        return np.column_stack(one.arrays)
+    array = np.asarray(one)
+    return array[:, None] if array.ndim == 1 else array
+
+
+def _is_vector(y: Any) -> bool:
+    if isinstance(y, (list, tuple)) and not all(_is_one(one) for one in y):
+        return all(_is_vector(one) for one in y)
+    return y is not None and np.ndim(y) == 1
+
+
+def _is_one(value: Any) -> bool:
+    """Whether this is a number, a name or nothing, and no array."""
+    return not isinstance(value, (list, tuple)) and np.ndim(value) == 0
+
+
+def _collected(given: Any) -> Any:
+    """Lazy tables, read once."""
+    if isinstance(given, (list, tuple)):
+        return [_collected(one) for one in given] if any(_is_lazy(one) for one in given) else given
+    return given.collect() if _is_lazy(given) else given
+
+
+def _is_lazy(table: Any) -> bool:
+    return type(table).__name__ == "LazyFrame" and hasattr(table, "collect")
+
+
+def _plain_array(given: Any) -> Any:
+    """numpy's array of what is an array of somebody else's."""
+    is_other = hasattr(given, "__array__") and not isinstance(given, (np.ndarray, np.generic))
+    return np.asarray(given) if is_other and frame(given) is None else given

@@ -1,0 +1,213 @@
+"""What can be asked of a fit: predictions, scores, simulations, coefficients."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _recipe
+from ._base import check_is_fitted
+from ._call import OF_STATES, TASKS, Call, second_by_position
+from ._frames import frame
+from ._model import Model
+from ._runs import array_runs, by_name, differentiated, is_arrays
+from .exceptions import ModelError, RequestError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Fitted:
+    """What an estimator of recordings tells once it is fitted."""
+
+    model_: Model
+    n_features_in_: int
+    recipe: Any
+    dt: float | None
+
+    #: Names of the states and inputs of the arrays that were fitted; nothing after files and data sets.
+    _fitted_names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    #: Whether the target was a vector.
+    _is_flat: bool = False
+
+    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+        raise NotImplementedError
+
+    def _names_columns(self, own: Mapping[str, Any]) -> bool:
+        raise NotImplementedError
+
+    def _derivative(self) -> Any:
+        raise NotImplementedError
+
+    def _found(self) -> Model:
+        # Tags are not asked for with every call.
+        if not hasattr(self, "model_"):
+            check_is_fitted(self)
+        return self.model_
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self._found()
+
+    @property
+    def complexity(self) -> int:
+        """Number of terms: :attr:`fleetfoot.Model.complexity`."""
+        return self._found().complexity
+
+    def print(self, regions: int = 10) -> None:
+        """Prints the model: columns, equations, regions."""
+        self._found().print(regions)
+
+    def equations(self, precision: int = 5, *, region: int | None = None) -> list[str]:
+        """The equations with numbers: :meth:`fleetfoot.Model.equations`."""
+        return self._found().equations(precision, region=region)
+
+    def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
+        """The coefficients: :meth:`fleetfoot.Model.coefficients`."""
+        return self._found().coefficients(latent=latent, region=region)
+
+    def get_feature_names(self, latent: str | None = None) -> list[str]:
+        """Names of the candidate functions: :meth:`fleetfoot.Model.get_feature_names`."""
+        return self._found().get_feature_names(latent)
+
+    def predict(self, x: Any, u: Any = None, t: ArrayLike | None = None, **options: Any) -> Any:
+        """What the fitted equations say of every row: :meth:`fleetfoot.Model.predict`.
+
+        Arrays have the columns of the fit, whether they are states, or what a column is predicted from; tables have
+        theirs by name.
+        """
+        model = self._found()
+        if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
+            us = u if u is not None else [None] * len(x)
+            ts = t if isinstance(t, (list, tuple)) else [t] * len(x)
+            if not len(us) == len(ts) == len(x):
+                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
+            return [self.predict(*run, **options) for run in zip(x, us, ts)]
+        if hasattr(x, "__array__") and not isinstance(x, np.ndarray) and frame(x) is None:
+            x = np.asarray(x)
+        if not is_arrays(x) or self._fitted_names is None:
+            found = model.predict(x, u, t, **options)
+            # Of one target that was a vector, a table's column.
+            is_column = self._is_flat and len(model.outputs) == 1 and frame(x) is not None
+            return found[model.outputs[0]] if is_column and not hasattr(found, "collect") else found
+        self._check_width(x)
+        found = model.predict(*self._placed(model, x, u), t, **options)
+        return found[:, 0] if self._is_flat and found.ndim == 2 and found.shape[1] == 1 else found
+
+    def _check_width(self, x: Any) -> None:
+        """Arrays have the columns of the fit."""
+        width = self.n_features_in_
+        for one in array_runs(x, "x"):
+            if one.ndim == 1 and width > 1:
+                raise ValueError(
+                    f"x is a vector of the shape {one.shape}, and the fit had {width} columns. Reshape your data: "
+                    "x.reshape(1, -1) is one row"
+                )
+            if one.ndim == 2 and one.shape[1] != width:
+                raise ValueError(
+                    f"X has {one.shape[1]} features, but {type(self).__name__} is expecting {width} features as input"
+                )
+
+    def _placed(self, model: Model, x: Any, u: Any) -> tuple[Any, Any]:
+        """Arrays with the columns of the fit as the model's states and inputs."""
+        features, inputs = self._fitted_names or ((), ())
+        rows = np.asarray(x)
+        rows = rows[:, None] if rows.ndim == 1 and len(features) == 1 else rows
+        beside = None if u is None else np.asarray(u)
+        beside = beside[:, None] if beside is not None and beside.ndim == 1 and len(inputs) == 1 else beside
+        if features == model.states or rows.ndim != 2:
+            return rows, beside
+        columns = dict(zip(features, rows.T))
+        columns.update(zip(inputs, () if beside is None else beside.T))
+        wanted = (*model.states, *model.inputs)
+        if any(name not in columns for name in wanted):
+            return rows, beside
+        states, given = (
+            np.column_stack([columns[name] for name in names]) if names else None for names in (model.states, model.inputs)
+        )
+        # A model of constants still has rows.
+        return states, given if wanted else np.empty((len(rows), 0))
+
+    def simulate(self, x0: ArrayLike, t: ArrayLike | int, u: Any = None, **options: Any) -> Array:
+        """The states over time: :meth:`fleetfoot.Model.simulate`."""
+        return self._found().simulate(x0, t, u, **options)
+
+    def rollout(self, data: Any, horizon: int, **options: Any) -> dict[str, Any]:
+        """Free runs from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
+        return self._found().rollout(data, horizon, **options)
+
+    @second_by_position
+    def score(
+        self,
+        x: Any,
+        t: Any = None,
+        x_dot: Any = None,
+        u: Any = None,
+        *,
+        y: Any = None,
+        dt: float | None = None,
+        columns: Mapping[str, Any] | None = None,
+        **options: Any,
+    ) -> float:
+        """Coefficient of determination of the one-step predictions, the mean of the fitted equations.
+
+        Parameters
+        ----------
+        x, t, x_dot, u, y, dt, columns
+            As for :meth:`fit`; arrays without ``t`` and ``dt`` have the period of the fit.
+        **options
+            As for :meth:`fleetfoot.Model.score`, which tells more: errors beside baselines, by episode, with
+            intervals.
+        """
+        model, own = self._found(), _recipe.of_anything(self.recipe)
+        features, inputs = self._fitted_names or (None, None)
+        given = Call(x, t, x_dot, u, features, inputs if u is not None else None, y, dt, columns)
+        predicts = self._predicts(own)
+        call = given.understood(predicts, self.dt, self._names_columns(own))
+        if is_arrays(call.x) and self._fitted_names is not None:
+            self._check_width(call.x)
+        if not is_arrays(call.x):
+            report = model.score(call.x, call.t, dt=call.dt, **options)
+        elif predicts in (*OF_STATES, TASKS):
+            report = self._score_of_states(model, call, options)
+        else:
+            report = self._score_of_column(model, call, predicts, options)
+        shares = [target["r2"] for target in report["targets"]]
+        return float(np.mean([np.nan if share is None else share for share in shares]))
+
+    def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> dict[str, Any]:
+        derivative, x_dot = self._derivative(), call.x_dot
+        if callable(derivative) and x_dot is None:
+            x_dot = differentiated(call.x, call.t, call.dt, model.dt, derivative)
+        return model.score(call.x, call.t, x_dot, call.u, dt=call.dt, columns=call.columns, **options)
+
+    def _score_of_column(
+        self, model: Model, call: Call, target: str, options: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The score of a model of a column, whose rows are told by the names of the fit."""
+        if target not in (call.columns or ()):
+            raise RequestError(f"y is missing: the model predicts `{target}`; give y=, or columns={{{target!r}: ...}}")
+        features, inputs = self._fitted_names or ((), ())
+        xs = array_runs(call.x, "x")
+        tables = [by_name(one, features) for one in xs]
+        beside = [(call.u, inputs), *((values, (name,)) for name, values in (call.columns or {}).items())]
+        for values, names in beside:
+            for table, one in zip(tables, [] if values is None else array_runs(values, "columns")):
+                table.update(by_name(one, names))
+        from ._data import open as open_data
+
+        if call.t is None or isinstance(call.t, (int, float, np.number)):
+            dataset = open_data(tables, dt=float(call.dt or call.t or model.dt or 1.0))
+        else:
+            dataset = open_data(tables, t=call.t if isinstance(call.t, list) else [call.t] * len(tables))
+        return model.score(dataset, **options)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model's file: :meth:`fleetfoot.Model.save`."""
+        self._found().save(path)

@@ -1,0 +1,308 @@
+"""Tables of other libraries in memory, column by column: pandas, polars, pyarrow, xarray, and this package's own.
+
+Nothing is imported here but what the caller's table has imported already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+#: Names of what is a clock in a table where nobody says which column is: the first that there is.
+CLOCKS = ("stamp", "t", "time", "timestamp")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A table in memory: its columns by name, and how another of the same kind is made over the same rows.
+
+    Attributes
+    ----------
+    names : list of str
+        The columns, in their order.
+    rows : int
+        Rows.
+    column : callable
+        The values of a column by its name, an array where they lie if the library allows it.
+    made : callable
+        A table of this kind from names and values (rows, names).
+    joined : callable
+        This table with one more column: of a name and values.
+    clock : (str, array), optional
+        Name and stamps of its index, where that is time.
+    numbers : list of str
+        The columns that hold numbers.
+    source : object
+        The table as the engine reads it.
+    """
+
+    names: list[str]
+    rows: int
+    column: Callable[[str], Array]
+    made: Callable[[Sequence[str], Array], Any]
+    joined: Callable[[str, Array], Any]
+    clock: tuple[str, Array] | None = None
+    numbers: list[str] = field(default_factory=list)
+    source: Any = None
+
+    def free(self, wanted: str) -> str:
+        """A name that no column has."""
+        while wanted in self.names:
+            wanted += "_"
+        return wanted
+
+    def matrix(self, names: Sequence[str]) -> Array:
+        """Columns side by side (rows, names)."""
+        columns = [np.asarray(self.column(name), dtype=np.float64) for name in names]
+        return np.column_stack(columns) if columns else np.empty((self.rows, 0))
+
+
+def frame(thing: Any) -> Frame | None:
+    """A table of one of these libraries; nothing for everything else."""
+    for base in type(thing).__mro__:
+        read = _KINDS.get((base.__module__.partition(".")[0], base.__name__))
+        if read is not None:
+            return read(thing)
+    return None
+
+
+def frames(thing: Any) -> list[Frame] | None:
+    """A table, or a list of tables, one for each run."""
+    if isinstance(thing, (list, tuple)) and thing:
+        found = [frame(one) for one in thing]
+        return None if any(one is None for one in found) else [one for one in found if one is not None]
+    one = frame(thing)
+    return None if one is None else [one]
+
+
+# -- pandas
+
+
+def _of_pandas(table: Any) -> Frame:
+    import pandas
+
+    labels = list(table.columns)
+    names = [str(label) for label in labels]
+
+    def column(name: str) -> Array:
+        values = table.iloc[:, names.index(name)]
+        if getattr(values.dtype, "tz", None) is not None:
+            values = values.dt.tz_convert("UTC").dt.tz_localize(None)
+        array = values.to_numpy()
+        if array.dtype.kind == "O" and values.dtype.kind in "iufb":
+            # Types of pandas that know missing values.
+            array = values.to_numpy(dtype=np.float64, na_value=np.nan)
+        return np.asarray(array)
+
+    return Frame(
+        names=names,
+        rows=len(table),
+        column=column,
+        made=lambda new, values: pandas.DataFrame(values, columns=list(new), index=table.index),
+        joined=lambda name, values: table.assign(**{name: values}),
+        clock=_index_clock(table.index),
+        numbers=[name for name, kind in zip(names, table.dtypes) if kind.kind in "iufb"],
+        source=table,
+    )
+
+
+def _of_pandas_series(series: Any) -> Frame:
+    import pandas
+
+    one = _of_pandas(series.to_frame("x0" if series.name is None else str(series.name)))
+
+    def made(new: Sequence[str], values: Array) -> Any:
+        if len(new) == 1:
+            return pandas.Series(values[:, 0], index=series.index, name=new[0])
+        return one.made(new, values)
+
+    return replace(one, made=made)
+
+
+def _index_clock(index: Any) -> tuple[str, Array] | None:
+    """Name and stamps of an index of times, or of numbers that is called as a clock is."""
+    name = None if index.name is None else str(index.name)
+    if type(index).__name__ == "PeriodIndex":
+        index = index.to_timestamp()
+    if type(index).__name__ == "DatetimeIndex":
+        stamps = index if index.tz is None else index.tz_convert("UTC").tz_localize(None)
+        return name or "t", stamps.to_numpy()
+    if type(index).__name__ == "TimedeltaIndex" or (name in CLOCKS and index.dtype.kind in "iuf"):
+        return name or "t", index.to_numpy()
+    return None
+
+
+# -- polars
+
+
+def _of_polars(table: Any, made: Callable[[Any], Any] = lambda table: table) -> Frame:
+    import polars
+
+    def column(name: str) -> Array:
+        series = table[name]
+        return np.asarray((series.cast(polars.Float64) if series.dtype == polars.Boolean else series).to_numpy())
+
+    def new_table(new: Sequence[str], values: Array) -> Any:
+        return made(polars.DataFrame({name: values[:, at] for at, name in enumerate(new)}))
+
+    return Frame(
+        names=list(table.columns),
+        rows=len(table),
+        column=column,
+        made=new_table,
+        joined=lambda name, values: table.with_columns(polars.Series(name, values)),
+        numbers=[name for name, kind in table.schema.items() if kind.is_numeric() or kind == polars.Boolean],
+        source=table,
+    )
+
+
+def _of_lazy(table: Any) -> Frame:
+    return _of_polars(table.collect(), lambda made: made.lazy())
+
+
+def _of_polars_series(series: Any) -> Frame:
+    table = series.to_frame(series.name or "x0")
+    return _of_polars(table, lambda made: made.to_series() if made.width == 1 else made)
+
+
+# -- Arrow
+
+
+def _of_arrow(table: Any) -> Frame:
+    import pyarrow  # type: ignore[import-untyped, unused-ignore]
+
+    def column(name: str) -> Array:
+        values = table.column(name)
+        if pyarrow.types.is_boolean(values.type) or pyarrow.types.is_decimal(values.type):
+            values = values.cast(pyarrow.float64())
+        return np.asarray(values.to_numpy(zero_copy_only=False) if is_batch else values.to_numpy())
+
+    is_batch = type(table).__name__ == "RecordBatch"
+    kinds = (
+        pyarrow.types.is_integer,
+        pyarrow.types.is_floating,
+        pyarrow.types.is_boolean,
+        pyarrow.types.is_decimal,
+    )
+    build = pyarrow.record_batch if is_batch else pyarrow.table
+    return Frame(
+        names=list(table.schema.names),
+        rows=table.num_rows,
+        column=column,
+        made=lambda new, values: build({name: pyarrow.array(values[:, at]) for at, name in enumerate(new)}),
+        joined=lambda name, values: (pyarrow.table(table) if not is_batch else pyarrow.Table.from_batches([table]))
+        .append_column(name, pyarrow.array(values)),
+        numbers=[one.name for one in table.schema if any(is_kind(one.type) for is_kind in kinds)],
+        source=table,
+    )
+
+
+def _of_own(table: Any) -> Frame:
+    def made(new: Sequence[str], values: Array) -> Any:
+        from ._read import read
+
+        return read({name: values[:, at] for at, name in enumerate(new)}, list(new), dt=1.0)[list(new)]
+
+    def joined(name: str, values: Array) -> Any:
+        return {**{one: table[one] for one in table.columns}, name: values}
+
+    kinds = {name: table[name].dtype.kind for name in table.columns}
+    # Of a table that was read: seconds since an episode's begin, beside the stamps.
+    besides = {"t", "seconds"} if kinds.get("stamp") == "M" else set()
+    return Frame(
+        names=list(table.columns),
+        rows=len(table),
+        column=lambda name: np.asarray(table[name]),
+        made=made,
+        joined=joined,
+        numbers=[name for name, kind in kinds.items() if kind in "iufb" and name not in besides],
+        source=table,
+    )
+
+
+# -- xarray
+
+
+def _of_xarray(data: Any) -> Frame:
+    """A data set: variables over the rows' dimension are columns, further dimensions become several."""
+    rows = _row_dimension(data)
+    columns: dict[str, Array] = {}
+    for name, variable in data.data_vars.items():
+        columns.update(_variable_columns(str(name), variable, rows, str(name)))
+    return _of_columns(data, rows, columns, lambda names, values, over: _new_dataset(data, rows, names, values, over))
+
+
+def _of_data_array(data: Any) -> Frame:
+    """An array with labels: those of its second dimension are the columns."""
+    rows = _row_dimension(data)
+    columns = _variable_columns("x" if data.name is None else str(data.name), data, rows, "")
+    return _of_columns(data, rows, columns, lambda names, values, over: _new_array(data, rows, names, values, over))
+
+
+def _row_dimension(data: Any) -> Any:
+    dimensions = list(data.dims)
+    if not dimensions:
+        raise ValueError("the xarray object has no dimensions; its rows are one")
+    times = [one for one in dimensions if one in data.coords and data.coords[one].dtype.kind in "mM"]
+    return next(iter([*times, *(one for one in dimensions if one in CLOCKS), *dimensions]))
+
+
+def _variable_columns(name: str, variable: Any, rows: Any, prefix: str) -> dict[str, Array]:
+    """The columns of a variable: one, or one for every label of its other dimension."""
+    others = [one for one in variable.dims if one != rows]
+    if rows not in variable.dims:
+        return {}
+    if not others:
+        return {name: variable.to_numpy()}
+    if len(others) > 1:
+        raise ValueError(f"{name} has the dimensions {', '.join(map(str, variable.dims))}; give rows and columns")
+    (other,) = others
+    values = variable.transpose(rows, other).to_numpy()
+    labels = variable.coords[other].to_numpy() if other in variable.coords else range(values.shape[1])
+    texts = [str(label) for label in labels]
+    # Labels that are words are names; numbers are counted behind the variable's name.
+    wordless = not prefix and not all(text.isidentifier() for text in texts)
+    return {f"{name if wordless else prefix}{text}": values[:, at] for at, text in enumerate(texts)}
+
+
+def _of_columns(data: Any, rows: Any, columns: dict[str, Array], made: Callable[[Any, Array, Any], Any]) -> Frame:
+    clock = None
+    if rows in data.coords and (rows in CLOCKS or data.coords[rows].dtype.kind in "mM"):
+        clock = (str(rows), data.coords[rows].to_numpy())
+    over = {rows: data.coords[rows]} if rows in data.coords else {}
+    return Frame(
+        names=list(columns),
+        rows=int(data.sizes[rows]),
+        column=lambda name: columns[name],
+        made=lambda names, values: made(names, values, over),
+        joined=lambda name, values: {**columns, name: values},
+        clock=clock,
+        numbers=[name for name, values in columns.items() if values.dtype.kind in "iufb"],
+        source=columns,
+    )
+
+
+def _new_dataset(data: Any, rows: Any, names: Sequence[str], values: Array, over: Any) -> Any:
+    return type(data)({name: (rows, values[:, at]) for at, name in enumerate(names)}, coords=over)
+
+
+def _new_array(data: Any, rows: Any, names: Sequence[str], values: Array, over: Any) -> Any:
+    return type(data)(values, dims=(rows, "output"), coords={**over, "output": list(names)})
+
+
+_KINDS: dict[tuple[str, str], Callable[[Any], Frame]] = {
+    ("pandas", "DataFrame"): _of_pandas,
+    ("pandas", "Series"): _of_pandas_series,
+    ("polars", "DataFrame"): _of_polars,
+    ("polars", "LazyFrame"): _of_lazy,
+    ("polars", "Series"): _of_polars_series,
+    ("pyarrow", "Table"): _of_arrow,
+    ("pyarrow", "RecordBatch"): _of_arrow,
+    ("fleetfoot", "Table"): _of_own,
+    ("xarray", "Dataset"): _of_xarray,
+    ("xarray", "DataArray"): _of_data_array,
+}

@@ -1,0 +1,66 @@
+"""What notebooks show of tables, models, data sets and comparisons: plain HTML, without styles of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._compare import Comparison
+    from ._core import Table
+    from ._data import Dataset
+    from ._model import Model
+
+#: Rows and columns of a table that are shown.
+ROWS, COLUMNS = 10, 12
+#: Equations and regions of a model, and names of a data set, that are shown.
+MOST = 40
+
+
+def grid(header: Sequence[str], rows: Iterable[Sequence[str]], below: str = "") -> str:
+    """A table of texts; `below` is a line under it."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    line = f"<p>{escape(below)}</p>" if below else ""
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{line}"
+
+
+def of_table(table: Table) -> str:
+    """The first rows of a table, its columns with their units."""
+    names, units = table.columns[:COLUMNS], table.units
+    header = [f"{name} [{units[name]}]" if units[name] else name for name in names]
+    first = table[:ROWS]
+    columns = [[_cell(value) for value in first[name]] for name in names]
+    rows, width = table.shape
+    more = f"; {width - COLUMNS} more columns" if width > COLUMNS else ""
+    return grid(header, zip(*columns), f"{rows} rows, {width} columns{more}")
+
+
+def of_model(model: Model) -> str:
+    """A model's equations, and what they were trained on."""
+    equations = model.equations()
+    items = "".join(f"<li><code>{escape(line)}</code></li>" for line in equations[:MOST])
+    more = f"<p>and {len(equations) - MOST} more</p>" if len(equations) > MOST else ""
+    regions = len(model.regions)
+    step = f"; a step of {model.dt:.6g} s" if model.dt else ""
+    facts = f"{regions} region{'' if regions == 1 else 's'}, {'continuous' if model.is_continuous else 'discrete'}{step}"
+    return f"<p><b>{escape(model.method)}</b>: {escape(facts)}</p><ul>{items}</ul>{more}"
+
+
+def of_dataset(dataset: Dataset) -> str:
+    """The logs of a data set."""
+    names = dataset.names
+    more = f"and {len(names) - MOST} more" if len(names) > MOST else ""
+    return grid([f"{len(names)} log{'' if len(names) == 1 else 's'}"], [[name] for name in names[:MOST]], more)
+
+
+def of_comparison(comparison: Comparison) -> str:
+    """The errors of models beside each other."""
+    header, rows = comparison.cells()
+    *_, below = [line for line in str(comparison).splitlines() if not line.startswith("in-sample")]
+    return grid(header, rows, below)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)

@@ -1,0 +1,114 @@
+"""One page that shows what models are worth."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from . import _core
+from ._compare import _unwrapped
+from ._progress import Progress, reporting
+from ._warnings import tell_all
+
+_Path = str | os.PathLike[str]
+
+
+def report(
+    models: Any,
+    data: Any = None,
+    path: _Path = "report.html",
+    *,
+    recipe: Any = None,
+    title: str | None = None,
+    horizon: int | None = None,
+    starts: int = 500,
+    controller: _Path | None = None,
+    settings: Mapping[str, Any] | None = None,
+    svg: _Path | None = None,
+    cache: _Path | None = None,
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Writes one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
+
+    The page is one HTML file that needs no network and no script.
+
+    Parameters
+    ----------
+    models : Model, fitted estimator, or dict of these by name
+        What is shown, side by side where there are several.
+    data : path, table, array, Dataset, ..., optional
+        As in :func:`fleetfoot.open`: what the models are held against. Give recordings that no model was trained on;
+        the page says which ones were. Without data the page shows the models alone.
+    path : path
+        The page to write.
+    recipe : path, str or mapping, optional
+        Changes of clock, topics or labels for these data.
+    title : str, optional
+        The title of the page; what the models are when not given.
+    horizon : int, optional
+        Steps of every simulation; 200, and at most a quarter of the longest episode, when not given.
+    starts : int
+        Number of simulations of every model.
+    controller : str or path, optional
+        What drives the inputs of the simulations, as in :meth:`fleetfoot.Model.rollout`.
+    settings : dict, optional
+        Settings of the controller.
+    svg : path, optional
+        Folder to write every figure to as SVG.
+    cache : path, optional
+        Folder that keeps decoded columns of large logs.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    dict
+        What the page says first: ``findings``, each with ``light`` (good, doubtful, bad, fact), ``head`` and ``text``;
+        ``title``, ``episodes``, ``in_sample_episodes``, ``notes``.
+
+    Raises
+    ------
+    DataError, RequestError, ModelError
+    TypeError
+        Something that is no model.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff, tempfile, pathlib
+    >>> t = np.arange(0, 5, 0.01)
+    >>> runs = [np.column_stack([a * np.cos(2 * t), -2 * a * np.sin(2 * t)]) for a in (1.0, 0.7, 0.4)]
+    >>> model = ff.PWA().fit(runs[:2], dt=0.01, feature_names=["q", "v"]).model_
+    >>> page = pathlib.Path(tempfile.mkdtemp()) / "report.html"
+    >>> told = ff.report(model, ff.open({"q": runs[2][:, 0], "v": runs[2][:, 1]}, dt=0.01), page)
+    >>> told["findings"][0]["head"], page.read_text()[:15]
+    ('What was fitted.', '<!DOCTYPE html>')
+    """
+    from ._model import Model
+
+    named = models if isinstance(models, Mapping) else {None: models}
+    listed: list[tuple[str, _core.Model]] = []
+    inner: Model | None = None
+    for name, given in named.items():
+        model = _unwrapped(given)
+        if not isinstance(model, Model):
+            raise TypeError(f"{type(given).__name__} is no model; give a fleetfoot.Model or a fitted estimator")
+        inner = model if inner is None else inner
+        listed.append((model.method if name is None else str(name), model._core))
+    if inner is None:
+        raise ValueError("models is empty; give at least one model")
+    opened, changes = (None, "{}") if data is None else inner._opened(data, recipe)
+    request = {
+        "path": os.fspath(path),
+        "svg": None if svg is None else os.fspath(svg),
+        "title": title,
+        "horizon": horizon,
+        "starts": int(starts),
+        "controller": None if controller is None else os.fspath(controller),
+        "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
+    }
+    with reporting(progress) as callback:
+        told: dict[str, Any] = json.loads(_core.report(listed, opened, changes, request, cache, callback))
+    tell_all(told["notes"])
+    return told

@@ -1,0 +1,108 @@
+//! Figures: what is drawn, its caption and its text alternative.
+//!
+//! A figure is drawn as SVG in two widths, one for pages and paper and one for telephones, as text that shrinks with its figure cannot be read. Colours are
+//! classes: the style sheet says what they are in the light and in the dark.
+
+mod bars;
+mod canvas;
+mod data;
+mod lines;
+mod scale;
+mod spans;
+
+pub use bars::{Bars, Interval, Mark};
+pub use lines::{Lines, Series, Stroke};
+pub use scale::{Axis, Scale};
+pub use spans::{Span, Spans};
+
+use crate::{Table, markup::Element};
+use canvas::{Canvas, NARROW, WIDE};
+
+/// Colours and strokes of figures, for the page and for figures in files of their own.
+pub(crate) const STYLE: &str = include_str!("figure.css");
+
+/// A figure.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Figure {
+    /// Its address on the page and the name of its file: letters, digits, hyphens.
+    pub name: String,
+    /// Its title.
+    pub title: String,
+    /// What one sees, in a sentence or two.
+    pub caption: String,
+    /// What is drawn.
+    pub chart: Chart,
+}
+
+/// What is drawn.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Chart {
+    /// Values over values.
+    Lines(Lines),
+    /// Values by name.
+    Bars(Bars),
+    /// When something was.
+    Spans(Spans),
+}
+
+impl Figure {
+    /// A figure.
+    pub fn new(name: impl Into<String>, title: impl Into<String>, caption: impl Into<String>, chart: Chart) -> Self {
+        Self { name: name.into(), title: title.into(), caption: caption.into(), chart }
+    }
+
+    /// The figure as a file of its own, with its colours.
+    pub fn to_svg(&self) -> String {
+        let style = Element::new("style").style(STYLE);
+        self.drawn(WIDE, Some(style)).with("xmlns", "http://www.w3.org/2000/svg").to_text()
+    }
+
+    /// The numbers that are drawn.
+    pub fn table(&self) -> Table {
+        match &self.chart {
+            Chart::Lines(lines) => data::of_lines(lines),
+            Chart::Bars(bars) => data::of_bars(bars),
+            Chart::Spans(spans) => data::of_spans(spans),
+        }
+    }
+
+    fn drawn(&self, width: f64, style: Option<Element>) -> Element {
+        // Identifiers are those of the page: both drawings of a figure stand in it.
+        let canvas = Canvas::new(width, format!("{}-{}", self.name, if width == WIDE { "wide" } else { "narrow" }));
+        let canvas = match &self.chart {
+            Chart::Lines(lines) => lines.draw(canvas),
+            Chart::Bars(bars) => bars.draw(canvas),
+            Chart::Spans(spans) => spans.draw(canvas),
+        };
+        canvas.finish(&self.title, &self.alternative(), style)
+    }
+
+    /// What somebody is told who does not see the figure.
+    pub fn alternative(&self) -> String {
+        let what = match &self.chart {
+            Chart::Lines(lines) => lines.in_words(),
+            Chart::Bars(bars) => bars.in_words(),
+            Chart::Spans(spans) => spans.in_words(),
+        };
+        format!("{} {what}", self.caption)
+    }
+
+    /// The figure on a page.
+    pub(crate) fn to_element(&self) -> Element {
+        let drawing = |width, class| Element::new("div").class(class).child(self.drawn(width, None));
+        let caption =
+            Element::new("figcaption").child(Element::new("b").text(format!("{}. ", self.title))).text(&self.caption);
+        let table = Element::new("details")
+            .class("data")
+            .child(Element::new("summary").text("Table of the figure\u{2019}s data"))
+            .child(self.table().to_element());
+        Element::new("figure").with("id", &self.name).children([
+            drawing(WIDE, "wide"),
+            drawing(NARROW, "narrow"),
+            caption,
+            table,
+        ])
+    }
+}

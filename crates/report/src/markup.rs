@@ -1,0 +1,171 @@
+//! Elements of HTML and SVG: what is written is well formed and escaped because there is no other way to write it.
+//!
+//! The output is HTML and XML at once (empty elements are closed by themselves or by their end), so that a test may read it with a strict parser, and a figure
+//! is the same text in a page and in a file of its own.
+
+use std::fmt::Write;
+
+/// Elements of HTML that have no end.
+const VOID: [&str; 4] = ["br", "col", "hr", "meta"];
+
+/// An element with its attributes and what is in it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Element {
+    name: &'static str,
+    attributes: Vec<(&'static str, String)>,
+    children: Vec<Node>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Node {
+    Element(Element),
+    Text(String),
+    /// Written as it stands: style sheets, and mathematics of [`Math`].
+    Raw(String),
+}
+
+/// Presentation MathML, made by a printer that escapes: it is put into the page as it stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Math(String);
+
+impl Math {
+    /// The content of a `<math>` element. It must be well formed; `fleetfoot_library::Expr::to_mathml` is.
+    pub fn new(content: impl Into<String>) -> Self {
+        Self(content.into())
+    }
+}
+
+impl Element {
+    /// An empty element.
+    pub(crate) fn new(name: &'static str) -> Self {
+        Self { name, attributes: Vec::new(), children: Vec::new() }
+    }
+
+    /// With an attribute.
+    pub(crate) fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.attributes.push((name, value.into()));
+        self
+    }
+
+    /// With an attribute that is a length or a place, in tenths of a pixel: more digits would only make the page longer.
+    pub(crate) fn at(self, name: &'static str, value: f64) -> Self {
+        self.with(name, place(value))
+    }
+
+    /// With a class.
+    pub(crate) fn class(self, class: impl Into<String>) -> Self {
+        self.with("class", class)
+    }
+
+    /// With text behind what is in it.
+    pub(crate) fn text(mut self, text: impl Into<String>) -> Self {
+        self.children.push(Node::Text(text.into()));
+        self
+    }
+
+    /// With an element behind what is in it.
+    pub(crate) fn child(mut self, child: Element) -> Self {
+        self.children.push(Node::Element(child));
+        self
+    }
+
+    /// With elements behind what is in it.
+    pub(crate) fn children(mut self, children: impl IntoIterator<Item = Element>) -> Self {
+        self.children.extend(children.into_iter().map(Node::Element));
+        self
+    }
+
+    /// With a formula behind what is in it.
+    pub(crate) fn math(mut self, math: &Math) -> Self {
+        self.children.push(Node::Raw(format!("<math>{}</math>", math.0)));
+        self
+    }
+
+    /// With a style sheet, which has neither `<` nor `&`.
+    pub(crate) fn style(mut self, sheet: &str) -> Self {
+        self.children.push(Node::Raw(sheet.to_owned()));
+        self
+    }
+
+    /// The text of the element.
+    pub(crate) fn to_text(&self) -> String {
+        let mut out = String::new();
+        self.write(&mut out);
+        out
+    }
+
+    fn write(&self, out: &mut String) {
+        let _ = write!(out, "<{}", self.name);
+        for (name, value) in &self.attributes {
+            let _ = write!(out, " {name}=\"");
+            escape(value, out);
+            out.push('"');
+        }
+        if VOID.contains(&self.name) {
+            out.push_str("/>");
+            return;
+        }
+        out.push('>');
+        for child in &self.children {
+            match child {
+                Node::Element(element) => element.write(out),
+                Node::Text(text) => escape(text, out),
+                Node::Raw(raw) => out.push_str(raw),
+            }
+        }
+        let _ = write!(out, "</{}>", self.name);
+        if BLOCKS.contains(&self.name) {
+            out.push('\n');
+        }
+    }
+}
+
+/// Elements that end a line, for those who read the source.
+const BLOCKS: [&str; 16] = [
+    "h1", "h2", "h3", "p", "tr", "table", "figure", "section", "details", "header", "footer", "nav", "li", "svg",
+    "style", "div",
+];
+
+/// Writes text in which nothing is markup. Characters that XML forbids become the replacement character.
+fn escape(text: &str, out: &mut String) {
+    for c in text.chars() {
+        match c {
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '&' => out.push_str("&amp;"),
+            '"' => out.push_str("&quot;"),
+            '\t' | '\n' => out.push(c),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+}
+
+/// Tenths of a pixel, without a tail of zeros and without a negative zero.
+pub(crate) fn place(value: f64) -> String {
+    let text = format!("{value:.1}");
+    let text = text.strip_suffix(".0").unwrap_or(&text);
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Element, place};
+
+    #[test]
+    fn text_and_attributes_are_escaped() {
+        let element = Element::new("p").with("title", "\"a\" & <b>").text("<script>\u{0}alert(1)</script>");
+        assert_eq!(
+            element.to_text(),
+            "<p title=\"&quot;a&quot; &amp; &lt;b&gt;\">&lt;script&gt;\u{fffd}alert(1)&lt;/script&gt;</p>\n"
+        );
+        assert_eq!(Element::new("br").to_text(), "<br/>");
+    }
+
+    #[test]
+    fn places_are_short() {
+        for (value, text) in [(0.0, "0"), (-0.01, "0"), (12.0, "12"), (1.26, "1.3"), (-3.5, "-3.5")] {
+            assert_eq!(place(value), text);
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! Pages as their readers get them.
+
+mod page;
+mod strict;

@@ -1,0 +1,139 @@
+//! Pages of all parts, with names and numbers that nobody expects.
+
+use fleetfoot_report::{
+    Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Mark, Math, Page, Part, Scale, Section,
+    Sentence, Series, Span, Spans, Stroke, Table,
+};
+use proptest::prelude::*;
+
+use crate::strict;
+
+fn lines(name: &str, x: &[f64], y: &[f64]) -> Chart {
+    let series = |name: &str| Series::line(name, x.to_vec(), y.to_vec());
+    let low: Vec<f64> = y.iter().map(|y| y - 1.0).collect();
+    let high: Vec<f64> = y.iter().map(|y| y + 1.0).collect();
+    let all = vec![
+        series(name).banded(low, high),
+        series("steps").looks(Stroke::Steps),
+        series("reference").looks(Stroke::Reference),
+        series("measured").looks(Stroke::Measured),
+    ];
+    Chart::Lines(Lines::new(Axis::of(name, "s"), Axis::of(name, name), all).level(1.0, name))
+}
+
+fn bars(name: &str, values: &[f64]) -> Chart {
+    let value = |value: &f64| Interval { value: *value, low: value - 0.1, high: value + 0.1 };
+    let groups = values.iter().enumerate().map(|(place, _)| format!("{name} {place}")).collect();
+    let bars = vec![(name.to_owned(), values.iter().map(value).collect()), ("short".into(), Vec::new())];
+    let mut chart = Bars::new(Axis::of(name, ""), groups, bars);
+    chart.marks.push(Mark { name: name.into(), values: values.iter().map(|value| 5.0 * value).collect() });
+    chart.level = Some((1.0, name.into()));
+    Chart::Bars(chart)
+}
+
+fn spans(name: &str, values: &[f64]) -> Chart {
+    let span = |value: &f64| Span { from: *value, to: value + 1.0, kind: 0 };
+    let rows = vec![(name.to_owned(), values.iter().map(span).collect()), ("empty".into(), Vec::new())];
+    Chart::Spans(Spans::new(Axis::of(name, "s"), vec![name.to_owned(), "other".into()], rows))
+}
+
+/// A page with a part of every kind.
+fn page(name: &str, x: &[f64], y: &[f64]) -> Page {
+    let figure = |id: &str, chart| Part::Figure(Figure::new(id, name, name, chart));
+    let table =
+        Table::new(name, [name, "value"]).row([Cell::Text(name.into()), Cell::of(y.first().copied().unwrap_or(0.0))]);
+    let sentence = |light| Sentence { light, head: name.into(), text: name.into() };
+    let parts = vec![
+        Part::Findings([Light::Good, Light::Doubtful, Light::Bad, Light::Plain].map(sentence).to_vec()),
+        Part::Paragraph(name.into()),
+        Part::Heading(name.into()),
+        Part::Table(table),
+        Part::Table(Table::default()),
+        figure("lines", lines(name, x, y)),
+        figure("bars", bars(name, y)),
+        Part::Equations(vec![Equation {
+            pieces: vec![Math::new("<mi>x</mi>"), Math::new("<mo>=</mo>")],
+            note: name.into(),
+        }]),
+        Part::Fold(name.into(), vec![figure("spans", spans(name, x))]),
+    ];
+    let mut page = Page::new(name, name, vec![Section::new("all", name, parts)]);
+    page.source = vec![name.to_owned()];
+    page
+}
+
+const NAMES: [&str; 5] = [
+    "<script>alert(1)</script>",
+    "\" onload=\"x",
+    "a & b < c > d",
+    "&amp;\u{0}\u{1b}",
+    "a name that is longer than there is room for it in any of the drawings of a page, narrow or wide",
+];
+
+#[test]
+fn names_are_text_and_nothing_else() {
+    for name in NAMES {
+        let page = page(name, &[0.0, 1.0, 2.0], &[0.5, f64::NAN, 3.0]);
+        let found = strict::read(&page.to_html());
+        assert!(!found.elements.iter().any(|element| element == "script"), "{name}");
+        assert!(!found.values.iter().any(|(attribute, _)| attribute.starts_with("on") || attribute == "src"), "{name}");
+        assert!(found.text.contains(&name.replace(['\u{0}', '\u{1b}'], "\u{fffd}")), "{name}");
+        for figure in page.figures() {
+            assert_eq!(strict::read(&figure.to_svg()).elements[0], "svg", "{name}");
+        }
+        assert_eq!(page.figures().count(), 3, "folded figures are figures too");
+    }
+}
+
+#[test]
+fn a_figure_has_a_caption_a_table_and_words() {
+    let page = page("speed", &[0.0, 1.0], &[0.25, 0.5]);
+    let html = page.to_html();
+    let found = strict::read(&html);
+    let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
+    // Each is drawn twice, for wide and for narrow pages.
+    assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (3, 3, 6, 6));
+    assert!(html.contains("speed: 0.2500 at 0 to 0.5000 at 1.000"), "the text alternative has the numbers");
+    assert_eq!(page.figures().next().unwrap().table().rows.len(), 2);
+    assert!(!html.contains("http://") || html.matches("http://").count() == html.matches("http://www.w3.org/").count());
+}
+
+#[test]
+fn the_same_page_is_the_same_bytes() {
+    let make = || page("speed", &[0.0, 1.0, 2.0], &[1e-9, 2.0, 3e9]).to_html();
+    assert_eq!(make(), make());
+}
+
+#[test]
+fn values_far_apart_have_a_logarithmic_axis() {
+    let values = [1e-3, 1.0, 1e4];
+    assert_eq!(Axis::of("error", "").spread(values.into_iter()).scale, Scale::Logarithmic);
+    assert_eq!(Axis::of("error", "").spread([1.0, 2.0, f64::NAN].into_iter()).scale, Scale::Linear);
+    assert_eq!(Axis::of("error", "").spread([-1.0, 1e9].into_iter()).scale, Scale::Linear);
+}
+
+fn any_value() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        8 => -10.0..10.0f64,
+        1 => any::<f64>(),
+        1 => prop::sample::select(vec![0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 5e-324]),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever is drawn, the page is well formed and no number of it is none.
+    #[test]
+    fn any_values_make_a_page(x in prop::collection::vec(any_value(), 0..12), y in prop::collection::vec(any_value(), 0..12), name in ".{0,12}") {
+        let length = x.len().min(y.len());
+        let found = strict::read(&page(&name, &x[..length], &y[..length]).to_html());
+        let places = ["x", "y", "x1", "x2", "y1", "y2", "width", "height", "points", "cx", "cy", "viewBox"];
+        for (attribute, value) in found.values.iter().filter(|(attribute, _)| places.contains(&attribute.as_str())) {
+            for number in value.split([' ', ',']).filter(|number| !number.is_empty()) {
+                let number: f64 = number.parse().unwrap_or(f64::NAN);
+                prop_assert!(number.abs() < 1e5, "{attribute}={value}");
+            }
+        }
+    }
+}

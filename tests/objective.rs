@@ -1,0 +1,150 @@
+//! `--objective steps:N`: coefficients fitted to simulations, and the model of one step beside them.
+
+use std::fs;
+
+use crate::runner::*;
+
+/// Noise of deviation one that is the same everywhere.
+fn noise(key: u64) -> f64 {
+    let uniform = |i: u64| {
+        let mut z = (key * 12 + i).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (z ^ (z >> 31)) as f64 / u64::MAX as f64
+    };
+    (0..12).map(uniform).sum::<f64>() - 6.0
+}
+
+/// An oscillator, x(k+1) = 0.95 x + 0.2 v, v(k+1) = -0.25 x + 0.9 v + 0.3 u, measured with noise of deviation `sigma`.
+fn oscillator(rows: u64, seed: u64, sigma: f64) -> String {
+    let mut state = [1.0, 0.5];
+    let mut text = String::from("t,x,v,u\n");
+    for k in 0..rows {
+        let key = seed * 100_000 + 10 * k;
+        let u = noise(key);
+        let (x, v) = (state[0] + sigma * noise(key + 1), state[1] + sigma * noise(key + 2));
+        text.push_str(&format!("{:.2},{x:?},{v:?},{u:?}\n", k as f64 * 0.05));
+        state = [0.95 * state[0] + 0.2 * state[1], -0.25 * state[0] + 0.9 * state[1] + 0.3 * u];
+    }
+    text
+}
+
+fn folder(sigma: f64) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for seed in 0..6 {
+        fs::write(folder.path().join(format!("run{seed}.csv")), oscillator(400, seed, sigma)).expect("a log");
+    }
+    folder
+}
+
+const LOGS: [&str; 6] = ["run0.csv", "run1.csv", "run2.csv", "run3.csv", "run4.csv", "run5.csv"];
+
+fn fit(folder: &Path, method: &str, options: &str) -> Said {
+    let columns = if method == "narx" { "--outputs x,v --inputs u" } else { "--states x,v --inputs u --predict next" };
+    let mut arguments: Vec<&str> = vec!["fit", method];
+    arguments.extend(columns.split(' ').chain(options.split(' ')).chain(["--time", "t"]).chain(LOGS));
+    fleetfoot(folder, &arguments)
+}
+
+fn pairs(report: &serde_json::Value, name: &str) -> [f64; 2] {
+    [0, 1].map(|i| report[name][i].as_f64().unwrap_or(f64::NAN))
+}
+
+/// Of a linear system that is measured with noise, every method finds better rollouts by simulations; the model that is written has their coefficients, and the
+/// recipe that it carries says so.
+#[test]
+fn noisy_states_are_simulated_better_by_every_method() {
+    let folder = folder(0.3);
+    for (method, options) in [
+        ("pwa", "--folds 0"),
+        ("sindy", "--library poly(1) --threshold 0"),
+        ("narx", "--lags-out 1 --lags-in 1 --degree 1 --terms all"),
+    ] {
+        let one = fit(folder.path(), method, &format!("{options} -o one.json")).ok();
+        assert!(!one.out.contains("Simulation error"), "{}", one.out);
+        let said = fit(folder.path(), method, &format!("{options} --objective steps:10 -o steps.json --json")).ok();
+        assert!(said.err.contains("--objective steps:10: at most") && said.err.contains("passes"), "{}", said.err);
+        let report = &said.json()["objective"];
+        let [before, after] = pairs(report, "rollouts_over_persistence");
+        assert!(after < before && report["written"] == true, "{method}: {report}");
+        let cost = pairs(report, "cost");
+        assert!(cost[1] < cost[0] && report["converged"] == true, "{method}: {report}");
+        let read = |name: &str| -> serde_json::Value {
+            serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
+        };
+        let (one, steps) = (read("one.json"), read("steps.json"));
+        assert_ne!(one["model"]["latents"], steps["model"]["latents"]);
+        let recipe = steps["model"]["training"]["recipe"].as_str().expect("a recipe");
+        assert!(recipe.contains("objective = \"steps:10\""), "{recipe}");
+        let text = fit(folder.path(), method, &format!("{options} --objective steps:10 -o again.json")).ok();
+        assert!(text.out.contains("The model fitted to simulations is written"), "{}", text.out);
+        assert_eq!(fs::read(folder.path().join("again.json")).ok(), fs::read(folder.path().join("steps.json")).ok());
+    }
+}
+
+/// Rows without noise are those of the model of one step: its rollouts cannot be improved, and it is written.
+#[test]
+fn what_does_not_simulate_better_is_not_written() {
+    let folder = folder(0.0);
+    let said = fit(folder.path(), "pwa", "--folds 0 --objective steps:5 -o steps.json --json").ok();
+    fit(folder.path(), "pwa", "--folds 0 -o one.json").ok();
+    let report = said.json();
+    let read = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
+    };
+    let [before, _] = pairs(&report["objective"], "rollouts_over_persistence");
+    assert!(before < 1e-9 && report["objective"]["written"] == false, "{report}");
+    assert_eq!(read("one.json")["model"]["latents"], read("steps.json")["model"]["latents"]);
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_the_mend() {
+    let folder = folder(0.1);
+    for wrong in ["steps:0", "steps:", "many", "steps:1e3"] {
+        let said = fit(folder.path(), "pwa", &format!("--objective {wrong}"));
+        assert!(said.code == 2 && said.err.contains("one-step, or steps:N"), "{wrong}: {}", said.err);
+    }
+    fit(folder.path(), "pwa", "--objective steps:399").fails(&["--objective steps:399", "399 steps", "longer logs"]);
+    let recipe = "[states]\nx = {}\nv = {}\n[time]\ncolumn = \"t\"\n[model]\npredict = \"next\"\n";
+    fs::write(folder.path().join("robot.toml"), recipe).expect("a recipe");
+    fleetfoot(folder.path(), &["scan", "-c", "robot.toml", "run0.csv", "-o", "run.stats"]).ok();
+    for method in ["pwa", "sindy"] {
+        fleetfoot(folder.path(), &["fit", method, "run.stats", "--objective", "steps:5"])
+            .fails(&["steps:5", "fit on the logs"]);
+    }
+    let dry = fit(folder.path(), "pwa", "--objective steps:5 --dry-run").ok();
+    assert!(dry.out.contains("--objective steps:5: at most 141 passes over the rows more"), "{}", dry.out);
+}
+
+/// A map that grows is held at the border of what was seen, or ends there.
+#[test]
+fn rollouts_outside_of_the_training_domain_are_told_ended_or_held() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let grows = |rows: u32| {
+        let row = |k: u32| format!("{:.1},{:?}\n", 0.1 * f64::from(k), (0.1 * f64::from(k)).exp());
+        "t,x\n".to_owned() + &(0..rows).map(row).collect::<String>()
+    };
+    fs::write(folder.path().join("seen.csv"), grows(60)).expect("a log");
+    fs::write(folder.path().join("long.csv"), grows(90)).expect("a log");
+    let fit = "fit pwa --states x --predict next --folds 0 --time t -o grows.json seen.csv";
+    fleetfoot(folder.path(), &fit.split(' ').collect::<Vec<_>>()).ok();
+    let rollout = |outside: &str| {
+        let text = format!("rollout grows.json long.csv --horizon 50 --starts 1 --outside {outside} --json");
+        fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).ok().json()
+    };
+    let (tell, end, hold) = (rollout("tell"), rollout("end"), rollout("hold"));
+    let ended = |report: &serde_json::Value| report["ended_outside"].as_u64();
+    assert_eq!([ended(&tell), ended(&end), ended(&hold)], [Some(0), Some(1), Some(0)]);
+    assert!([&tell, &end, &hold].iter().all(|report| report["left_domain"] == 1), "{end}");
+    let last = |report: &serde_json::Value| report["model"]["rmse"][49][0].as_f64().expect("an error");
+    // The truth goes on to grow: the map does, its value at the border stays, and what has ended stays where it was.
+    assert!(
+        last(&tell) < 1e-6 * last(&end) && last(&hold) > 1.0 && last(&end) > 1.0,
+        "{} {} {}",
+        last(&tell),
+        last(&end),
+        last(&hold)
+    );
+    let wrong = fleetfoot(folder.path(), &["rollout", "grows.json", "long.csv", "--outside", "stay"]);
+    assert!(wrong.code == 2 && wrong.err.contains("hold"), "{}", wrong.err);
+}

@@ -1,0 +1,187 @@
+//! The page that shows the result, as its readers open it.
+
+use std::{fs, path::PathBuf};
+
+use crate::runner::*;
+
+/// A folder with logs, models of two partitions, and a held-out log of so many rows.
+fn models(rows: usize) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, rows, phase) in [("one.csv", 1500, 0.0), ("two.csv", 1500, 1.0), ("held-out.csv", rows, 9.0)] {
+        fs::write(folder.path().join(name), robot_csv(rows, phase)).expect("a file");
+    }
+    let recipe = "[columns]\nv = \"`v [m/s]`\"\n[states]\nx = { known = \"v\", regressor = false }\nv = { derivative = \"forward\" }\n\
+                  [inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
+    fs::write(folder.path().join("robot.toml"), recipe).expect("a file");
+    let partitions = ["fit", "pwa", "-c", "robot.toml", "one.csv", "two.csv", "--partition", "average,kmeans:4"];
+    let flags = ["--partition-on", "v", "--keep-all", "-o", "model.json"];
+    fleetfoot(folder.path(), &[&partitions[..], &flags].concat()).ok();
+    folder
+}
+
+fn page(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).expect("a page")
+}
+
+#[test]
+fn a_page_says_what_models_are_worth() {
+    let folder = models(1200);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let told = run(&["report", "model.json", "held-out.csv", "--horizon", "40", "--svg", "figures", "--json"]).json();
+    let findings = told["findings"].as_array().expect("findings");
+    let heads: Vec<&str> = findings.iter().filter_map(|finding| finding["head"].as_str()).collect();
+    assert_eq!(heads[0], "What was fitted.", "{heads:?}");
+    // Of an acceleration the row before tells more than any model does.
+    assert!(heads.contains(&"One step ahead the rows before predict better than it does."), "{heads:?}");
+    assert!(heads.iter().any(|head| head.starts_with("Simulated, it is better than every baseline")), "{heads:?}");
+    assert!(told["in_sample_episodes"].as_array().expect("a list").is_empty());
+    let html = page(folder.path(), "report.html");
+    assert!(html.starts_with("<!DOCTYPE html>") && !html.contains("<script"));
+    for id in ["verdict", "one-step", "simulation", "rows", "model", "logs", "errors-by-target", "score-by-horizon"] {
+        assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
+    }
+    // The scores are those of `score`.
+    let scored = run(&["score", "model.json", "held-out.csv", "--json"]).json();
+    let error = scored["targets"][0]["mae_over_null"]["value"].as_f64().expect("a number");
+    assert!(html.contains(&format!(">{error:.3}<")), "{error}");
+    let figures = told["figures"].as_array().expect("figures");
+    assert!(figures.len() >= 6, "{figures:?}");
+    for figure in figures {
+        let svg = page(folder.path(), figure.as_str().expect("a path"));
+        assert!(svg.starts_with("<svg") && svg.contains("xmlns=\"http://www.w3.org/2000/svg\""));
+    }
+
+    let said =
+        run(&["report", "model_average.json", "model_kmeans4.json", "one.csv", "held-out.csv", "-o", "both.html"]);
+    assert!(said.out.contains("One step ahead pwa kmeans:4 is best."), "{}", said.out);
+    assert!(said.err.contains("1 of 2 episodes were used in training"), "{}", said.err);
+    assert!(page(folder.path(), "both.html").contains("some of these rows trained the model"));
+
+    let alone = run(&["report", "model.json", "-o", "alone.html"]).out;
+    assert!(alone.contains("fact: What was fitted."), "{alone}");
+    assert!(page(folder.path(), "alone.html").contains("No log was given"));
+}
+
+#[test]
+fn the_same_bytes_on_any_number_of_threads_and_as_many_for_ten_times_the_rows() {
+    let folder = models(1200);
+    let write = |threads: &str| {
+        let flags = ["--horizon", "40", "--threads", threads, "-o", "report.html"];
+        fleetfoot(folder.path(), &[&["report", "model.json", "held-out.csv"], &flags[..]].concat()).ok();
+        page(folder.path(), "report.html")
+    };
+    let one = write("1");
+    for threads in ["2", "7"] {
+        assert!(write(threads) == one, "{threads} threads");
+    }
+    fs::write(folder.path().join("held-out.csv"), robot_csv(12_000, 9.0)).expect("a file");
+    let more = write("0");
+    let growth = more.len() as f64 / one.len() as f64;
+    assert!((0.9..1.1).contains(&growth), "{} bytes, then {}", one.len(), more.len());
+}
+
+#[test]
+fn what_cannot_be_shown_is_said() {
+    let folder = models(1200);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    run(&["report", "held-out.csv"]).fails(&["no file is a model", "*.json"]);
+    run(&["report", "missing.json"]).fails(&["missing.json"]);
+    run(&["report", "model.json", "nothing.csv"]).fails(&["nothing.csv"]);
+    run(&["report", "model.json", "held-out.csv", "-o", "held-out.csv"]).fails(&["held-out.csv"]);
+    run(&["report", "model.json", "held-out.csv", "--horizon", "0"]).fails(&["the horizon is 0 steps"]);
+    assert!(!folder.path().join("report.html").exists());
+    run(&["report", "model.json", "held-out.csv", "--horizon", "5000"]).ok();
+    assert!(page(folder.path(), "report.html").contains("It is not simulated."), "a page without simulations");
+    // Of one row no derivative is measured, and nothing can be simulated; of none there is nothing to say.
+    fs::write(folder.path().join("one-row.csv"), robot_csv(1, 9.0)).expect("a file");
+    run(&["report", "model.json", "one-row.csv", "-o", "short.html"]).ok();
+    let html = page(folder.path(), "short.html");
+    assert!(html.contains("It is not scored.") && html.contains("It is not simulated."), "one row");
+    fs::write(folder.path().join("empty.csv"), robot_csv(0, 9.0)).expect("a file");
+    run(&["report", "model.json", "empty.csv", "-o", "empty.html"]).fails(&["empty.csv has no rows"]);
+    // A model of given equations alone has nothing to score.
+    let recipe = "[columns]\nv = \"`v [m/s]`\"\n[states]\nx = { known = \"v\" }\nv = { known = \"-2*v + 3*u\" }\n\
+                  [inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
+    fs::write(folder.path().join("known.toml"), recipe).expect("a file");
+    run(&["fit", "pwa", "-c", "known.toml", "one.csv", "-o", "known.json"]).ok();
+    run(&["report", "known.json", "held-out.csv", "-o", "known.html"]).ok();
+    let html = page(folder.path(), "known.html");
+    assert!(html.contains("Its equations are given.") && html.contains("id=\"score-by-horizon\""), "given equations");
+}
+
+#[test]
+fn names_are_text_and_many_columns_have_room() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let names: Vec<String> = (0..30).map(|column| format!("<script>{column} & ' it")).collect();
+    for (file, phase) in [("seen.csv", 0.0), ("<i>held & out.csv", 1.0)] {
+        let mut text = format!("t,{}\n", names.join(","));
+        for row in 0..400 {
+            let t = 0.01 * f64::from(row);
+            let value = |column: u32| ((1.0 + 0.1 * f64::from(column)) * t + f64::from(column) + phase).sin();
+            let values: Vec<String> = (0..30).map(|column| value(column).to_string()).collect();
+            text.push_str(&format!("{t},{}\n", values.join(",")));
+        }
+        fs::write(folder.path().join(file), text).expect("a file");
+    }
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    run(&["fit", "pwa", "seen.csv", "--states", &names.join(","), "--time", "t", "-o", "model.json"]);
+    run(&["report", "model.json", "<i>held & out.csv", "--starts", "5", "--title", "</title><b>"]);
+    let html = page(folder.path(), "report.html");
+    assert!(!html.contains("<script") && !html.contains("<i>") && !html.contains("</title><b>"));
+    assert!(html.contains("&lt;script&gt;29 &amp; ' it") && html.contains("&lt;i&gt;held &amp; out.csv"));
+    assert!(html.contains("Shown are the 24 largest errors of 30 targets."), "figures have room for so many");
+}
+
+/// Where a browser is.
+fn chromium() -> Option<PathBuf> {
+    let paths = std::env::var_os("PATH")?;
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    std::env::split_paths(&paths).flat_map(|path| names.map(|name| path.join(name))).find(|path| path.is_file())
+}
+
+/// Opens a page in a frame of a width and tells what the browser made of it: whether its content fits, and how many figures have a size.
+fn opened(browser: &Path, folder: &Path, name: &str, width: u32) -> String {
+    let frame = format!(
+        "<!DOCTYPE html><title>waiting</title><iframe id=\"page\" src=\"{name}\" width=\"{width}\" height=\"900\"></iframe><script>\
+         onload = () => {{ const page = document.getElementById('page').contentDocument; \
+         const figures = [...page.querySelectorAll('svg')].filter(svg => svg.checkVisibility()); \
+         const sized = figures.filter(svg => {{ const box = svg.getBoundingClientRect(); return box.width > 200 && box.height > 20 && box.right <= {width}; }}); \
+         document.title = `${{page.documentElement.scrollWidth <= page.documentElement.clientWidth ? 'fits' : 'overflows'}} figures ${{sized.length}} of ${{figures.length}} sections ${{page.querySelectorAll('h2').length}}`; }}\
+         </script>"
+    );
+    fs::write(folder.join("frame.html"), frame).expect("a file");
+    let profile = tempfile::tempdir().expect("a folder");
+    let output = Command::new(browser)
+        .args([
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--allow-file-access-from-files",
+            "--virtual-time-budget=5000",
+        ])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg("--dump-dom")
+        .arg(format!("file://{}", folder.join("frame.html").display()))
+        .output()
+        .expect("the browser runs");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let title = text.split("<title>").nth(1).and_then(|rest| rest.split("</title>").next());
+    title.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&output.stderr))).to_owned()
+}
+
+#[test]
+fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
+    let Some(browser) = chromium() else {
+        eprintln!("no Chromium is installed: pages were not opened");
+        return;
+    };
+    let folder = models(1200);
+    fleetfoot(folder.path(), &["report", "model.json", "held-out.csv", "--horizon", "40"]).ok();
+    // Four figures stand unfolded.
+    for width in [375, 1440] {
+        let told = opened(&browser, folder.path(), "report.html", width);
+        assert!(told.starts_with("fits figures") && told.ends_with("sections 6"), "{width}: {told}");
+        let words: Vec<&str> = told.split(' ').collect();
+        assert!(words[2] == words[4] && words[2].parse::<usize>().is_ok_and(|figures| figures >= 4), "{told}");
+    }
+}
