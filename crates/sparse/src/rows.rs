@@ -1,10 +1,11 @@
 //! Problems from dense rows: for small data, and for tests.
 
 use faer::MatRef;
+use fleetfoot_stats::householder::reduce_columns;
 
 use crate::{
     SparseError,
-    kernel::{Slab, add_scaled, dot, norm},
+    kernel::{Slab, norm},
     quadratic::{Means, Quadratic},
 };
 
@@ -73,43 +74,23 @@ impl Quadratic {
 /// Columns are scaled to unit length on the way: their squares cannot overflow.
 pub(crate) fn compress(rows: &mut Slab, z: &mut Vec<f64>) -> f64 {
     let (m, p) = (rows.rows(), rows.columns());
-    let scale: Vec<f64> = (0..p).map(|j| norm(rows.column(j).iter().copied())).collect();
-    let target = norm(z.iter().copied());
-    let divide = |values: &mut [f64], by: f64| {
-        if by > 0.0 {
-            values.iter_mut().for_each(|value| *value /= by);
+    let unit = |values: &mut [f64]| {
+        let length = norm(&*values);
+        if length > 0.0 {
+            values.iter_mut().for_each(|value| *value /= length);
         }
+        length
     };
-    (0..p).for_each(|j| divide(rows.column_mut(j), scale[j]));
-    divide(z, target);
-    let mut triangle = Slab::zeros(p, p);
-    for k in 0..p {
-        triangle.column_mut(k)[..k].copy_from_slice(&rows.column(k)[..k]);
-        let mut u = rows.column(k).to_vec();
-        u[..k].fill(0.0);
-        let length = norm(u.iter().copied());
-        if length == 0.0 {
-            continue;
-        }
-        // Reflector I - u u' / (u'u / 2), divided through by its first entry.
-        let alpha = u[k];
-        let first = alpha + length.copysign(alpha);
-        u[k] = first;
-        u.iter_mut().for_each(|value| *value /= first);
-        let beta = 2.0 / dot(&u, &u);
-        triangle.column_mut(k)[k] = -length.copysign(alpha);
-        for j in k + 1..p {
-            let step = -beta * dot(&u, rows.column(j));
-            add_scaled(step, &u, rows.column_mut(j));
-        }
-        let step = -beta * dot(&u, z);
-        add_scaled(step, &u, z);
-    }
-    let beyond = target * norm(z[p..m].iter().copied());
-    z.truncate(p);
+    let scale: Vec<f64> = (0..p).map(|j| unit(rows.column_mut(j))).collect();
+    let target = unit(z.as_mut_slice());
+    rows.push(z);
+    reduce_columns(rows, &vec![m.saturating_sub(1); p]);
+    let reduced = rows.column(p);
+    let beyond = target * norm(&reduced[p..m]);
+    let triangle = Slab::from_fn(p, p, |i, j| if i <= j { rows.column(j)[i] * scale[j] } else { 0.0 });
+    z.clear();
+    z.extend(reduced[..p].iter().map(|value| value * target));
     z.resize(triangle.stride(), 0.0);
-    z.iter_mut().for_each(|value| *value *= target);
-    (0..p).for_each(|j| triangle.column_mut(j).iter_mut().for_each(|value| *value *= scale[j]));
     *rows = triangle;
     beyond
 }

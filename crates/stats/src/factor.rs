@@ -4,8 +4,8 @@ use faer::{Mat, MatRef};
 
 use crate::{
     SquareRoot,
-    householder::{fold_rows, norm},
-    kernel::Slab,
+    householder::fold_rows,
+    kernel::{Slab, norm},
     square_root::{noise_level, sum_of_squares},
 };
 

@@ -37,6 +37,7 @@ pub use reduce::{TILE_ROWS, reduce};
 
 // numerics
 mod batch_means;
+mod cholesky;
 mod compressed;
 mod errors;
 mod factor;
@@ -57,6 +58,7 @@ mod svd;
 mod tile;
 mod triangle;
 pub use batch_means::BatchMeans;
+pub use cholesky::PivotedCholesky;
 pub use compressed::Compressed;
 pub use errors::{ErrorSum, ErrorSums, explained_share};
 pub use factor::Factor;

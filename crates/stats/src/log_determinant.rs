@@ -1,8 +1,6 @@
 //! How much a set of rows tells about an affine model: the log-determinant of its regressors' Gram matrix (D-optimality).
 
-use fleetfoot_data::{packed, packed_row};
-
-use crate::Gram;
+use crate::{Gram, PivotedCholesky};
 
 /// Share of a column's variance that the columns before it must leave unexplained for it to count as independent.
 const LEAST_PIVOT: f64 = 1e-12;
@@ -31,35 +29,12 @@ impl Gram {
         let deviation: Vec<f64> = (0..d).map(|j| (self.get(j, j) / self.weight).max(0.0).sqrt()).collect();
         // NaN compares false: such a column is dependent too.
         let moves = |j: usize| deviation[j] > ROUNDING * self.mean[j].abs() && deviation[j].is_finite();
-        let (mut left, mut dependent): (Vec<usize>, Vec<usize>) = (0..d).partition(|&j| moves(j));
-        let mut residual = vec![0.0; packed_row(d)];
-        for &i in &left {
-            for &j in left.iter().filter(|&&j| j <= i) {
-                residual[packed_row(i) + j] = self.get(i, j) / self.weight / (deviation[i] * deviation[j]);
-            }
-        }
-        let at = packed;
-        let mut value: f64 = left.iter().map(|&j| 2.0 * deviation[j].ln()).sum();
-        while let Some(position) = (0..left.len()).max_by(|&a, &b| {
-            let diagonal = |k: usize| residual[at(left[k], left[k])];
-            // Of equal pivots the first column's.
-            diagonal(a).total_cmp(&diagonal(b)).then(b.cmp(&a))
-        }) {
-            let pivot_column = left.remove(position);
-            let pivot = residual[at(pivot_column, pivot_column)];
-            if pivot.is_nan() || pivot <= LEAST_PIVOT {
-                dependent.push(pivot_column);
-                dependent.append(&mut left);
-                break;
-            }
-            value += pivot.ln();
-            for &i in &left {
-                for &j in left.iter().filter(|&&j| j <= i) {
-                    residual[at(i, j)] -= residual[at(i, pivot_column)] * residual[at(j, pivot_column)] / pivot;
-                }
-            }
-        }
-        dependent.sort_unstable();
+        let floor: Vec<f64> =
+            (0..d).map(|j| if moves(j) { LEAST_PIVOT * self.get(j, j) } else { f64::INFINITY }).collect();
+        let cholesky = PivotedCholesky::new(d, d, |i, j| self.get(i, j), &floor);
+        let pivot = |(row, &column): (usize, &usize)| cholesky.factor.column(column)[row].powi(2) / self.weight;
+        let value: f64 = cholesky.order.iter().enumerate().map(|pivot_of| pivot(pivot_of).ln()).sum();
+        let dependent: Vec<usize> = (0..d).filter(|j| !cholesky.order.contains(j)).collect();
         LogDeterminant { value: if dependent.is_empty() { value } else { f64::NEG_INFINITY }, dependent }
     }
 }

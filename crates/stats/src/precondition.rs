@@ -11,8 +11,8 @@ use faer::{
 use fleetfoot_data::packed_row;
 
 use crate::{
-    householder::{fold_rows, norm},
-    kernel::Slab,
+    householder::fold_rows,
+    kernel::{Slab, norm},
     separation::{Separation, separate},
     square_root::noise_level,
     triangle::{PANEL, Triangle},

@@ -2,7 +2,10 @@
 
 use faer::Mat;
 
-use crate::householder::{Pivoted, condition, norm, pivoted_qr, solve_upper};
+use crate::{
+    householder::{Pivoted, condition, pivoted_qr, solve_upper},
+    kernel::norm,
+};
 
 /// A triangle factored by column-pivoted QR in units of its columns' noise.
 pub(crate) struct Separation {

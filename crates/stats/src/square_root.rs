@@ -3,9 +3,9 @@
 use faer::{Mat, MatRef};
 
 use crate::{
-    Gram, Preconditioner,
-    householder::{condition, fold_rows, norm},
-    kernel::Slab,
+    Gram, PivotedCholesky, Preconditioner,
+    householder::{condition, fold_rows},
+    kernel::{Slab, norm},
 };
 
 /// Rounding of a column of an R factor of p columns, relative to the size of the numbers it was made from.
@@ -72,7 +72,13 @@ impl Preconditioner {
             let centre = self.centre()[self.order()[k]].abs() * weight.sqrt();
             noise_level(p) * (made_from[k] + centre) / self.column(k)[k].abs()
         };
-        let cholesky = pivoted_cholesky(gram, p, floor);
+        let rounding = 8.0 * (p as f64) * f64::EPSILON;
+        let floor: Vec<f64> =
+            (0..p).map(|k| (rounding * gram.get(k, k)).max(floor(k).powi(2)).max(f64::MIN_POSITIVE)).collect();
+        let cholesky = PivotedCholesky::new(p, p + q, |i, j| gram.get(i, j), &floor);
+        let (order, rank) = (&cholesky.order, cholesky.rank());
+        let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { cholesky.factor.column(order[j])[i] } else { 0.0 });
+        let condition = condition(&triangle, rank);
 
         let factor = self.raw_factor(&cholesky);
         let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
@@ -85,16 +91,16 @@ impl Preconditioner {
         let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
         let residual = (0..q).map(|t| {
             let size = self.column(p + t)[p + t];
-            cholesky.left[t].max(0.0) * size * size
+            cholesky.left[p + t].max(0.0) * size * size
         });
         // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
-        let leak = if cholesky.rank < p { cholesky.condition } else { 1.0 };
+        let leak = if rank < p { condition } else { 1.0 };
         SquareRoot::assemble(
             (gram.rows, weight),
             (mean_x, mean_y),
             factor,
             residual.collect(),
-            cholesky.condition * cholesky.condition,
+            condition * condition,
             noise_level(p) * leak,
             magnitude,
         )
@@ -103,9 +109,9 @@ impl Preconditioner {
 
 impl Preconditioner {
     /// `[R z]` in raw units: the Cholesky factor times `[T B; 0 diag(s)]`, made triangular.
-    fn raw_factor(&self, cholesky: &Cholesky) -> Mat<f64> {
+    fn raw_factor(&self, cholesky: &PivotedCholesky) -> Mat<f64> {
         let (p, q) = (self.regressors(), self.targets());
-        let part = |i: usize| &cholesky.factor.col_as_slice(i)[..cholesky.rank];
+        let part = |i: usize| &cholesky.factor.column(i)[..cholesky.rank()];
         let mut stack = Slab::zeros(p, p + q);
         for k in 0..p + q {
             // Only the targets' own diagonal stands below row p.
@@ -214,60 +220,4 @@ impl SquareRoot {
 
 pub(crate) fn sum_of_squares(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum()
-}
-
-/// A pivoted Cholesky factor of the first p columns of a Gram matrix.
-struct Cholesky {
-    rank: usize,
-    /// `rank` rows of `[C C^-T G_xy]` (p x (p + q), only the first `rank` rows count): `C'C` is the Gram matrix up to rounding. Columns in
-    /// their own order: C is triangular in pivot order only.
-    factor: Mat<f64>,
-    /// Diagonal of what the factor leaves of the Gram matrix of the targets (q).
-    left: Vec<f64>,
-    /// Condition number of the kept columns of C, scaled to unit length.
-    condition: f64,
-}
-
-/// Cholesky with diagonal pivoting (Higham 2002, section 10.3) of the Gram matrix scaled to unit diagonal. Column k is set aside when what
-/// remains of it is below `8 p eps` of its diagonal, or when its length is below `floor(k)`.
-fn pivoted_cholesky(gram: &Gram, p: usize, floor: impl Fn(usize) -> f64) -> Cholesky {
-    let d = gram.dimension();
-    let tolerance = 8.0 * (p as f64) * f64::EPSILON;
-    let diagonal: Vec<f64> = (0..d).map(|k| gram.get(k, k)).collect();
-    let least: Vec<f64> =
-        (0..p).map(|k| (tolerance * diagonal[k]).max(floor(k).powi(2)).max(f64::MIN_POSITIVE)).collect();
-    let mut left = diagonal.clone();
-    let mut factor = Mat::<f64>::zeros(p, d);
-    let mut order: Vec<usize> = Vec::with_capacity(p);
-    let mut open: Vec<usize> = (0..p).collect();
-    while !open.is_empty() {
-        let share = |k: usize| {
-            if left[k] > least[k] { left[k] / diagonal[k] } else { 0.0 }
-        };
-        let mut best = 0;
-        for at in 1..open.len() {
-            if share(open[at]) > share(open[best]) {
-                best = at;
-            }
-        }
-        if share(open[best]) <= 0.0 {
-            break;
-        }
-        let pivot = open.remove(best);
-        let row = order.len();
-        let root = left[pivot].sqrt();
-        let pivot_column: Vec<f64> = factor.col_as_slice(pivot)[..row].to_vec();
-        for j in open.iter().copied().chain(p..d) {
-            let column = factor.col_as_slice_mut(j);
-            let known: f64 = pivot_column.iter().zip(&*column).map(|(a, b)| a * b).sum();
-            let entry = (gram.get(pivot, j) - known) / root;
-            column[row] = entry;
-            left[j] -= entry * entry;
-        }
-        factor[(row, pivot)] = root;
-        order.push(pivot);
-    }
-    let rank = order.len();
-    let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { factor[(i, order[j])] } else { 0.0 });
-    Cholesky { rank, condition: condition(&triangle, rank), factor, left: left.split_off(p) }
 }

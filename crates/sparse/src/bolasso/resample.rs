@@ -2,6 +2,7 @@
 
 use faer::{Accum, Mat, Par, linalg::matmul::matmul};
 use fleetfoot_data::{packed, packed_row};
+use fleetfoot_stats::PivotedCholesky;
 
 use crate::{
     Penalty, Quadratic, Sign, Solution, SparseError,
@@ -93,8 +94,11 @@ impl<'a> Frame<'a> {
         if !sums.products[packed_row(p)..].iter().all(|value| value.is_finite()) {
             return Err(SparseError::TargetNotFinite);
         }
-        let cholesky = Cholesky::new(sums.products, p);
-        let m = cholesky.rank;
+        let entry = |i: usize, j: usize| sums.products[packed(i, j)];
+        let rounding = 8.0 * (p + 1) as f64 * f64::EPSILON;
+        let floor: Vec<f64> = (0..p).map(|j| (rounding * entry(j, j)).max(f64::MIN_POSITIVE)).collect();
+        let cholesky = PivotedCholesky::new(p, p + 1, entry, &floor);
+        let m = cholesky.rank();
         let mut raw = Mat::zeros(m, p + 1);
         let factor = cholesky.factor.as_mat().subrows(0, m);
         matmul(raw.as_mut(), Accum::Replace, factor, self.triangle.as_ref(), 1.0, Par::Seq);
@@ -116,11 +120,14 @@ impl<'a> Frame<'a> {
                 z[m + i] = (0..p).map(|j| gamma(j) * tikhonov.prior[j]).sum();
             }
         }
-        let beyond = cholesky.left.max(0.0).sqrt() * self.triangle[(p, p)].abs() * self.size;
+        let beyond = cholesky.left[p].max(0.0).sqrt() * self.triangle[(p, p)].abs() * self.size;
         let size = norm(z.iter().copied().chain([beyond]));
         let more = if rows.rows() > p { compress(&mut rows, &mut z) } else { 0.0 };
         z.truncate(rows.rows());
-        let noise = (0..p).map(|j| cholesky.noise * self.made_from(sums.products, j) * unit[j]).collect();
+        // What was lost in weak directions leaks into those that are set aside.
+        let leak = if m < p { cholesky.least.sqrt().recip() } else { 1.0 };
+        let level = 16.0 * f64::EPSILON * ((p + 1) as f64).sqrt() * leak;
+        let noise = (0..p).map(|j| level * self.made_from(sums.products, j) * unit[j]).collect();
         Ok(Quadratic::of_compressed(sums.weight, None, rows, z, beyond.hypot(more), (size, 0.0), noise))
     }
 
@@ -165,54 +172,6 @@ impl<'a> Frame<'a> {
 pub(crate) fn descend(problem: &Quadratic, penalty: &Penalty, lambda: f64) -> Result<Solution, SparseError> {
     let found = coordinate_descent(problem, penalty, &[lambda], &CoordinateOptions::default())?;
     found.into_iter().next().ok_or(SparseError::NoRows)
-}
-
-/// A Cholesky factor with diagonal pivoting of the first p columns of packed products, scaled to unit diagonal for the choice of pivots.
-struct Cholesky {
-    rank: usize,
-    /// `rank` rows of the factor, columns in their own order (p x (p + 1)): not triangular.
-    factor: Slab,
-    /// What the factor leaves of the target's square.
-    left: f64,
-    /// Relative rounding of the columns.
-    noise: f64,
-}
-
-impl Cholesky {
-    fn new(products: &[f64], p: usize) -> Self {
-        let get = |i: usize, j: usize| products[packed(i, j)];
-        let tolerance = 8.0 * (p + 1) as f64 * f64::EPSILON;
-        let inverse: Vec<f64> = (0..p).map(|j| get(j, j).max(f64::MIN_POSITIVE).recip()).collect();
-        let mut left: Vec<f64> = (0..=p).map(|j| get(j, j)).collect();
-        let mut open: Vec<usize> = (0..p).filter(|&j| left[j] > f64::MIN_POSITIVE).collect();
-        let mut factor = Slab::zeros(p, p + 1);
-        let (mut known, mut pivot_column) = (vec![0.0; p + 1], vec![0.0; factor.stride()]);
-        let (mut rank, mut least) = (0, 1.0_f64);
-        while let Some(at) = (0..open.len()).reduce(|best, at| {
-            let share = |at: usize| left[open[at]] * inverse[open[at]];
-            if share(at) > share(best) { at } else { best }
-        }) {
-            let share = left[open[at]] * inverse[open[at]];
-            if share <= tolerance {
-                break;
-            }
-            least = least.min(share);
-            let pivot = open.swap_remove(at);
-            let root = left[pivot].sqrt();
-            pivot_column.copy_from_slice(factor.column(pivot));
-            factor.products(&pivot_column, &mut known);
-            for &j in open.iter().chain([&p]) {
-                let entry = (get(pivot, j) - known[j]) / root;
-                factor.column_mut(j)[rank] = entry;
-                left[j] -= entry * entry;
-            }
-            factor.column_mut(pivot)[rank] = root;
-            rank += 1;
-        }
-        // What was lost in weak directions leaks into those that are set aside.
-        let leak = if rank < p { least.sqrt().recip() } else { 1.0 };
-        Self { rank, factor, left: left[p], noise: 16.0 * f64::EPSILON * ((p + 1) as f64).sqrt() * leak }
-    }
 }
 
 /// Solves `X T = B` for columns in place, T upper triangular: substitution row by row of X, which is backward stable.

@@ -1,6 +1,6 @@
 //! Forward regression by orthogonal least squares, with error reduction ratios.
 
-use fleetfoot_stats::Compressed;
+use fleetfoot_stats::{Compressed, householder::reflector};
 
 use super::{
     Scaling, Status, Step, Terms, ThresholdError, Trail,
@@ -9,7 +9,7 @@ use super::{
     prepared::{Prepared, Solved},
     triangle::Triangle,
 };
-use crate::kernel::{Slab, norm};
+use crate::kernel::{LANES, Slab, add_scaled, dot};
 
 /// Forward regression by orthogonal least squares (Billings, Chen and Korenberg 1989; Billings 2013, chapter 3): one term after the other, always the one
 /// with the largest error reduction ratio, `ERR_j = (w_j'y)^2 / (w_j'w_j y'y)`, w_j what column j has beyond the terms that are in.
@@ -220,19 +220,18 @@ fn reduction(w: &[f64], z: &[f64], noise: f64) -> Option<f64> {
 
 /// Reflects the rows from k on so that the column at `place` ends at row k.
 fn reflect(work: &mut Slab, place: usize, others: &[usize], z: &mut [f64], k: usize, p: usize) {
-    let mut v = work.column(place)[k..p].to_vec();
-    let length = norm(v.iter().copied());
-    let first = v[0] + length.copysign(v[0]);
+    let mut v = vec![0.0; work.stride()];
+    v[k..p].copy_from_slice(&work.column(place)[k..p]);
+    let Some((diagonal, beta)) = reflector(&mut v[k..p]) else { return };
     let column = work.column_mut(place);
     column[k..p].fill(0.0);
-    column[k] = -length.copysign(v[0]);
-    v[0] = first;
-    v.iter_mut().for_each(|value| *value /= first);
-    let beta = 2.0 / v.iter().map(|value| value * value).sum::<f64>();
-    let turn = |x: &mut [f64]| {
-        let step = beta * v.iter().zip(&*x).map(|(v, x)| v * x).sum::<f64>();
-        x.iter_mut().zip(&v).for_each(|(x, v)| *x -= step * v);
-    };
-    others.iter().for_each(|&other| turn(&mut work.column_mut(other)[k..p]));
-    turn(&mut z[k..]);
+    column[k] = diagonal;
+    let from = k / LANES * LANES;
+    for &other in others {
+        let x = &mut work.column_mut(other)[from..];
+        let step = beta * dot(&v[from..], x);
+        add_scaled(-step, &v[from..], x);
+    }
+    let step = beta * v[k..p].iter().zip(&z[k..]).map(|(v, z)| v * z).sum::<f64>();
+    z[k..].iter_mut().zip(&v[k..p]).for_each(|(z, v)| *z -= step * v);
 }
