@@ -11,6 +11,9 @@ use super::{
 };
 use crate::kernel::{LANES, Slab, add_scaled, dot};
 
+/// Candidates whose reductions differ by a smaller share reduce alike, as `s` and `s^3` of a sign do: the first one is taken, the simpler one of a library.
+const TIE: f64 = 1e-9;
+
 /// Forward regression by orthogonal least squares (Billings, Chen and Korenberg 1989; Billings 2013, chapter 3): one term after the other, always the one
 /// with the largest error reduction ratio, `ERR_j = (w_j'y)^2 / (w_j'w_j y'y)`, w_j what column j has beyond the terms that are in.
 ///
@@ -153,7 +156,7 @@ impl Entered {
                     continue;
                 }
                 let ratio = reduction(&work.column(places[at])[k..p], &z[k..], problem.noise[j]);
-                if let Some(ratio) = ratio.filter(|&ratio| best.is_none_or(|(_, most)| ratio > most)) {
+                if let Some(ratio) = ratio.filter(|&ratio| best.is_none_or(|(_, most)| ratio > most * (1.0 + TIE))) {
                     best = Some((at, ratio));
                 }
                 if fixed && best.is_some() {

@@ -79,6 +79,23 @@ fn every_model_is_certified_and_its_error_is_that_of_the_rows() {
     }
 }
 
+/// A sign and its cube, in units of their own: which of the two is a bit better is rounding, and the library's first is taken.
+#[test]
+fn of_terms_that_say_the_same_the_first_is_taken() {
+    for seed in 0..40 {
+        let mut data = rows(seed, 150, 5, 1, 0.1);
+        let unit = 1.0 + noise(seed).abs();
+        for i in 0..150 {
+            let sign = data[(i, 0)].signum();
+            (data[(i, 1)], data[(i, 4)]) = (sign, unit * sign);
+            data[(i, 5)] += 3.0 * sign;
+        }
+        let frols = Frols { max_terms: 4, choice: FrolsChoice::Last, ..Frols::default() };
+        let trail = optimize(&compressed(&data, 1, true), 0, &Optimizer::Frols(frols), &Terms::all()).expect("models");
+        assert!(trail.order[0] == 2 && !trail.order.contains(&5), "{seed}: {:?}", trail.order);
+    }
+}
+
 #[test]
 fn reduction_ratios_are_the_errors_that_fall_and_the_rest_can_end_the_model() {
     let data = rows(5, 300, 9, 1, 0.2);
