@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 17] = [
+const ARROWS: [(&str, &[&str]); 19] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -21,10 +21,20 @@ const ARROWS: [(&str, &[&str]); 17] = [
     // Of logs and models it knows nothing.
     ("fleetfoot-report", &["features"]),
     (
+        "fleetfoot-identify",
+        &[
+            "data", "library", "stats", "model", "dynamics", "signal", "log", "pwa", "sparse", "estimate", "report",
+        ],
+    ),
+    (
+        "fleetfoot-synth",
+        &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim", "identify"],
+    ),
+    (
         "fleetfoot",
         &[
             "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "pwa", "sparse", "estimate",
-            "sim", "report",
+            "sim", "report", "identify", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

@@ -2,8 +2,7 @@
 
 use fleetfoot::{
     RolledOut,
-    demo::{Reign, reigns},
-    dynamics::{Baseline, Estimate, Horizon},
+    dynamics::{Baseline, Estimate, Horizon, Reign, reigns},
     interval_in_words,
 };
 use serde_json::json;

@@ -3,6 +3,7 @@
 //! A [`World`] has every physical parameter of a robot; a [`Job`] says how many runs of it, how long, and where to. The same world, seed
 //! and length give the same bytes on any number of threads, and a run does not depend on how many others there are.
 
+pub mod demo;
 mod excitation_report;
 mod mcap_sink;
 mod names;
@@ -30,7 +31,7 @@ pub use plan::{Plan, PlannedTopic, plan};
 pub use seeds::run_seed;
 pub use world::{World, robots};
 
-use crate::{
+use fleetfoot_identify::{
     Error,
     folder::{Folder, RECIPE},
     starter_recipe,

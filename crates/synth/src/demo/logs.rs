@@ -6,10 +6,9 @@ use fleetfoot_data::Progress;
 use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_sim::HexapodTreadmill;
 
-use crate::{
-    Error,
-    generate::{Generated, Job, World, generate},
-};
+use fleetfoot_identify::Error;
+
+use crate::{Generated, Job, World, generate};
 
 /// Runs to fit on, and as many to score on: one at each speed of the belt, 0.05 m/s apart. Fewer than the folds of cross-validation, so that these cut
 /// every run into spans: a gait that exists at one speed only is not held out as a whole.

@@ -9,7 +9,7 @@ use fleetfoot_message::write::{
 };
 use fleetfoot_sim::{Kind, Reading, SinkError, Stamps, Topic};
 
-use crate::Error;
+use fleetfoot_identify::Error;
 
 /// What the orientation's covariance begins with in an [`Imu`] that measures none.
 const NOT_MEASURED: f64 = -1.0;

@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 use fleetfoot_data::Column;
 
 use super::{Format, parquet_sink::TIME, world_file::comment};
-use crate::{Error, Recipe};
+use fleetfoot_identify::{Error, Recipe};
 
 /// What is known of a state.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@ use fleetfoot_data::Progress;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role, Training};
 
-use crate::{Dataset, Error, Recipe};
+use fleetfoot_identify::{Dataset, Error, Recipe};
 
 /// A column of the logs by an expression over the names of a recipe.
 pub(super) fn column(recipe: &Recipe, name: &str, text: &str, unit: &str, angle: bool) -> Result<Column, Error> {

@@ -271,7 +271,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
             let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs().max(1e-3));
             assert!(close(&one.covariance, &other.covariance) && close(&one.mean, &other.mean));
             assert!(close(&one.residual_covariance, &other.residual_covariance), "{} {region}", a.method);
-            let of = |model: &crate::Model| model.latents[0].coefficients[region].clone();
+            let of = |model: &fleetfoot_model::Model| model.latents[0].coefficients[region].clone();
             assert!(close(&of(a), &of(b)), "{} {region}: {:?} {:?}", a.method, of(a), of(b));
         }
         assert_eq!((&a.training.recipe, a.training.rows), (&b.training.recipe, b.training.rows));

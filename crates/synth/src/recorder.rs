@@ -12,7 +12,7 @@ use super::{
     mcap_sink::McapSink,
     parquet_sink::ParquetSink,
 };
-use crate::Error;
+use fleetfoot_identify::Error;
 
 /// Topics of the truth begin like this.
 const TRUTH: &str = "/truth";

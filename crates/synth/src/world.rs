@@ -9,7 +9,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use toml::{Table, Value};
 
 use super::{recipes::RecipeParts, robots::ROBOTS, world_file};
-use crate::Error;
+use fleetfoot_identify::Error;
 
 /// Keys of a log's metadata.
 pub(super) const SCENARIO: &str = "fleetfoot.scenario";

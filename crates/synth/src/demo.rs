@@ -4,10 +4,8 @@
 mod drive;
 mod gait;
 mod logs;
-mod reign;
 mod view;
 
 pub use drive::differential_drive;
 pub use gait::{Gait, PHASE_BINS, gaits, phase_of};
 pub use logs::{DemoLogs, generate_logs};
-pub use reign::{Reign, reigns};

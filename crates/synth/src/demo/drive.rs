@@ -10,7 +10,7 @@ use fleetfoot_model::{Equation, Model, Prediction};
 use fleetfoot_pwa::{Options, Problem};
 
 use super::view;
-use crate::{Error, Recipe};
+use fleetfoot_identify::{Error, Recipe};
 
 /// The model, with mean and covariance of what it predicts from these logs: its score is `D_M(X_D - X_D^, Sigma_XD)`. The recipe names the hexapod's
 /// truth. The speed is that over the belt.

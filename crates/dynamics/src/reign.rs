@@ -1,7 +1,7 @@
 //! Which of several models is the best at which horizon (Fig. 8 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
 //! Models for a Running Robot": the Pareto frontier).
 
-use fleetfoot_dynamics::Estimate;
+use fleetfoot_stats::Estimate;
 
 /// Steps at which one model has the lowest score.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use fleetfoot_sim::{
 };
 use fleetfoot_stats::{Gram, RowGram};
 
-use crate::{Kind, Recipe};
+use fleetfoot_identify::{Kind, Recipe};
 
 /// What the rows of a run, or of all runs, could tell an affine model of the robot.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,14 +1,14 @@
 //! Simulations: their error against the horizon, for all models (Fig. 8 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise
 //! Affine Models for a Running Robot").
 
-use fleetfoot_dynamics::{Estimate, Horizon};
+use fleetfoot_dynamics::{Estimate, Horizon, reigns};
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Light, Lines, Part, Section, Sentence, Series, Stroke, Table,
     words::{count, number, seconds},
 };
 
 use super::{Judged, verdict::sentence};
-use crate::{demo::reigns, interval_in_words, spans_in_words};
+use crate::{interval_in_words, spans_in_words};
 
 /// Steps that are drawn: more cannot be told apart on a page.
 const POINTS: usize = 120;

@@ -6,11 +6,10 @@ use fleetfoot_data::{Halo, MemorySource, Silent, Source};
 use fleetfoot_library::{Expr, Scope, View, central_difference};
 use fleetfoot_sim::{End, Run, Scenario};
 
-use super::{super::robots::ROBOTS, Rows};
-use crate::{
-    Dataset, Recipe,
-    generate::{Format, Job, World, generate, recipes::Details, run_seed},
-};
+use super::Rows;
+use fleetfoot_identify::{Dataset, Recipe};
+
+use crate::{Format, Job, World, generate, recipes::Details, robots::ROBOTS, run_seed};
 
 /// The world of a robot, without the seconds before the log begins, and the length of a short run.
 fn short(robot: &str) -> (World, f64) {

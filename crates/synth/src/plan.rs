@@ -12,7 +12,7 @@ use super::{
     recorder::{Output, Recorder, Seconds, keeps},
     run_seed,
 };
-use crate::{Error, folder::Folder};
+use fleetfoot_identify::{Error, folder::Folder};
 
 /// Rows of the short run, about.
 const SAMPLE_ROWS: f64 = 4000.0;

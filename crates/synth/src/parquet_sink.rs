@@ -5,7 +5,7 @@ use std::path::Path;
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
-use crate::Error;
+use fleetfoot_identify::Error;
 
 /// The column of the stamps.
 pub(super) const TIME: &str = "t";

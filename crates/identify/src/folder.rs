@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use crate::Error;
 
 /// The recipe's name.
-pub(crate) const RECIPE: &str = "robot.toml";
+pub const RECIPE: &str = "robot.toml";
 
 /// The beginning of the name of a hidden folder that files are made in.
 const STAGING: &str = ".generating-";
@@ -20,7 +20,7 @@ const STAGING: &str = ".generating-";
 const LOCK: &str = ".generating.lock";
 
 /// A folder under construction: files are made in a hidden folder inside of it, and moved out by [`Folder::commit`]. One command at a time works on it.
-pub(crate) struct Folder {
+pub struct Folder {
     target: PathBuf,
     staging: TempDir,
     /// Files of an earlier command, that this one replaces.
@@ -37,7 +37,7 @@ impl Folder {
     /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have names of the command's `own`
     /// are replaced by the new ones, all of them, and what killed commands have left is removed; any other recording is refused still. A folder
     /// that another command is working on; one of the `inputs` among what would be replaced.
-    pub(crate) fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
+    pub fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         fs::create_dir_all(target).map_err(|source| error(target, source))?;
         let lock = WriteLock::take(target.join(LOCK), target)?;
@@ -56,7 +56,7 @@ impl Folder {
     }
 
     /// What a person should know of the folder.
-    pub(crate) fn notes(&self) -> Vec<String> {
+    pub fn notes(&self) -> Vec<String> {
         let told = |left: &PathBuf| {
             format!("{} is what a killed command has left: remove it, or give --force", left.display())
         };
@@ -67,7 +67,7 @@ impl Folder {
     ///
     /// # Errors
     /// Those of [`Folder::create`], and a folder that cannot be listed. A folder that is not there is none.
-    pub(crate) fn check(target: &Path, force: bool, is_own: fn(&str) -> bool) -> Result<Vec<PathBuf>, Error> {
+    pub fn check(target: &Path, force: bool, is_own: fn(&str) -> bool) -> Result<Vec<PathBuf>, Error> {
         let error = |source: io::Error| Error::Write { path: target.to_owned(), source };
         let entries = match fs::read_dir(target) {
             Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -102,17 +102,17 @@ impl Folder {
     }
 
     /// Where a file is made.
-    pub(crate) fn staged(&self, name: &str) -> PathBuf {
+    pub fn staged(&self, name: &str) -> PathBuf {
         self.staging.path().join(name)
     }
 
     /// Where a file will be.
-    pub(crate) fn target(&self, name: &str) -> PathBuf {
+    pub fn target(&self, name: &str) -> PathBuf {
         self.target.join(name)
     }
 
     /// Moves the files of these names out, and removes those of an earlier command.
-    pub(crate) fn commit(self, names: &[String]) -> Result<(), Error> {
+    pub fn commit(self, names: &[String]) -> Result<(), Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         for name in names {
             let target = self.target(name);

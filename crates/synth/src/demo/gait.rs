@@ -11,7 +11,7 @@ use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_stats::{Grid, Moments, reduce};
 
 use super::view;
-use crate::{Error, Recipe};
+use fleetfoot_identify::{Error, Recipe};
 
 /// Bins of the leg phase.
 pub const PHASE_BINS: usize = 24;

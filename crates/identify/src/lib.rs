@@ -1,0 +1,104 @@
+//! From recipe to model: the problem that a recipe and its logs are, and the pipelines of every method. No numerics.
+//!
+//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. Every method has a request (what is asked), a
+//! plan (what it would cost), a fit and a report: [`fit_pwa`], [`fit_sparse`], [`fit_sindy`], [`fit_narx`]. [`statistic`] scans logs to the file from
+//! which fits need no logs; [`prepare`] cleans raw channels; [`score`], [`predict`] and [`rollout`] run a model on files, and [`report()`] draws
+//! what it is worth.
+//!
+//! ```
+//! use fleetfoot_identify::Recipe;
+//!
+//! let recipe = Recipe::parse("[states]\nT = {}\n[library]\nfunctions = [\"poly(2)\"]\n", "example")?;
+//! assert_eq!(recipe.states.len(), 1);
+//! // What a section does not know is an error that tells the place and the nearest name.
+//! let wrong = Recipe::parse("[states]\nT = {}\n[sindy]\ntreshold = 0.1\n", "example").unwrap_err();
+//! assert!(wrong.to_string().contains("threshold"), "{wrong}");
+//! # Ok::<(), fleetfoot_identify::Error>(())
+//! ```
+
+// The fuzz targets' bodies, which the tests share, call the Rust API by its name.
+#[cfg(test)]
+extern crate self as fleetfoot;
+
+mod controller;
+mod dataset;
+mod error;
+mod export;
+mod fit;
+mod fit_statistic;
+pub mod folder;
+mod folds;
+mod groups;
+mod in_words;
+mod init;
+mod json;
+mod known;
+mod labels;
+mod leak;
+mod left_out;
+mod list;
+mod logs;
+mod narx;
+mod not_finite;
+mod objective;
+mod output;
+mod period;
+pub mod prepare;
+mod project;
+mod recipe;
+mod request;
+mod result_page;
+mod rollout_choice;
+mod rows;
+mod run;
+mod sindy;
+mod sparse_fit;
+pub mod statistic;
+mod structure;
+mod task;
+mod wildcard;
+
+pub use controller::controller;
+pub use dataset::Dataset;
+pub use error::Error;
+pub use export::{Exported, engine_vectors, export};
+pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
+pub use folds::FoldRule;
+pub use groups::{GroupRule, GroupWords};
+pub use in_words::{spans_in_words, useful_in_words};
+pub use init::starter_recipe;
+pub use json::{interval_in_words, replayed_in_words};
+pub use known::{KnownModel, is_known, known_model};
+pub use list::items;
+pub use logs::Logs;
+pub use narx::{
+    Effort, FileRun, FileRuns, GivenAs, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions,
+    NarxRegion, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule,
+    TermRule, fit_narx,
+};
+pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
+pub use output::write_model;
+pub use project::{Projected, project};
+pub use recipe::{
+    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
+    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod,
+    PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection,
+    Time, Tunable, UnseenLabels,
+};
+pub use request::{Cause, RequestError};
+pub use result_page::{Report, ReportOptions, report};
+pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
+pub use rows::{ModelRows, Rows, model_rows, read_rows};
+pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
+pub use sindy::{
+    Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
+    Parameter, ParameterReport, Provenance, RegionReport, SettledDifference, SindyFitted, SindyOptimizer, SindyOptions,
+    SindyPlan, SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
+};
+pub use sparse_fit::{
+    CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, Resampled,
+    SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value,
+    fit_sparse, is_statistic, solve_statistic, write_frequencies,
+};
+pub use structure::{Moments, StructuredTask};
+pub use task::Task;
