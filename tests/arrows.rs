@@ -22,14 +22,9 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("fleetfoot-report", &["features"]),
     (
         "fleetfoot-identify",
-        &[
-            "data", "library", "stats", "model", "dynamics", "signal", "log", "pwa", "sparse", "estimate", "report",
-        ],
+        &["data", "library", "stats", "model", "dynamics", "signal", "log", "pwa", "sparse", "estimate", "report"],
     ),
-    (
-        "fleetfoot-synth",
-        &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim", "identify"],
-    ),
+    ("fleetfoot-synth", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim", "identify"]),
     (
         "fleetfoot",
         &[

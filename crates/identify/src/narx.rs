@@ -9,6 +9,7 @@ mod report;
 mod runs;
 mod select;
 mod spans;
+mod summed;
 mod task;
 mod terms;
 
@@ -21,3 +22,4 @@ pub(crate) use runs::free_runs_by_file;
 pub use runs::{FileRun, FileRuns, MeanRun};
 pub use select::NarxCandidate;
 pub(crate) use spans::Spans;
+pub(crate) use summed::{Summed, served};

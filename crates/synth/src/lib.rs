@@ -31,12 +31,12 @@ pub use plan::{Plan, PlannedTopic, plan};
 pub use seeds::run_seed;
 pub use world::{World, robots};
 
+use excitation_report::{Gathered, Terms};
 use fleetfoot_identify::{
     Error,
     folder::{Folder, RECIPE},
     starter_recipe,
 };
-use excitation_report::{Gathered, Terms};
 use names::{is_run, run_name};
 use recorder::{Output, Recorder, Seconds};
 use world::{SCENARIO, WORLD};

@@ -280,7 +280,8 @@ fn the_recipe_fits_what_it_lies_beside() {
         let recipe = Recipe::read(&made.recipe).unwrap();
         let paths = fleetfoot_log::paths([folder.path()]).unwrap();
         assert_eq!(paths.len(), 3);
-        let fitted = fleetfoot_identify::fit_pwa(&recipe, fleetfoot_identify::PwaRequest::default(), &paths, &Silent).unwrap();
+        let fitted =
+            fleetfoot_identify::fit_pwa(&recipe, fleetfoot_identify::PwaRequest::default(), &paths, &Silent).unwrap();
         assert_eq!(fitted.identification.targets, ["d(rate)/dt"]);
         assert!(fitted.identification.candidates[1].over_null[0] < 0.5);
     }

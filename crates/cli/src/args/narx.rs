@@ -9,8 +9,8 @@ use super::{List, RecipeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct FitNarx {
-    /// Files, globs or folders.
-    #[arg(required = true, value_name = "DATA")]
+    /// Files, globs or folders; or one `.stats` file, which needs no pass.
+    #[arg(required = true, value_name = "DATA|STATS")]
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,

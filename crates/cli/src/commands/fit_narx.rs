@@ -99,7 +99,7 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
             text.push_str(&format!("\n{}\n", table(&[&equation.label, "coefficient", "ERR %"], rows)));
         }
     }
-    for (name, scores) in [("training rows", Some(&report.train)), ("rows kept back", report.test.as_ref())] {
+    for (name, scores) in [("training rows", report.train.as_ref()), ("rows kept back", report.test.as_ref())] {
         if let Some(scores) = scores {
             text.push_str(&format!("\n{}\n", scores_table(name, scores)));
         }

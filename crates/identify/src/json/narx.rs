@@ -31,7 +31,7 @@ impl NarxReport {
             "order": order(&self.order), "direct": self.direct, "candidates": self.candidates, "partition": self.partition, "choice": self.choice,
             "held_out": self.held_out.as_ref().map(candidate), "linear_of_the_same_lags": self.linear().map(candidate),
             "search": self.search.as_ref().map(search), "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
-            "train": scores_json(&self.train), "test": self.test.as_ref().map(scores_json), "files": self.files.as_ref().map(FileRuns::to_json),
+            "train": self.train.as_ref().map(scores_json), "test": self.test.as_ref().map(scores_json), "files": self.files.as_ref().map(FileRuns::to_json),
             "notes": self.notes,
         });
         if let Some(refinement) = &self.refinement {

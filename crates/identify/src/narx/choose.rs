@@ -17,6 +17,7 @@ use super::{
     options::USUAL,
     select::{Choice, Job, Selection, Tried, best, best_within_one_standard_error},
     spans::Spans,
+    summed::{Evidence, folds_of_chunks},
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},
 };
@@ -58,9 +59,9 @@ impl Fit<'_> {
         };
         match (self.options.selection, self.options.order) {
             (_, OrderRule::Fixed(order)) if fixed(order) => {
-                let task = self.base.with(&[order])?;
+                let task = self.evidence.candidates(self.base, &[order])?;
                 let whole = self.scan(&task.task, None, progress)?;
-                self.check(&whole, task.task.candidates())?;
+                self.check(&whole, self.base.candidates(order))?;
                 let terms = match self.options.terms {
                     TermRule::Count(count) => Some(count),
                     _ => None,
@@ -115,8 +116,9 @@ impl Fit<'_> {
 
     /// Simulations of spans that did not train decide.
     fn by_free_runs(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
+        let source = self.evidence.rows()?;
         self.check_rows(progress)?;
-        let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
+        let (cut, folds) = Spans::folds(source, self.options.folds)?;
         let held = held(&cut, &folds, self.options.folds)?;
         let fold_of: BTreeMap<EpisodeId, usize> =
             cut.episodes().iter().zip(&folds).map(|(episode, &fold)| (episode.id, fold)).collect();
@@ -229,7 +231,7 @@ impl Fit<'_> {
         criterion: Criterion,
         progress: &dyn Progress,
     ) -> Result<Chosen, Error> {
-        let task = self.base.with(orders)?;
+        let task = self.evidence.candidates(self.base, orders)?;
         let whole = self.scan(&task.task, None, progress)?;
         self.check(&whole, task.task.candidates())?;
         let search = self.compared(&task, &whole, orders, criterion, progress)?;
@@ -273,7 +275,7 @@ impl Fit<'_> {
             Criterion::OneStandardError => OrderChoice::CrossValidation { one_standard_error: true },
         };
         let folds = match choice {
-            OrderChoice::CrossValidation { .. } => self.folds(task, progress)?,
+            OrderChoice::CrossValidation { .. } => self.folds(task, whole, progress)?,
             _ => Vec::new(),
         };
         let max_terms = match self.options.terms {
@@ -286,8 +288,12 @@ impl Fit<'_> {
         Ok(search_orders(&problem, &task.library, orders, &folds, &options, progress)?)
     }
 
-    fn folds(&self, task: &NarxTask, progress: &dyn Progress) -> Result<Vec<NarxFold>, Error> {
-        let (cut, folds) = Spans::folds(self.source, self.options.folds)?;
+    fn folds(&self, task: &NarxTask, whole: &SystemScan, progress: &dyn Progress) -> Result<Vec<NarxFold>, Error> {
+        let source = match self.evidence {
+            Evidence::Rows(source) => source,
+            Evidence::Sums(sums) => return folds_of_chunks(whole, self.options.folds, sums.order),
+        };
+        let (cut, folds) = Spans::folds(source, self.options.folds)?;
         let scan = SystemPlan::new(task.task.system(), None, &cut)?.scan(&cut, progress)?;
         let fold_of = |unit: usize| {
             let episode = cut.episodes().iter().position(|episode| episode.id == scan.units()[unit].episode);

@@ -4,7 +4,7 @@ use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
-use fleetfoot_pwa::{Problem, Specification};
+use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 
 use super::{
@@ -14,6 +14,7 @@ use super::{
     runs::free_runs_by_file,
     select::Choice,
     spans::Spans,
+    summed::{Evidence, Sums, by_single_steps},
     task::{NarxBase, one_row_ahead},
     terms::{EquationTerms, coefficients},
 };
@@ -23,7 +24,7 @@ use crate::{
     not_finite,
     objective::{coefficient, refine},
     output::refuse_not_finite,
-    sindy::coefficients_of,
+    sindy::{beneath, coefficients_of},
 };
 
 /// What is asked of a fit beside the recipe.
@@ -43,36 +44,28 @@ pub struct NarxFitted {
     pub report: NarxReport,
 }
 
-/// Fits an autoregression to files: one scan for all orders, one more a partition, and simulations.
+/// Fits an autoregression to files: one scan for all orders, one more a partition, and simulations. To their statistic: no pass, and no simulation of what
+/// trained.
 ///
 /// # Errors
-/// Those of the recipe, of reading and of partitions; too few rows, and no row to start a simulation from.
+/// Those of the recipe, of reading and of partitions; too few rows, and no row to start a simulation from; of a statistic a question that needs rows, and
+/// candidates or regions that were not summed.
 pub fn fit_narx(
     recipe: &Recipe,
     request: &NarxRequest,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<NarxFitted, Error> {
-    let mut options = NarxOptions::new(recipe)?;
-    let prepared = one_row_ahead(recipe, &options)?;
-    let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
-    let base = NarxBase::new(task, recipe)?;
-    let view = dataset.view()?;
-    let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
-    let (train, test) = Spans::split(&view, tested, options.decimate)?;
-    let step = dataset.step() * options.decimate as f64;
-    options.order = base.simulated(options.order, step)?;
-    let fit = Fit { recipe, options: &options, base: &base, source: &train, step };
-    let found = fit.run(progress);
-    let functions = || base.row_functions();
-    let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
-    refuse_not_finite(&model)?;
-    report.notes.splice(0..0, dataset.notes().iter().cloned());
-    report.notes.extend(left_out(report.left_out[1], &dataset, functions())?);
-    progress.stage("scores");
-    if options.test_share > 0.0 {
-        report.test = scores(&model, &test, progress)?;
-    }
+    let logs = &logs.into();
+    let options = NarxOptions::new(recipe)?;
+    let (model, mut report) = match logs.is_statistic() {
+        true => of_sums(recipe, logs, progress)?,
+        false => of_rows(recipe, options.clone(), logs, progress)?,
+    };
+    // That of a statistic stands beneath what was said.
+    let scanned = logs.is_statistic().then(|| Recipe::parse(&model.training.recipe, "the recipe of the model"));
+    let whole = scanned.transpose()?.map(|whole| Recipe { cache: recipe.cache.clone(), ..whole });
+    let recipe = whole.as_ref().unwrap_or(recipe);
     if !request.free_run.is_empty() {
         let dataset = Dataset::for_every_row(&model, recipe, &request.free_run, options.decimate, progress)?;
         report.files = Some(files(&model, &dataset, options.decimate, progress)?);
@@ -83,11 +76,64 @@ pub fn fit_narx(
     }
     if options.decimate > 1 {
         report.notes.push(format!(
-            "the model knows every {}th row: its step is {step} s; run it on logs of that rate only",
-            options.decimate
+            "the model knows every {}th row: its step is {} s; run it on logs of that rate only",
+            options.decimate, model.step
         ));
     }
     Ok(NarxFitted { model, report })
+}
+
+fn of_rows(
+    recipe: &Recipe,
+    mut options: NarxOptions,
+    logs: &Logs,
+    progress: &dyn Progress,
+) -> Result<(Model, NarxReport), Error> {
+    let prepared = one_row_ahead(recipe, &options)?;
+    let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
+    let base = NarxBase::new(task, recipe)?;
+    let view = dataset.view()?;
+    let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
+    let (train, test) = Spans::split(&view, tested, options.decimate)?;
+    let step = dataset.step() * options.decimate as f64;
+    options.order = base.simulated(options.order, step)?;
+    let fit = Fit { recipe, options: &options, base: &base, evidence: Evidence::Rows(&train), step };
+    let found = fit.run(progress);
+    let functions = || base.row_functions();
+    let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
+    refuse_not_finite(&model)?;
+    report.notes.splice(0..0, dataset.notes().iter().cloned());
+    report.notes.extend(left_out(report.left_out[1], &dataset, functions())?);
+    progress.stage("scores");
+    if options.test_share > 0.0 {
+        report.test = scores(&model, &test, progress)?;
+    }
+    Ok((model, report))
+}
+
+/// The same from the sums of a statistic, whose recipe stands beneath.
+fn of_sums(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Model, NarxReport), Error> {
+    let file = logs.statistic()?;
+    let mut notes = Vec::new();
+    let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+    let recipe = beneath(recipe, &scanned);
+    let recipe = by_single_steps(&recipe, &mut notes)?.into_owned();
+    let mut options = NarxOptions::new(&recipe)?;
+    options.objective.refuse_statistic()?;
+    let expanded = recipe.expand(&file.fields)?;
+    let task = EquationTask::resolve(&one_row_ahead(&expanded, &options)?, &file.fields)?;
+    let base = NarxBase::new(task, &expanded)?;
+    options.order = base.simulated(options.order, file.step())?;
+    let sums = Sums::new(&file, &scanned, &options)?;
+    let fit =
+        Fit { recipe: &recipe, options: &options, base: &base, evidence: Evidence::Sums(&sums), step: file.step() };
+    let (model, mut report) = fit.run(progress)?;
+    refuse_not_finite(&model)?;
+    notes.push(
+        "errors of free runs need rows, which a statistic has not: `fleetfoot rollout` and --free-run FILE tell them on logs".into(),
+    );
+    report.notes.splice(0..0, notes);
+    Ok((model, report))
 }
 
 fn too_short(source: &dyn Source) -> Error {
@@ -126,8 +172,8 @@ pub(crate) struct Fit<'a> {
     pub(crate) recipe: &'a Recipe,
     pub(crate) options: &'a NarxOptions,
     pub(crate) base: &'a NarxBase,
-    /// The rows that train.
-    pub(crate) source: &'a dyn Source,
+    /// The rows that train, or their sums.
+    pub(crate) evidence: Evidence<'a>,
     pub(crate) step: f64,
 }
 
@@ -150,13 +196,16 @@ impl Fit<'_> {
             model = model_of(&coefficients_of(&found.fitted.model, &chosen.task, coefficients.len()));
         }
         progress.stage("scores");
-        let train = scores(&model, self.source, progress)?.ok_or_else(|| too_short(self.source))?;
+        let train = match self.evidence {
+            Evidence::Rows(source) => Some(scores(&model, source, progress)?.ok_or_else(|| too_short(source))?),
+            Evidence::Sums(_) => None,
+        };
         let counts = chosen.whole.counts();
         let regions = regions(&chosen, &model, scan, partition, &mut notes);
         let how = chosen.how;
         let report = NarxReport {
             rows: counts.complete,
-            episodes: self.source.episodes().len(),
+            episodes: self.evidence.episodes().len(),
             left_out: [counts.at_border, counts.incomplete],
             order: chosen.order,
             direct: chosen.order.direct,
@@ -181,8 +230,9 @@ impl Fit<'_> {
     fn refined(&self, model: &Model, chosen: &Chosen, progress: &dyn Progress) -> Result<Option<Refinement>, Error> {
         let order = OrderRule::Fixed(chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
-        refine(self.options.objective, model, self.source, progress, |source| {
-            Ok(Fit { source, options: &options, ..*self }.run(progress)?.0)
+        let Evidence::Rows(source) = self.evidence else { return Ok(None) };
+        refine(self.options.objective, model, source, progress, |source| {
+            Ok(Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0)
         })
     }
 
@@ -193,9 +243,14 @@ impl Fit<'_> {
         partition: Option<&Partition>,
         progress: &dyn Progress,
     ) -> Result<SystemScan, Error> {
-        progress.stage("scan");
-        let system = System { partition: partition.cloned(), ..task.system() };
-        Ok(SystemPlan::new(system, None, self.source)?.scan(self.source, progress)?)
+        match self.evidence {
+            Evidence::Rows(source) => {
+                progress.stage("scan");
+                let system = System { partition: partition.cloned(), ..task.system() };
+                Ok(SystemPlan::new(system, None, source)?.scan(source, progress)?)
+            }
+            Evidence::Sums(sums) => sums.scan(task, partition),
+        }
     }
 
     /// Refuses to fit more terms than there are rows.
@@ -230,15 +285,12 @@ impl Fit<'_> {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
             OrderRule::Look(given) => given.or(USUAL),
         };
-        let task = self.base.with(&[order])?.task;
-        let problem = Problem {
-            columns: task.columns.clone(),
-            library: task.functions.clone(),
-            equations: task.equations.clone(),
-            partition_columns: task.partition_columns.clone(),
-            weight: task.weight.clone(),
-            step: self.step,
+        let task = self.evidence.candidates(self.base, &[order])?;
+        let source = match self.evidence {
+            Evidence::Rows(source) => source,
+            Evidence::Sums(sums) => return sums.partitions(&task, self.options),
         };
+        let problem = task.problem(self.step);
         let mut options = fleetfoot_pwa::Options::default();
         options.partitions.clone_from(&self.options.partitions);
         let mut choices = Vec::new();
@@ -251,7 +303,7 @@ impl Fit<'_> {
             if options.partitions.is_empty() {
                 break;
             }
-            let found = fleetfoot_pwa::partition(&problem, &options, self.source, progress)?;
+            let found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
             let new = found.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>();
             notes.extend(new);
             choices.extend(found.partitions.into_iter().map(|(specification, partition)| Choice {
@@ -269,7 +321,7 @@ impl Fit<'_> {
             recipe: self.recipe.to_toml(),
             seed,
             step: self.step,
-            episodes: self.source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
+            episodes: self.evidence.episodes(),
         }
     }
 }

@@ -38,8 +38,8 @@ pub struct NarxReport {
     pub regions: Vec<NarxRegion>,
     /// The fit to simulations, where it was asked for.
     pub refinement: Option<Refinement>,
-    /// On the rows that trained.
-    pub train: NarxScores,
+    /// On the rows that trained; `None` where a statistic stood for them.
+    pub train: Option<NarxScores>,
     /// On the rows kept back.
     pub test: Option<NarxScores>,
     /// On other files, one by one.

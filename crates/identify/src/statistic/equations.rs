@@ -15,6 +15,7 @@ use fleetfoot_sparse::system::{System, SystemPlan, SystemSums};
 use super::{StatisticError, scan::refuse_text};
 use crate::{
     Dataset, Error, Recipe, Task,
+    narx::Summed,
     sindy::{EquationTask, Frozen, SettledDifference, regions, specification},
 };
 
@@ -122,6 +123,23 @@ impl EquationStatistic {
             }
             found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
         }
+        for recipe in Self::recipes(recipe)? {
+            let summed = match Summed::of(&recipe, fields) {
+                Ok(Some(summed)) => summed,
+                Ok(None) => break,
+                Err(error) => {
+                    notes.push(format!("`fit narx` will need the logs, the statistic has no sums for it: {error}"));
+                    break;
+                }
+            };
+            let mut system = summed.system();
+            if let Some(one) = specification(&recipe)? {
+                let problem = summed.problem(dataset.step());
+                let seed = summed.options.seed;
+                system.partition = Some(regions(&problem, one, seed, &view, &mut Vec::new(), progress)?);
+            }
+            found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
+        }
         Ok(found)
     }
 
@@ -133,9 +151,16 @@ impl EquationStatistic {
             let regions = one.map_or(1, |one| one.clusters().unwrap_or(2));
             SystemPlan::memory(&task.system(), regions, rows)
         };
-        // Sums for `fit sindy` and beside them for `fit pwa`; both cluster each partition.
-        let passes = 2 * recipes.len() + 2 * (recipes.len() - 1);
-        (passes, recipes.iter().zip(&tasks).map(bytes).sum())
+        let narx = |recipe: &Recipe| {
+            let regions = specification(recipe).ok().flatten().map_or(1, |one| one.clusters().unwrap_or(2));
+            let summed = Summed::of(recipe, fields).ok().flatten();
+            summed.map(|summed| SystemPlan::memory(&summed.system(), regions, rows))
+        };
+        let of_narx: Vec<usize> = recipes.iter().filter_map(narx).collect();
+        // Sums for `fit sindy`, beside them for `fit pwa`, and for `fit narx`; all cluster each partition.
+        let methods = if of_narx.is_empty() { 2 } else { 3 };
+        let passes = methods * recipes.len() + methods * (recipes.len() - 1);
+        (passes, recipes.iter().zip(&tasks).map(bytes).chain(of_narx).sum())
     }
 
     /// The sums that answer for a system, whatever the numbers of its partition, and where its functions stand in them.
@@ -205,13 +230,18 @@ impl EquationStatistic {
         let recipes = Self::recipes(recipe)?;
         for (recipe, task) in recipes.iter().zip(Self::tasks(recipe, fields)?) {
             let task = task.differentiated_like(&raw, &self.differences);
-            systems.push(task.summed(placeholder(recipe, &task.partition_columns)?));
+            systems.push(task.summed(placeholder(specification(recipe)?.as_ref(), &task.partition_columns)));
         }
         for recipe in &recipes {
             let Ok((_, system)) = piecewise(recipe, fields, 0.0) else { continue };
             if !systems.iter().any(|held| covers(held, &system).is_some()) {
                 systems.push(system);
             }
+        }
+        for recipe in &recipes {
+            let Ok(Some(summed)) = Summed::of(recipe, fields) else { break };
+            let partition = placeholder(specification(recipe)?.as_ref(), summed.partition_columns());
+            systems.push(System { partition, ..summed.system() });
         }
         // What has no counterpart has no chunks to compare either.
         let chunk_rows = |at: usize| self.groups.get(at).map_or(0, |group| group.plan.chunk_rows);
@@ -223,7 +253,7 @@ impl EquationStatistic {
     /// # Errors
     /// Regions that were not summed.
     pub(crate) fn of(&self, recipe: &Recipe, on: &[Expr]) -> Result<&EquationGroup, Error> {
-        let wanted = placeholder(recipe, on)?;
+        let wanted = placeholder(specification(recipe)?.as_ref(), on);
         // Those of the equations come first.
         let found =
             self.groups.iter().find(|group| looks(group.plan.system.partition.as_ref()) == looks(wanted.as_ref()));
@@ -246,18 +276,24 @@ impl EquationStatistic {
         if self.groups.is_empty() || !self.groups.iter().all(fits) {
             return Err("the sums of the equations are not those of their plan");
         }
-        let targets = self.groups.iter().all(|group| group.plan.system.targets.len() == self.differences.len());
-        if targets { Ok(()) } else { Err("the equations have other differences than left sides") }
+        // Those of `fit sindy` come first.
+        let targets = self.groups[0].plan.system.targets.len();
+        if targets == self.differences.len() {
+            Ok(())
+        } else {
+            Err("the equations have other differences than left sides")
+        }
     }
 }
 
-/// A partition of a recipe before it has numbers: its name, and what it looks at.
-fn placeholder(recipe: &Recipe, on: &[Expr]) -> Result<Option<Partition>, Error> {
-    Ok(specification(recipe)?.map(|one| Partition {
+/// A partition before it has numbers: its name, and what it looks at. `None` is the one region of all rows.
+pub(crate) fn placeholder(one: Option<&Specification>, on: &[Expr]) -> Option<Partition> {
+    let one = one.filter(|one| !matches!(one, Specification::Null | Specification::Average))?;
+    Some(Partition {
         specification: one.to_string(),
         columns: on.iter().cloned().chain(one.label().map(Expr::column)).collect(),
         ..Partition::whole()
-    }))
+    })
 }
 
 /// What tells partitions apart before they have numbers.
@@ -285,7 +321,7 @@ pub(crate) fn piecewise(recipe: &Recipe, fields: &[Column], step: f64) -> Result
     let system = System {
         also: targets.iter().cloned().chain(states).collect(),
         weight: problem.weight.clone(),
-        partition: placeholder(recipe, &problem.partition_columns)?,
+        partition: placeholder(specification(recipe)?.as_ref(), &problem.partition_columns),
         ..System::new(problem.library.clone(), targets)
     };
     Ok((problem, system))

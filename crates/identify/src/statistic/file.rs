@@ -18,7 +18,7 @@ use super::{
     equation_sections::{GROUP_SECTIONS, sums, systems},
     records::{EpisodeEntry, FieldRecord, FileEntry, HeadRecord, PlanRecord, SourceRecord, from_bytes, to_bytes},
 };
-use crate::{Error, Recipe, StructuredTask, fit_statistic};
+use crate::{Error, Recipe, StructuredTask, fit_statistic, narx};
 
 /// A file that was scanned.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -156,6 +156,7 @@ impl StatisticFile {
         }
         add("sindy", regions);
         add("pwa", fit_statistic::served(self));
+        add("narx", narx::served(self));
         methods
     }
 

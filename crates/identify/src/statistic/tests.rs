@@ -1,5 +1,6 @@
 //! Statistics as files, on small logs of a plant that is known exactly.
 
+mod autoregression;
 mod corpus;
 mod damage;
 mod equations;
