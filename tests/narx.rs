@@ -83,6 +83,26 @@ fn a_known_autoregression_is_found_by_order_and_terms() {
 }
 
 #[test]
+fn a_statistic_stands_for_the_logs_that_train() {
+    let recipe = "[states]\ny = {}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n[narx]\nlags_out = 2\nlags_in = 1\n[model]\ndegree = 2\n";
+    let logs =
+        [("r.toml", recipe.to_owned()), ("a.csv", csv(3_000, 1, false, 0.01)), ("b.csv", csv(300, 2, false, 0.0))];
+    let folder = folder(&logs);
+    let said = fleetfoot(folder.path(), &["scan", "-c", "r.toml", "a.csv", "-o", "a.stats"]).ok();
+    assert!(said.err.contains("fit narx") || said.out.contains("fit narx"), "{} {}", said.out, said.err);
+    let by = ["--terms", "5", "--select", "bic"];
+    let of_sums = fit(folder.path(), &[&["a.stats", "-o", "sums.json", "--free-run", "b.csv"], &by[..]].concat()).ok();
+    fit(folder.path(), &[&["-c", "r.toml", "a.csv", "-o", "logs.json"], &by[..]].concat()).ok();
+    let [sums, logs] = ["sums.json", "logs.json"].map(|name| fs::read(folder.path().join(name)).unwrap());
+    assert!(sums == logs, "the models are the same bytes");
+    let found = of_sums.json();
+    assert!(found["train"].is_null(), "{found:#}");
+    assert!(number(&found, "/files/by_file/0/free_run/0/fit") > 0.9, "{:#}", found["files"]);
+    let text = fleetfoot(folder.path(), &["fit", "narx", "a.stats"]).ok();
+    assert!(text.err.contains("single steps") && !text.out.contains("training rows"), "{} {}", text.out, text.err);
+}
+
+#[test]
 fn regions_have_terms_of_their_own_and_threads_change_nothing() {
     let folder = folder(&[("a.csv", csv(2_000, 3, true, 0.0))]);
     let given = ["a.csv", "--lags-in", "1", "--degree", "2", "--terms", "5", "--partition", "labels:high"];

@@ -100,6 +100,11 @@ pub(crate) fn files(data: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     Ok(fleetfoot::log::paths(data)?)
 }
 
+/// The files of a fit: logs, or one statistic in their place.
+pub(crate) fn logs_or_statistic(data: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+    if fleetfoot::is_statistic(data) { Ok(data.to_vec()) } else { files(data) }
+}
+
 pub(crate) fn read_model(path: &Path) -> Result<Model, Error> {
     Ok(Model::read(path)?)
 }

@@ -9,7 +9,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit_known, is_replaced, read_by, with};
+use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, with};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
     table::{bytes, count, number, ratio, table},
@@ -25,7 +25,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     }
     recipe.say(arguments.pwa.clone());
     recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
+    let files = logs_or_statistic(&arguments.data)?;
     context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
     if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {
         return fit_known::known(&recipe, &files, &arguments.output, context);

@@ -6,7 +6,7 @@ use fleetfoot::{
 };
 use serde_json::{Value, json};
 
-use super::{Context, files, fit, read_by, with};
+use super::{Context, files, fit, logs_or_statistic, read_by, with};
 use crate::{
     args::FitNarx,
     table::{count, number, ratio, table},
@@ -25,7 +25,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
         recipe.model.partition_on = Some(on.0.clone());
     }
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let data = files(&arguments.data)?;
+    let data = logs_or_statistic(&arguments.data)?;
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
     let read = read_by(&data, free_run.iter().chain(&arguments.recipe.recipe));
     context.claim(std::slice::from_ref(&arguments.output), &read, false)?;

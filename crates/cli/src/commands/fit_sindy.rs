@@ -8,7 +8,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit, fit_known, read_by, with};
+use super::{Context, fit, fit_known, logs_or_statistic, read_by, with};
 use crate::{
     args::{EquationArgs, FitSindy},
     table::{bytes, count, number, ratio, table},
@@ -23,7 +23,7 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
         recipe.model.partition_on = Some(on.0.clone());
     }
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
+    let files = logs_or_statistic(&arguments.data)?;
     let read = read_by(&files, &arguments.recipe.recipe);
     context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
     if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {

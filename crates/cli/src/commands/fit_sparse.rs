@@ -10,7 +10,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, fit, read_by, with};
+use super::{Context, fit, logs_or_statistic, read_by, with};
 use crate::{
     args::FitSparse,
     table::{bytes, count, number, ratio, table},
@@ -25,7 +25,7 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
     let mut recipe = fit::recipe(&arguments.recipe)?;
     recipe.say(arguments.sparse.clone());
     recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = if is_statistic(&arguments.data) { arguments.data.clone() } else { files(&arguments.data)? };
+    let files = logs_or_statistic(&arguments.data)?;
     let read = read_by(&files, &arguments.recipe.recipe);
     let beside = || arguments.keep.iter().chain(&arguments.frequencies).cloned();
     context.claim(&std::iter::once(arguments.output.clone()).chain(beside()).collect::<Vec<_>>(), &read, false)?;
