@@ -1,6 +1,7 @@
 //! Problems from dense rows: for small data, and for tests.
 
 use faer::MatRef;
+use fleetfoot_data::checkpoint;
 
 use crate::{
     SparseError,
@@ -20,6 +21,27 @@ impl Quadratic {
         y: &[f64],
         weights: Option<&[f64]>,
         intercept: bool,
+    ) -> Result<Self, SparseError> {
+        Self::of_rows(x, y, weights, intercept, true)
+    }
+
+    /// As [`Quadratic::from_rows`], and all rows are kept: the factorisation costs rows times the square of the columns, and a sparse solution a few times
+    /// rows times columns.
+    pub(crate) fn from_rows_as_they_are(
+        x: MatRef<'_, f64>,
+        y: &[f64],
+        weights: Option<&[f64]>,
+        intercept: bool,
+    ) -> Result<Self, SparseError> {
+        Self::of_rows(x, y, weights, intercept, false)
+    }
+
+    fn of_rows(
+        x: MatRef<'_, f64>,
+        y: &[f64],
+        weights: Option<&[f64]>,
+        intercept: bool,
+        compressed: bool,
     ) -> Result<Self, SparseError> {
         let (n, p) = x.shape();
         for (what, found) in [("the target", y.len()), ("the row weights", weights.map_or(n, <[f64]>::len))] {
@@ -61,7 +83,7 @@ impl Quadratic {
         let noise = |length: f64, mean: f64| level * (length + total.sqrt() * mean.abs());
         let noise_x = (0..p).map(|j| noise(norm(rows.column(j).iter().copied()), mean_x[j])).collect();
         let least = level * total.sqrt() * mean_y.abs();
-        let beyond = if used.len() > p { compress(&mut rows, &mut z) } else { 0.0 };
+        let beyond = if compressed && used.len() > p { compress(&mut rows, &mut z) } else { 0.0 };
         let means = intercept.then_some(Means { x: mean_x, y: mean_y });
         z.truncate(rows.rows());
         Ok(Self::of_compressed(total, means, rows, z, beyond, (size, least), noise_x))
@@ -84,6 +106,7 @@ pub(crate) fn compress(rows: &mut Slab, z: &mut Vec<f64>) -> f64 {
     divide(z, target);
     let mut triangle = Slab::zeros(p, p);
     for k in 0..p {
+        checkpoint();
         triangle.column_mut(k)[..k].copy_from_slice(&rows.column(k)[..k]);
         let mut u = rows.column(k).to_vec();
         u[..k].fill(0.0);

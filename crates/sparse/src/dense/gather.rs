@@ -1,7 +1,7 @@
 //! Few rows: read where they lie whenever they are needed.
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
-use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_data::{Progress, checkpoint, parallel_map};
 
 use super::{DenseDesign, DenseError};
 use crate::SparseError;
@@ -49,6 +49,7 @@ impl DenseDesign {
     /// Hands some rows on block by block: values column after column, number of rows, weights.
     pub(super) fn blocks(&self, used: &[usize], mut take: impl FnMut(&[f64], usize, Option<&[f64]>)) {
         for part in used.chunks(BLOCK) {
+            checkpoint();
             let (values, weights) = self.gathered(part);
             take(&values, part.len(), weights.as_deref());
         }
