@@ -99,7 +99,12 @@ mod tests {
                             stop.set();
                         } else {
                             // Pieces that start a reduction of their own hear of it too.
-                            parallel_map(2, &Silent, |_| if i < 5 { Ok(()) } else { Ok::<_, Cancelled>(endless()) })?;
+                            parallel_map(2, &Silent, |_| {
+                                if i > 5 {
+                                    endless();
+                                }
+                                Ok::<_, Cancelled>(())
+                            })?;
                         }
                         Ok::<_, Cancelled>(())
                     })

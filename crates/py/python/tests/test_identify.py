@@ -357,7 +357,7 @@ WORDS = {
     "bolasso": ("chunks:5", "rows:5"),
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
-    "objective": ("one-step", "steps:3"),
+    "objective": ("steps:3", "one-step"),
     **dict.fromkeys(("tsqr", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
 }
 
