@@ -30,6 +30,7 @@ mod packed;
 mod parallel;
 mod random;
 mod source;
+mod stop;
 
 pub use arrow_buffer::ScalarBuffer;
 pub use block::{Block, Halo};
@@ -42,3 +43,4 @@ pub use packed::{packed, packed_row};
 pub use parallel::{Cancelled, Progress, Silent, Threads, parallel_fold, parallel_map, thread_count, with_threads};
 pub use random::mix;
 pub use source::{Source, sample_ranges};
+pub use stop::{Stop, checkpoint, stoppable};

@@ -7,6 +7,8 @@ use std::sync::{
     atomic::{AtomicUsize, Ordering},
 };
 
+use crate::stop;
+
 /// The user stopped the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
@@ -128,7 +130,7 @@ where
     R: Send,
     E: Send + From<Cancelled>,
 {
-    let wave = wave(count);
+    let (wave, stop) = (wave(count), stop::current());
     // A wave is computed into one half while the other half is folded.
     let slots: Vec<Mutex<Option<Result<R, E>>>> = (0..(2 * wave).min(count)).map(|_| Mutex::new(None)).collect();
     let slot = |i: usize| slots[i % (2 * wave)].lock().unwrap_or_else(PoisonError::into_inner);
@@ -137,10 +139,11 @@ where
         count,
         wave,
         &|i| {
-            let result = if progress.cancelled() {
+            let stopped = progress.cancelled() || stop.as_ref().is_some_and(stop::Stop::is_set);
+            let result = if stopped {
                 Err(Cancelled.into())
             } else {
-                let result = work(i);
+                let result = stop::under(stop.as_ref(), || work(i));
                 progress.advance(1, count);
                 result
             };

@@ -214,22 +214,22 @@ def gram(rows: int) -> dict[str, np.ndarray]:
     return {"Xy": X.T @ y, "G": X.T @ X, "n": np.array(len(X))}
 
 
-def bolasso_ours(arrays: dict[str, np.ndarray]) -> Answer:
+def bolasso_ours(arrays: dict[str, np.ndarray], n_estimators: int = 128, alpha: float = 0.02) -> Answer:
     import fleetfoot as ff
 
-    model = ff.Bolasso(n_estimators=128, alpha=0.02, random_state=0).fit(arrays["X"], arrays["y"])
+    model = ff.Bolasso(n_estimators=n_estimators, alpha=alpha, random_state=0).fit(arrays["X"], arrays["y"])
     return {"support": np.asarray(model.get_support(), dtype=float)}
 
 
-def bolasso_theirs(arrays: dict[str, np.ndarray]) -> Answer:
+def bolasso_theirs(arrays: dict[str, np.ndarray], n_estimators: int = 128, alpha: float = 0.02) -> Answer:
     from sklearn.linear_model import LassoLars
 
     X, y, rng = arrays["X"], arrays["y"], np.random.default_rng(0)
     kept = np.zeros(X.shape[1])
-    for _ in range(128):
+    for _ in range(n_estimators):
         rows = rng.integers(0, len(X), len(X))
-        kept += LassoLars(alpha=0.02).fit(X[rows], y[rows]).coef_ != 0
-    return {"support": (kept >= 0.9 * 128).astype(float)}
+        kept += LassoLars(alpha=alpha).fit(X[rows], y[rows]).coef_ != 0
+    return {"support": (kept >= 0.9 * n_estimators).astype(float)}
 
 
 WIDE = regression(100, 20, 1.0)
@@ -290,7 +290,7 @@ def shape_cases() -> dict[str, Case]:
         return run
 
     found = {}
-    for rows, columns in [(50, 5), (1_000, 20), (20_000, 50), (300, 1_000), (5_000, 2_000), (100_000, 300), (1_000_000, 100)]:
+    for rows, columns in [(50, 5), (1_000, 20), (20_000, 50), (100_000, 30), (300, 1_000), (5_000, 2_000), (100_000, 300), (1_000_000, 100)]:
         # The largest in the order of rows stands above.
         for order in "CF" if rows < 1_000_000 else "F":
             for name in options:
@@ -306,7 +306,34 @@ def shape_cases() -> dict[str, Case]:
     return found
 
 
+def wide_cases() -> dict[str, Case]:
+    """One solution, and one bolasso, of thousands of features."""
+    fits: dict[str, tuple[dict[str, Any], float]] = {
+        "Lasso": ({"alpha": 0.1, "tol": 1e-8}, 1e-5),
+        "ElasticNet": ({"alpha": 0.1, "l1_ratio": 0.5, "tol": 1e-8}, 1e-5),
+        "LassoLars": ({"alpha": 0.05}, 1e-8),
+        "Lars": ({"n_nonzero_coefs": 100}, 1e-8),
+    }
+    found = {}
+    for rows, columns in [(300, 1_000), (5_000, 2_000)]:
+        for order in "CF":
+            data = of_shape(rows, columns, order)
+            for name, (arguments, tolerance) in fits.items():
+                found[f"{name} {rows}x{columns} {order}"] = sklearn_case(name, arguments, data, ("coef_", "intercept_"), tolerance)
+    few = {"n_estimators": 4, "alpha": 0.1}
+    found["Bolasso 5000x2000 C"] = Case(
+        "4 times scikit-learn `LassoLars`",
+        of_shape(5_000, 2_000, "C"),
+        lambda arrays: bolasso_ours(arrays, **few),
+        lambda arrays: bolasso_theirs(arrays, **few),
+        1.0,
+        "other draws",
+    )
+    return found
+
+
 CASES.update(shape_cases())
+CASES.update(wide_cases())
 
 
 def clusters_with_target(rows: int) -> dict[str, np.ndarray]:

@@ -1,14 +1,17 @@
 //! Bolasso: which features the lassos of many resamples of the rows agree on.
 
+use std::sync::Arc;
+
 use fleetfoot::{
     data::EpisodeId,
     library::Expr,
     sparse::{
         Sign,
         bolasso::{
-            BolassoError, BootstrapOptions, BootstrapUnit, Selection, block_bootstrap, multinomial_counts,
-            poisson_counts, row_bootstrap,
+            BolassoError, BootstrapOptions, BootstrapUnit, DenseBootstrap, Selection, block_bootstrap, dense_bootstrap,
+            multinomial_counts, poisson_counts, row_bootstrap,
         },
+        dense::DenseRows,
         structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
     },
 };
@@ -18,6 +21,7 @@ use pyo3::prelude::*;
 use crate::{
     array::{Array, Arrays},
     array_source::ArraySource,
+    design::Borrowed,
     error::Kind,
     run::{Failure, guard, run_any},
 };
@@ -72,6 +76,11 @@ pub(crate) fn bolasso<'py>(
             );
         }
     }
+    // A replicate's counts are fewer than its products.
+    if features > MOST_PRODUCTS && 2 * x.rows() <= features * features {
+        let found = request.of_rows(py, Borrowed::dense(x, y), weights, progress)?;
+        return unpacked(py, &found, request.intercept, [targets, features]);
+    }
     let names = |prefix: &str, count: usize| (0..count).map(|k| format!("{prefix}{k}")).collect::<Vec<String>>();
     let mut arrays = vec![(x, names("x", features)), (y, names("y", targets))];
     if let Some(weights) = weights {
@@ -110,7 +119,45 @@ pub(crate) fn bolasso<'py>(
 /// Rows that are summed together where resampling does not say.
 const ROWS_OF_CHUNK: usize = 16_384;
 
+/// Features up to which replicates are their products; of more, unless they have many more rows, the rows are resampled as they lie.
+const MOST_PRODUCTS: usize = 512;
+
 impl BolassoRequest {
+    /// The lassos of the replicates on their rows.
+    fn of_rows(
+        &self,
+        py: Python<'_>,
+        rows: Borrowed,
+        weights: Option<&Bound<'_, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Selection> {
+        let weights =
+            weights.map(|weights| Ok::<_, PyErr>(Array::of(weights, "sample_weight")?.values(&[0], 0..rows.rows())));
+        let weights = weights.transpose()?.and_then(|columns| columns.into_iter().next());
+        let rows: Arc<dyn DenseRows> = Arc::new(rows);
+        let (lambdas, intercept, positive) = (self.alphas.clone(), self.intercept, self.positive);
+        run_any(py, progress, |progress| {
+            progress.stage("resamples");
+            let request = DenseBootstrap { lambdas, intercept, positive, counts: self.counts(), threshold: 1.0 };
+            let found = dense_bootstrap(&rows, weights.as_deref(), &request, progress);
+            found.map_err(|error| Failure::of(Kind::Fit)(&error))
+        })
+    }
+
+    /// How often every replicate draws every row.
+    fn counts(&self) -> Vec<Vec<f64>> {
+        if self.unit == "rows" {
+            let rows = self.lengths.iter().sum();
+            let counts = poisson_counts(self.seed, EpisodeId(0), 0, rows, self.replicates);
+            return (0..self.replicates).map(|b| (0..rows).map(|row| counts[(b, row)]).collect()).collect();
+        }
+        let drawn = |replicate| multinomial_counts(self.seed, replicate, self.lengths.len());
+        let rows = |counts: Vec<f64>| {
+            counts.iter().zip(&self.lengths).flat_map(|(&count, &rows)| std::iter::repeat_n(count, rows)).collect()
+        };
+        (0..self.replicates).map(|replicate| rows(drawn(replicate))).collect()
+    }
+
     /// A latent of its own for every target: the tasks share the rows and their counts, and nothing else.
     fn regression(&self, features: usize, targets: usize, weighted: bool) -> Regression {
         let column = |name: String| Expr::column(name.as_str());

@@ -1,7 +1,7 @@
 //! Dense designs: numpy arrays X and y as the statistics that every regression here is fitted on.
 //!
 //! Python makes a [`Design`] of X (n x p), y (n or n x q), row weights and group labels, in one pass over the arrays as they lie (any order, any strides,
-//! any type of number; no copy of the whole). Then, for the rows of any union of groups (`None`: of all):
+//! any type of number, sparse rows too; no copy of the whole). Then, for the rows of any union of groups (`None`: of all):
 //!
 //! - `design.of().problems(groups, intercept)` gives the [`Quadratic`](fleetfoot::sparse::Quadratic) of every target, for `lars`,
 //!   `coordinate_descent` and all other solvers of `fleetfoot::sparse`;
@@ -24,13 +24,66 @@ use crate::{
     array::Array,
     error::Kind,
     run::{Failure, run_any},
+    sparse_array::SparseRows,
 };
 
-/// X and y, borrowed from numpy.
+/// Regressors, borrowed from Python.
 #[derive(Debug)]
-struct Borrowed {
-    x: Array,
+enum Regressors {
+    Dense(Array),
+    Sparse(SparseRows),
+}
+
+impl Regressors {
+    fn of(object: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(match SparseRows::of(object, "X")? {
+            Some(sparse) => Self::Sparse(sparse),
+            None => Self::Dense(Array::of(object, "X")?),
+        })
+    }
+
+    fn rows(&self) -> usize {
+        match self {
+            Self::Dense(array) => array.rows(),
+            Self::Sparse(rows) => rows.rows(),
+        }
+    }
+
+    fn columns(&self) -> usize {
+        match self {
+            Self::Dense(array) => array.columns(),
+            Self::Sparse(rows) => rows.columns(),
+        }
+    }
+
+    fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
+        match self {
+            Self::Dense(array) => read_dense(array, rows, out),
+            Self::Sparse(sparse) => sparse.read(rows, out),
+        }
+    }
+}
+
+/// Appends some neighbouring rows to `out`, column after column.
+fn read_dense(array: &Array, rows: Range<usize>, out: &mut Vec<f64>) {
+    let columns: Vec<usize> = (0..array.columns()).collect();
+    for values in array.values(&columns, rows) {
+        out.extend_from_slice(&values);
+    }
+}
+
+/// X and y, borrowed from Python.
+#[derive(Debug)]
+pub(crate) struct Borrowed {
+    x: Regressors,
     y: Array,
+}
+
+impl Borrowed {
+    /// An array X (n x p) and y (n, or n x q).
+    pub(crate) fn dense(x: Array, y: Array) -> Self {
+        Self { x: Regressors::Dense(x), y }
+    }
 }
 
 impl DenseRows for Borrowed {
@@ -47,12 +100,8 @@ impl DenseRows for Borrowed {
     }
 
     fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
-        for array in [&self.x, &self.y] {
-            let columns: Vec<usize> = (0..array.columns()).collect();
-            for values in array.values(&columns, rows.clone()) {
-                out.extend_from_slice(&values);
-            }
-        }
+        self.x.read(rows.clone(), out);
+        read_dense(&self.y, rows, out);
     }
 }
 
@@ -90,18 +139,20 @@ impl Design {
 
 #[pymethods]
 impl Design {
-    /// Reads X (n x p) and y (n, or n x q) with row weights (n) and a label below `groups` for every row (n).
+    /// Reads X (n x p; an array or scipy's compressed rows) and y (n, or n x q) with row weights (n) and a label below `groups` for every row (n);
+    /// `few`: only a few solutions of the one group are wanted.
     #[new]
-    #[pyo3(signature = (x, y, weights=None, labels=None, groups=1, progress=None))]
+    #[pyo3(signature = (x, y, weights=None, labels=None, groups=1, few=false, progress=None))]
     fn new(
         x: &Bound<'_, PyAny>,
         y: &Bound<'_, PyAny>,
         weights: Option<PyReadonlyArray1<'_, f64>>,
         labels: Option<PyReadonlyArray1<'_, u32>>,
         groups: usize,
+        few: bool,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let rows = Borrowed { x: Array::of(x, "X")?, y: Array::of(y, "y")? };
+        let rows = Borrowed { x: Regressors::of(x)?, y: Array::of(y, "y")? };
         if rows.x.rows() != rows.y.rows() {
             let (found, needed) = (rows.y.rows(), rows.x.rows());
             return Err(Kind::Data.error(format!("y has {found} rows and X has {needed}: give one target a row")));
@@ -112,7 +163,12 @@ impl Design {
         let weights = weights.map(|weights| weights.as_array().to_vec());
         let labels = labels.map_or_else(Vec::new, |labels| labels.as_array().to_vec());
         let of = run_any(x.py(), progress, |progress| {
-            Ok(DenseDesign::new(Arc::new(rows), weights, labels, groups, progress)?)
+            // Sparse rows would become dense as a whole.
+            let few = few && labels.is_empty() && matches!(rows.x, Regressors::Dense(_));
+            Ok(match few {
+                true => DenseDesign::for_few(Arc::new(rows), weights, progress)?,
+                false => DenseDesign::new(Arc::new(rows), weights, labels, groups, progress)?,
+            })
         })?;
         Ok(Self { of: Arc::new(of) })
     }

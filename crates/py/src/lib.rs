@@ -29,6 +29,7 @@ mod model;
 mod on_data;
 mod points;
 mod simulate;
+mod sparse_array;
 
 // -- statistics
 mod statistic;

@@ -5,12 +5,15 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, AtomicUsize, Ordering},
+        atomic::{AtomicUsize, Ordering},
     },
     time::Duration,
 };
 
-use fleetfoot::{Progress, Threads};
+use fleetfoot::{
+    Progress, Threads,
+    data::{Stop, stoppable},
+};
 use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
@@ -76,7 +79,7 @@ pub(crate) fn thread_count(py: Python<'_>) -> PyResult<usize> {
 /// Progress as it stands, for the thread that waits.
 #[derive(Default)]
 struct Watcher {
-    stop: AtomicBool,
+    stop: Stop,
     done: AtomicUsize,
     total: AtomicUsize,
     stage: Mutex<String>,
@@ -89,7 +92,7 @@ impl Progress for Watcher {
     }
 
     fn cancelled(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.is_set()
     }
 
     fn stage(&self, name: &str) {
@@ -168,12 +171,12 @@ pub(crate) fn run_any<R: Send>(
     let watcher = Watcher::default();
     let (answer, raised) = py.detach(|| {
         let mut raised = None;
-        let guarded = || catch_unwind(AssertUnwindSafe(|| work(&watcher)));
+        let guarded = || catch_unwind(AssertUnwindSafe(|| stoppable(&watcher.stop, || work(&watcher))));
         let answer = threads.run(guarded, PERIOD, || {
             if raised.is_none()
                 && let Err(error) = watcher.look(progress.as_ref())
             {
-                watcher.stop.store(true, Ordering::Relaxed);
+                watcher.stop.set();
                 raised = Some(error);
             }
         });
@@ -181,7 +184,7 @@ pub(crate) fn run_any<R: Send>(
     });
     match (raised, answer) {
         (Some(raised), _) => Err(raised),
-        (None, Ok(answer)) => answer.map_err(PyErr::from),
+        (None, Ok(answer)) => answer.unwrap_or_else(|cancelled| Err(cancelled.into())).map_err(PyErr::from),
         (None, Err(panic)) => Err(mistake(panic.as_ref())),
     }
 }

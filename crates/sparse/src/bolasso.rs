@@ -3,10 +3,11 @@
 //! The lasso keeps the columns that made the data but also, with a probability that does not fall to zero, others that are correlated with them. These
 //! change from resample to resample; the intersection of the supports is consistent (Bach 2008; Theorem 7.1 of the paper) at lambda = lambda_0 / sqrt(n)
 //! ([`bach_lambda`]). Three resamplings: rows as in the paper ([`row_bootstrap`], one pass), chunks or episodes ([`block_bootstrap`], no pass), and
-//! complementary halves ([`stability_selection`], no pass).
+//! complementary halves ([`stability_selection`], no pass). Thousands of columns are resampled as rows in memory ([`dense_bootstrap`]).
 
 mod blocks;
 mod counts;
+mod dense;
 mod error;
 mod joint;
 mod pairs;
@@ -18,6 +19,7 @@ mod tile;
 
 pub use blocks::{BootstrapUnit, block_bootstrap};
 pub use counts::{multinomial_counts, poisson_counts};
+pub use dense::{DenseBootstrap, dense_bootstrap};
 pub use error::BolassoError;
 pub use rows::row_bootstrap;
 pub use selection::{BootstrapOptions, Selection, bach_lambda, refit};

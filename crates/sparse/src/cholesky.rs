@@ -4,6 +4,7 @@ use faer::{
     Mat, MatRef, Side,
     linalg::solvers::{Llt, Solve},
 };
+use fleetfoot_data::checkpoint;
 
 /// A solution of `M x = b`, M symmetric (k x k, both triangles): by Cholesky, and where the square of a pivot would be below `level` of the diagonal,
 /// by one that passes over the columns that depend on the ones before; they get 0.
@@ -49,6 +50,7 @@ pub(crate) fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f
     // Index, entries before the pivot, pivot, and entry of the forward substitution.
     let mut kept: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
     for j in 0..b.len() {
+        checkpoint();
         let mut row: Vec<f64> = Vec::with_capacity(kept.len());
         let mut known = b[j];
         for (i, above, pivot, value) in &kept {

@@ -17,6 +17,9 @@ use sums::Sums;
 pub(crate) const ROOT_COLUMNS: usize = 512;
 /// Rows times the square of the columns up to which rows are read anew for every problem, and factored directly.
 const DIRECT: usize = 50_000_000;
+/// Rows a column, and values, up to which rows stay rows where only a few solutions are wanted.
+const FEW_ROWS: usize = 4;
+const FEW_VALUES: usize = 1 << 25;
 
 /// Rows of regressors and targets, in memory or as good as there: they are read more than once.
 pub trait DenseRows: fmt::Debug + Send + Sync {
@@ -73,6 +76,8 @@ pub struct DenseDesign {
     groups: usize,
     /// `None`: the rows are read anew.
     sums: Option<Sums>,
+    /// Whether problems keep their rows, however many.
+    keeps_rows: bool,
 }
 
 impl DenseDesign {
@@ -85,6 +90,28 @@ impl DenseDesign {
         weights: Option<Vec<f64>>,
         labels: Vec<u32>,
         groups: usize,
+        progress: &dyn Progress,
+    ) -> Result<Self, DenseError> {
+        Self::made((rows, weights), (labels, groups), false, progress)
+    }
+
+    /// One group, of whose problems a few sparse solutions are wanted: more than 512 columns of up to four times as many rows are then not multiplied with
+    /// each other. Solvers form the products of the columns that take part, and know the others by the residual, in rows times columns.
+    ///
+    /// # Errors
+    /// As [`DenseDesign::new`].
+    pub fn for_few(
+        rows: Arc<dyn DenseRows>,
+        weights: Option<Vec<f64>>,
+        progress: &dyn Progress,
+    ) -> Result<Self, DenseError> {
+        Self::made((rows, weights), (Vec::new(), 1), true, progress)
+    }
+
+    fn made(
+        (rows, weights): (Arc<dyn DenseRows>, Option<Vec<f64>>),
+        (labels, groups): (Vec<u32>, usize),
+        few: bool,
         progress: &dyn Progress,
     ) -> Result<Self, DenseError> {
         let n = rows.rows();
@@ -106,9 +133,11 @@ impl DenseDesign {
         if n == 0 {
             return Err(SparseError::NoRows.into());
         }
-        let mut design = Self { rows, weights, labels, groups, sums: None };
+        let mut design = Self { rows, weights, labels, groups, sums: None, keeps_rows: false };
         let d = design.columns();
-        if n > 2 * d && n.saturating_mul(d * d) > DIRECT {
+        if few && d > ROOT_COLUMNS && n <= FEW_ROWS * d && n.saturating_mul(d) <= FEW_VALUES {
+            design.keeps_rows = true;
+        } else if n > 2 * d && n.saturating_mul(d * d) > DIRECT {
             design.sums = Some(Sums::scan(&design, progress)?);
         }
         Ok(design)
@@ -158,7 +187,7 @@ impl DenseDesign {
             Some(sums) => of_root(&sums.root(&chosen), intercept),
             None => {
                 let used = self.used(&chosen);
-                if used.len() <= self.regressors() {
+                if used.len() <= self.regressors() || self.keeps_rows {
                     let (values, weights) = self.gathered(&used);
                     of_rows(&values, used.len(), q, weights.as_deref(), intercept)
                 } else if self.columns() > ROOT_COLUMNS {
@@ -252,7 +281,7 @@ fn of_rows(
     let x = values.len() - rows * targets;
     let regressors = MatRef::from_column_major_slice(&values[..x], rows, x.checked_div(rows).unwrap_or(0));
     let target = |t: usize| &values[x + t * rows..x + (t + 1) * rows];
-    (0..targets).map(|t| Ok(Quadratic::from_rows(regressors, target(t), weights, intercept)?)).collect()
+    (0..targets).map(|t| Ok(Quadratic::from_rows_as_they_are(regressors, target(t), weights, intercept)?)).collect()
 }
 
 fn of_root(root: &SquareRoot, intercept: bool) -> Result<Vec<Quadratic>, DenseError> {

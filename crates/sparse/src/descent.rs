@@ -1,6 +1,7 @@
 //! Coordinate descent on a small dense Gram matrix, and the exact steps that finish it.
 
 use faer::Mat;
+use fleetfoot_data::checkpoint;
 use pulp::{Simd, WithSimd};
 
 use crate::{
@@ -13,6 +14,9 @@ use crate::{
 const FEW: usize = 64;
 /// One in this many columns may leave a factorisation before the next one.
 const SHARE: usize = 8;
+/// Sweeps before the first Newton step where signs do not stand still before, at least, and columns a sweep: a factorisation costs as much as many of them.
+const SWEEPS: usize = 8;
+const COLUMNS_A_SWEEP: usize = 64;
 
 /// `1/2 d'M d - b'd + sum limit_j |d_j|` under sign constraints, in k columns.
 pub(crate) struct Small {
@@ -53,8 +57,10 @@ impl Small {
             return (true, 0);
         }
         let mut signs: Vec<f64> = Vec::new();
-        let mut due = 8;
+        let first = SWEEPS.max(self.columns() / COLUMNS_A_SWEEP);
+        let mut due = first;
         for epoch in 1..=max_epochs {
+            checkpoint();
             pulp::Arch::new().dispatch(Epoch { problem: self, delta, gradient: &mut gradient });
             if self.violation(delta, &gradient) <= tolerance {
                 // The gradient was updated along the way: the verdict is that of a fresh one.
@@ -69,7 +75,7 @@ impl Small {
             let still = now == signs;
             signs = now;
             if still || epoch >= due {
-                due = 2 * epoch.max(8);
+                due = 2 * epoch.max(first);
                 self.polish(delta);
                 gradient = self.gradient(delta);
                 signs.clear();
@@ -98,6 +104,7 @@ impl Small {
     /// Newton steps on the support, each to the first coefficient that reaches zero, until none does.
     fn polish(&self, delta: &mut [f64]) {
         loop {
+            checkpoint();
             let support: Vec<usize> = (0..self.columns()).filter(|&j| delta[j] != 0.0 || !self.watched(j)).collect();
             let gradient = self.gradient(delta);
             let wanted: Vec<f64> = support.iter().map(|&j| gradient[j] - self.limit[j] * sign_of(delta[j])).collect();

@@ -4,6 +4,8 @@
 //! correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the bound on side s where
 //! `s (e_j + lambda a_j) = lambda omega_j`, so at `lambda = s e_j / (omega_j - s a_j)`; an active one reaches zero at `x_j / y_j`.
 
+use fleetfoot_data::checkpoint;
+
 use crate::{
     factor::Factor,
     penalty::{Sign, Weights},
@@ -163,6 +165,7 @@ impl<'a> Homotopy<'a> {
         let mut fresh: Vec<(usize, f64)> = Vec::new();
         let mut removals = vec![0_u8; self.problem.columns()];
         for _ in 0..20 * (self.problem.columns() + 10) {
+            checkpoint();
             let Some(Candidate { column, side, .. }) = self.worst(aim, lambda) else {
                 return Settled::Done;
             };

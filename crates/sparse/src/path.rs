@@ -1,5 +1,7 @@
 //! Solutions, and the paths that they lie on.
 
+use fleetfoot_data::checkpoint;
+
 use crate::{
     Certificate, Penalty, Quadratic, SparseError,
     certificate::certify,
@@ -175,6 +177,7 @@ pub(crate) fn finish_shaped<S: Shape>(
     // A run of equal ridges is one product.
     for run in points.chunk_by(|a, b| a.l2 == b.l2) {
         for batch in run.chunks(BATCH) {
+            checkpoint();
             let mut delta = Slab::zeros(problem.columns(), batch.len());
             for (k, point) in batch.iter().enumerate() {
                 point.delta.iter().for_each(|&(j, value)| delta.column_mut(k)[j] = value);

@@ -1,5 +1,7 @@
 //! Products of the columns that coordinate descent needs, and no others.
 
+use fleetfoot_data::checkpoint;
+
 use crate::{
     Quadratic,
     kernel::{Slab, add_scaled, dot},
@@ -10,9 +12,9 @@ use crate::{
 pub(crate) enum Products<'a> {
     /// All of them are known.
     Gram(&'a Slab),
-    /// Square-root form with no more columns than rows: whole columns of the Gram matrix.
+    /// Square-root form, a triangle: whole columns of the Gram matrix.
     Columns { problem: &'a Quadratic, formed: Vec<Option<Vec<f64>>> },
-    /// More columns than rows: the products of those that took part, with each other alone. The correlations of all come from the residual, in rows times
+    /// More columns than rows, or rows that were kept: the products of those that took part, with each other alone. The correlations of all come from the residual, in rows times
     /// columns, where columns of the Gram matrix would be as many times that as there are active ones.
     Pairs { rows: &'a Slab, target: &'a [f64], pairs: Pairs },
 }
@@ -33,7 +35,8 @@ impl<'a> Products<'a> {
         let p = problem.columns();
         match &problem.form {
             Form::Gram { g, .. } => Self::Gram(g),
-            Form::Root { a, z, .. } if a.rows() < p => {
+            // As many rows as columns are a triangle.
+            Form::Root { a, z, .. } if a.rows() != p => {
                 Self::Pairs { rows: a, target: z, pairs: Pairs { place: vec![None; p], ..Pairs::default() } }
             }
             Form::Root { .. } => Self::Columns { problem, formed: vec![None; p] },
@@ -46,6 +49,7 @@ impl<'a> Products<'a> {
             Self::Gram(_) => {}
             Self::Columns { problem, formed } => {
                 for &j in columns {
+                    checkpoint();
                     formed[j].get_or_insert_with(|| {
                         let mut column = vec![0.0; Slab::zeros(problem.columns(), 0).stride()];
                         problem.correlations_of(j, &mut column);
@@ -106,6 +110,7 @@ impl Pairs {
         self.products.resize(self.joined.len(), Vec::new());
         // One column after the other against all new ones, which stay in cache meanwhile.
         for (i, &column) in self.joined.iter().enumerate() {
+            checkpoint();
             for k in first.max(i)..self.joined.len() {
                 self.products[k].push(dot(rows.column(column), rows.column(self.joined[k])));
             }
@@ -129,12 +134,13 @@ mod tests {
     /// The same numbers whatever is kept: all products, columns of them, or pairs.
     #[test]
     fn every_form_gives_the_same_correlations() {
-        for (n, p) in [(9, 20), (30, 7)] {
+        for (n, p, kept) in [(9, 20, false), (30, 7, false), (30, 7, true)] {
             let x = Mat::from_fn(n, p, |i, j| ((i * (j + 3) + 5 * j) as f64 * 0.37).sin());
             let y: Vec<f64> = (0..n).map(|i| (0.9 * i as f64).cos() + x[(i, 2)]).collect();
-            let problem = Quadratic::from_rows(x.as_ref(), &y, None, true).unwrap();
+            let problem = if kept { Quadratic::from_rows_as_they_are } else { Quadratic::from_rows };
+            let problem = problem(x.as_ref(), &y, None, true).unwrap();
             let mut products = Products::of(&problem);
-            assert_eq!(matches!(products, Products::Pairs { .. }), n < p);
+            assert_eq!(matches!(products, Products::Pairs { .. }), n < p || kept);
             products.form(&[5, 2]);
             products.form(&[2, 0, 5, 6]);
             let mut column = vec![0.0; problem.target_correlations().len()];

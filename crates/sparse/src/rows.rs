@@ -22,6 +22,27 @@ impl Quadratic {
         weights: Option<&[f64]>,
         intercept: bool,
     ) -> Result<Self, SparseError> {
+        Self::of_rows(x, y, weights, intercept, true)
+    }
+
+    /// As [`Quadratic::from_rows`], and all rows are kept: the factorisation costs rows times the square of the columns, and a sparse solution a few times
+    /// rows times columns.
+    pub(crate) fn from_rows_as_they_are(
+        x: MatRef<'_, f64>,
+        y: &[f64],
+        weights: Option<&[f64]>,
+        intercept: bool,
+    ) -> Result<Self, SparseError> {
+        Self::of_rows(x, y, weights, intercept, false)
+    }
+
+    fn of_rows(
+        x: MatRef<'_, f64>,
+        y: &[f64],
+        weights: Option<&[f64]>,
+        intercept: bool,
+        compressed: bool,
+    ) -> Result<Self, SparseError> {
         let (n, p) = x.shape();
         for (what, found) in [("the target", y.len()), ("the row weights", weights.map_or(n, <[f64]>::len))] {
             if found != n {
@@ -62,7 +83,7 @@ impl Quadratic {
         let noise = |length: f64, mean: f64| level * (length + total.sqrt() * mean.abs());
         let noise_x = (0..p).map(|j| noise(norm(rows.column(j).iter().copied()), mean_x[j])).collect();
         let least = level * total.sqrt() * mean_y.abs();
-        let beyond = if used.len() > p { compress(&mut rows, &mut z) } else { 0.0 };
+        let beyond = if compressed && used.len() > p { compress(&mut rows, &mut z) } else { 0.0 };
         let means = intercept.then_some(Means { x: mean_x, y: mean_y });
         z.truncate(rows.rows());
         Ok(Self::of_compressed(total, means, rows, z, beyond, (size, least), noise_x))

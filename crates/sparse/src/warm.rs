@@ -1,5 +1,7 @@
 //! The lasso at one lambda from a guess of its active set: for resamples, whose solutions differ in a column or two.
 
+use fleetfoot_data::checkpoint;
+
 use crate::{
     Penalty, Quadratic, Sign, Solution, SparseError,
     factor::Factor,
@@ -45,6 +47,7 @@ fn exchange(problem: &Quadratic, weights: &Weights, lambda: f64, guess: &[(usize
         side[j] = sign;
     }
     for _ in 0..2 * p + 10 {
+        checkpoint();
         let (x, y) = factor.solutions();
         let delta: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x - lambda * y).collect();
         let wrong = |place: usize| {

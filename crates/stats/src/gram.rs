@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use faer::MatRef;
-use fleetfoot_data::{packed, packed_row};
+use fleetfoot_data::{checkpoint, packed, packed_row};
 
 use crate::tile::{Columns, TILE, Tile};
 
@@ -169,6 +169,7 @@ impl Gram {
     /// Adds rows tile by tile: each is centred and multiplied, then merged.
     fn add_rows(&mut self, tile: &mut Tile, design: &Columns<'_>, rows: Range<usize>) {
         for first in rows.clone().step_by(TILE) {
+            checkpoint();
             let part = first..(first + TILE).min(rows.end);
             tile.multiply(design, part.clone());
             // The tile was centred on a rounded mean; what remained is moved from the products to the mean.

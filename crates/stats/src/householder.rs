@@ -4,6 +4,7 @@
 //! `1e-12` is data here, and the decision about rank is taken elsewhere, once, with the noise of every column at hand.
 
 use faer::Mat;
+use fleetfoot_data::checkpoint;
 use pulp::{Simd, WithSimd};
 
 use crate::kernel::{self, LANES, Slab, add_scaled_in, dot_in, norm, padded};
@@ -62,6 +63,7 @@ impl WithSimd for Fold<'_> {
         let Self { r, rows } = self;
         let (stride, d) = (rows.stride, rows.columns());
         for k in 0..r.nrows() {
+            checkpoint();
             let (head, tail) = rows.values.split_at_mut((k + 1) * stride);
             let v = &mut head[k * stride..];
             let squares = dot_in(simd, v, v);
@@ -110,6 +112,7 @@ impl WithSimd for Reduce<'_> {
         let (columns, stride) = (values.columns(), values.stride());
         let mut v = vec![0.0; stride];
         for (i, &last) in last.iter().enumerate().filter(|&(i, &last)| last > i) {
+            checkpoint();
             // Whole vectors around the rows of the reflector; it is zero in the others.
             let (from, to) = (i / LANES * LANES, padded(last + 1));
             v[from..to].fill(0.0);
@@ -148,6 +151,7 @@ pub(crate) fn pivoted_qr(mut a: Mat<f64>, mut rhs: Mat<f64>, threshold: f64) -> 
     let mut order: Vec<usize> = (0..p).collect();
     let mut rank = 0;
     while rank < p.min(m) {
+        checkpoint();
         let k = rank;
         let mut best = (k, 0.0);
         for j in k..p {

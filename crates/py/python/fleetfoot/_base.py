@@ -74,26 +74,33 @@ __all__ = [
     "RegressorMixin",
     "TransformerMixin",
     "check_cv",
+    "as_given",
     "check_finite",
     "check_is_fitted",
+    "check_rows",
     "check_weight",
     "check_x",
     "check_xy",
+    "is_sparse",
     "random_numbers",
     "random_seed",
     "splits",
 ]
 
 
-def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1) -> NDArray[Any]:
+def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1, sparse: bool = False) -> NDArray[Any]:
     """X as a finite matrix (n_samples, n_features) of `float32` or `float64`.
 
-    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. Sparse matrices are a
-    `TypeError`; anything that
-    is not a matrix of finite numbers is a `ValueError`.
+    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. A sparse matrix becomes one in
+    compressed rows where `sparse` allows it (that needs scikit-learn), else it is a `TypeError`; anything that is not a
+    matrix of finite numbers is a `ValueError`.
     """
     if HAS_SKLEARN:
-        options: dict[str, Any] = {"dtype": [np.float64, np.float32], "ensure_min_samples": min_samples}
+        options: dict[str, Any] = {
+            "dtype": [np.float64, np.float32],
+            "ensure_min_samples": min_samples,
+            "accept_sparse": "csr" if sparse else False,
+        }
         found: NDArray[Any] = _validate(estimator, X, reset=reset, **options)
         return found
     plain: NDArray[Any] = _plain.validate_data(estimator, X, reset=reset, ensure_min_samples=min_samples)
@@ -101,7 +108,14 @@ def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1) -> NDA
 
 
 def check_xy(
-    estimator: Any, X: Any, y: Any, *, multi_output: bool = False, min_samples: int = 1, finite: bool = True
+    estimator: Any,
+    X: Any,
+    y: Any,
+    *,
+    multi_output: bool = False,
+    min_samples: int = 1,
+    finite: bool = True,
+    sparse: bool = False,
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """X as :func:`check_x` makes it (`reset`), and y as finite `float32` or `float64` of as many rows.
 
@@ -119,6 +133,7 @@ def check_xy(
             "multi_output": multi_output,
             "ensure_min_samples": min_samples,
             "ensure_all_finite": finite,
+            "accept_sparse": "csr" if sparse else False,
         }
         matrix, target = _validate(estimator, X, y, **options)
         if target.dtype not in (np.float32, np.float64):
@@ -128,10 +143,27 @@ def check_xy(
     return matrix, target
 
 
+def is_sparse(X: Any) -> bool:
+    """Whether X is one of scipy's sparse matrices or arrays."""
+    return hasattr(X, "tocsr") and hasattr(X, "nnz")
+
+
+def as_given(X: Any) -> Any:
+    """X that nobody checks: an array, or compressed rows of a sparse one."""
+    return X.tocsr() if is_sparse(X) else np.asarray(X)
+
+
+def check_rows(X: Any, owner: str) -> Any:
+    """X of a function: a finite matrix of `float32` or `float64`, or compressed rows of a sparse one."""
+    if HAS_SKLEARN and is_sparse(X):
+        return _check_array(X, dtype=[np.float64, np.float32], accept_sparse="csr", estimator=owner, input_name="X")
+    return _plain.as_matrix(X, owner)
+
+
 def check_finite(estimator: Any, X: NDArray[Any]) -> None:
     """Raises the `ValueError` of :func:`check_xy` where X, a matrix that passed it otherwise, is not finite."""
     if HAS_SKLEARN:
-        _check_array(X, dtype=None, estimator=estimator, input_name="X")
+        _check_array(X, dtype=None, estimator=estimator, input_name="X", accept_sparse=True)
     else:
         _plain.as_matrix(X, type(estimator).__name__)
 
@@ -201,6 +233,6 @@ def splits(cv: Any, X: Any, y: Any, **params: Any) -> list[tuple[NDArray[np.intp
     `cv` is a number of folds (neighbouring rows), a splitter, an iterable of (train, test), or `None` for five folds.
     """
     folds: Iterable[Any] = check_cv(cv, classifier=False).split(X, y, **params)
-    rows = np.arange(len(X))
+    rows = np.arange(X.shape[0])
     # Masks and negative indices become indices.
     return [(rows[np.asarray(train)], rows[np.asarray(test)]) for train, test in folds]

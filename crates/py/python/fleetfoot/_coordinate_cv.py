@@ -63,6 +63,7 @@ class PathCV(LinearModel):
     tol: float
     cv: Any
     positive: bool
+    _sparse = True
 
     alpha_: float
     alphas_: NDArray[np.float64]
@@ -85,8 +86,9 @@ class PathCV(LinearModel):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
-            Regressors, dense; any order of memory.
+        X : array-like or sparse matrix of shape (n_samples, n_features)
+            Regressors; any order of memory. Sparse rows are read block by block, and never made dense as a whole where
+            they are more than the features.
         y : array-like of shape (n_samples,)
             Target.
         sample_weight : float or array-like of shape (n_samples,), optional
@@ -104,8 +106,6 @@ class PathCV(LinearModel):
         ValueError
             When a parameter is out of its range, the data are not finite or do not go together, or a fold has no rows
             on one side.
-        TypeError
-            When X is sparse.
         """
         if params and not _routing():
             raise ValueError(
@@ -114,10 +114,10 @@ class PathCV(LinearModel):
             )
         check_params(self, self._rules)
         given = None if isinstance(self.alphas, Integral) else _checked(self.alphas)
-        X, y = check_xy(self, X, y, finite=not isinstance(self.precompute, (bool, np.bool_, str)))
+        X, y = check_xy(self, X, y, finite=not isinstance(self.precompute, (bool, np.bool_, str)), sparse=True)
         if X.dtype == np.float32:
             y = y.astype(np.float32, copy=False)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
+        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(y))
         given_gram(X, weight, self.precompute, intercept=self.fit_intercept, check=True)
         ratios = self._ratios()
         design, folds = cross_validation(X, y, self.cv, weight, **params)

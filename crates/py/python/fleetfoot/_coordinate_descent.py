@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import MultiOutputMixin, check_weight, check_xy
-from ._descent import grid, largest_alpha, pose
+from ._base import MultiOutputMixin, as_given, check_rows, check_weight, check_xy
+from ._descent import Posed, grid, largest_alpha, pose
 from ._linear import LinearModel
+from ._multi_task import TaskPath, Tasks
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
-from ._plain import as_matrix, as_target
+from ._plain import as_target
 
 __all__ = ["ElasticNet", "Lasso", "enet_path", "lasso_path"]
 
@@ -64,10 +65,11 @@ def enet_path(
 
     Parameters
     ----------
-    X : array-like of shape (n_samples, n_features)
-        Regressors, dense; any order of memory, `float32` or `float64`. Read once, never copied or written.
-    y : array-like of shape (n_samples,)
-        Target. Several targets with a common support (the multi-task penalty) are not supported.
+    X : array-like or sparse matrix of shape (n_samples, n_features)
+        Regressors; any order of memory, `float32` or `float64`. Read once, never copied or written.
+    y : array-like of shape (n_samples,) or (n_samples, n_targets)
+        Target. Several targets have one support: the penalty of a feature is the length of its coefficients, as in
+        scikit-learn's multi-task classes.
     l1_ratio : float in [0, 1], default=0.5
         Share of the l1 penalty: 1 is the lasso, 0 is ridge.
     eps : float, default=1e-3
@@ -84,7 +86,7 @@ def enet_path(
         ``X.T @ y``, used with a given Gram matrix.
     copy_X : bool, default=True
         Accepted; X is never copied and never written.
-    coef_init : array-like of shape (n_features,), optional
+    coef_init : array-like of shape (n_features,) or (n_targets, n_features), optional
         Where the first solution starts from. It changes the number of sweeps, not the answer.
     verbose : bool or int, default=False
         Accepted; a path is one call of the engine, and prints nothing.
@@ -104,7 +106,7 @@ def enet_path(
     -------
     alphas : ndarray of shape (n_alphas,)
         The alphas, descending.
-    coefs : ndarray of shape (n_features, n_alphas)
+    coefs : ndarray of shape (n_features, n_alphas) or (n_targets, n_features, n_alphas)
         Coefficients, with the precision of X.
     dual_gaps : ndarray of shape (n_alphas,)
         Bounds on objective minus minimum.
@@ -115,10 +117,6 @@ def enet_path(
     ------
     ValueError
         When a parameter is out of its range, or X and y do not go together.
-    TypeError
-        When X is sparse.
-    NotImplementedError
-        For several targets.
 
     Examples
     --------
@@ -137,30 +135,56 @@ def enet_path(
     wanted = _alphas(n_alphas, alphas)
     options = _solver_options("enet_path", params)
     if check_input:
-        X = as_matrix(X, "enet_path")
+        X = check_rows(X, "enet_path")
         y = as_target(y, multi_output=True)
-        if len(y) != len(X):
-            raise ValueError(f"X has {len(X)} rows and y has {len(y)}: give one target a row")
-    if y.ndim != 1:
-        if positive:
-            raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
-        raise NotImplementedError(
-            "enet_path of several targets (the multi-task penalty, one support for all): fit ElasticNet or Lasso for a "
-            "support a target"
-        )
+        if len(y) != X.shape[0]:
+            raise ValueError(f"X has {X.shape[0]} rows and y has {len(y)}: give one target a row")
+    else:
+        X, y = as_given(X), np.asarray(y)
+    if y.ndim != 1 and positive:
+        raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
     if X.dtype == np.float32:
         y = np.asarray(y, dtype=np.float32)
     posed = pose(X, y, None, intercept=False, precompute=precompute, Xy=Xy, check_gram=check_input)
+    if y.ndim != 1:
+        alphas_, coefs, gaps, sweeps = _task_path(X, y, posed, l1_ratio, wanted, eps, coef_init, options)
+        coefs = np.asarray(coefs, dtype=X.dtype)
+        return (alphas_, coefs, gaps, sweeps) if return_n_iter else (alphas_, coefs, gaps)
     if isinstance(wanted, Integral):
         found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
     else:
-        found = np.sort(np.asarray(wanted, dtype=np.float64).reshape(-1))[::-1]
+        found = _descending(wanted)
     options["estimator"] = _core.Estimator.elastic_net(l1_ratio, options["max_iter"])
     solved = posed.solve(0, found, positive=positive, start=_start(coef_init, X.shape[1]), **options)
     coefs = np.asarray(solved.coefs.T, dtype=X.dtype)
     if return_n_iter:
         return found, coefs, solved.gaps, solved.sweeps
     return found, coefs, solved.gaps
+
+
+def _descending(alphas: Any) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = np.sort(np.asarray(alphas, dtype=np.float64).reshape(-1))[::-1]
+    return found
+
+
+def _task_path(
+    X: Any,
+    y: NDArray[Any],
+    posed: Posed,
+    l1_ratio: float,
+    alphas: Any,
+    eps: float,
+    coef_init: Any,
+    options: dict[str, Any],
+) -> TaskPath:
+    """The path of several targets."""
+    shape = (y.shape[1], X.shape[1])
+    start = None if coef_init is None else np.ascontiguousarray(coef_init, dtype=np.float64)
+    if start is not None and start.shape != shape:
+        raise ValueError(f"coef_init has the shape {start.shape}: give one value a target and feature, {shape}")
+    wanted = int(alphas) if isinstance(alphas, Integral) else _descending(alphas)
+    tasks = Tasks(X, y, posed, l1_ratio, options)
+    return tasks.path(wanted, eps, None if start is None else start.reshape(-1))
 
 
 def lasso_path(
@@ -186,10 +210,10 @@ def lasso_path(
 
     Parameters
     ----------
-    X : array-like of shape (n_samples, n_features)
-        Regressors, dense.
-    y : array-like of shape (n_samples,)
-        Target.
+    X : array-like or sparse matrix of shape (n_samples, n_features)
+        Regressors.
+    y : array-like of shape (n_samples,) or (n_samples, n_targets)
+        Targets.
     eps, n_alphas, alphas, precompute, Xy, copy_X, coef_init, verbose, return_n_iter, positive, **params
         As for :func:`enet_path`.
 
@@ -197,7 +221,7 @@ def lasso_path(
     -------
     alphas : ndarray of shape (n_alphas,)
         The alphas, descending.
-    coefs : ndarray of shape (n_features, n_alphas)
+    coefs : ndarray of shape (n_features, n_alphas) or (n_targets, n_features, n_alphas)
         Coefficients, with the precision of X.
     dual_gaps : ndarray of shape (n_alphas,)
         Bounds on objective minus minimum.
@@ -206,7 +230,7 @@ def lasso_path(
 
     Raises
     ------
-    ValueError, TypeError, NotImplementedError
+    ValueError
         As :func:`enet_path`.
 
     Examples
@@ -294,7 +318,8 @@ class ElasticNet(MultiOutputMixin, LinearModel):
 
     X is compressed in one pass, in parallel and without a copy; coordinate descent then runs on at most n_features
     rows, and ends with Newton steps on the support: solutions are exact up to rounding (see `dual_gap_`), whatever
-    `tol` is.
+    `tol` is. More than 512 features of one target, with up to four times as many rows, are not compressed: a copy of the
+    rows is worked on, and products are formed of the features that take part.
 
     Parameters
     ----------
@@ -403,13 +428,16 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         self.random_state = random_state
         self.selection = selection
 
+    _sparse = True
+
     def fit(self: _Fitted, X: Any, y: Any, sample_weight: Any = None, check_input: bool = True) -> _Fitted:
         """Fits all targets in one pass over X.
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
-            Regressors, dense; any order of memory.
+        X : array-like or sparse matrix of shape (n_samples, n_features)
+            Regressors; any order of memory. Sparse rows are read block by block, and never made dense as a whole where
+            they are more than the features.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets.
         sample_weight : float or array-like of shape (n_samples,), optional
@@ -425,26 +453,22 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         ------
         ValueError
             When a parameter is out of its range, or the data are not finite or do not go together.
-        TypeError
-            When X is sparse.
         """
         check_params(self, self._rules)
         if check_input:
-            X, y = check_xy(self, X, y, multi_output=True)
+            X, y = check_xy(self, X, y, multi_output=True, sparse=True)
         else:
-            X, y = np.asarray(X), np.asarray(y)
+            X, y = as_given(X), np.asarray(y)
             self.n_features_in_ = X.shape[1]
         if X.dtype == np.float32:
             y = np.asarray(y, dtype=np.float32)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
-        posed = pose(
-            X, y, weight, intercept=self.fit_intercept, precompute=self.precompute, check_gram=check_input
-        )
+        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(y))
         targets = 1 if y.ndim == 1 else y.shape[1]
+        options: dict[str, Any] = {"precompute": self.precompute, "check_gram": check_input, "few": targets == 1}
+        posed = pose(X, y, weight, intercept=self.fit_intercept, **options)
         starts = self._starts(targets, X.shape[1])
         estimator = _core.Estimator.elastic_net(self.l1_ratio, self.max_iter)
-        options: dict[str, Any] = {"estimator": estimator, "positive": self.positive}
-        options.update(max_iter=self.max_iter, tol=self.tol)
+        options = {"estimator": estimator, "positive": self.positive, "max_iter": self.max_iter, "tol": self.tol}
         solved = [posed.solve(k, [self.alpha], start=starts[k], **options) for k in range(targets)]
         self._keep(solved, X.dtype, y.ndim)
         return self

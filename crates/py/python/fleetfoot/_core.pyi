@@ -41,6 +41,7 @@ class Design:
         weights: NDArray[np.float64] | None = None,
         labels: NDArray[np.uint32] | None = None,
         groups: int = 1,
+        few: bool = False,
         progress: _Progress = None,
     ) -> Design: ...
     @property

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import ConvergenceWarning
+from ._base import ConvergenceWarning, is_sparse
 
 #: The smallest alpha that a grid starts from: that of a target which no feature explains.
 RESOLUTION = float(np.finfo(np.float64).resolution)
@@ -79,12 +79,16 @@ def pose(
     precompute: Any = False,
     Xy: Any = None,
     check_gram: bool = True,
+    few: bool = False,
 ) -> Posed:
-    """Compresses X and y (n_samples,) or (n_samples, n_targets) in one pass, or takes a Gram matrix in place of X."""
+    """Compresses X and y (n_samples,) or (n_samples, n_targets) in one pass, or takes a Gram matrix in place of X.
+
+    Where `few` solutions are wanted, many columns are left as they are.
+    """
     gram = given_gram(X, weight, precompute, intercept=intercept, check=check_gram)
     if gram is None:
-        return Posed(_core.Problems.of(_core.Design(X, y, weight), None, intercept), None, None)
-    rows = len(X)
+        return Posed(_core.Problems.of(_core.Design(X, y, weight, few=few), None, intercept), None, None)
+    rows = X.shape[0]
     # As in the Gram matrix, the weights sum to the number of rows.
     scaled = None if weight is None else weight * (rows / weight.sum())
     offset = np.average(X, axis=0, weights=scaled).astype(np.float64) if intercept else np.zeros(X.shape[1])
@@ -109,9 +113,9 @@ def given_gram(
     """The Gram matrix that `precompute` is, when it is one that fits the rows.
 
     One whose columns were not centred while an intercept is to be fitted is left aside with a `UserWarning`; one that
-    is not that of X is a `ValueError`.
+    is not that of X is a `ValueError`. Of sparse rows the products are always summed anew.
     """
-    if isinstance(precompute, (bool, np.bool_, str)):
+    if isinstance(precompute, (bool, np.bool_, str)) or is_sparse(X):
         return None
     gram = np.asarray(precompute)
     features = X.shape[1]

@@ -95,7 +95,7 @@ def cross_validation(
 ) -> tuple[Design | None, FoldDesigns]:
     """As :func:`fold_designs`, from what a user gives as `cv`; `params` are for its `split`."""
     splitter = check_cv(cv, classifier=False)
-    groups = None if params else neighbour_groups(splitter, len(X))
+    groups = None if params else neighbour_groups(splitter, X.shape[0])
     if groups is None:
         return fold_designs(X, y, splits(splitter, X, y, **params), weight)
     return _shared(X, y, groups, weight)
@@ -123,7 +123,7 @@ def fold_designs(
     for fold, (train, test) in enumerate(splits):
         if len(train) == 0 or len(test) == 0:
             raise ValueError(f"fold {fold} of cv has no rows to {'test' if len(train) else 'train'}")
-    groups = fold_groups(splits, len(X))
+    groups = fold_groups(splits, X.shape[0])
     if groups is not None:
         return _shared(X, y, groups, weight)
     folds = []

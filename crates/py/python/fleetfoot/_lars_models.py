@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import MultiOutputMixin, check_xy, random_numbers
+from ._base import MultiOutputMixin, check_xy, is_sparse, random_numbers
 from ._core import Design, LarsPath, lars_paths
 from ._lars import EPS, STEPS, LarsRequest, centred_paths, check_eps, known_gram, path_request, tell
 from ._linear import LinearModel
@@ -35,6 +35,7 @@ class LarsModel(LinearModel):
     eps: float
     method = "lasso"
     positive = False
+    _sparse = True
 
     alphas_: Any
     active_: Any
@@ -168,7 +169,7 @@ class Lars(MultiOutputMixin, LarsModel):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Regressors.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets.
@@ -181,12 +182,13 @@ class Lars(MultiOutputMixin, LarsModel):
         """
         check_params(self, self._rules())
         request = self._request(*self._end())
-        X, y = check_xy(self, X, y, multi_output=True)
+        X, y = check_xy(self, X, y, multi_output=True, sparse=True)
         if self.jitter is not None:
             noise = random_numbers(self.random_state).uniform(high=self.jitter, size=len(y))
             y = y + (noise if y.ndim == 1 else noise[:, np.newaxis])
         gram = known_gram(self.precompute)
-        if gram is None and Xy is None:
+        # Of sparse rows the products are always summed anew.
+        if (gram is None and Xy is None) or is_sparse(X):
             paths = lars_paths(Design(X, y), None, self.fit_intercept, request)
             self._keep(X, y, paths, self.fit_path)
             return self

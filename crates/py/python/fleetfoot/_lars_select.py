@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import check_finite, check_xy
+from ._base import check_finite, check_xy, is_sparse
 from ._core import Design, LarsPath, lars_fold_errors, lars_paths
 from ._folds import cross_validation, fold_params, fold_router
 from ._lars import EPS, STEPS, LarsRequest, centred_paths, known_gram
@@ -109,7 +109,7 @@ class LassoLarsCV(LarsModel):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Regressors.
         y : array-like of shape (n_samples,)
             Target.
@@ -137,7 +137,7 @@ class LassoLarsCV(LarsModel):
                 stacklevel=2,
             )
         request = self._request(0.0, self.max_iter)
-        X, y = check_xy(self, X, y, finite=False)
+        X, y = check_xy(self, X, y, finite=False, sparse=True)
         design, folds = cross_validation(X, y, self.cv, **routed)
         if design is None or not design.seen_finite:
             check_finite(self, X)
@@ -227,7 +227,7 @@ class LassoLarsIC(LarsModel):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Regressors.
         y : array-like of shape (n_samples,)
             Target.
@@ -247,7 +247,7 @@ class LassoLarsIC(LarsModel):
         }
         check_params(self, rules)
         request = self._request(0.0, self.max_iter)
-        X, y = check_xy(self, X, y)
+        X, y = check_xy(self, X, y, sparse=True)
         rows, features = X.shape
         if self.noise_variance is None and rows <= features + self.fit_intercept:
             raise ValueError(
@@ -281,7 +281,7 @@ class LassoLarsIC(LarsModel):
     ) -> tuple[LarsPath, NDArray[np.float64], NDArray[np.float64]]:
         """The path, and the intercept and the mean squared error at its knots."""
         gram = known_gram(self.precompute)
-        if gram is None:
+        if gram is None or is_sparse(X):
             path = lars_paths(design, None, self.fit_intercept, request)[0]
             return path, path.intercepts, path.mse
         path, intercepts = centred_paths(X, y, gram, None, self.fit_intercept, request)[0]

@@ -69,6 +69,25 @@ def test_every_replicate_is_the_lasso_of_its_rows(how: dict[str, Any], weighted:
 
 
 @pytest.mark.parametrize("how", BOOTSTRAPS, ids=lambda how: how["bootstrap"])
+@pytest.mark.parametrize("rows", [200, 600])
+def test_replicates_of_many_features_are_lassos_of_their_rows(how: dict[str, Any], rows: int) -> None:
+    """More features than a replicate's products are worth, and fewer or more of them than rows."""
+    rng = np.random.default_rng(4)
+    X = rng.standard_normal((rows, 530)) + rng.standard_normal((rows, 1)) + 2.0
+    Y = np.c_[X[:, 0] - 2.0 * X[:, 500], 300.0 * X[:, 2]] + rng.standard_normal((rows, 2)) * [1.0, 100.0]
+    weight = rng.uniform(0.2, 2.0, rows)
+    options = {"alpha": [0.3, 30.0], "n_estimators": 3, "random_state": 3, "positive": how["bootstrap"] == "rows", **how}
+    groups = np.repeat(np.arange(rows // 8), 8) if how["bootstrap"] == "groups" else None
+    model = ff.Bolasso(**options).fit(X, Y, weight, groups=groups)
+    for b, counts in enumerate(model.resampling_counts() * weight):
+        for k in range(2):
+            found = (model.coef_samples_[b, k], model.intercept_samples_[b, k], model.alpha_[k], options["positive"])
+            assert violation(X, Y[:, k], counts, *found) < 1e-8
+    assert model.kkt_ < 1e-9
+    assert model.support_[1, 2] and not model.support_.all()
+
+
+@pytest.mark.parametrize("how", BOOTSTRAPS, ids=lambda how: how["bootstrap"])
 def test_every_replicate_is_that_of_scikit_learn(how: dict[str, Any]) -> None:
     peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
     X, y = problem()

@@ -166,15 +166,124 @@ def test_a_given_gram_matrix_is_used_where_it_fits(weighted: bool) -> None:
 def test_what_is_not_supported_names_itself() -> None:
     X, y = problem()
     sparse = pytest.importorskip("scipy.sparse", reason="scipy, which makes sparse matrices, is not installed")
-    for model in (ff.Lasso(), ff.ElasticNet(), ff.LassoCV(), ff.ElasticNetCV(), ff.Bolasso()):
+    for model in (ff.Bolasso(), ff.GroupLasso()):
         with pytest.raises(TypeError, match=r"(?i)sparse"):
             model.fit(sparse.csr_array(X), y)
-    with pytest.raises(TypeError, match=r"(?i)sparse"):
-        ff.lasso_path(sparse.csc_array(X), y)
-    with pytest.raises(NotImplementedError, match="several targets"):
-        ff.enet_path(X, np.c_[y, y])
     with pytest.raises(NotImplementedError, match="sample_weight"):
         ff.enet_path(X, y, sample_weight=np.ones(len(y)))
+
+
+SPARSE_MODELS = {
+    "Lasso": lambda: ff.Lasso(alpha=0.02),
+    "ElasticNet": lambda: ff.ElasticNet(alpha=0.02, l1_ratio=0.3, fit_intercept=False),
+    "LassoCV": lambda: ff.LassoCV(alphas=7, cv=3),
+    "ElasticNetCV": lambda: ff.ElasticNetCV(alphas=7, cv=3),
+    "Lars": lambda: ff.Lars(n_nonzero_coefs=5),
+    "LassoLars": lambda: ff.LassoLars(alpha=0.02),
+    "LassoLarsCV": lambda: ff.LassoLarsCV(cv=3),
+    "LassoLarsIC": lambda: ff.LassoLarsIC(criterion="bic", noise_variance=0.2),
+}
+
+
+def few_values(rows: int, features: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """A fifth of the values are not zero."""
+    rng = np.random.default_rng(6)
+    X = np.where(rng.random((rows, features)) < 0.2, rng.standard_normal((rows, features)) + 0.5, 0.0)
+    return X, 2.0 * X[:, 0] - X[:, 3] + 0.4 * rng.standard_normal(rows) + 1.0
+
+
+@pytest.mark.parametrize("name", SPARSE_MODELS)
+@pytest.mark.parametrize("form", ["csr_array", "csc_matrix", "coo_array"])
+@pytest.mark.parametrize("shape", [(90, 8), (30, 50), (3000, 8)])
+def test_sparse_rows_are_the_dense_ones(name: str, form: str, shape: tuple[int, int]) -> None:
+    """Centring is exact: the statistic of a block is that of the dense block, to the bit."""
+    sparse = pytest.importorskip("scipy.sparse", reason="scipy, which makes sparse matrices, is not installed")
+    pytest.importorskip("sklearn", reason="scikit-learn, which checks sparse matrices, is not installed")
+    X, y = few_values(*shape)
+    lying = getattr(sparse, form)(X)
+    make = SPARSE_MODELS[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        dense, found = make().fit(X, y), make().fit(lying, y)
+    np.testing.assert_array_equal(found.coef_, dense.coef_)
+    np.testing.assert_array_equal(found.intercept_, dense.intercept_)
+    np.testing.assert_allclose(found.predict(lying), dense.predict(X), rtol=1e-12, atol=1e-12)
+    assert found.score(lying, y) == pytest.approx(dense.score(X, y))
+
+
+def test_paths_of_sparse_rows() -> None:
+    sparse = pytest.importorskip("scipy.sparse", reason="scipy, which makes sparse matrices, is not installed")
+    pytest.importorskip("sklearn", reason="scikit-learn, which checks sparse matrices, is not installed")
+    X, y = few_values(90, 8)
+    for path in (ff.lasso_path, ff.enet_path):
+        for target in (y, np.c_[y, y[::-1]]):
+            dense, found = (path(form(X), target, alphas=5) for form in (np.asarray, sparse.csc_array))
+            # The products of several targets' squares are summed by scipy.
+            for a, b in zip(found, dense):
+                np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-13)
+
+
+def test_a_sparse_matrix_that_lies_is_refused() -> None:
+    sparse = pytest.importorskip("scipy.sparse", reason="scipy, which makes sparse matrices, is not installed")
+    X, y = few_values(90, 8)
+    broken = sparse.csr_array(X)
+    broken.indices[3] = 8
+    with pytest.raises(ValueError, match="column 8 of 8"):
+        ff.Lasso().fit(broken, y, check_input=False)
+    broken = sparse.csr_array(X)
+    broken.indptr[5] = 10**6
+    with pytest.raises(ValueError, match="do not follow each other"):
+        ff.Lasso().fit(broken, y, check_input=False)
+    holed = sparse.csr_array(X)
+    holed.data[0] = np.nan
+    for model in (ff.Lasso(), ff.LassoCV(cv=3), ff.LassoLarsCV(cv=3)):
+        with pytest.raises(ValueError, match="NaN"):
+            model.fit(holed, y)
+
+
+def task_violation(
+    X: NDArray[Any], Y: NDArray[Any], coefs: NDArray[Any], alpha: float, l1_ratio: float
+) -> float:
+    """Largest violation of the optimality conditions of the multi-task elastic net, relative to the penalty."""
+    gradient = (X.T @ (Y - X @ coefs.T) / len(X)).T - alpha * (1.0 - l1_ratio) * coefs
+    length = np.linalg.norm(coefs, axis=0)
+    limit = alpha * l1_ratio
+    aim = limit * coefs / np.where(length > 0.0, length, 1.0)
+    active = np.linalg.norm(gradient - aim, axis=0)
+    inactive = np.maximum(np.linalg.norm(gradient, axis=0) - limit, 0.0)
+    return float(np.where(length > 0.0, active, inactive).max() / alpha)
+
+
+@pytest.mark.parametrize("l1_ratio", [1.0, 0.6])
+@pytest.mark.parametrize("shape", [(60, 12), (20, 40)])
+def test_the_path_of_several_targets_is_that_of_the_multi_task_penalty(l1_ratio: float, shape: tuple[int, int]) -> None:
+    X, Y = problem(*shape, targets=3)
+    alphas, coefs, gaps, sweeps = ff.enet_path(X, Y, l1_ratio=l1_ratio, alphas=6, return_n_iter=True)
+    assert coefs.shape == (3, shape[1], 6) and gaps.shape == (6,) and len(sweeps) == 6
+    assert not coefs[:, :, 0].any() and coefs[:, :, 1].any()
+    for k, alpha in enumerate(alphas):
+        assert task_violation(X, Y, coefs[:, :, k], alpha, l1_ratio) < 1e-6
+        assert 0.0 <= gaps[k] < 1e-9 * np.mean(Y**2)
+    again = ff.enet_path(X, Y, l1_ratio=l1_ratio, alphas=alphas[3:4], coef_init=coefs[:, :, 2])
+    np.testing.assert_allclose(again[1][:, :, 0], coefs[:, :, 3], rtol=1e-6, atol=1e-9)
+    with pytest.raises(ValueError, match="coef_init"):
+        ff.enet_path(X, Y, coef_init=coefs[0, :, 2])
+    peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
+    theirs = peer.enet_path(X, Y, l1_ratio=l1_ratio, alphas=alphas, tol=1e-12, max_iter=100_000)
+    np.testing.assert_allclose(coefs, theirs[1], rtol=0, atol=1e-5 * np.abs(theirs[1]).max())
+
+
+@pytest.mark.parametrize("shape", [(1400, 530), (700, 530)])
+def test_one_solution_of_many_features_is_optimal(shape: tuple[int, int]) -> None:
+    """Where one solution is wanted, the products of all features are not formed."""
+    X, y = problem(*shape)
+    weight = np.random.default_rng(2).uniform(0.0, 2.0, len(y))
+    for alpha in (0.5, 0.05):
+        model = ff.ElasticNet(alpha=alpha, l1_ratio=0.9).fit(X, y, weight)
+        assert violation(model, X, y, weight, l1_ratio=0.9) < 1e-9
+        # Two targets share the Gram matrix.
+        both = ff.ElasticNet(alpha=alpha, l1_ratio=0.9).fit(X, np.c_[y, y], weight)
+        np.testing.assert_allclose(both.coef_[0], model.coef_, rtol=1e-6, atol=1e-9 * np.abs(model.coef_).max())
 
 
 @pytest.mark.parametrize(

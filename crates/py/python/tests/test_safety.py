@@ -97,6 +97,53 @@ def test_ctrl_c_stops_a_call_and_the_process_goes_on() -> None:
     assert process.returncode == 0
 
 
+DENSE = """
+    import sys, numpy as np, fleetfoot as ff
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((6000, 1500))
+    X += rng.standard_normal((6000, 1))
+    y = X[:, :700] @ rng.standard_normal(700) + 10.0 * rng.standard_normal(6000)
+    fits = {
+        "lasso_path": lambda: ff.lasso_path(X, y, alphas=400, eps=1e-6),
+        "LassoCV": lambda: ff.LassoCV(cv=20, alphas=200, eps=1e-6).fit(X, y),
+        "LassoLarsCV": lambda: ff.LassoLarsCV(cv=20, max_iter=10**6).fit(X, y),
+        "STLSQ": lambda: ff.STLSQ(threshold=0.1).fit(X, y),
+        "Bolasso": lambda: ff.Bolasso(n_estimators=500, alpha=0.01).fit(X, y),
+    }
+    print("starts", flush=True)
+    try:
+        fits[sys.argv[1]]()
+        print("finished", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+    assert (ff.Lasso(alpha=0.1).fit(X[:300, :9], y[:300]).coef_ != 0).any()
+    print("works", flush=True)
+"""
+
+
+@needs_signals
+@pytest.mark.parametrize("fit", ["lasso_path", "LassoCV", "LassoLarsCV", "STLSQ", "Bolasso"])
+def test_ctrl_c_stops_a_dense_solve(fit: str) -> None:
+    """Each of these takes far longer than the patience with it; what is waited for is a sweep, a column or a factor."""
+    with subprocess.Popen(python(DENSE, fit), stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        watchdog = threading.Timer(PATIENCE, process.kill)
+        watchdog.start()
+        try:
+            assert process.stdout.readline() == "starts\n"
+            time.sleep(2.0)
+            process.send_signal(signal.SIGINT)
+            sent = time.monotonic()
+            assert process.stdout.readline() == "interrupted\n"
+            waited = time.monotonic() - sent
+            assert process.stdout.readline() == "works\n"
+        finally:
+            watchdog.cancel()
+    print(f"{fit}: interrupted after {waited:.3f} s")
+    assert waited < 5.0
+    assert process.returncode == 0
+
+
 def test_what_a_progress_callback_raises_stops_the_call() -> None:
     class Enough(Exception):
         pass

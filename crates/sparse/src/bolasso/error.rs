@@ -2,7 +2,7 @@
 
 use fleetfoot_data::Cancelled;
 
-use crate::{SparseError, structured::ScanError};
+use crate::{SparseError, dense::DenseError, structured::ScanError};
 
 /// Why a bootstrap or a stability selection failed.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +14,9 @@ pub enum BolassoError {
     /// The problem or an option is out of range.
     #[error(transparent)]
     Sparse(#[from] SparseError),
+    /// Rows in memory are at fault.
+    #[error(transparent)]
+    Dense(#[from] DenseError),
     /// The user stopped it.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -1,15 +1,25 @@
 //! Few rows: read where they lie whenever they are needed.
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
-use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_data::{Progress, checkpoint, parallel_map};
 
 use super::{DenseDesign, DenseError};
 use crate::SparseError;
 
 /// Rows that are read at once.
 const BLOCK: usize = 4096;
+/// Rows that are read at once where most of them are used.
+const STRETCH: usize = 512;
 /// Rows whose errors are computed at once.
 const SCORED: usize = 256;
+
+/// Rows, ascending, as they are read: all of a stretch where most of it is used, else runs of neighbours.
+fn stretches(used: &[usize]) -> impl Iterator<Item = &[usize]> {
+    used.chunk_by(|a, b| a / STRETCH == b / STRETCH).flat_map(|part| {
+        let most = 2 * part.len() > part[part.len() - 1] - part[0];
+        part.chunk_by(move |a, b| most || a + 1 == *b)
+    })
+}
 
 impl DenseDesign {
     /// Rows of positive weight in the chosen groups, ascending.
@@ -34,14 +44,15 @@ impl DenseDesign {
         let mut values = vec![0.0; d * used.len()];
         let mut block = Vec::new();
         let mut at = 0;
-        // Runs of neighbouring rows are read together.
-        for run in used.chunk_by(|a, b| a + 1 == *b) {
+        for part in stretches(used) {
+            let (first, last) = (part[0], part[part.len() - 1]);
             block.clear();
-            self.rows.read(run[0]..run[run.len() - 1] + 1, &mut block);
-            for (j, column) in block.chunks_exact(run.len()).enumerate() {
-                values[j * used.len() + at..][..run.len()].copy_from_slice(column);
+            self.rows.read(first..last + 1, &mut block);
+            for (j, column) in block.chunks_exact(last - first + 1).enumerate() {
+                let values = &mut values[j * used.len() + at..][..part.len()];
+                values.iter_mut().zip(part).for_each(|(value, &row)| *value = column[row - first]);
             }
-            at += run.len();
+            at += part.len();
         }
         (values, weights)
     }
@@ -49,6 +60,7 @@ impl DenseDesign {
     /// Hands some rows on block by block: values column after column, number of rows, weights.
     pub(super) fn blocks(&self, used: &[usize], mut take: impl FnMut(&[f64], usize, Option<&[f64]>)) {
         for part in used.chunks(BLOCK) {
+            checkpoint();
             let (values, weights) = self.gathered(part);
             take(&values, part.len(), weights.as_deref());
         }

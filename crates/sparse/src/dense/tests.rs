@@ -6,7 +6,9 @@ use fleetfoot_data::{Silent, mix, with_threads};
 use super::{DIRECT, DenseDesign, DenseError, DenseRows, ROOT_COLUMNS};
 use crate::{
     Penalty, Quadratic, SparseError,
+    coordinate::{CoordinateOptions, coordinate_descent},
     lars::{LarsOptions, lars},
+    quadratic::Form,
 };
 
 /// Columns that lean on each other, far from zero, and two targets.
@@ -175,4 +177,27 @@ fn bad_input_is_named() {
     let none = DenseDesign::new(table(), Some(vec![0.0; 10]), Vec::new(), 1, &Silent).unwrap();
     assert!(matches!(none.problems(None, true), Err(DenseError::Problem(SparseError::NoRows))));
     assert!(none.mean_squares(None, 0, &[0.0; 3], &[0.0], &Silent).is_err());
+}
+
+#[test]
+fn few_solutions_of_many_columns_are_found_on_the_rows() {
+    let rows = || Arc::new(Table { rows: 700, regressors: ROOT_COLUMNS + 10 });
+    let weights: Vec<f64> = (0..700).map(|row| f64::from(row % 5 > 0) * (1.0 + uniform(row))).collect();
+    let few = DenseDesign::for_few(rows(), Some(weights.clone()), &Silent).unwrap();
+    let all = DenseDesign::new(rows(), Some(weights), Vec::new(), 1, &Silent).unwrap();
+    for intercept in [true, false] {
+        let [kept, products] = [&few, &all].map(|design| design.problems(None, intercept).unwrap().remove(1));
+        assert!(matches!(&kept.form, Form::Root { a, .. } if a.rows() == 560));
+        assert!(matches!(&products.form, Form::Gram { .. }));
+        let lambdas = [0.2, 0.02].map(|share| share * kept.target_deviation());
+        let solve = |problem| coordinate_descent(problem, &Penalty::default(), &lambdas, &CoordinateOptions::default());
+        for (a, b) in solve(&kept).unwrap().iter().zip(&solve(&products).unwrap()) {
+            assert!(a.converged && a.certificate.gap < 1e-12);
+            assert_eq!(a.support, b.support);
+            a.coefficients
+                .iter()
+                .zip(&b.coefficients)
+                .for_each(|(a, b)| assert!((a - b).abs() < 1e-7 * b.abs().max(1e-3)));
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Block coordinate descent on a working set of groups, and the Newton steps that finish it.
 
 use faer::Mat;
+use fleetfoot_data::checkpoint;
 
 use super::{block::Rule, spectrum::Spectrum};
 use crate::{
@@ -61,6 +62,7 @@ impl Small<'_> {
         let mut pattern: Vec<bool> = Vec::new();
         let mut due = 8;
         for epoch in 1..=max_epochs {
+            checkpoint();
             self.sweep(v, &mut gradient);
             let now: Vec<bool> = v.iter().map(|value| *value != 0.0).collect();
             let still = now == pattern;
@@ -157,6 +159,7 @@ impl Small<'_> {
     /// infinity.)
     fn polish(&self, v: &mut [f64]) {
         for _ in 0..20 + 2 * v.len() {
+            checkpoint();
             let (support, wanted) = self.wanted(v);
             let before = norm(wanted.iter().copied());
             if before == 0.0 {

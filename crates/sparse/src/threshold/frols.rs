@@ -1,5 +1,6 @@
 //! Forward regression by orthogonal least squares, with error reduction ratios.
 
+use fleetfoot_data::checkpoint;
 use fleetfoot_stats::{Compressed, householder::reflector};
 
 use super::{
@@ -148,6 +149,7 @@ impl Entered {
         let (mut order, mut err, mut taken) = (Vec::new(), Vec::new(), Vec::new());
         let mut count = 0;
         while order.len() < most.saturating_add(count) && !left.is_empty() {
+            checkpoint();
             let k = order.len();
             let fixed = left.iter().any(|&j| prepared.fixed[j]);
             let mut best: Option<(usize, f64)> = None;

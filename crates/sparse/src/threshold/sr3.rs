@@ -1,5 +1,6 @@
 //! Sparse relaxed regularised regression.
 
+use fleetfoot_data::checkpoint;
 use fleetfoot_stats::Compressed;
 
 use super::{
@@ -127,6 +128,7 @@ impl Sr3 {
         let (mut dropped, mut kept, mut least) = (0.0_f64, f64::INFINITY, f64::INFINITY);
         let mut pulled = sparse.clone();
         while iterations < self.max_iterations {
+            checkpoint();
             pulled.clone_from(&sparse);
             state.improve(&mut dense, &sparse);
             iterations += 1;

@@ -1,5 +1,6 @@
 //! Stepwise sparse regression: one term less at a time.
 
+use fleetfoot_data::checkpoint;
 use fleetfoot_stats::Compressed;
 
 use super::{
@@ -65,6 +66,7 @@ impl Ssr {
         let mut triangle = prepared.ridged(&active, target);
         let (mut steps, mut losses, mut order) = (Vec::new(), Vec::new(), Vec::new());
         loop {
+            checkpoint();
             let solved = prepared.solve(&triangle, &active);
             let out = self.worst(&prepared, target, &triangle, &active, &solved);
             let ridged = prepared.step(target, active.clone(), solved, true);

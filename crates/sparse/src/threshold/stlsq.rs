@@ -1,5 +1,6 @@
 //! Sequentially thresholded least squares.
 
+use fleetfoot_data::checkpoint;
 use fleetfoot_stats::Compressed;
 
 use super::{
@@ -88,6 +89,7 @@ impl Stlsq {
         let mut triangle = prepared.ridged(&active, target);
         let mut solved = Solved { values: Vec::new(), confounded: Vec::new() };
         while iterations < self.max_iterations {
+            checkpoint();
             solved = prepared.solve(&triangle, &active);
             iterations += 1;
             kept = f64::INFINITY;

@@ -3,26 +3,12 @@
 MODULE = "sklearn.linear_model.tests.test_coordinate_descent"
 PACKAGES = ["sklearn.linear_model"]
 
-_SPARSE = "sparse X is not supported: a TypeError says so"
 _MULTI_TASK = (
     "compares coefficients to 7 digits with scikit-learn's multi-task class, which stops at tol=1e-4; with tol=1e-12 it "
     "agrees: test_coordinate_descent.py, test_one_task_is_the_multi_task_solution"
 )
 
 EXPECTED: dict[str, str] = {
-    # Sparse matrices.
-    "test_sparse_input_dtype_enet_and_lassocv?cs*-ElasticNetCV]": _SPARSE,
-    "test_sparse_input_dtype_enet_and_lassocv?cs*-LassoCV]": _SPARSE,
-    "test_warm_start_convergence?True-cs*": _SPARSE,
-    "test_random_descent*": _SPARSE,
-    "test_sparse_dense_descent_paths*": _SPARSE,
-    "test_sparse_input_convergence_warning?cs*-ElasticNetCV]": _SPARSE,
-    "test_sparse_input_convergence_warning?cs*-LassoCV]": _SPARSE,
-    "test_enet_sample_weight_consistency?*csr_*-ElasticNet]": _SPARSE,
-    "test_enet_cv_sample_weight_correctness?*csc_*-ElasticNetCV]": _SPARSE,
-    "test_enet_cv_sample_weight_consistency?csc_*-LassoCV-0]": _SPARSE,
-    "test_enet_cv_sample_weight_consistency?csc_*-ElasticNetCV-*]": _SPARSE,
-    "test_enet_alpha_max?*csc_*-ElasticNetCV-ElasticNet]": _SPARSE,
     # Against solutions that are less exact.
     "test_1d_multioutput_enet_and_multitask_enet_cv": _MULTI_TASK,
     "test_1d_multioutput_lasso_and_multitask_lasso_cv": _MULTI_TASK,

@@ -1,0 +1,83 @@
+//! scipy's sparse rows (CSR) as a design: a block of rows is made dense when it is read, and never the whole.
+
+use std::ops::Range;
+
+use fleetfoot::data::ScalarBuffer;
+use pyo3::prelude::*;
+
+use crate::{array::Array, error::Kind};
+
+/// Numbers of columns that are checked at once.
+const CHECKED: usize = 65_536;
+
+/// A matrix in compressed rows, its values and the columns of these borrowed from numpy. Values at one place are added.
+#[derive(Debug)]
+pub(crate) struct SparseRows {
+    columns: usize,
+    /// Where every row begins among the values, and the end of the last.
+    starts: Vec<usize>,
+    /// Column of every value.
+    places: Array,
+    values: Array,
+}
+
+impl SparseRows {
+    /// Borrows a matrix; `None` for what is none of scipy's in compressed rows.
+    pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Option<Self>> {
+        let format = object.getattr_opt("format")?.and_then(|format| format.extract::<String>().ok());
+        if format.as_deref() != Some("csr") {
+            return Ok(None);
+        }
+        let part = |name: &str| Array::of(&object.getattr(name)?, what);
+        let (_, columns): (usize, usize) = object.getattr("shape")?.extract()?;
+        let (starts, places, values) = (part("indptr")?, part("indices")?, part("data")?);
+        let broken = |how: &str| Kind::Data.error(format!("{what} is no valid sparse matrix: {how}"));
+        let starts = starts.integers(0, 0..starts.rows()).unwrap_or_default();
+        let starts: Option<Vec<usize>> = starts.into_iter().map(|start| usize::try_from(start).ok()).collect();
+        let starts = starts.ok_or_else(|| broken("a row begins before the first value"))?;
+        let held = places.rows().min(values.rows());
+        if starts.first() != Some(&0) || !starts.is_sorted() || starts.last().is_some_and(|&end| end > held) {
+            return Err(broken("its rows do not follow each other within the values"));
+        }
+        let found = Self { columns, starts, places, values };
+        match found.beyond() {
+            Some(column) => Err(broken(&format!("column {column} of {columns}"))),
+            None => Ok(Some(found)),
+        }
+    }
+
+    /// A column that does not exist.
+    fn beyond(&self) -> Option<i64> {
+        let held = self.starts[self.starts.len() - 1];
+        let parts = (0..held).step_by(CHECKED).map(|first| first..(first + CHECKED).min(held));
+        let mut places = parts.flat_map(|part| self.places.integers(0, part).unwrap_or_default());
+        places.find(|&place| usize::try_from(place).map_or(true, |place| place >= self.columns))
+    }
+
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Number of columns.
+    pub(crate) fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Appends some neighbouring rows to `out`, column after column.
+    pub(crate) fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
+        let (first, count) = (out.len(), rows.len());
+        out.resize(first + count * self.columns, 0.0);
+        let held = self.starts[rows.start]..self.starts[rows.end];
+        let places = self.places.integers(0, held.clone()).unwrap_or_default();
+        let values: ScalarBuffer<f64> = match self.values.values(&[0], held.clone()).into_iter().next() {
+            Some(values) => values,
+            None => return,
+        };
+        for (row, ends) in self.starts[rows.start..=rows.end].windows(2).enumerate() {
+            for at in ends[0] - held.start..ends[1] - held.start {
+                out[first + places[at] as usize * count + row] += values[at];
+            }
+        }
+    }
+}
