@@ -36,7 +36,9 @@ pub use plan::{COARSE, Chunk, FINE, Grid, PlanError, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};
 
 // numerics
+mod autocorrelation;
 mod batch_means;
+mod collinearity;
 mod compressed;
 mod errors;
 mod factor;
@@ -56,7 +58,9 @@ mod square_root;
 mod svd;
 mod tile;
 mod triangle;
+pub use autocorrelation::Autocorrelation;
 pub use batch_means::BatchMeans;
+pub use collinearity::Collinearity;
 pub use compressed::Compressed;
 pub use errors::{ErrorSum, ErrorSums, explained_share};
 pub use factor::Factor;

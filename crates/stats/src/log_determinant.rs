@@ -7,9 +7,6 @@ use crate::Gram;
 /// Share of a column's variance that the columns before it must leave unexplained for it to count as independent.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// Deviations below this share of the mean are the rounding of a constant.
-const ROUNDING: f64 = 1e-13;
-
 /// The log-determinant of a Gram matrix with its constant column, a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogDeterminant {
@@ -28,10 +25,8 @@ impl Gram {
     /// two logs of the same columns has no unit. Computed by Cholesky factorisation of the correlation matrix with diagonal pivoting.
     pub fn log_determinant(&self) -> LogDeterminant {
         let d = self.dimension();
-        let deviation: Vec<f64> = (0..d).map(|j| (self.get(j, j) / self.weight).max(0.0).sqrt()).collect();
-        // NaN compares false: such a column is dependent too.
-        let moves = |j: usize| deviation[j] > ROUNDING * self.mean[j].abs() && deviation[j].is_finite();
-        let (mut left, mut dependent): (Vec<usize>, Vec<usize>) = (0..d).partition(|&j| moves(j));
+        let deviation = self.deviations();
+        let (mut left, mut dependent): (Vec<usize>, Vec<usize>) = (0..d).partition(|&j| deviation[j] > 0.0);
         let mut residual = vec![0.0; packed_row(d)];
         for &i in &left {
             for &j in left.iter().filter(|&&j| j <= i) {
