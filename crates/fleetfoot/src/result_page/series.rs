@@ -15,6 +15,8 @@ use super::{
 const TARGETS: usize = 6;
 /// Of these, targets that stand unfolded.
 const SHOWN: usize = 2;
+/// Targets whose errors are drawn over the columns.
+const OVER: usize = 4;
 /// Bins along the time of a log, and along the errors.
 const TIMES: usize = 240;
 const ERRORS: usize = 64;
@@ -50,7 +52,7 @@ pub(super) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
     let over =
         |(place, target): (usize, &Target)| residuals::over_columns(place, target, &passed.columns).map(Part::Figure);
     parts.extend(unfolded(
-        passed.targets.iter().enumerate().filter_map(over).collect(),
+        passed.targets.iter().enumerate().take(OVER).filter_map(over).collect(),
         "more targets over the columns",
     ));
     let walked = passed.transitions.as_ref().zip(model.latents.first());
