@@ -27,7 +27,19 @@ fn page(folder: &Path, name: &str) -> String {
 fn a_page_says_what_models_are_worth() {
     let folder = models(1200);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    let told = run(&["report", "model.json", "held-out.csv", "--horizon", "40", "--svg", "figures", "--json"]).json();
+    let told = run(&[
+        "report",
+        "model.json",
+        "held-out.csv",
+        "--horizon",
+        "40",
+        "--svg",
+        "figures",
+        "--csv",
+        "numbers",
+        "--json",
+    ])
+    .json();
     let findings = told["findings"].as_array().expect("findings");
     let heads: Vec<&str> = findings.iter().filter_map(|finding| finding["head"].as_str()).collect();
     assert_eq!(heads[0], "What was fitted.", "{heads:?}");
@@ -37,7 +49,16 @@ fn a_page_says_what_models_are_worth() {
     assert!(told["in_sample_episodes"].as_array().expect("a list").is_empty());
     let html = page(folder.path(), "report.html");
     assert!(html.starts_with("<!DOCTYPE html>") && !html.contains("<script"));
-    for id in ["verdict", "one-step", "simulation", "rows", "model", "logs", "errors-by-target", "score-by-horizon"] {
+    let sections = ["verdict", "one-step", "simulation", "rows", "model", "data"];
+    let figures = [
+        "errors-by-target",
+        "score-by-horizon",
+        "error-autocorrelation",
+        "error-over-columns-1",
+        "transitions-logs",
+        "coverage",
+    ];
+    for id in sections.into_iter().chain(figures) {
         assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
     }
     // The scores are those of `score`.
@@ -45,11 +66,19 @@ fn a_page_says_what_models_are_worth() {
     let error = scored["targets"][0]["mae_over_null"]["value"].as_f64().expect("a number");
     assert!(html.contains(&format!(">{error:.3}<")), "{error}");
     let figures = told["figures"].as_array().expect("figures");
-    assert!(figures.len() >= 6, "{figures:?}");
-    for figure in figures {
-        let svg = page(folder.path(), figure.as_str().expect("a path"));
+    let (drawn, told): (Vec<&str>, Vec<&str>) =
+        figures.iter().filter_map(|figure| figure.as_str()).partition(|figure| figure.ends_with(".svg"));
+    assert!(drawn.len() >= 10 && told.len() == drawn.len(), "{figures:?}");
+    for figure in drawn {
+        let svg = page(folder.path(), figure);
         assert!(svg.starts_with("<svg") && svg.contains("xmlns=\"http://www.w3.org/2000/svg\""));
     }
+    // The numbers of the figures have all digits: those of the histogram are whole rows.
+    let coverage = page(folder.path(), "numbers/coverage.csv");
+    let rows = coverage.lines().filter(|line| line.starts_with("v [m/s],"));
+    let shares: f64 =
+        rows.map(|line| line.split(',').nth(2).and_then(|share| share.parse::<f64>().ok()).expect("a share")).sum();
+    assert!((shares - 100.0).abs() < 1e-9, "{shares}");
 
     let said =
         run(&["report", "model_average.json", "model_kmeans4.json", "one.csv", "held-out.csv", "-o", "both.html"]);
@@ -62,9 +91,30 @@ fn a_page_says_what_models_are_worth() {
     assert!(page(folder.path(), "alone.html").contains("No log was given"));
 }
 
+/// Three hundred logs of twelve rows each.
+#[test]
+fn many_logs_have_room() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for log in 0..300 {
+        let row = |row: i32| {
+            let t = 0.01 * f64::from(row);
+            let angle = t + f64::from(log);
+            format!("{t},{},{}\n", angle.sin(), angle.cos())
+        };
+        let text = format!("t,x,v\n{}", (0..12).map(row).collect::<String>());
+        fs::write(folder.path().join(format!("log_{log:03}.csv")), text).expect("a file");
+    }
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    run(&["fit", "pwa", "log_*.csv", "--states", "x,v", "--time", "t", "-o", "model.json"]);
+    run(&["report", "model.json", "log_*.csv", "--horizon", "4", "--starts", "50"]);
+    let html = page(folder.path(), "report.html");
+    assert!(html.contains("Shown are 24 of 300 logs.") && html.contains("288 better logs"));
+    assert!(html.contains("all of these rows trained the model") && html.len() < 1_000_000, "{} bytes", html.len());
+}
+
 #[test]
 fn the_same_bytes_on_any_number_of_threads_and_as_many_for_ten_times_the_rows() {
-    let folder = models(1200);
+    let folder = models(20_000);
     let write = |threads: &str| {
         let flags = ["--horizon", "40", "--threads", threads, "-o", "report.html"];
         fleetfoot(folder.path(), &[&["report", "model.json", "held-out.csv"], &flags[..]].concat()).ok();
@@ -74,10 +124,60 @@ fn the_same_bytes_on_any_number_of_threads_and_as_many_for_ten_times_the_rows() 
     for threads in ["2", "7"] {
         assert!(write(threads) == one, "{threads} threads");
     }
-    fs::write(folder.path().join("held-out.csv"), robot_csv(12_000, 9.0)).expect("a file");
+    fs::write(folder.path().join("held-out.csv"), robot_csv(200_000, 9.0)).expect("a file");
     let more = write("0");
     let growth = more.len() as f64 / one.len() as f64;
     assert!((0.9..1.1).contains(&growth), "{} bytes, then {}", one.len(), more.len());
+}
+
+#[test]
+fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
+    let folder = models(600);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let keep = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
+    let sindy =
+        run(&["fit", "sindy", "-c", "robot.toml", "one.csv", "two.csv", "--degree", "2", "-o", "sindy.json", "--json"]);
+    keep("sindy-fit.json", &sindy.out);
+    let recipe = "[model]\npredict = \"dv\"\n[inputs]\nv = \"`v [m/s]`\"\nu = \"u\"\n[library]\nfunctions = [\"poly(2)\"]\n[time]\ncolumn = \"t\"\n";
+    keep("sparse.toml", recipe);
+    let flags = ["--bolasso", "chunks:16", "-o", "sparse.json", "--json"];
+    let sparse = run(&[&["fit", "sparse", "-c", "sparse.toml", "one.csv", "two.csv"], &flags[..]].concat());
+    keep("sparse-fit.json", &sparse.out);
+
+    run(&[
+        "report",
+        "sindy.json",
+        "held-out.csv",
+        "--fit",
+        "sindy-fit.json",
+        "--fit",
+        "sparse-fit.json",
+        "-o",
+        "sindy.html",
+    ]);
+    let html = page(folder.path(), "sindy.html");
+    assert!(html.contains("id=\"front-1\"") && !html.contains("id=\"validation-1\""));
+    let said = run(&["report", "sparse.json", "held-out.csv", "--fit", "sparse-fit.json", "--csv", "numbers"]);
+    let html = page(folder.path(), "report.html");
+    for id in ["validation-1", "selection-frequency", "excitation-1"] {
+        assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
+    }
+    assert!(!said.err.contains("of no model"), "{}", said.err);
+    // The frequencies are those of the report.
+    let told = sparse.json();
+    let functions = told["latents"][0]["functions"].as_array().expect("functions");
+    let frequencies = page(folder.path(), "numbers/selection-frequency.csv");
+    for function in functions {
+        let name = function["function"].as_str().expect("a name");
+        let share = function["frequency"].as_f64().expect("a share");
+        assert!(frequencies.contains(&format!("\n{name},{share},,\n")), "{name} {share}: {frequencies}");
+    }
+
+    let said = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
+    assert!(said.err.contains("of no model on this page, by their hashes: 1"), "{}", said.err);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is no JSON", "fit sparse --json"]);
+    run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["this is no report of a fit", "--json"]);
 }
 
 #[test]
@@ -112,13 +212,13 @@ fn what_cannot_be_shown_is_said() {
 #[test]
 fn names_are_text_and_many_columns_have_room() {
     let folder = tempfile::tempdir().expect("a folder");
-    let names: Vec<String> = (0..30).map(|column| format!("<script>{column} & ' it")).collect();
+    let names: Vec<String> = (0..80).map(|column| format!("<script>{column} & ' it")).collect();
     for (file, phase) in [("seen.csv", 0.0), ("<i>held & out.csv", 1.0)] {
         let mut text = format!("t,{}\n", names.join(","));
         for row in 0..400 {
             let t = 0.01 * f64::from(row);
             let value = |column: u32| ((1.0 + 0.1 * f64::from(column)) * t + f64::from(column) + phase).sin();
-            let values: Vec<String> = (0..30).map(|column| value(column).to_string()).collect();
+            let values: Vec<String> = (0..80).map(|column| value(column).to_string()).collect();
             text.push_str(&format!("{t},{}\n", values.join(",")));
         }
         fs::write(folder.path().join(file), text).expect("a file");
@@ -129,7 +229,13 @@ fn names_are_text_and_many_columns_have_room() {
     let html = page(folder.path(), "report.html");
     assert!(!html.contains("<script") && !html.contains("<i>") && !html.contains("</title><b>"));
     assert!(html.contains("&lt;script&gt;29 &amp; ' it") && html.contains("&lt;i&gt;held &amp; out.csv"));
-    assert!(html.contains("Shown are the 24 largest errors of 30 targets."), "figures have room for so many");
+    assert!(html.contains("Shown are the 24 largest errors of 80 targets."), "figures have room for so many");
+    assert!(
+        html.contains("and 21 more terms, which are in the model file"),
+        "of very long equations the beginning is set"
+    );
+    assert!(html.contains("56 more equations are in the model file.") && html.contains("Shown are 12 of 80 columns."));
+    assert!(html.len() < 1_500_000, "{} bytes", html.len());
 }
 
 /// Where a browser is.
@@ -158,6 +264,7 @@ fn opened(browser: &Path, folder: &Path, name: &str, width: u32) -> String {
             "--disable-gpu",
             "--allow-file-access-from-files",
             "--virtual-time-budget=5000",
+            "--enable-logging=stderr",
         ])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg("--dump-dom")
@@ -165,6 +272,8 @@ fn opened(browser: &Path, folder: &Path, name: &str, width: u32) -> String {
         .output()
         .expect("the browser runs");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!said.contains("CONSOLE"), "{said}");
     let title = text.split("<title>").nth(1).and_then(|rest| rest.split("</title>").next());
     title.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&output.stderr))).to_owned()
 }

@@ -89,4 +89,4 @@ pub use tangent::{Linearized, Tangent};
 pub use time_grid::TimeGrid;
 pub use trajectory::{End, Trajectory};
 
-pub use fleetfoot_stats::{Basis, Estimate, Mahalanobis, student_t_95};
+pub use fleetfoot_stats::{Basis, Estimate, Mahalanobis, nonuniformity, student_t_95};

@@ -86,7 +86,7 @@ pub use recipe::{
     Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
-pub use result_page::{Report, ReportOptions, report};
+pub use result_page::{FigureFormat, Report, ReportOptions, report};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};

@@ -1,12 +1,18 @@
 //! One page that shows what models are worth: sentences, equations, tables and figures, from the one score and rollout that there are.
 
+mod coverage;
+mod excitation;
+mod fitting;
 mod horizons;
 mod judged;
 mod logs;
 mod models;
+mod passed;
 mod regions;
+mod residuals;
 mod scores;
 mod series;
+mod transitions;
 mod verdict;
 
 use std::{
@@ -22,7 +28,9 @@ use fleetfoot_report::{Page, Part, Section, Sentence, words::series as listed};
 use serde_json::{Value, json};
 
 use crate::{Error, Logs, Recipe};
+use fitting::Fit;
 use judged::Judged;
+use passed::Passed;
 
 /// What a page shows beside what its models and logs say.
 #[derive(Clone)]
@@ -36,11 +44,22 @@ pub struct ReportOptions {
     pub starts: usize,
     /// What drives the inputs of the simulations; `None`: what was recorded.
     pub controller: Option<Arc<dyn Controller>>,
+    /// Reports of fits, as `--json` of a fit tells them, each with the `hash` of its model: how it was chosen.
+    pub fits: Vec<Value>,
+}
+
+/// As what figures are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FigureFormat {
+    /// Drawings, `.svg`.
+    Svg,
+    /// Their numbers, comma-separated values, `.csv`.
+    Csv,
 }
 
 impl Default for ReportOptions {
     fn default() -> Self {
-        Self { title: None, horizon: None, starts: 500, controller: None }
+        Self { title: None, horizon: None, starts: 500, controller: None, fits: Vec::new() }
     }
 }
 
@@ -81,6 +100,7 @@ pub fn report(
             "a report scores and simulates on the rows of logs, and a statistic has none: give logs".into(),
         ));
     }
+    let fits = fitting::read(&options.fits)?;
     let seen = if logs.is_empty() { None } else { Some(logs::Seen::open(models, changes, &logs, progress)?) };
     let judged = models
         .iter()
@@ -88,21 +108,23 @@ pub fn report(
             Judged::new(name, model, changes, seen.as_ref().map(|seen| (&logs, seen)), options, progress)
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let mut page = Page::new(title(models, options), lead(models, seen.as_ref()), sections(&judged, seen.as_ref()));
-    if let Some(seen) = &seen {
-        let best = best(&judged);
-        let worst = best.scored().and_then(scores::worst);
-        let rows = series::section(best.model, changes, &logs, worst, seen, progress)?;
-        if let Some(place) = page.sections.iter().position(|section| section.id == "model") {
-            page.sections.splice(place..place, rows);
-        }
-    }
+    let best = best(&judged);
+    let worst = best.scored().and_then(scores::worst);
+    let passed = match (&seen, worst) {
+        (Some(seen), Some(worst)) => Passed::over(best.model, changes, &logs, worst.id, seen, progress)?,
+        _ => None,
+    };
+    let sections = sections(&judged, seen.as_ref(), passed.as_ref().map(|passed| (best.model, passed)), &fits);
+    let mut page = Page::new(title(models, options), lead(models, seen.as_ref()), sections);
     page.source = source(models);
     let mut notes: Vec<String> = seen.iter().flat_map(|seen| seen.notes.clone()).collect();
     let mut in_sample: Vec<String> = Vec::new();
     for scored in judged.iter().filter_map(Judged::scored) {
         notes.extend(scored.notes.iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
         in_sample.extend(scored.in_sample.iter().filter(|name| !in_sample.contains(name)).cloned().collect::<Vec<_>>());
+    }
+    if let strangers @ 1.. = fitting::strangers(&judged, &fits) {
+        notes.push(format!("reports of fits that are of no model on this page, by their hashes: {strangers}"));
     }
     let episodes = seen.as_ref().map_or(0, |seen| seen.episodes.len());
     Ok(Report { page, episodes, in_sample, notes })
@@ -114,12 +136,20 @@ fn best<'a, 'b>(judged: &'b [Judged<'a>]) -> &'b Judged<'a> {
     known.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(&judged[0], |(_, one)| one)
 }
 
-fn sections(judged: &[Judged<'_>], seen: Option<&logs::Seen>) -> Vec<Section> {
-    let mut sections = vec![verdict::section(judged)];
+fn sections(
+    judged: &[Judged<'_>],
+    seen: Option<&logs::Seen>,
+    passed: Option<(&Model, &Passed)>,
+    fits: &[Fit],
+) -> Vec<Section> {
+    let mut sections = vec![verdict::section(judged, passed.map(|(_, passed)| passed))];
     sections.extend(scores::section(judged));
     sections.extend(horizons::section(judged));
-    sections.push(models::section(judged));
-    sections.extend(seen.map(logs::Seen::section));
+    if let (Some((model, passed)), Some(seen)) = (passed, seen) {
+        sections.push(series::section(model, passed, seen));
+    }
+    sections.push(models::section(judged, fits));
+    sections.extend(seen.map(|seen| seen.section(passed.map_or(&[], |(_, passed)| &passed.columns))));
     sections
 }
 
@@ -179,17 +209,25 @@ impl Report {
         Ok(write_atomic(path, self.page.to_html().as_bytes())?)
     }
 
-    /// Writes every figure as an SVG file into a folder, and gives their paths. `inputs` are files that must not be written over.
+    /// Writes every figure into a folder, and gives the paths. `inputs` are files that must not be written over.
     ///
     /// # Errors
     /// A file cannot be written, or is one of the inputs.
-    pub fn write_figures(&self, folder: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+    pub fn write_figures(
+        &self,
+        folder: &Path,
+        format: FigureFormat,
+        inputs: &[PathBuf],
+    ) -> Result<Vec<PathBuf>, Error> {
         std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
         let figures: Vec<_> = self.page.figures().collect();
-        let paths: Vec<PathBuf> = figures.iter().map(|figure| folder.join(format!("{}.svg", figure.name))).collect();
+        let suffix = if format == FigureFormat::Svg { "svg" } else { "csv" };
+        let paths: Vec<PathBuf> =
+            figures.iter().map(|figure| folder.join(format!("{}.{suffix}", figure.name))).collect();
         check_outputs(&paths, inputs)?;
         for (figure, path) in figures.iter().zip(&paths) {
-            write_atomic(path, figure.to_svg().as_bytes())?;
+            let text = if format == FigureFormat::Svg { figure.to_svg() } else { figure.to_csv() };
+            write_atomic(path, text.as_bytes())?;
         }
         Ok(paths)
     }

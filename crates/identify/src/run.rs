@@ -111,6 +111,10 @@ pub struct PredictedRows<'a> {
     pub log_offset: i64,
     /// Their stamps, nanoseconds.
     pub stamps: &'a [i64],
+    /// The columns that were read.
+    pub columns: &'a [fleetfoot_data::Column],
+    /// Their values, in the same order, and those of the rows beside them.
+    pub block: &'a fleetfoot_data::Block,
     /// Predictions, targets, regions, distances.
     pub predicted: &'a Predicted,
 }
@@ -163,13 +167,15 @@ pub fn predict_rows(
             let block = view.read(episode, rows, predictor.halo())?;
             let mut predicted = Predicted::default();
             predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut predicted);
-            Ok::<_, Error>((episode, block.stamps().to_vec(), predicted))
+            Ok::<_, Error>((episode, block, predicted))
         },
-        |(episode, stamps, predicted)| {
+        |(episode, block, predicted)| {
             let rows = PredictedRows {
                 episode: &view.episodes()[episode],
                 log_offset: dataset.log_offset(episode),
-                stamps: &stamps,
+                stamps: block.stamps(),
+                columns: view.columns(),
+                block: &block,
                 predicted: &predicted,
             };
             take(&predictor, &rows)?;

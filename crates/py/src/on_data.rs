@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use fleetfoot::dynamics::{
-    Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory,
+use fleetfoot::{
+    FigureFormat,
+    dynamics::{Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory},
 };
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
@@ -39,6 +40,9 @@ pub(crate) fn score(
 pub(crate) struct ReportRequest {
     path: PathBuf,
     svg: Option<PathBuf>,
+    csv: Option<PathBuf>,
+    /// Reports of fits (JSON).
+    fits: Vec<String>,
     title: Option<String>,
     horizon: Option<usize>,
     starts: usize,
@@ -64,12 +68,17 @@ pub(crate) fn report(
     run(py, progress, |progress| {
         let mut options = fleetfoot::ReportOptions::default();
         (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
+        let read =
+            |text: &String| serde_json::from_str(text).map_err(|error| fleetfoot::Error::value(error.to_string()));
+        options.fits = request.fits.iter().map(read).collect::<Result<_, _>>()?;
         let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
         options.controller = controller.transpose()?;
         let made = fleetfoot::report(&models, &changes, &logs, &options, progress)?;
         made.write(&request.path, &logs.files())?;
-        if let Some(folder) = &request.svg {
-            made.write_figures(folder, &logs.files())?;
+        for (folder, format) in [(&request.svg, FigureFormat::Svg), (&request.csv, FigureFormat::Csv)] {
+            if let Some(folder) = folder {
+                made.write_figures(folder, format, &logs.files())?;
+            }
         }
         Ok(made.to_json().to_string())
     })

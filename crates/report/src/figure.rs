@@ -7,16 +7,21 @@ mod bars;
 mod canvas;
 mod data;
 mod lines;
+mod matrix;
+mod panels;
 mod scale;
 mod spans;
 
 pub use bars::{Bars, Interval, Mark};
 pub use lines::{Lines, Series, Stroke};
+pub use matrix::Matrix;
+pub use panels::Panels;
 pub use scale::{Axis, Scale};
 pub use spans::{Span, Spans};
 
 use crate::{Table, markup::Element};
 use canvas::{Canvas, NARROW, WIDE};
+use lines::Form;
 
 /// Colours and strokes of figures, for the page and for figures in files of their own.
 pub(crate) const STYLE: &str = include_str!("figure.css");
@@ -45,6 +50,10 @@ pub enum Chart {
     Bars(Bars),
     /// When something was.
     Spans(Spans),
+    /// Small charts of lines side by side.
+    Panels(Panels),
+    /// Values by two names.
+    Matrix(Matrix),
 }
 
 impl Figure {
@@ -59,12 +68,19 @@ impl Figure {
         self.drawn(WIDE, Some(style)).with("xmlns", "http://www.w3.org/2000/svg").to_text()
     }
 
+    /// The numbers that are drawn, with all their digits, for other programs.
+    pub fn to_csv(&self) -> String {
+        self.table().to_csv()
+    }
+
     /// The numbers that are drawn.
     pub fn table(&self) -> Table {
         match &self.chart {
             Chart::Lines(lines) => data::of_lines(lines),
             Chart::Bars(bars) => data::of_bars(bars),
             Chart::Spans(spans) => data::of_spans(spans),
+            Chart::Panels(panels) => data::of_panels(panels),
+            Chart::Matrix(matrix) => data::of_matrix(matrix),
         }
     }
 
@@ -72,9 +88,11 @@ impl Figure {
         // Identifiers are those of the page: both drawings of a figure stand in it.
         let canvas = Canvas::new(width, format!("{}-{}", self.name, if width == WIDE { "wide" } else { "narrow" }));
         let canvas = match &self.chart {
-            Chart::Lines(lines) => lines.draw(canvas),
+            Chart::Lines(lines) => lines.draw(canvas, Form::Whole),
             Chart::Bars(bars) => bars.draw(canvas),
             Chart::Spans(spans) => spans.draw(canvas),
+            Chart::Panels(panels) => panels.draw(canvas),
+            Chart::Matrix(matrix) => matrix.draw(canvas),
         };
         canvas.finish(&self.title, &self.alternative(), style)
     }
@@ -85,6 +103,8 @@ impl Figure {
             Chart::Lines(lines) => lines.in_words(),
             Chart::Bars(bars) => bars.in_words(),
             Chart::Spans(spans) => spans.in_words(),
+            Chart::Panels(panels) => panels.in_words(),
+            Chart::Matrix(matrix) => matrix.in_words(),
         };
         format!("{} {what}", self.caption)
     }

@@ -26,7 +26,9 @@ mod table;
 pub mod words;
 
 pub use bins::Bins;
-pub use figure::{Axis, Bars, Chart, Figure, Interval, Lines, Mark, Scale, Series, Span, Spans, Stroke};
+pub use figure::{
+    Axis, Bars, Chart, Figure, Interval, Lines, Mark, Matrix, Panels, Scale, Series, Span, Spans, Stroke,
+};
 pub use markup::Math;
 pub use page::{Equation, Light, Page, Part, Section, Sentence};
 pub use table::{Cell, Table};

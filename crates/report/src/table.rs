@@ -25,14 +25,28 @@ pub enum Cell {
     Text(String),
     /// A number as it was written, to the right.
     Number(String),
+    /// A number, to the right: four significant digits of it on the page, all of them in a file.
+    Value(f64),
     /// A word with a light.
     Light(Light, String),
 }
 
 impl Cell {
-    /// A number with four significant digits.
+    /// A number.
     pub fn of(value: f64) -> Self {
-        Self::Number(number(value))
+        Self::Value(value)
+    }
+
+    fn to_csv(&self) -> String {
+        match self {
+            Self::Value(value) if value.is_nan() => String::new(),
+            Self::Value(value) => value.to_string(),
+            Self::Text(text) | Self::Number(text) | Self::Light(_, text) => quoted(text),
+        }
+    }
+
+    fn is_number(&self) -> bool {
+        matches!(self, Self::Number(_) | Self::Value(_))
     }
 
     /// The cell; in a table of numbers alone it needs no class of its own.
@@ -41,6 +55,7 @@ impl Cell {
         let cell = if first { Element::new("th").with("scope", "row") } else { Element::new("td") };
         match self {
             Self::Text(text) => cell.text(text),
+            Self::Value(value) => Self::Number(number(*value)).to_element(first, numbers),
             Self::Number(text) if numbers => Element::new("td").text(typeset(text)),
             Self::Number(text) => cell.class("n").text(typeset(text)),
             Self::Light(light, text) => {
@@ -63,13 +78,21 @@ impl Table {
         self
     }
 
+    /// The table as comma-separated values (RFC 4180); what is not known is empty.
+    pub fn to_csv(&self) -> String {
+        let line = |cells: &mut dyn Iterator<Item = String>| cells.collect::<Vec<_>>().join(",") + "\n";
+        let head = line(&mut self.head.iter().map(|name| quoted(name)));
+        let rows = self.rows.iter().map(|row| line(&mut row.iter().map(Cell::to_csv)));
+        std::iter::once(head).chain(rows).collect()
+    }
+
     /// The table as an element that scrolls by itself where it is wider than the page.
     pub(crate) fn to_element(&self) -> Element {
         let numeric = |column: usize| {
             let mut cells = self.rows.iter().filter_map(|row| row.get(column));
-            cells.clone().next().is_some() && cells.all(|cell| matches!(cell, Cell::Number(_)))
+            cells.clone().next().is_some() && cells.all(Cell::is_number)
         };
-        let numbers = self.rows.iter().flatten().all(|cell| matches!(cell, Cell::Number(_)));
+        let numbers = self.rows.iter().flatten().all(Cell::is_number);
         let head = self.head.iter().enumerate().map(|(column, name)| {
             let cell = Element::new("th").with("scope", "col");
             if numeric(column) && !numbers { cell.class("n").text(name) } else { cell.text(name) }
@@ -89,5 +112,22 @@ impl Table {
         // Beside the table, as it would scroll away with it.
         let caption = (!self.caption.is_empty()).then(|| Element::new("p").class("caption").text(&self.caption));
         whole.children(caption).child(region)
+    }
+}
+
+/// A field of a file of comma-separated values.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Cell, Table};
+
+    #[test]
+    fn files_have_all_digits() {
+        let table = Table::new("", ["a, b", "\"c\""]).row([Cell::of(1.0 / 3.0), Cell::of(f64::NAN)]);
+        let table = table.row([Cell::Text("x\ny".into()), Cell::Number("1.50".into())]);
+        assert_eq!(table.to_csv(), "\"a, b\",\"\"\"c\"\"\"\n0.3333333333333333,\n\"x\ny\",1.50\n");
     }
 }

@@ -5,9 +5,6 @@ use crate::{Gram, PivotedCholesky};
 /// Share of a column's variance that the columns before it must leave unexplained for it to count as independent.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// Deviations below this share of the mean are the rounding of a constant.
-const ROUNDING: f64 = 1e-13;
-
 /// The log-determinant of a Gram matrix with its constant column, a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogDeterminant {
@@ -26,11 +23,9 @@ impl Gram {
     /// two logs of the same columns has no unit. Computed by Cholesky factorisation of the correlation matrix with diagonal pivoting.
     pub fn log_determinant(&self) -> LogDeterminant {
         let d = self.dimension();
-        let deviation: Vec<f64> = (0..d).map(|j| (self.get(j, j) / self.weight).max(0.0).sqrt()).collect();
-        // NaN compares false: such a column is dependent too.
-        let moves = |j: usize| deviation[j] > ROUNDING * self.mean[j].abs() && deviation[j].is_finite();
+        let deviation = self.deviations();
         let floor: Vec<f64> =
-            (0..d).map(|j| if moves(j) { LEAST_PIVOT * self.get(j, j) } else { f64::INFINITY }).collect();
+            (0..d).map(|j| if deviation[j] > 0.0 { LEAST_PIVOT * self.get(j, j) } else { f64::INFINITY }).collect();
         let cholesky = PivotedCholesky::new(d, d, |i, j| self.get(i, j), &floor);
         let pivot = |(row, &column): (usize, &usize)| cholesky.factor.column(column)[row].powi(2) / self.weight;
         let value: f64 = cholesky.order.iter().enumerate().map(|pivot_of| pivot(pivot_of).ln()).sum();

@@ -24,10 +24,16 @@ pub(crate) struct Report {
     pub(crate) starts: NonZeroUsize,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
+    /// Report of the fit of one of the models, as `fit sparse --json` and `fit sindy --json` tell it: the page then shows how the model was chosen (repeatable).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) fit: Vec<PathBuf>,
     /// The page to write.
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     pub(crate) output: PathBuf,
     /// Folder to write every figure to as SVG, for papers (default: none).
     #[arg(long, value_name = "DIR")]
     pub(crate) svg: Option<PathBuf>,
+    /// Folder to write the numbers of every figure to as CSV (default: none).
+    #[arg(long, value_name = "DIR")]
+    pub(crate) csv: Option<PathBuf>,
 }

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot::{Error, Model, ReportOptions};
-use serde_json::json;
+use fleetfoot::{Error, FigureFormat, Model, ReportOptions};
+use serde_json::{Value, json};
 
 use super::{Context, changes, files, in_sample, read_by, read_model, with};
 use crate::args::Report;
@@ -14,7 +14,7 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
         return Err(Error::missing("no file is a model: name one or more (*.json), then the data".into()));
     };
     let data = if data.is_empty() { Vec::new() } else { files(&data)? };
-    let inputs = read_by(&data, arguments.controller.file().iter().chain(&paths));
+    let inputs = read_by(&data, arguments.controller.file().iter().chain(&paths).chain(&arguments.fit));
     context.claim(std::slice::from_ref(&arguments.output), &inputs, false)?;
     let models = named(&paths)?;
     let changes = changes(&arguments.time, first)?;
@@ -23,6 +23,7 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     options.horizon = arguments.horizon;
     options.starts = arguments.starts.get();
     options.controller = arguments.controller.read()?;
+    options.fits = arguments.fit.iter().map(|path| told(path)).collect::<Result<_, _>>()?;
     let bar = context.bar();
     let made = fleetfoot::report(&models, &changes, &data, &options, &bar);
     bar.finish();
@@ -30,9 +31,13 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     context.notes(&made.notes);
     in_sample(context, &made.in_sample, made.episodes);
     made.write(&arguments.output, &inputs)?;
-    let folder = arguments.svg.as_deref();
-    let figures = folder.map(|folder| made.write_figures(folder, &inputs)).transpose()?.unwrap_or_default();
-    let told = with(made.to_json(), json!({ "page": arguments.output, "figures": figures }));
+    let folders = [(&arguments.svg, FigureFormat::Svg), (&arguments.csv, FigureFormat::Csv)];
+    let mut figures = Vec::new();
+    for (folder, format) in folders.iter().filter_map(|(folder, format)| Some((folder.as_deref()?, *format))) {
+        figures.push((folder, made.write_figures(folder, format, &inputs)?));
+    }
+    let written: Vec<&PathBuf> = figures.iter().flat_map(|(_, paths)| paths).collect();
+    let told = with(made.to_json(), json!({ "page": arguments.output, "figures": written }));
     context.print(&told, || {
         let finding = |finding: &fleetfoot::report::Sentence| {
             format!("{}: {} {}", finding.light.word(), finding.head, finding.text)
@@ -40,10 +45,20 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
         made.findings().map(finding).collect::<Vec<_>>().join("\n")
     });
     context.say(format!("wrote {}", arguments.output.display()));
-    if let Some(folder) = folder {
-        context.say(format!("wrote {} figures to {}", figures.len(), folder.display()));
+    for (folder, paths) in figures {
+        context.say(format!("wrote {} figures to {}", paths.len(), folder.display()));
     }
     Ok(())
+}
+
+/// What a fit told.
+fn told(path: &Path) -> Result<Value, Error> {
+    let unread = |source| fleetfoot::log::Error::Io { path: path.to_owned(), action: "read", source };
+    let text = std::fs::read(path).map_err(unread)?;
+    serde_json::from_slice(&text).map_err(|error| {
+        let path = path.display();
+        Error::value(format!("{path} is no JSON ({error}): give what `fit sparse --json` or `fit sindy --json` told"))
+    })
 }
 
 fn is_model(path: &Path) -> bool {

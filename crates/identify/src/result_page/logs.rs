@@ -7,6 +7,7 @@ use fleetfoot_report::{
     words::{count, number, seconds, series, thousands},
 };
 
+use super::coverage::{self, Coverage};
 use crate::{Dataset, Error, Logs, Recipe, run::is_needed};
 
 /// Logs that are drawn, and logs that stand unfolded in the table.
@@ -61,7 +62,8 @@ impl Seen {
         self.trained.contains(&episode.id.to_string())
     }
 
-    pub(super) fn section(&self) -> Section {
+    /// The logs in time and as a table, and how far the columns of their rows reach.
+    pub(super) fn section(&self, columns: &[Coverage]) -> Section {
         let mut parts = vec![Part::Paragraph(self.about())];
         parts.extend(self.drawn().map(Part::Figure));
         parts.push(Part::Table(self.table(&self.episodes[..self.episodes.len().min(LISTED)])));
@@ -69,8 +71,9 @@ impl Seen {
             let rest = self.table(&self.episodes[LISTED..]);
             parts.push(Part::Fold(format!("{} more episodes", self.episodes.len() - LISTED), vec![Part::Table(rest)]));
         }
+        parts.extend(coverage::parts(columns));
         parts.extend(self.notes.iter().map(|note| Part::Paragraph(format!("Note: {note}."))));
-        Section::new("logs", "Logs", parts)
+        Section::new("data", "Data", parts)
     }
 
     fn about(&self) -> String {

@@ -3,17 +3,24 @@
 use fleetfoot_model::{Column, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
 use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
 
-use super::{Judged, regions, verdict};
+use super::{
+    Judged, excitation,
+    fitting::{self, Fit},
+    regions, transitions, verdict,
+};
 
 /// Columns that stand unfolded.
 const COLUMNS: usize = 8;
 /// Regions whose equations stand unfolded; the others are a click away.
 const UNFOLDED: usize = 1;
+/// Terms of an equation that are set, and equations: beyond them nobody reads.
+const TERMS: usize = 60;
+const EQUATIONS: usize = 24;
 
-pub(super) fn section(judged: &[Judged<'_>]) -> Section {
+pub(super) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     let one = judged.len() == 1;
-    let parts = judged.iter().flat_map(|judged| {
-        let parts = parts(judged.model);
+    let parts = judged.iter().enumerate().flat_map(|(place, judged)| {
+        let parts = parts(judged.model, place + 1);
         if one {
             return parts;
         }
@@ -21,29 +28,33 @@ pub(super) fn section(judged: &[Judged<'_>]) -> Section {
         let heading = Part::Heading(judged.name.to_owned());
         vec![heading, Part::Findings(findings), Part::Fold("Equations and regions".into(), parts)]
     });
-    let parts: Vec<Part> = parts.collect();
+    let parts: Vec<Part> = parts.chain(fitting::parts(judged, fits)).collect();
     Section::new("model", if one { "Model" } else { "Models" }, parts)
 }
 
-fn parts(model: &Model) -> Vec<Part> {
+/// A model; `number` tells its figures from those of the others.
+fn parts(model: &Model, number: usize) -> Vec<Part> {
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())
         .filter(|equation| !is_by_region(model, equation))
         .map(|equation| set(model.set_equation(equation, 0), how(equation)))
         .collect();
-    if !given.is_empty() {
-        parts.push(Part::Equations(given));
-    }
+    parts.extend(capped(given));
     let shared: Vec<Equation> = (model.latents.iter())
         .filter(|latent| is_shared(model, latent) && latent.constants.len() == 1)
         .map(|latent| set(model.set_latent(latent, 0), String::new()))
         .collect();
-    if !shared.is_empty() {
-        parts.push(Part::Equations(shared));
-    }
+    parts.extend(capped(shared));
     for partition in 0..model.partitions.len() {
         parts.extend(by_region(model, partition));
+        let name = format!("{number}-{}", partition + 1);
+        let own = &model.partitions[partition];
+        let walked = own.transitions.as_ref();
+        let walked =
+            walked.and_then(|counted| transitions::figure(own, counted, model.step, &name, "the training rows"));
+        parts.extend(walked.map(Part::Figure));
     }
+    parts.extend(excitation::parts(model, number));
     parts.push(columns(model));
     parts
 }
@@ -78,9 +89,23 @@ fn is_shared(model: &Model, latent: &Latent) -> bool {
     !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|own| own.name == latent.name))
 }
 
-fn set(equation: SetEquation, note: String) -> Equation {
-    let pieces = std::iter::once(equation.left).chain(equation.terms).map(Math::new).collect();
+/// An equation as it is set; of very many terms the first ones.
+fn set(equation: SetEquation, mut note: String) -> Equation {
+    let terms = equation.terms.len();
+    if terms > TERMS {
+        note.push_str(&format!("and {} more terms, which are in the model file", terms - TERMS));
+    }
+    let pieces = std::iter::once(equation.left).chain(equation.terms.into_iter().take(TERMS)).map(Math::new).collect();
     Equation { pieces, note }
+}
+
+/// The first of some equations, and how many there are more.
+fn capped(mut equations: Vec<Equation>) -> Vec<Part> {
+    let more = equations.len().saturating_sub(EQUATIONS);
+    equations.truncate(EQUATIONS);
+    let shown = (!equations.is_empty()).then_some(Part::Equations(equations));
+    let rest = (more > 0).then(|| Part::Paragraph(format!("{more} more equations are in the model file.")));
+    shown.into_iter().chain(rest).collect()
 }
 
 /// Where it comes from that is not fitted.
@@ -100,12 +125,13 @@ fn by_region(model: &Model, partition: usize) -> Vec<Part> {
     let mut parts = regions::tables(model, partition);
     let order = regions::by_size(own);
     for (rank, &region) in order.iter().take(regions::SHOWN).enumerate() {
-        let equations = Part::Equations(in_region(model, partition, region));
+        let equations = capped(in_region(model, partition, region));
         let name = format!("Region {}", own.regions[region].name);
         if rank < UNFOLDED {
-            parts.extend([Part::Heading(format!("{name}, the largest")), equations]);
+            parts.push(Part::Heading(format!("{name}, the largest")));
+            parts.extend(equations);
         } else {
-            parts.push(Part::Fold(format!("{name}: its equations"), vec![equations]));
+            parts.push(Part::Fold(format!("{name}: its equations"), equations));
         }
     }
     if order.len() > regions::SHOWN {

@@ -1,16 +1,16 @@
 //! Regions, and what their rows determine.
 
-use fleetfoot_model::{Model, Partition, Region, Rule};
+use fleetfoot_model::{Model, Partition, Rule};
 use fleetfoot_report::{
     Cell, Light, Part, Sentence, Table,
     words::{number, series, thousands},
 };
 
-use super::verdict::sentence;
+use super::{excitation, verdict::sentence};
 
 /// From this condition number of the standardised regressors on, coefficients are seriously affected by how the columns move together (Belsley, Kuh,
 /// Welsch, Regression Diagnostics, 1980, section 3.2: 30 and more).
-const CONDITION: f64 = 30.0;
+pub(super) const CONDITION: f64 = 30.0;
 /// Rows a coefficient that a region has at least, else its coefficients are little more than its noise.
 const ROWS: u64 = 10;
 /// Regions that are shown unfolded, the largest first, and whose equations are written: a model of hundreds of regions has its file.
@@ -25,7 +25,7 @@ pub(super) struct Determined {
 }
 
 /// The functions of a partition's first latent that some latent of it uses.
-fn used(model: &Model, partition: usize, region: usize) -> Vec<usize> {
+pub(super) fn used(model: &Model, partition: usize, region: usize) -> Vec<usize> {
     let Some(first) = model.latents.iter().find(|latent| latent.partition == partition) else { return Vec::new() };
     let same = || model.latents.iter().filter(|other| other.partition == partition && other.library == first.library);
     let is_used = |function: &usize| {
@@ -39,7 +39,11 @@ fn used(model: &Model, partition: usize, region: usize) -> Vec<usize> {
 pub(super) fn determined(model: &Model, partition: usize, region: usize) -> Determined {
     let info = &model.partitions[partition].regions[region];
     let alone = model.partitions[partition].regions.len() == 1;
-    let of = if alone { String::new() } else { format!("region {}: ", info.name) };
+    let of = match (alone, named(model, partition)) {
+        (true, names) if names.is_empty() => String::new(),
+        (true, names) => format!("{names}: "),
+        (false, _) => format!("region {}: ", info.name),
+    };
     let used = used(model, partition, region);
     let first = model.latents.iter().find(|latent| latent.partition == partition);
     let name = |function: &usize| {
@@ -63,15 +67,23 @@ pub(super) fn determined(model: &Model, partition: usize, region: usize) -> Dete
         let mend = format!("{of}more rows (it has {})", thousands(info.rows));
         return Determined { light: Light::Doubtful, words, mend: Some(mend) };
     }
-    if info.condition >= CONDITION {
+    let condition = excitation::condition(model, partition, region);
+    if condition >= CONDITION {
         let words = "columns nearly move together".to_owned();
-        let mend = format!("{of}more varied motion (condition {})", number(info.condition));
+        let mend = format!("{of}more varied motion (condition {})", number(condition));
         return Determined { light: Light::Doubtful, words, mend: Some(mend) };
     }
-    if info.condition.is_nan() {
+    if condition.is_nan() {
         return Determined { light: Light::Plain, words: "not known".into(), mend: None };
     }
     Determined { light: Light::Good, words: "determined".into(), mend: None }
+}
+
+/// What the functions of a partition make, where the model has several such partitions; else nothing.
+fn named(model: &Model, partition: usize) -> String {
+    let own: Vec<String> =
+        model.latents.iter().filter(|latent| latent.partition == partition).map(|latent| latent.name.clone()).collect();
+    if model.latents.iter().all(|latent| latent.partition == partition) { String::new() } else { series(&own, 4) }
 }
 
 /// All regions that are fitted: partition and region.
@@ -88,8 +100,7 @@ pub(super) fn finding(model: &Model) -> Option<Sentence> {
     if found.is_empty() || found.iter().all(|region| region.light == Light::Plain) {
         return None;
     }
-    let worst = |region: &Region| region.condition;
-    let condition = all(model).map(|(p, r)| worst(&model.partitions[p].regions[r])).fold(f64::NAN, f64::max);
+    let condition = all(model).map(|(p, r)| excitation::condition(model, p, r)).fold(f64::NAN, f64::max);
     let mends: Vec<String> = found.iter().filter_map(|region| region.mend.clone()).collect();
     let next = if mends.is_empty() { String::new() } else { format!(" What to drive next: {}.", series(&mends, 3)) };
     let number_of = |light| found.iter().filter(|region| region.light == light).count();
@@ -107,7 +118,7 @@ pub(super) fn finding(model: &Model) -> Option<Sentence> {
     let condition = if condition.is_nan() {
         String::new()
     } else {
-        format!("The largest condition number of the standardised regressors is {}.", number(condition))
+        format!("The largest condition number of the standardised functions that it uses is {}.", number(condition))
     };
     Some(sentence(light, &head, format!("{condition}{next}").trim()))
 }
@@ -116,10 +127,12 @@ pub(super) fn finding(model: &Model) -> Option<Sentence> {
 pub(super) fn alone(model: &Model, partition: usize) -> String {
     let info = &model.partitions[partition].regions[0];
     let found = determined(model, partition, 0);
-    let condition =
-        if info.condition.is_nan() { String::new() } else { format!(", condition {}", number(info.condition)) };
+    let condition = excitation::condition(model, partition, 0);
+    let condition = if condition.is_nan() { String::new() } else { format!(", condition {}", number(condition)) };
+    let names = named(model, partition);
     format!(
-        "It holds everywhere: {} rows, rank {}{condition}; its coefficients: {}.",
+        "{} holds everywhere: {} rows, rank {}{condition}; its coefficients: {}.",
+        if names.is_empty() { "It".to_owned() } else { names },
         thousands(info.rows),
         info.rank,
         found.words
@@ -166,7 +179,7 @@ fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
         Cell::Number(thousands(info.rows)),
         Cell::Number(format!("{:.1} %", 100.0 * info.rows as f64 / total.max(1) as f64)),
         Cell::Number(info.rank.to_string()),
-        Cell::of(info.condition),
+        Cell::of(excitation::condition(model, partition, region)),
         Cell::Text(place(own, region)),
     ]
 }

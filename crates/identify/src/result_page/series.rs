@@ -1,91 +1,99 @@
-//! Measured and predicted over time, and how errors are spread, from one pass over the rows.
+//! Measured and predicted over time, and how errors are spread.
 
-use fleetfoot_data::Progress;
-use fleetfoot_dynamics::{EpisodeScore, Predicted};
+use fleetfoot_dynamics::Predicted;
 use fleetfoot_model::Model;
-use fleetfoot_report::{Axis, Bins, Chart, Figure, Lines, Part, Section, Series, Stroke};
+use fleetfoot_report::{Axis, Bins, Chart, Figure, Lines, Part, Section, Series, Stroke, words::count};
 
-use super::logs::Seen;
-use crate::{Error, Logs, PredictedRows, Recipe, predict_rows};
+use super::{
+    logs::Seen,
+    passed::Passed,
+    residuals::{self, Leftover},
+    transitions,
+};
 
 /// Targets that are drawn.
 const TARGETS: usize = 6;
 /// Of these, targets that stand unfolded.
 const SHOWN: usize = 2;
+/// Targets whose errors are drawn over the columns.
+const OVER: usize = 4;
 /// Bins along the time of a log, and along the errors.
-const TIMES: usize = 180;
+const TIMES: usize = 240;
 const ERRORS: usize = 64;
 /// Errors are drawn up to so many standard deviations of the target.
 const REACH: f64 = 2.0;
 
 /// One target.
-struct Target {
-    name: String,
+pub(super) struct Target {
+    pub(super) name: String,
     unit: Option<String>,
     /// Standard deviation over the training rows.
-    sigma: f64,
+    pub(super) sigma: f64,
     measured: Bins,
     predicted: Bins,
     errors: Bins,
+    pub(super) left: Leftover,
 }
 
-/// The rows of the worst log as they were measured and predicted, and the errors of all.
-pub(super) fn section(
-    model: &Model,
-    changes: &Recipe,
-    logs: &Logs,
-    worst: Option<&EpisodeScore>,
-    seen: &Seen,
-    progress: &dyn Progress,
-) -> Result<Option<Section>, Error> {
-    let Some(worst) = worst else { return Ok(None) };
-    let Some(episode) = seen.episodes.iter().find(|episode| episode.id == worst.id) else { return Ok(None) };
-    let mut targets = targets(model, episode.duration(), episode.rows);
-    predict_rows(model, changes, logs, progress, |_, rows| {
-        let time = (rows.episode.id == episode.id).then(|| seconds(rows));
-        targets.iter_mut().enumerate().for_each(|(place, target)| target.take(place, rows.predicted, time.as_deref()));
-        Ok(())
-    })?;
-    let series = targets.iter().enumerate().map(|(place, target)| Part::Figure(target.in_time(place, &episode.name)));
-    let mut parts: Vec<Part> = series.collect();
+/// The rows of one log as they were measured and predicted, and the errors of all.
+pub(super) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
+    let mut parts = Vec::new();
     if seen.episodes.len() > 1 {
-        let worst =
-            format!("{} is the log with the largest error; of the others, errors alone are drawn.", episode.name);
-        parts.insert(0, Part::Paragraph(worst));
+        let worst = format!(
+            "{} is the log with the largest error; of the others, errors alone are drawn.",
+            passed.episode.name
+        );
+        parts.push(Part::Paragraph(worst));
     }
-    let shown = parts.len() - targets.len() + SHOWN;
-    if parts.len() > shown {
-        let rest = parts.split_off(shown);
-        parts.push(Part::Fold(format!("{} more targets", rest.len()), rest));
-    }
-    parts.push(Part::Figure(spread(&targets)));
-    Ok(Some(Section::new("rows", "Measured and predicted", parts)))
+    let in_time = |(place, target): (usize, &Target)| Part::Figure(target.in_time(place, &passed.episode.name));
+    parts.extend(unfolded(passed.targets.iter().enumerate().map(in_time).collect(), "Measured and predicted values"));
+    parts.push(Part::Figure(spread(&passed.targets)));
+    parts.extend(residuals::in_time(&passed.targets, passed.episode.period).map(Part::Figure));
+    let over =
+        |(place, target): (usize, &Target)| residuals::over_columns(place, target, &passed.columns).map(Part::Figure);
+    parts.extend(unfolded(
+        passed.targets.iter().enumerate().take(OVER).filter_map(over).collect(),
+        "more targets over the columns",
+    ));
+    let walked = passed.transitions.as_ref().zip(model.latents.first());
+    let walked = walked.and_then(|(counted, latent)| {
+        transitions::figure(&model.partitions[latent.partition], counted, passed.episode.period, "logs", "these logs")
+    });
+    parts.extend(walked.map(Part::Figure));
+    Section::new("rows", "Measured and predicted", parts)
 }
 
-/// Seconds since the start of the episode.
-fn seconds(rows: &PredictedRows<'_>) -> Vec<f64> {
-    rows.stamps.iter().map(|&stamp| (stamp - rows.episode.start) as f64 * 1e-9).collect()
+/// The first parts; the others a click away.
+fn unfolded(mut parts: Vec<Part>, what: &str) -> Vec<Part> {
+    if parts.len() > SHOWN {
+        let rest = parts.split_off(SHOWN);
+        parts.push(Part::Fold(format!("{what} of {}", count(rest.len(), "more target")), rest));
+    }
+    parts
 }
 
-fn targets(model: &Model, duration: f64, rows: usize) -> Vec<Target> {
+/// The targets of a model, before any row; the log that is drawn over time has so many rows.
+pub(super) fn targets(model: &Model, rows: usize) -> Vec<Target> {
     let fitted = model.fitted().take(TARGETS).enumerate();
     let one = |(place, equation): (usize, &fleetfoot_model::Equation)| {
         let variance = model.training.target_covariance.get(fleetfoot_data::packed(place, place));
-        let time = || Bins::new(0.0, duration, TIMES.min(rows));
+        // Bins narrower than the rows are apart would be empty here and there.
+        let time = || Bins::new(TIMES.min(rows.div_ceil(2)));
         Target {
             name: equation.label(),
             unit: equation.unit.clone(),
             sigma: variance.map_or(f64::NAN, |variance| variance.sqrt()),
             measured: time(),
             predicted: time(),
-            errors: Bins::new(-REACH, REACH, ERRORS),
+            errors: Bins::new(ERRORS),
+            left: Leftover::new(),
         }
     };
     fitted.map(one).collect()
 }
 
 impl Target {
-    fn take(&mut self, place: usize, rows: &Predicted, time: Option<&[f64]>) {
+    pub(super) fn take(&mut self, place: usize, rows: &Predicted, time: Option<&[f64]>) {
         let values = |values| Predicted::equation(values, rows.rows, place);
         for &error in values(&rows.residual) {
             let share = error / self.sigma;
@@ -122,19 +130,22 @@ impl Target {
 
 /// Fig. 3 of Buchan, Haldane, Fearing: how errors are spread.
 fn spread(targets: &[Target]) -> Figure {
+    // In bins of one width the heights of the lines can be compared.
+    let width = targets.iter().map(|target| target.errors.width()).fold(0.0, f64::max);
     let line = |target: &Target| {
-        let counts = target.errors.counts();
+        let errors = target.errors.clone().coarser(width);
+        let counts = errors.counts();
         let total = counts.iter().sum::<u64>().max(1) as f64;
         let share = counts.iter().map(|&count| 100.0 * count as f64 / total).collect();
-        Series::line(target.name.clone(), target.errors.places(), share).looks(Stroke::Steps)
+        Series::line(target.name.clone(), errors.places(), share).looks(Stroke::Steps)
     };
     let chart = Lines::new(
-        Axis::of("error over the target\u{2019}s standard deviation", "").between(-REACH, REACH),
+        Axis::of("error over the target\u{2019}s standard deviation", ""),
         Axis::of("share of rows", "%").with_zero(),
         targets.iter().map(line).collect(),
     );
     let caption = format!(
-        "How one-step errors, measured minus predicted, are spread over all rows, in standard deviations of the training rows\u{2019} target and in {ERRORS} bins; errors beyond {REACH} standard deviations are not drawn. A peak that is narrow and at zero is \
+        "How one-step errors, measured minus predicted, are spread over all rows, in standard deviations of the training rows\u{2019} target and in at most {ERRORS} bins; errors beyond {REACH} standard deviations are not drawn. A peak that is narrow and at zero is \
          good; one beside it is a bias."
     );
     Figure::new("error-spread", "Spread of the errors", caption, Chart::Lines(chart))

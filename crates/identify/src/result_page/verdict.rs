@@ -6,7 +6,7 @@ use fleetfoot_report::{
     words::{count, ratio, seconds, series, thousands},
 };
 
-use super::{Judged, horizons, regions, scores};
+use super::{Judged, horizons, passed::Passed, regions, residuals, scores};
 use crate::{RolledOut, Scored, interval_in_words, replayed_in_words, spans_in_words};
 
 /// Names that are written out.
@@ -14,17 +14,18 @@ const NAMES: usize = 4;
 /// Of the scored rows, a share outside of all training that asks for other logs.
 const OUTSIDE: f64 = 0.05;
 
-/// The findings: of one model all that there are; of several what tells them apart, and those of the best.
-pub(super) fn section(judged: &[Judged<'_>]) -> Section {
+/// The findings: of one model all that there are; of several what tells them apart, and those of the best, whose rows were gone over.
+pub(super) fn section(judged: &[Judged<'_>], passed: Option<&Passed>) -> Section {
     let mut findings = Vec::new();
     let best = super::best(judged);
+    let errors = passed.and_then(|passed| residuals::finding(&passed.targets, &passed.columns));
     if judged.len() == 1 {
         findings.push(fitted(best));
-        findings.extend(of_model(best));
+        findings.extend(of_model(best).into_iter().chain(errors));
     } else {
         findings.extend(scores::best(judged));
         findings.extend(horizons::best(judged));
-        findings.extend(of_model(best).into_iter().map(|finding| named(best.name, finding)));
+        findings.extend(of_model(best).into_iter().chain(errors).map(|finding| named(best.name, finding)));
     }
     Section::new("verdict", "Verdict", vec![Part::Findings(findings)])
 }
@@ -128,7 +129,7 @@ fn one_step(scored: &Scored) -> Option<Sentence> {
         format!("{}{ends} for {}", ratio(error.value), target.name)
     };
     let errors = if scored.scores.targets.len() == 1 {
-        format!("Its mean absolute error is {} of the null model\u{2019}s", told(best))
+        format!("Its mean absolute error over the null model\u{2019}s is {}", told(best))
     } else {
         format!(
             "Its mean absolute error over the null model\u{2019}s is {} at best and {} at worst",

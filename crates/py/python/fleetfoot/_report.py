@@ -27,6 +27,7 @@ def report(
     controller: _Path | None = None,
     settings: Mapping[str, Any] | None = None,
     svg: _Path | None = None,
+    csv: _Path | None = None,
     cache: _Path | None = None,
     progress: Progress = None,
 ) -> dict[str, Any]:
@@ -37,7 +38,8 @@ def report(
     Parameters
     ----------
     models : Model, fitted estimator, or dict of these by name
-        What is shown, side by side where there are several.
+        What is shown, side by side where there are several. Of a fitted SINDy or BlockSparse the page shows how it was
+        chosen as well: held-out errors, and how often functions were selected.
     data : path, table, array, Dataset, ..., optional
         As in :func:`fleetfoot.open`: what the models are held against. Give recordings that no model was trained on;
         the page says which ones were. Without data the page shows the models alone.
@@ -57,6 +59,8 @@ def report(
         Settings of the controller.
     svg : path, optional
         Folder to write every figure to as SVG.
+    csv : path, optional
+        Folder to write the numbers of every figure to as CSV.
     cache : path, optional
         Folder that keeps decoded columns of large logs.
     progress : bool or callable, optional
@@ -89,12 +93,16 @@ def report(
 
     named = models if isinstance(models, Mapping) else {None: models}
     listed: list[tuple[str, _core.Model]] = []
+    fits: list[str] = []
     inner: Model | None = None
     for name, given in named.items():
         model = _unwrapped(given)
         if not isinstance(model, Model):
             raise TypeError(f"{type(given).__name__} is no model; give a fleetfoot.Model or a fitted estimator")
         inner = model if inner is None else inner
+        told = getattr(given, "report_", None)
+        if isinstance(told, dict) and ("latents" in told or "candidates" in told):
+            fits.append(json.dumps({**told, "hash": model._core.hash()}))
         listed.append((model.method if name is None else str(name), model._core))
     if inner is None:
         raise ValueError("models is empty; give at least one model")
@@ -102,6 +110,8 @@ def report(
     request = {
         "path": os.fspath(path),
         "svg": None if svg is None else os.fspath(svg),
+        "csv": None if csv is None else os.fspath(csv),
+        "fits": fits,
         "title": title,
         "horizon": horizon,
         "starts": int(starts),
@@ -109,6 +119,6 @@ def report(
         "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
     }
     with reporting(progress) as callback:
-        told: dict[str, Any] = json.loads(_core.report(listed, opened, changes, request, cache, callback))
-    tell_all(told["notes"])
-    return told
+        found: dict[str, Any] = json.loads(_core.report(listed, opened, changes, request, cache, callback))
+    tell_all(found["notes"])
+    return found

@@ -146,15 +146,34 @@ impl Canvas {
 
     /// The horizontal axis under a frame: grid, numbers, title.
     pub(crate) fn across(&mut self, ruler: &Ruler, frame: &Frame, title: &str) {
-        let most = if self.is_wide() { 8 } else { 4 };
+        let most = if self.is_wide() {
+            8
+        } else if self.width >= NARROW {
+            4
+        } else {
+            2
+        };
         for (value, label) in ruler.ticks(most) {
             let Some(x) = ruler.at(value) else { continue };
             self.line("grid", [x, frame.top], [x, frame.bottom]);
             self.text("tick", "middle", [x, frame.bottom + LINE], &label);
         }
         self.line("axis", [frame.left, frame.bottom], [frame.right, frame.bottom]);
-        let title = fitting(title, frame.right);
-        self.text("title", "end", [frame.right, frame.bottom + 2.0 * LINE + 2.0], &title);
+        if !title.is_empty() {
+            let title = fitting(title, frame.right);
+            self.text("title", "end", [frame.right, frame.bottom + 2.0 * LINE + 2.0], &title);
+        }
+    }
+
+    /// A drawing of its own within this one.
+    pub(crate) fn part(&self, index: usize, width: f64) -> Self {
+        Self::new(width, self.id(&(index + 1).to_string()))
+    }
+
+    /// Puts a part at a place.
+    pub(crate) fn place(&mut self, part: Self, [x, y]: [f64; 2]) {
+        let (x, y) = (crate::markup::place(x), crate::markup::place(y));
+        self.add(Element::new("g").with("transform", format!("translate({x} {y})")).children(part.parts));
     }
 
     /// The drawing as an element.

@@ -1,6 +1,6 @@
 //! The numbers behind the drawings, as tables.
 
-use super::{Axis, Bars, Interval, Lines, Series, Spans};
+use super::{Axis, Bars, Interval, Lines, Matrix, Panels, Series, Spans};
 use crate::{Cell, Table};
 
 /// A row a place: lines that share their places share the rows.
@@ -73,6 +73,29 @@ pub(super) fn of_spans(spans: &Spans) -> Table {
             let kind = spans.kinds.get(span.kind).cloned().unwrap_or_default();
             table = table.row([Cell::Text(name.clone()), Cell::Text(kind), Cell::of(span.from), Cell::of(span.to)]);
         }
+    }
+    table
+}
+
+/// A row a place of a panel's lines; lines of a panel share their places.
+pub(super) fn of_panels(panels: &Panels) -> Table {
+    let Some(first) = panels.panels.first() else { return Table::default() };
+    let mut head = side_by_side(first).head;
+    head[0] = "at".to_owned();
+    let mut table = Table::new(first.y.title(), std::iter::once("panel".to_owned()).chain(head));
+    for panel in &panels.panels {
+        for row in side_by_side(panel).rows {
+            table = table.row(std::iter::once(Cell::Text(panel.x.title())).chain(row));
+        }
+    }
+    table
+}
+
+pub(super) fn of_matrix(matrix: &Matrix) -> Table {
+    let head = std::iter::once(matrix.corner()).chain(matrix.columns.iter().cloned());
+    let mut table = Table::new(matrix.what.clone(), head);
+    for (name, values) in matrix.rows.iter().zip(&matrix.values) {
+        table = table.row(std::iter::once(Cell::Text(name.clone())).chain(values.iter().copied().map(Cell::of)));
     }
     table
 }

@@ -21,6 +21,17 @@ pub struct Lines {
     pub series: Vec<Series>,
     /// Heights of lines of reference, with their words.
     pub levels: Vec<(f64, String)>,
+    /// A range along the horizontal axis that is shaded, with its words.
+    pub range: Option<([f64; 2], String)>,
+}
+
+/// How much of a chart of lines is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// All of it.
+    Whole,
+    /// One of several that share a legend, and of which the caption says what the vertical axis is: its horizontal axis is its title.
+    Panel,
 }
 
 /// A line.
@@ -50,6 +61,8 @@ pub enum Stroke {
     Measured,
     /// Steps of equal width about the places.
     Steps,
+    /// Such steps, and the area between them and zero.
+    Area,
 }
 
 impl Series {
@@ -74,12 +87,18 @@ impl Series {
 impl Lines {
     /// A chart of lines.
     pub fn new(x: Axis, y: Axis, series: Vec<Series>) -> Self {
-        Self { x, y, series, levels: Vec::new() }
+        Self { x, y, series, levels: Vec::new(), range: None }
     }
 
     /// With a line of reference.
     pub fn level(mut self, height: f64, words: impl Into<String>) -> Self {
         self.levels.push((height, words.into()));
+        self
+    }
+
+    /// With a shaded range along the horizontal axis.
+    pub fn shaded(mut self, range: [f64; 2], words: impl Into<String>) -> Self {
+        self.range = Some((range, words.into()));
         self
     }
 
@@ -93,41 +112,48 @@ impl Lines {
             Some(format!("{}: {} to {}", series.name, at(first), at(last)))
         };
         let ends: Vec<String> = self.series.iter().filter_map(ends).collect();
-        format!("{} over {}. {}.", self.y.title(), self.x.title(), ends.join("; "))
+        let at = |value: &f64| typeset(&number(*value));
+        let range = self.range.iter().map(|([from, to], words)| format!(" {words}: {} to {}.", at(from), at(to)));
+        let range: String = range.collect();
+        format!("{} over {}. {}.{range}", self.y.title(), self.x.title(), ends.join("; "))
     }
 
-    fn heights(&self) -> impl Iterator<Item = f64> {
+    pub(super) fn heights(&self) -> impl Iterator<Item = f64> {
         let bands = self.series.iter().filter_map(|series| series.band.as_ref()).flatten().flatten();
         let values = self.series.iter().flat_map(|series| &series.y);
         values.chain(bands).copied().chain(self.levels.iter().map(|(height, _)| *height))
     }
 
-    pub(super) fn draw(&self, mut canvas: Canvas) -> Canvas {
-        let height = if canvas.is_wide() { 260.0 } else { 200.0 };
-        let top = self.legend(&mut canvas) + 2.0 * LINE;
+    pub(super) fn draw(&self, mut canvas: Canvas, form: Form) -> Canvas {
+        let panel = form == Form::Panel;
+        let height = if panel {
+            110.0
+        } else if canvas.is_wide() {
+            260.0
+        } else {
+            200.0
+        };
+        let legend = if panel { 0.0 } else { canvas.legend(&self.entries(), 0.0) };
+        let top = legend + if panel { LINE + 8.0 } else { 2.0 * LINE };
         let vertical = self.y.ruler(self.heights(), top + height, top);
-        let ticks = vertical.ticks(5);
+        let ticks = vertical.ticks(if panel { 4 } else { 5 });
         let left = ticks.iter().map(|(_, label)| width_of(label)).fold(16.0, f64::max) + 10.0;
         let frame = Frame { left, right: canvas.width - 12.0, top, bottom: top + height };
-        canvas.height = frame.bottom + 2.0 * LINE + 8.0;
-        let mut places = self.series.iter().flat_map(|series| &series.x).copied();
-        let across = self.x.ruler(places.by_ref(), frame.left, frame.right);
-        canvas.label("start", [0.0, top - 10.0], &self.y.title(), canvas.width);
+        let places = self.series.iter().flat_map(|series| series.stepped(series.y.iter()).map(|(x, _)| x));
+        let across = self.x.ruler(places, frame.left, frame.right);
+        canvas.height = frame.bottom + if panel { LINE + 6.0 } else { 2.0 * LINE + 8.0 };
+        if panel {
+            canvas.label("start", [0.0, LINE - 2.0], &self.x.title(), canvas.width - 8.0);
+        } else {
+            canvas.label("start", [0.0, top - 10.0], &self.y.title(), canvas.width);
+        }
         for (value, label) in ticks {
             let Some(y) = vertical.at(value) else { continue };
             canvas.line("grid", [frame.left, y], [frame.right, y]);
             canvas.text("tick", "end", [frame.left - 6.0, y + 4.0], &label);
         }
-        canvas.across(&across, &frame, &self.x.title());
-        let clip = canvas.id("clip");
-        let edge = Element::new("rect").at("x", frame.left).at("y", frame.top);
-        let edge = edge.at("width", frame.right - frame.left).at("height", frame.bottom - frame.top);
-        canvas.add(Element::new("clipPath").with("id", &clip).child(edge));
-        let mut group = Element::new("g").with("clip-path", format!("url(#{clip})"));
-        for (index, series) in self.series.iter().enumerate() {
-            group = group.children(series.elements(&self.class(index), &across, &vertical));
-        }
-        canvas.add(group);
+        canvas.across(&across, &frame, &if panel { String::new() } else { self.x.title() });
+        self.curves(&mut canvas, &frame, &across, &vertical);
         for (height, words) in &self.levels {
             let Some(y) = vertical.at(*height) else { continue };
             canvas.line("level", [frame.left, y], [frame.right, y]);
@@ -136,12 +162,31 @@ impl Lines {
         canvas
     }
 
+    /// What is drawn within the frame, and cut at its edges.
+    fn curves(&self, canvas: &mut Canvas, frame: &Frame, across: &Ruler, vertical: &Ruler) {
+        let clip = canvas.id("clip");
+        let edge = Element::new("rect").at("x", frame.left).at("y", frame.top);
+        let edge = edge.at("width", frame.right - frame.left).at("height", frame.bottom - frame.top);
+        canvas.add(Element::new("clipPath").with("id", &clip).child(edge));
+        let mut group = Element::new("g").with("clip-path", format!("url(#{clip})"));
+        if let Some(([from, to], _)) = &self.range
+            && let (Some(from), Some(to)) = (across.at(*from), across.at(*to))
+        {
+            let shade = Element::new("rect").class("range").at("x", from).at("y", frame.top);
+            group = group.child(shade.at("width", (to - from).max(1.0)).at("height", frame.bottom - frame.top));
+        }
+        for (index, series) in self.series.iter().enumerate() {
+            group = group.children(series.elements(&self.class(index), across, vertical));
+        }
+        canvas.add(group);
+    }
+
     /// The class of a line: those in colours of their own are counted apart from the others.
     fn class(&self, index: usize) -> String {
         let before = |stroke: &[Stroke]| self.series[..index].iter().filter(|s| stroke.contains(&s.stroke)).count();
         match self.series[index].stroke {
-            Stroke::Own | Stroke::Steps => {
-                let own = before(&[Stroke::Own, Stroke::Steps]);
+            Stroke::Own | Stroke::Steps | Stroke::Area => {
+                let own = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]);
                 format!("{} d{}", colour(own), own / 6 % 3)
             }
             Stroke::Reference => format!("reference r{}", before(&[Stroke::Reference]) % 3),
@@ -149,13 +194,12 @@ impl Lines {
         }
     }
 
-    fn legend(&self, canvas: &mut Canvas) -> f64 {
-        if self.series.len() < 2 {
-            return 0.0;
-        }
+    /// What the legend says; nothing where there is nothing to tell apart.
+    pub(super) fn entries(&self) -> Vec<(Sample, String, String)> {
         let entry = |(index, series): (usize, &Series)| (Sample::Line, self.class(index), series.name.clone());
-        let entries: Vec<_> = self.series.iter().enumerate().map(entry).collect();
-        canvas.legend(&entries, 0.0)
+        let shade = self.range.iter().map(|(_, words)| (Sample::Box, "range".to_owned(), words.clone()));
+        let entries: Vec<_> = self.series.iter().enumerate().map(entry).chain(shade).collect();
+        if entries.len() < 2 { Vec::new() } else { entries }
     }
 }
 
@@ -163,21 +207,24 @@ impl Series {
     fn elements(&self, class: &str, across: &Ruler, vertical: &Ruler) -> Vec<Element> {
         let mut elements = Vec::new();
         if let Some([low, high]) = &self.band {
-            for part in runs(
-                self.x
-                    .iter()
-                    .zip(low.iter().zip(high))
-                    .map(|(&x, (&low, &high))| Some((across.at(x)?, vertical.at(low)?, vertical.at(high)?))),
-            ) {
+            let ends = self.stepped(low.iter().copied().zip(high.iter().copied()));
+            for part in runs(ends.map(|(x, (low, high))| Some((across.at(x)?, vertical.at(low)?, vertical.at(high)?))))
+            {
                 let there = part.iter().map(|&(x, low, _)| [x, low]);
                 let back = part.iter().rev().map(|&(x, _, high)| [x, high]);
                 let points: Vec<[f64; 2]> = there.chain(back).collect();
                 elements.push(Element::new("polygon").class(format!("band {class}")).with("points", path_of(&points)));
             }
         }
-        for part in runs(self.points().map(|(x, y)| Some([across.at(x)?, vertical.at(y)?]))) {
+        let points = self.stepped(self.y.iter().copied());
+        for part in runs(points.map(|(x, y)| Some([across.at(x)?, vertical.at(y)?]))) {
             // One point alone has no line: it is a dot.
             elements.push(match part.as_slice() {
+                [first, .., last] if self.stroke == Stroke::Area => {
+                    let zero = vertical.at(0.0).unwrap_or(vertical.from);
+                    let points = [&[[first[0], zero]], part.as_slice(), &[[last[0], zero]]].concat();
+                    Element::new("polygon").class(format!("area {class}")).with("points", path_of(&points))
+                }
                 [[x, y]] => Element::new("circle").class(format!("dot {class}")).at("cx", *x).at("cy", *y).at("r", 2.5),
                 points => Element::new("polyline").class(format!("line {class}")).with("points", path_of(points)),
             });
@@ -185,15 +232,14 @@ impl Series {
         elements
     }
 
-    /// The points that are joined.
-    fn points(&self) -> impl Iterator<Item = (f64, f64)> {
-        let pairs = self.x.iter().copied().zip(self.y.iter().copied());
+    /// Values at the places where they are drawn: of steps at both ends of each.
+    fn stepped<T: Copy>(&self, values: impl Iterator<Item = T>) -> impl Iterator<Item = (f64, T)> {
         let half = match (self.stroke, self.x.as_slice()) {
-            (Stroke::Steps, [first, second, ..]) => 0.5 * (second - first),
+            (Stroke::Steps | Stroke::Area, [first, second, ..]) => 0.5 * (second - first),
             _ => 0.0,
         };
         let ends = if half > 0.0 { &[-1.0, 1.0][..] } else { &[0.0] };
-        pairs.flat_map(move |(x, y)| ends.iter().map(move |end| (x + end * half, y)))
+        self.x.iter().zip(values).flat_map(move |(&x, value)| ends.iter().map(move |end| (x + end * half, value)))
     }
 }
 

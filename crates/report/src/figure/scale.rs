@@ -28,9 +28,9 @@ pub enum Scale {
 }
 
 impl Axis {
-    /// A linear axis of a quantity; an empty unit is none.
+    /// A linear axis of a quantity; an empty unit is none, and 1 says nothing either.
     pub fn of(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        let unit = Some(unit.into()).filter(|unit| !unit.is_empty());
+        let unit = Some(unit.into()).filter(|unit| !unit.is_empty() && unit != "1");
         Self { label: label.into(), unit, scale: Scale::Linear, zero: false, range: None }
     }
 
@@ -138,17 +138,27 @@ impl Ruler {
         values.into_iter().map(|value| (value, self.label(value, step))).collect()
     }
 
-    /// Multiples of 1, 2 or 5 times a power of ten.
+    /// 1, 2 or 5 times a power of ten, of which about so many are on the axis: two at least, as one value alone is no scale.
+    fn step(&self, most: usize) -> f64 {
+        let step = |most: usize| {
+            let rough = (self.high - self.low) / most as f64;
+            let power = 10f64.powf(rough.log10().floor());
+            let step = [1.0, 2.0, 5.0].map(|factor| factor * power).into_iter().find(|&step| step >= rough * 0.999);
+            step.unwrap_or(10.0 * power)
+        };
+        let inside = |step: &f64| (self.high / step).floor() > (self.low / step).ceil();
+        let most = most.max(1);
+        (most..most + 4).map(step).find(inside).unwrap_or_else(|| step(most))
+    }
+
+    /// Multiples of the step.
     fn steps(&self, most: usize) -> Vec<f64> {
-        let rough = (self.high - self.low) / most.max(1) as f64;
-        let power = 10f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|&step| step >= rough * 0.999);
-        let step = step.unwrap_or(10.0 * power);
+        let step = self.step(most);
         let (first, last) = ((self.low / step).ceil(), (self.high / step).floor());
-        if !(last - first).is_finite() || last - first > 50.0 {
+        if !(0.0..=50.0).contains(&(last - first)) {
             return vec![self.low, self.high];
         }
-        (0..=(last - first).max(0.0) as usize).map(|k| (first + k as f64) * step).collect()
+        (0..=(last - first) as usize).map(|k| (first + k as f64) * step).collect()
     }
 
     /// Powers of ten; where hardly one is there, twice and five times as well.
@@ -207,6 +217,9 @@ mod tests {
         assert_eq!(ticks(axis().between(0.0, 1.0), &[], 5), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(ticks(axis().between(-3.0, 17.0), &[], 5), ["0", "5", "10", "15"]);
         assert_eq!(ticks(axis().between(-1e-9, 1e-9), &[], 2), ["−1·10⁻⁹", "0", "1·10⁻⁹"]);
+        assert_eq!(ticks(axis().between(4000.0, 11_000.0), &[], 1), ["5000", "10000"], "one value is no scale");
+        assert_eq!(ticks(axis().between(0.03, 0.45), &[], 1), ["0.2", "0.4"], "nor is none");
+        assert_eq!(ticks(axis().between(0.81, 1.02), &[], 2), ["0.9", "1.0"]);
         let mut log = axis().between(0.05, 200.0);
         log.scale = Scale::Logarithmic;
         assert_eq!(ticks(log.clone(), &[], 6), ["0.1", "1", "10", "100"]);

@@ -1,8 +1,8 @@
 //! Pages of all parts, with names and numbers that nobody expects.
 
 use fleetfoot_report::{
-    Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Mark, Math, Page, Part, Scale, Section,
-    Sentence, Series, Span, Spans, Stroke, Table,
+    Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Mark, Math, Matrix, Page, Panels, Part, Scale,
+    Section, Sentence, Series, Span, Spans, Stroke, Table,
 };
 use proptest::prelude::*;
 
@@ -18,7 +18,22 @@ fn lines(name: &str, x: &[f64], y: &[f64]) -> Chart {
         series("reference").looks(Stroke::Reference),
         series("measured").looks(Stroke::Measured),
     ];
-    Chart::Lines(Lines::new(Axis::of(name, "s"), Axis::of(name, name), all).level(1.0, name))
+    let range = [x.first().copied().unwrap_or(f64::NAN), x.last().copied().unwrap_or(f64::NAN)];
+    Chart::Lines(Lines::new(Axis::of(name, "s"), Axis::of(name, name), all).level(1.0, name).shaded(range, name))
+}
+
+fn panels(name: &str, x: &[f64], y: &[f64]) -> Chart {
+    let panel = |_| match lines(name, x, y) {
+        Chart::Lines(lines) => lines,
+        _ => unreachable!(),
+    };
+    Chart::Panels(Panels::new((0..4).map(panel).collect()).on_one_scale())
+}
+
+fn matrix(name: &str, values: &[f64]) -> Chart {
+    let names = |count: usize| (0..count).map(|place| format!("{name} {place}")).collect::<Vec<_>>();
+    let rows = vec![values.to_vec(); 3];
+    Chart::Matrix(Matrix::new(name, [name, "to"], [names(3), names(values.len())], rows))
 }
 
 fn bars(name: &str, values: &[f64]) -> Chart {
@@ -51,6 +66,8 @@ fn page(name: &str, x: &[f64], y: &[f64]) -> Page {
         Part::Table(Table::default()),
         figure("lines", lines(name, x, y)),
         figure("bars", bars(name, y)),
+        figure("panels", panels(name, x, y)),
+        figure("matrix", matrix(name, y)),
         Part::Equations(vec![Equation {
             pieces: vec![Math::new("<mi>x</mi>"), Math::new("<mo>=</mo>")],
             note: name.into(),
@@ -81,7 +98,7 @@ fn names_are_text_and_nothing_else() {
         for figure in page.figures() {
             assert_eq!(strict::read(&figure.to_svg()).elements[0], "svg", "{name}");
         }
-        assert_eq!(page.figures().count(), 3, "folded figures are figures too");
+        assert_eq!(page.figures().count(), 5, "folded figures are figures too");
     }
 }
 
@@ -92,10 +109,103 @@ fn a_figure_has_a_caption_a_table_and_words() {
     let found = strict::read(&html);
     let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
     // Each is drawn twice, for wide and for narrow pages.
-    assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (3, 3, 6, 6));
+    assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (5, 5, 10, 10));
     assert!(html.contains("speed: 0.2500 at 0 to 0.5000 at 1.000"), "the text alternative has the numbers");
     assert_eq!(page.figures().next().unwrap().table().rows.len(), 2);
     assert!(!html.contains("http://") || html.matches("http://").count() == html.matches("http://www.w3.org/").count());
+}
+
+#[test]
+fn who_does_not_see_finds_the_way() {
+    let html = page("speed", &[0.0, 1.0], &[0.25, 0.5]).to_html();
+    let found = strict::read(&html);
+    let headings: Vec<usize> = found.elements.iter().filter_map(|name| name.strip_prefix('h')?.parse().ok()).collect();
+    assert_eq!(headings[0], 1, "a page begins with its title");
+    assert!(headings.windows(2).all(|pair| pair[1] <= pair[0] + 1), "no level is left out: {headings:?}");
+    let with = |attribute: &str, value: &str| {
+        found.values.iter().filter(|(own, text)| own == attribute && text == value).count()
+    };
+    let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
+    assert_eq!(with("role", "img"), number("svg"), "every drawing is an image");
+    assert_eq!(number("th"), with("scope", "col") + with("scope", "row"), "every head says of what it is one");
+    assert_eq!(with("tabindex", "0"), with("role", "region"), "what scrolls is reached by keys");
+    assert_eq!((with("lang", "en"), number("main"), number("nav"), number("summary")), (1, 1, 1, number("details")));
+}
+
+/// A page of five hundred columns and three hundred rows of spans.
+#[test]
+fn many_names_have_room() {
+    let panel = |place: usize| match lines(&format!("column {place}"), &[0.0, 1.0, 2.0], &[0.5, 1.0, 2.0]) {
+        Chart::Lines(lines) => lines,
+        _ => unreachable!(),
+    };
+    let rows = (0..300).map(|row| (format!("log {row}"), vec![Span { from: 0.0, to: 1.0, kind: 0 }])).collect();
+    let values = vec![vec![0.002; 500]; 2];
+    let names = |count: usize| (0..count).map(|place| format!("name {place}")).collect::<Vec<_>>();
+    let charts = [
+        Chart::Panels(Panels::new((0..500).map(panel).collect())),
+        Chart::Spans(Spans::new(Axis::of("time", "s"), vec!["rows".into()], rows)),
+        Chart::Matrix(Matrix::new("share", ["from", "to"], [names(2), names(500)], values)),
+    ];
+    for chart in charts {
+        let found = strict::read(&Figure::new("many", "Many", "Many.", chart).to_svg());
+        let beyond = |name: &str, least: f64, most: f64| {
+            let own = found.values.iter().filter(|(attribute, _)| attribute == name);
+            own.filter_map(|(_, value)| value.parse::<f64>().ok()).any(|value| value < least || value > most)
+        };
+        assert!(!beyond("x", 0.0, 720.5), "nothing is drawn beside the page");
+    }
+}
+
+/// The light, the dark and the printed colours of a style sheet.
+fn colours(sheet: &str) -> Vec<std::collections::BTreeMap<String, [f64; 3]>> {
+    let block = |text: &str| {
+        let text = &text[..text.find('}').unwrap_or(text.len())];
+        let one = |entry: &str| {
+            let (name, value) = entry.trim().strip_prefix("--")?.split_once(":#")?;
+            let long: String =
+                if value.len() == 3 { value.chars().flat_map(|c| [c, c]).collect() } else { value.into() };
+            let part = |at: usize| u8::from_str_radix(long.get(at..at + 2)?, 16).ok().map(|v| f64::from(v) / 255.0);
+            Some((name.to_owned(), [part(0)?, part(2)?, part(4)?]))
+        };
+        text.split([';', '{']).filter_map(one).collect()
+    };
+    let starts = sheet.match_indices("--paper").map(|(at, _)| at);
+    starts.filter(|&at| !sheet[..at].ends_with("var(")).map(|at| block(&sheet[at..])).collect()
+}
+
+/// Contrast of two colours (Web Content Accessibility Guidelines 2.2, relative luminance).
+fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let linear = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+    let luminance = |c: [f64; 3]| 0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2]);
+    let (a, b) = (luminance(a), luminance(b));
+    (a.max(b) + 0.05) / (a.min(b) + 0.05)
+}
+
+#[test]
+fn colours_are_told_apart_from_their_paper() {
+    assert!((contrast([0.0; 3], [1.0; 3]) - 21.0).abs() < 1e-9);
+    let sheets = [include_str!("../../src/page.css"), include_str!("../../src/figure.css")];
+    for sheet in sheets {
+        let themes = colours(sheet);
+        assert_eq!(themes.len(), 3, "light, dark and print");
+        for theme in themes {
+            let paper = theme["paper"];
+            for (name, &colour) in &theme {
+                let least = match name.as_str() {
+                    "ink" | "soft" | "good" | "doubtful" | "bad" => 4.5,
+                    // Of a drawing the lines, not its grid.
+                    name if name.starts_with('s') => 3.0,
+                    _ => continue,
+                };
+                assert!(contrast(colour, paper) >= least, "{name}: {:.2}", contrast(colour, paper));
+            }
+            if let Some(cell) = theme.get("s0") {
+                let darkest = [0, 1, 2].map(|k| 0.5 * (cell[k] + paper[k]));
+                assert!(contrast(theme["ink"], darkest) >= 4.5, "numbers on the darkest cell");
+            }
+        }
+    }
 }
 
 #[test]

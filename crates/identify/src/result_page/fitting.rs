@@ -1,0 +1,270 @@
+//! How models were chosen: held-out errors over lambda or over numbers of terms, and how often resamples select a function. A model does not carry that; the report
+//! of its fit does, and tells by the model's hash whose it is.
+
+use fleetfoot_report::{
+    Axis, Bars, Chart, Figure, Interval, Lines, Matrix, Panels, Part, Scale, Series, Stroke, words::count,
+};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Judged;
+use crate::Error;
+
+/// Functions whose frequencies are drawn, models beside them, and equations whose fronts are.
+const FUNCTIONS: usize = 24;
+const MODELS: usize = 24;
+const EQUATIONS: usize = 6;
+/// Held-out errors are drawn up to so many times the least.
+const FAR: f64 = 3.0;
+
+/// What a page shows of the report of a fit.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(super) struct Fit {
+    /// The model's.
+    hash: String,
+    lambda: Option<Lambda>,
+    #[serde(default)]
+    latents: Vec<Latent>,
+    #[serde(default)]
+    candidates: Value,
+    #[serde(default)]
+    regions: Vec<Region>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Lambda {
+    value: Option<f64>,
+    how: String,
+    validation: Option<Validation>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Validation {
+    folds: usize,
+    lambdas: Vec<Option<f64>>,
+    error: Vec<Option<f64>>,
+    standard_error: Vec<Option<f64>>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Latent {
+    name: String,
+    functions: Vec<Function>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Function {
+    function: String,
+    frequency: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Region {
+    name: String,
+    equations: Vec<Equation>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Equation {
+    label: String,
+    inclusion: Option<Vec<Option<f64>>>,
+    #[serde(default)]
+    front: Vec<Point>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Point {
+    terms: usize,
+    rms: Option<f64>,
+    held_out_rms: Option<f64>,
+    chosen: bool,
+}
+
+/// Reads reports of fits, as `--json` of a fit tells them; of `--by` there are several in one.
+///
+/// # Errors
+/// One that is no report of a fit.
+pub(super) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
+    let of = |report: &Value| match report.get("models").and_then(Value::as_array) {
+        Some(several) => several.clone(),
+        None => vec![report.clone()],
+    };
+    let one = |report: Value| {
+        serde_json::from_value(report).map_err(|error| {
+            Error::value(format!(
+                "this is no report of a fit ({error}): give what `fit sparse`, `fit sindy` or `fit pwa` tell with --json"
+            ))
+        })
+    };
+    reports.iter().flat_map(of).map(one).collect()
+}
+
+/// What there is to show of all models; nothing where no report is that of a model here.
+pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
+    let known: Vec<(&str, &Fit)> = judged
+        .iter()
+        .filter_map(|one| Some((one.name, fits.iter().find(|fit| fit.hash == one.model.hash())?)))
+        .collect();
+    let mut figures = Vec::new();
+    for (place, (name, fit)) in known.iter().enumerate() {
+        let title = |what: &str| if judged.len() > 1 { format!("{what}: {name}") } else { what.to_owned() };
+        figures.extend(fit.curve(place + 1, title("How lambda was chosen")));
+        figures.extend(fit.fronts(place + 1, title("Error and number of terms")));
+    }
+    let shares: Vec<(&str, Vec<(String, f64)>)> = known.iter().map(|(name, fit)| (*name, fit.shares())).collect();
+    figures.extend(frequencies(&shares));
+    let parts: Vec<Part> = figures.into_iter().map(Part::Figure).collect();
+    if parts.is_empty() {
+        parts
+    } else {
+        std::iter::once(Part::Heading("How it was chosen".into())).chain(parts).collect()
+    }
+}
+
+/// How many of the reports are of no model here.
+pub(super) fn strangers(judged: &[Judged<'_>], fits: &[Fit]) -> usize {
+    fits.iter().filter(|fit| judged.iter().all(|one| one.model.hash() != fit.hash)).count()
+}
+
+fn number(value: Option<f64>) -> f64 {
+    value.unwrap_or(f64::NAN)
+}
+
+impl Fit {
+    /// Held-out error over lambda, with what lies between the least error and the choice.
+    fn curve(&self, place: usize, title: String) -> Option<Figure> {
+        let lambda = self.lambda.as_ref()?;
+        let own = lambda.validation.as_ref().filter(|own| own.lambdas.len() > 1)?;
+        let list = |values: &[Option<f64>]| values.iter().map(|&value| number(value)).collect::<Vec<f64>>();
+        let (lambdas, error, spread) = (list(&own.lambdas), list(&own.error), list(&own.standard_error));
+        let best = (0..error.len()).filter(|&k| error[k].is_finite()).min_by(|&a, &b| error[a].total_cmp(&error[b]))?;
+        // Far from the least error a curve only says that it is far.
+        let near: Vec<usize> = (0..error.len()).filter(|&k| error[k] <= FAR * error[best]).collect();
+        let at = |list: &[f64]| near.iter().map(|&k| list[k]).collect::<Vec<f64>>();
+        let ends =
+            |sign: f64| near.iter().map(|&k| error[k] + sign * spread.get(k).copied().unwrap_or(f64::NAN)).collect();
+        let line = Series::line("held-out error", at(&lambdas), at(&error)).banded(ends(-1.0), ends(1.0));
+        let mut x = Axis::of("lambda", "");
+        x.scale = Scale::Logarithmic;
+        let y = Axis::of("held-out error", "");
+        let chosen = number(lambda.value);
+        let chart = Lines::new(x, y, vec![line])
+            .level(error[best] + spread.get(best).copied().unwrap_or(f64::NAN), "one standard error above the least")
+            .shaded([lambdas[best].min(chosen), lambdas[best].max(chosen)], "from the least error to the choice");
+        let caption = format!(
+            "Error on held-out rows of {} over lambda; the band is one standard error to both sides. Chosen: lambda = {} ({}). To the right there are fewer functions; where the \
+             error is more than {FAR} times the least the curve is not drawn.",
+            count(own.folds, "fold"),
+            fleetfoot_report::words::number(chosen),
+            lambda.how
+        );
+        Some(Figure::new(format!("validation-{place}"), title, caption, Chart::Lines(chart)))
+    }
+
+    /// Error over the number of terms, an equation a panel, in the first region.
+    fn fronts(&self, place: usize, title: String) -> Option<Figure> {
+        let region = self.regions.first()?;
+        let panels: Vec<Lines> = region
+            .equations
+            .iter()
+            .filter(|equation| equation.front.len() > 1)
+            .take(EQUATIONS)
+            .map(Equation::panel)
+            .collect();
+        if panels.is_empty() {
+            return None;
+        }
+        let of = if self.regions.len() > 1 { format!(" of region {}", region.name) } else { String::new() };
+        let caption = format!(
+            "Root mean squared error of the equations{of} with so many terms, on the rows of the fit and on held-out rows; shaded is the number that was taken. Where the \
+             held-out error no longer falls, more terms only follow the noise."
+        );
+        Some(Figure::new(format!("front-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
+    }
+
+    /// Functions with the share of resamples that select them.
+    fn shares(&self) -> Vec<(String, f64)> {
+        let latents = self.latents.iter().flat_map(|latent| {
+            let several = self.latents.len() > 1;
+            latent.functions.iter().filter_map(move |one| {
+                let name = if several { format!("{}: {}", latent.name, one.function) } else { one.function.clone() };
+                Some((name, one.frequency?))
+            })
+        });
+        let names: Vec<&str> = self.candidates.as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let equations = self.regions.iter().take(1).flat_map(|region| &region.equations);
+        let members = equations.flat_map(|equation| {
+            let shares = equation.inclusion.iter().flatten();
+            names.iter().zip(shares).map(move |(name, &share)| (format!("{}: {name}", equation.label), number(share)))
+        });
+        latents.chain(members).filter(|(_, share)| share.is_finite()).collect()
+    }
+}
+
+impl Equation {
+    fn panel(&self) -> Lines {
+        let terms: Vec<f64> = self.front.iter().map(|point| point.terms as f64).collect();
+        let line = |name: &str, of: fn(&Point) -> Option<f64>| {
+            Series::line(name, terms.clone(), self.front.iter().map(|point| number(of(point))).collect())
+        };
+        let seen = line("rows of the fit", |point| point.rms).looks(Stroke::Reference);
+        let held = line("held-out rows", |point| point.held_out_rms);
+        let values = seen.y.iter().chain(&held.y).copied().collect::<Vec<_>>().into_iter();
+        let lines = Lines::new(
+            Axis::of(format!("terms of {}", self.label), ""),
+            Axis::of("RMSE", "").spread(values),
+            vec![held, seen],
+        );
+        match self.front.iter().find(|point| point.chosen) {
+            Some(chosen) => lines.shaded([chosen.terms as f64 - 0.2, chosen.terms as f64 + 0.2], "taken"),
+            None => lines,
+        }
+    }
+}
+
+/// Selection frequencies (Fig. 2 of the aircraft paper): bars of one model, a map of several.
+fn frequencies(shares: &[(&str, Vec<(String, f64)>)]) -> Option<Figure> {
+    let models: Vec<_> = shares.iter().filter(|(_, own)| !own.is_empty()).take(MODELS).collect();
+    let of = |model: &[(String, f64)], name: &str| {
+        model.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, share)| *share)
+    };
+    let mut names: Vec<String> = Vec::new();
+    for (name, _) in models.iter().flat_map(|(_, own)| own) {
+        if !names.contains(name) {
+            names.push(name.clone());
+        }
+    }
+    let largest = |name: &String| models.iter().map(|(_, own)| of(own, name)).fold(0.0, f64::max);
+    let all = names.len();
+    // The largest ones, in the order of the library.
+    let mut order: Vec<usize> = (0..all).collect();
+    order.sort_by(|&a, &b| largest(&names[b]).total_cmp(&largest(&names[a])).then(a.cmp(&b)));
+    order.truncate(FUNCTIONS);
+    order.sort_unstable();
+    let names: Vec<String> = order.iter().map(|&place| names[place].clone()).collect();
+    let more = if all > names.len() {
+        format!(" Shown are the {} most frequent of {all} functions.", names.len())
+    } else {
+        String::new()
+    };
+    let caption = |what: &str| {
+        format!(
+            "Share of the resampled fits that select a function{what}: one that is selected always does not hang on a few rows.{more}"
+        )
+    };
+    let chart = match models.as_slice() {
+        [] => return None,
+        [(_, own)] => {
+            let value = |name: &String| Interval { value: of(own, name), low: f64::NAN, high: f64::NAN };
+            let bars = vec![("selection frequency".to_owned(), names.iter().map(value).collect())];
+            Chart::Bars(Bars::new(Axis::of("selection frequency", "").between(0.0, 1.0), names, bars))
+        }
+        several => {
+            let values = names.iter().map(|name| several.iter().map(|(_, own)| of(own, name)).collect()).collect();
+            let columns = several.iter().map(|(name, _)| (*name).to_owned()).collect();
+            Chart::Matrix(Matrix::new("selection frequency", ["function", "model"], [names, columns], values))
+        }
+    };
+    let what = if models.len() > 1 { ", model by model" } else { "" };
+    Some(Figure::new("selection-frequency", "How often functions are selected", caption(what), chart))
+}

@@ -1,0 +1,133 @@
+//! How values hang together with those before them, in one pass.
+
+/// The autocorrelation of a sequence at chosen lags, with memory of the largest lag alone. Values that are not finite are in no pair.
+///
+/// ```
+/// use fleetfoot_stats::Autocorrelation;
+///
+/// let mut seen = Autocorrelation::new(&[1, 2]);
+/// (0..1000).for_each(|row| seen.push(if row % 2 == 0 { 1.0 } else { -1.0 }));
+/// let found = seen.coefficients();
+/// assert!((found[0] + 1.0).abs() < 1e-2 && (found[1] - 1.0).abs() < 1e-2);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Autocorrelation {
+    lags: Vec<usize>,
+    pairs: Vec<Pairs>,
+    /// All values with themselves.
+    own: Pairs,
+    /// The last values, in a ring as long as the largest lag.
+    recent: Vec<f64>,
+    next: usize,
+}
+
+/// Sums over pairs of values.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Pairs {
+    count: f64,
+    early: f64,
+    late: f64,
+    product: f64,
+}
+
+impl Pairs {
+    fn add(&mut self, early: f64, late: f64) {
+        let product = early * late;
+        // One test for both: a value that is not finite makes the product so.
+        if product.is_finite() {
+            self.count += 1.0;
+            self.early += early;
+            self.late += late;
+            self.product += product;
+        }
+    }
+
+    fn covariance(&self) -> f64 {
+        (self.product - self.early * self.late / self.count) / self.count
+    }
+}
+
+impl Autocorrelation {
+    /// Of these lags, in rows; lags of zero are one.
+    pub fn new(lags: &[usize]) -> Self {
+        let lags: Vec<usize> = lags.iter().map(|&lag| lag.max(1)).collect();
+        let length = lags.iter().copied().max().unwrap_or(1);
+        let pairs = vec![Pairs::default(); lags.len()];
+        Self { lags, pairs, own: Pairs::default(), recent: vec![f64::NAN; length], next: 0 }
+    }
+
+    /// The next value.
+    pub fn push(&mut self, value: f64) {
+        let length = self.recent.len();
+        self.own.add(value, value);
+        for (&lag, pairs) in self.lags.iter().zip(&mut self.pairs) {
+            let before = self.next + length - lag;
+            pairs.add(self.recent[if before >= length { before - length } else { before }], value);
+        }
+        self.recent[self.next] = value;
+        self.next = if self.next + 1 == length { 0 } else { self.next + 1 };
+    }
+
+    /// Ends the sequence: what comes next makes no pairs with what was.
+    pub fn interrupt(&mut self) {
+        self.recent.fill(f64::NAN);
+    }
+
+    /// Pairs at each lag.
+    pub fn pairs(&self) -> Vec<u64> {
+        self.pairs.iter().map(|pairs| pairs.count as u64).collect()
+    }
+
+    /// The covariance of the pairs at each lag over the variance of all values; NaN without pairs, or where the values do not vary.
+    pub fn coefficients(&self) -> Vec<f64> {
+        let variance = self.own.covariance();
+        let of = |pairs: &Pairs| if variance > 0.0 { pairs.covariance() / variance } else { f64::NAN };
+        self.pairs.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The covariance of pairs by its definition.
+    fn direct(parts: &[Vec<f64>], lag: usize) -> f64 {
+        let pairs: Vec<(f64, f64)> = parts
+            .iter()
+            .flat_map(|part| part.iter().zip(part.iter().skip(lag)))
+            .map(|(&a, &b)| (a, b))
+            .filter(|(a, b)| a.is_finite() && b.is_finite())
+            .collect();
+        let n = pairs.len() as f64;
+        let (a, b) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+        pairs.iter().map(|p| (p.0 - a) * (p.1 - b)).sum::<f64>() / n
+    }
+
+    #[test]
+    fn coefficients_are_those_of_the_definition() {
+        let wave = |from: usize| (from..from + 90).map(|row| (0.3 * row as f64).sin() + 0.1 * (row % 7) as f64 + 2.0);
+        let mut parts: Vec<Vec<f64>> = vec![wave(0).collect(), wave(1000).collect(), vec![5.0]];
+        parts[1][17] = f64::NAN;
+        let lags = [1, 2, 3, 30, 89, 200];
+        let mut seen = Autocorrelation::new(&lags);
+        for part in &parts {
+            part.iter().for_each(|&value| seen.push(value));
+            seen.interrupt();
+        }
+        let found = seen.coefficients();
+        for (place, &lag) in lags.iter().take(4).enumerate() {
+            let exact = direct(&parts, lag) / direct(&parts, 0);
+            assert!((found[place] - exact).abs() < 1e-12, "lag {lag}: {} {exact}", found[place]);
+        }
+        assert_eq!(seen.pairs()[..2], [89 + 87, 88 + 86], "a missing value takes two pairs, an end one");
+        assert!(found[5].is_nan(), "no pairs");
+    }
+
+    #[test]
+    fn values_that_do_not_vary_have_none() {
+        let mut seen = Autocorrelation::new(&[1]);
+        assert!(seen.coefficients()[0].is_nan());
+        (0..5).for_each(|_| seen.push(0.0));
+        assert!(seen.coefficients()[0].is_nan());
+    }
+}
