@@ -24,6 +24,7 @@
 #[cfg(test)]
 extern crate self as fleetfoot;
 
+pub mod clocks;
 mod controller;
 mod dataset;
 pub mod demo;
@@ -91,10 +92,10 @@ pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
-    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
-    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod,
-    PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection,
-    Time, Tunable, UnseenLabels,
+    ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection,
+    LibrarySection, Limits, ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice,
+    PrepareMethod, PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State,
+    TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{Report, ReportOptions, report};
