@@ -104,6 +104,44 @@ fn electro_mechanical_positioning_system() {
     assert!(last_over_best_baseline(&rollout) < 0.2);
 }
 
+/// The four published parameters of the positioning system, from two recipes: low-pass filter and derivatives first, then every tenth row of what the force is regressed on, the direction
+/// among it. The publication has mass 95.1089, viscous friction 203.5034, Coulomb friction 20.3935 and offset -3.1648; what differs is what becomes of the ends of the filters and of the record, which moves the
+/// offset by a hundredth. All lie within a fifth of their standard errors.
+#[test]
+fn published_parameters_of_the_positioning_system() {
+    let Some(file) = data("emps.csv") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::copy(&file, path.join("emps.csv")).unwrap();
+    let filter = "columns = { force = \"35.15065188*vir\" }\nstates = { qm = { unit = \"m\" } }\ninputs = { force = {} }\n\
+                  [prepare]\nmethod = \"butterworth\"\ncutoff = 100.0\nclip = 0.049\n";
+    fs::write(path.join("filter.toml"), filter).unwrap();
+    fleetfoot(path, &["prepare", "-c", "filter.toml", "emps.csv", "-o", "filtered"]).ok();
+    // A parabola through three rows is their middle one: nothing but the filter against aliases is left.
+    let channels: String = ["qm_ddot", "direction", "force"]
+        .map(|name| format!("[channels.{name}]\nmethod = \"savitzky-golay\"\n"))
+        .concat();
+    let decimate = format!(
+        "columns = {{ direction = \"sign(qm_dot)\" }}\nstates = {{ qm_dot = {{}} }}\ninputs = {{ qm_ddot = {{}}, direction = {{}}, force = {{}} }}\n\
+         [time]\ncolumn = \"t\"\nmax_gap = \"none\"\n[prepare]\ndecimate = 10\nmethod = \"savitzky-golay\"\nwindow = 3\ndegree = 2\n{channels}"
+    );
+    fs::write(path.join("decimate.toml"), decimate).unwrap();
+    fleetfoot(path, &["prepare", "-c", "decimate.toml", "filtered/emps.clean.parquet", "-o", "slow"]).ok();
+    let terms = "qm_ddot,qm_dot,direction,1";
+    let data = "slow/emps_clean.clean.parquet";
+    let fit = ["fit", "sindy", data, "--predict", "force", "--library", terms, "--threshold", "0", "--json"];
+    let fitted = fleetfoot(path, &[&fit[..], &["--time", "t", "--max-gap", "none"]].concat()).ok().json();
+    let terms = fitted["regions"][0]["equations"][0]["terms"].as_array().unwrap();
+    let published =
+        [("qm_ddot", 95.1089, 1e-4), ("qm_dot", 203.5034, 3e-3), ("direction", 20.3935, 4e-3), ("1", -3.1648, 0.01)];
+    for (name, published, tolerance) in published {
+        let term = terms.iter().find(|term| term["function"] == name).unwrap_or_else(|| panic!("{fitted:#}"));
+        let (found, error) = (value(term, "/coefficient"), value(term, "/standard_error"));
+        assert!((found / published - 1.0).abs() < tolerance, "{name}: {found} {published}");
+        assert!((found - published).abs() < 0.2 * error, "{name}: {found} +- {error} {published}");
+    }
+}
+
 #[test]
 fn component_placement_head() {
     let Some(file) = data("pick-and-place.csv") else { return };

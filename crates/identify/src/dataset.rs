@@ -8,11 +8,12 @@ use std::path::Path;
 
 use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
-use fleetfoot_log::{ColumnInfo, FileInfo, Log, Recording, TimeSpec, TopicInfo};
+use fleetfoot_log::{ColumnInfo, FileInfo, Log, Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Equation, Model, Role, Rule, auxiliary_columns};
 
 use crate::{
     Error, Logs, Recipe,
+    clocks::{self, AlignedClock, Clocks},
     labels::Labelled,
     period,
     sindy::EquationTask,
@@ -30,6 +31,7 @@ pub struct Dataset {
     source: Labelled<Recording>,
     aliases: Vec<(Column, Expr)>,
     recodings: Vec<(String, Vec<f64>)>,
+    clocks: Vec<AlignedClock>,
     notes: Vec<String>,
 }
 
@@ -45,6 +47,14 @@ pub(crate) struct OpenedStructure {
     pub(crate) fields: Vec<Column>,
     /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), where they were asked for, or why there are none.
     pub(crate) equations: Option<Result<Vec<EquationTask>, Error>>,
+}
+
+/// Columns by name, and what they are made of.
+struct Named {
+    /// The recipe with its wildcards written out.
+    recipe: Recipe,
+    columns: Vec<ModelColumn>,
+    expressions: Vec<(Column, Expr)>,
 }
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
@@ -227,9 +237,31 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let logs = &logs.into();
+        let named = Self::named(recipe, names, logs)?;
+        Self::open(&named.recipe, &named.columns, &named.expressions, Clock::Needed, logs, progress)
+    }
+
+    /// Opens logs for one column alone, an alias or an expression: its rows are the samples of its own topic, at stamps that are corrected by the clocks which are known already.
+    pub(crate) fn for_channel(
+        recipe: &Recipe,
+        channel: &String,
+        known: &[TopicClock],
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let mut recipe = recipe.clone();
+        recipe.clocks.clear();
+        (recipe.time.base, recipe.time.rate) = (None, None);
+        let Named { recipe, columns, expressions } = Self::named(&recipe, Some(std::slice::from_ref(channel)), logs)?;
+        let clocks = Clocks { topics: known.to_vec(), ..Clocks::default() };
+        Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
+    }
+
+    /// The columns of [`Dataset::for_columns`].
+    fn named(recipe: &Recipe, names: Option<&[String]>, logs: &Logs) -> Result<Named, Error> {
         let (fields, info) = fields(recipe, logs)?;
-        let recipe = &recipe.expand(&fields)?;
-        let mut aliases = Aliases::of_recipe(recipe, &fields)?;
+        let recipe = recipe.expand(&fields)?;
+        let mut aliases = Aliases::of_recipe(&recipe, &fields)?;
         let readable = |field: &&Column| {
             let of_file = info.iter().flat_map(|info| &info.columns).find(|column| column.name == field.name);
             of_file.is_none_or(|column| column.unsupported.is_none())
@@ -257,7 +289,7 @@ impl Dataset {
         if columns.is_empty() {
             return Err(Error::missing("there is no column to read: name some".into()));
         }
-        Self::open(recipe, &columns, &expressions, Clock::Needed, logs, progress)
+        Ok(Named { recipe, columns, expressions })
     }
 
     /// Opens logs for preparation: what the fits of a recipe would read, without what they compute. The recipe's wildcards are written out.
@@ -349,6 +381,9 @@ impl Dataset {
         }
         // Names of files' topics belong to those files; a model knows its own.
         recipe.rename = changes.rename.clone();
+        if !changes.clocks.is_empty() {
+            recipe.clocks = changes.clocks.clone();
+        }
         recipe.cache = changes.cache.clone();
         if !changes.episodes.is_empty() {
             recipe.episodes = changes.episodes.clone();
@@ -386,6 +421,26 @@ impl Dataset {
         logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
+        let mut clocks = Clocks::default();
+        if !recipe.clocks.is_empty() {
+            let info = fields(recipe, logs)?.1;
+            let topics: Vec<String> =
+                info.into_iter().flat_map(|info| info.topics).map(|topic: TopicInfo| topic.name).collect();
+            clocks = clocks::find(recipe, logs, &topics, progress)?;
+        }
+        Self::open_by(recipe, model, aliases, clock, clocks, logs, progress)
+    }
+
+    /// Opens logs whose clocks are known.
+    fn open_by(
+        recipe: &Recipe,
+        model: &[ModelColumn],
+        aliases: &[(Column, Expr)],
+        clock: Clock,
+        clocks: Clocks,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let labels = label_names(recipe);
         progress.stage("open");
         let mut selection = full_selection(recipe, model, aliases)?;
@@ -397,15 +452,21 @@ impl Dataset {
             let ordered = ordered || aliases.iter().any(|(_, expression)| expression.reads_other_rows());
             selection.time = TimeSpec::Dispensable { ordered };
         }
+        // Log times are of one clock; what is corrected are the stamps of those who measured.
+        if !clocks.topics.is_empty() && selection.time == TimeSpec::Auto {
+            selection.join.stamp.get_or_insert(Stamp::Header);
+        }
+        selection.join.clocks = clocks.topics;
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();
+        notes.extend(clocks.notes);
         if recording.without_clock() {
             notes
                 .push("the rows have no time stamps: they are taken in their order, which only lags would need".into());
         }
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
-        Ok(Self { source, aliases, recodings: Vec::new(), notes })
+        Ok(Self { source, aliases, recodings: Vec::new(), clocks: clocks.reports, notes })
     }
 
     /// Gives category columns the codes that the model's labels had in training.
@@ -459,6 +520,11 @@ impl Dataset {
     /// What had to be assumed or left out while opening.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// The clocks of other computers that were found, log by log.
+    pub fn clocks(&self) -> &[AlignedClock] {
+        &self.clocks
     }
 
     /// The aliases, and the expressions over fields that give them.

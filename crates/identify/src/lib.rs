@@ -20,6 +20,7 @@
 #[cfg(test)]
 extern crate self as fleetfoot;
 
+pub mod clocks;
 mod controller;
 mod dataset;
 mod error;
@@ -80,7 +81,7 @@ pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
-    Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
+    ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
     ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod,
     PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection,
     Time, Tunable, UnseenLabels,

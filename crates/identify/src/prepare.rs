@@ -20,6 +20,7 @@ pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, Places,
 
 use crate::{
     Dataset, EpisodeRule, Error, Logs, Recipe,
+    clocks::AlignedClock,
     folder::{Folder, RECIPE},
 };
 use channel::{Channel, Curve};
@@ -104,7 +105,7 @@ pub fn prepare(
         progress.advance(1, view.episodes().len());
     }
     let Job { notes, too_few, rules, .. } = job;
-    let report = PrepareReport::new(episodes, notes, too_few)?;
+    let report = PrepareReport::new(episodes, dataset.clocks().to_vec(), notes, too_few)?;
     let mut out = written_recipe(&recipe, &planned, time, report.smoothed)?;
     out.episodes = rules;
     write_atomic(folder.staged(RECIPE), out.to_toml().as_bytes())?;
@@ -122,10 +123,15 @@ fn metadata(recipe: &Recipe) -> BTreeMap<String, String> {
 }
 
 impl PrepareReport {
-    fn new(episodes: Vec<EpisodeReport>, mut notes: Vec<String>, too_few: Vec<String>) -> Result<Self, Error> {
+    fn new(
+        episodes: Vec<EpisodeReport>,
+        clocks: Vec<AlignedClock>,
+        mut notes: Vec<String>,
+        too_few: Vec<String>,
+    ) -> Result<Self, Error> {
         let channels = too_few.first().map_or(String::new(), |first| format!(" ({first})"));
         notes.extend(too_few);
-        let mut report = Self { rows: 0, written: 0, smoothed: 0.0, episodes, notes };
+        let mut report = Self { rows: 0, written: 0, smoothed: 0.0, clocks, episodes, notes };
         report.rows = report.episodes.iter().map(|episode| episode.rows).sum();
         report.written = report.pieces().map(|piece| piece.rows).sum();
         report.smoothed =

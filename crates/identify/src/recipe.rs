@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+mod clocks;
 mod derivative;
 mod narx;
 mod prepare;
@@ -17,6 +18,7 @@ mod settings;
 mod sindy;
 mod sparse;
 
+pub use clocks::ClockSection;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use narx::{NarxSection, NarxTerms};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
@@ -72,6 +74,9 @@ pub struct Recipe {
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
+    /// Clocks of other computers, by names of their own, and what tells how they go beside the one that stamps the other topics. A clock may be compared with those before it.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub clocks: IndexMap<String, ClockSection>,
     /// How fields of other channels than the base are brought to its stamps, by field or wildcard, where their types do not say it right.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub join: IndexMap<String, Join>,

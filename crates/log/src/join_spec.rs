@@ -21,6 +21,8 @@ pub struct JoinSpec {
     pub renames: Vec<(String, String)>,
     /// A folder for decoded columns as Parquet, so that the next command need not decode again.
     pub cache: Option<Cache>,
+    /// Topics that another clock stamps, whose stamps become those of the others before anything is joined; where several name a topic, each counts.
+    pub clocks: Vec<TopicClock>,
 }
 
 impl Default for JoinSpec {
@@ -32,6 +34,7 @@ impl Default for JoinSpec {
             reorder_seconds: 0.05,
             renames: Vec::new(),
             cache: None,
+            clocks: Vec::new(),
         }
     }
 }
@@ -84,6 +87,37 @@ pub struct ColumnJoin {
     pub kind: Option<JoinKind>,
     /// The longest gap that is bridged; five median periods of the channel when not given. Unlimited: a value holds until the next, whenever that comes.
     pub max_gap: MaxGap,
+}
+
+/// A clock that stamps some topics, and what it shows more than the clock of the others: `offset + skew (stamp - at)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopicClock {
+    /// The log whose clock it is, by the path that it is opened by; every log's when not given.
+    pub log: Option<PathBuf>,
+    /// Topics as the columns call them; a star stands for anything.
+    pub topics: Vec<String>,
+    /// A moment by this clock, nanoseconds.
+    pub at: i64,
+    /// How much more it shows then, nanoseconds.
+    pub offset: i64,
+    /// How much faster it goes, seconds a second of its own.
+    pub skew: f64,
+}
+
+impl TopicClock {
+    /// Whether it stamps a topic. A pattern that cannot be read is a name.
+    pub fn stamps(&self, topic: &str) -> bool {
+        let is_named = |pattern: &String| {
+            pattern == topic || glob::Pattern::new(pattern).is_ok_and(|pattern| pattern.matches(topic))
+        };
+        self.topics.iter().any(is_named)
+    }
+
+    /// What the clock of the others shows when this one shows `stamp`.
+    pub fn corrected(&self, stamp: i64) -> i64 {
+        let drift = (self.skew * stamp.saturating_sub(self.at) as f64).round() as i64;
+        stamp.saturating_sub(self.offset).saturating_sub(drift)
+    }
 }
 
 /// Where decoded columns are kept.

@@ -74,7 +74,7 @@ pub use format::{Compression, Format};
 pub use index::ClockSummary;
 pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, inspect_values};
 pub use join::JoinKind;
-pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp};
+pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp, TopicClock};
 pub use lock::WriteLock;
 pub use mcap_writer::{ChannelId, McapOptions, McapWriter};
 pub use memory::{Log, MemoryTable};

@@ -1,9 +1,9 @@
-//! The time between two channels that saw one motion.
+//! The time between two channels that saw one motion, stamped by two clocks.
 
 use fleetfoot_data::{Cancelled, Silent, parallel_map};
 
 use crate::{
-    Lambda, SignalError, Spline,
+    ClockLine, Lambda, SignalError, Spline,
     error::{check, check_stamps},
     smooth,
 };
@@ -17,36 +17,71 @@ pub struct Record<'a> {
     pub values: &'a [f64],
 }
 
+/// Where a line between two clocks is looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Within {
+    /// The lag about which is searched, s.
+    pub about: f64,
+    /// How far from it to either side, s.
+    pub reach: f64,
+    /// The greatest skew to either side, seconds a second; 0 for clocks that run alike.
+    pub skew: f64,
+}
+
 /// How much later one channel is than another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
-    /// Seconds: what the first channel shows at t, the second shows at t + lag.
-    pub lag: f64,
-    /// Its standard deviation, s, from residuals summed over batches, so that correlated ones count as what they are.
+    /// What the first channel shows at t, the second shows at t + offset + skew (t - at).
+    pub line: ClockLine,
+    /// Standard deviation of the offset at that moment, s, from residuals summed over batches, so that correlated ones count as what they are.
     pub deviation: f64,
-    /// Lags, s, and the share of the first channel's variance that the second does not explain at each: the lag curve.
+    /// Standard deviation of the skew, seconds a second.
+    pub skew_deviation: f64,
+    /// Lags, s, and the share of the first channel's variance that the second does not explain at each: the lag curve, at the skew that was found.
     pub curve: Vec<(f64, f64)>,
-    /// That share at the lag.
+    /// That share on the line.
     pub unexplained: f64,
-    /// Whether the least lies at an end of the curve: the lag may be longer than what was searched.
+    /// Whether the least lies at an end of what was searched: the lag or the skew may be larger.
     pub at_end: bool,
+    /// How far the lag is off the line in each quarter of the record.
+    pub parts: Vec<PartLag>,
+}
+
+/// The lag of a part of the record beside the line through all of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PartLag {
+    /// The middle of the part by the first clock, s.
+    pub at: f64,
+    /// Its lag less that of the line, s.
+    pub off: f64,
+    /// The deviation of that, s.
+    pub deviation: f64,
 }
 
 /// Batches over which residuals are summed for the deviation.
 const BATCHES: usize = 32;
 
+/// Parts of a record that are compared with the line.
+const PARTS: usize = 4;
+
 /// Rows that both must share.
 const LEAST: usize = 4 * BATCHES;
 
+/// Rows of the first channel, at most, that a point of the curve is computed from.
+const ROWS: usize = 20_000;
+
+/// Steps of the refinement, at most; it takes some five.
+const STEPS: usize = 30;
+
 impl<'a> Record<'a> {
-    fn check(self) -> Result<Self, SignalError> {
+    pub(crate) fn check(self, least: usize) -> Result<Self, SignalError> {
         let (found, expected) = (self.values.len(), self.times.len());
         if found != expected {
             return Err(SignalError::Length { what: "the channel", found, expected });
         }
         check_stamps(self.times)?;
         let measured = || self.values.iter().copied().filter(|value| !value.is_nan());
-        if measured().count() < LEAST {
+        if measured().count() < least {
             return Err(SignalError::NotAligned { problem: "a channel has fewer than 128 measured rows" });
         }
         let (low, high) = (measured().fold(f64::INFINITY, f64::min), measured().fold(f64::NEG_INFINITY, f64::max));
@@ -80,8 +115,12 @@ impl<'a> Record<'a> {
         Some((value, slope))
     }
 
+    fn duration(&self) -> f64 {
+        self.times[self.times.len() - 1] - self.times[0]
+    }
+
     fn period(&self) -> f64 {
-        (self.times[self.times.len() - 1] - self.times[0]) / (self.times.len() - 1) as f64
+        self.duration() / (self.times.len() - 1) as f64
     }
 }
 
@@ -112,99 +151,217 @@ impl Sums {
         let scale = self.xx * self.yy;
         if scale > 0.0 { (1.0 - self.xy / scale * self.xy).max(0.0) } else { 1.0 }
     }
-}
 
-/// Sums at a lag.
-fn sums(first: Record<'_>, second: Record<'_>, lag: f64) -> Sums {
-    let (mut sums, mut at) = (Sums::default(), 0);
-    for (&time, &x) in first.times.iter().zip(first.values).filter(|(_, x)| !x.is_nan()) {
-        if let Some((y, _)) = second.at(time + lag, &mut at) {
-            sums.add(x, y);
-        }
+    /// What is left of x when a constant and y have explained what they can.
+    fn rest(&self, x: f64, y: f64) -> f64 {
+        x - self.x - self.xy / self.yy * (y - self.y)
     }
-    sums
 }
 
-/// The share at a lag; infinite where too few rows are shared to compare.
-fn unexplained(first: Record<'_>, second: Record<'_>, lag: f64, least: f64) -> f64 {
-    let sums = sums(first, second, lag);
-    if sums.n < least { f64::INFINITY } else { sums.unexplained() }
-}
-
-/// How much later `second` is than `first`, between `-most` and `most` seconds: where a straight line of the one explains most of the other (the greatest squared correlation). Units, gains and offsets of the
-/// values do not matter, nor their rates.
+/// How much later `second` is than `first`, and how much faster its clock goes: where a straight line of the one explains most of the other (the greatest squared correlation). Units, gains and offsets of
+/// the values do not matter, nor their rates.
 ///
 /// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
-/// lags which fall there would look better than they are. Lags are tried at steps of the shorter period, then golden sections go on between the neighbours of the best. Every lag takes a pass over both.
+/// lags which fall there would look better than they are. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
+/// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
 ///
 /// # Errors
 /// Stamps that do not increase, values that are infinite, a reach that is not positive, channels of fewer than 128 rows, that share fewer at every lag, or that stand still.
-pub fn align(first: Record<'_>, second: Record<'_>, most: f64) -> Result<Alignment, SignalError> {
-    let (first, second) = (first.check()?, second.check()?);
-    check(most > 0.0 && most.is_finite(), "the greatest lag", most, "a lag is positive and finite")?;
+pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Alignment, SignalError> {
+    let (first, second) = (first.check(LEAST)?, second.check(LEAST)?);
+    let Within { about, reach, skew } = within;
+    check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
+    check((0.0..0.1).contains(&skew), "the greatest skew", skew, "a skew is 0 or more, and below 0.1")?;
+    check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
     let smoothed = smooth(second.times, second.values, None, Spline::Cubic, Lambda::Likelihood)?;
     let second = Record { times: second.times, values: &smoothed.derivatives[0] };
-    let step = first.period().min(second.period()).min(most);
-    let least = LEAST as f64;
-    let points = (most / step).floor() as usize;
-    let lag = |i: usize| step * (i as f64 - points as f64);
-    // Nobody cancels, so that the values are all there.
-    let tried =
-        parallel_map(2 * points + 1, &Silent, |i| Ok::<_, Cancelled>(unexplained(first, second, lag(i), least)));
-    let curve: Vec<(f64, f64)> =
-        tried.unwrap_or_default().into_iter().enumerate().map(|(i, share)| (lag(i), share)).collect();
+    let pair = Pair { first, second, within, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };
+    let (skew, curve) = pair.search();
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1)).unwrap_or(0);
-    match curve[best].1 {
-        share if share.is_infinite() => {
-            Err(SignalError::NotAligned { problem: "the channels share fewer than 128 rows at every lag" })
+    if curve[best].1.is_infinite() {
+        return Err(SignalError::NotAligned { problem: "the channels share fewer than 128 rows at every lag" });
+    }
+    let start = ClockLine { at: pair.at, offset: curve[best].0, skew };
+    if best == 0 || best + 1 == curve.len() {
+        return Ok(pair.alignment(start, curve, true));
+    }
+    let line = pair.refined(start);
+    Ok(pair.alignment(line, curve, skew.abs() > 0.0 && line.skew.abs() >= within.skew))
+}
+
+/// Two channels, the second one smooth, and the moment at which a line's offset is told.
+struct Pair<'a> {
+    first: Record<'a>,
+    second: Record<'a>,
+    within: Within,
+    at: f64,
+}
+
+/// A row of the first channel, and what the second one is at its time.
+struct Row {
+    time: f64,
+    x: f64,
+    y: f64,
+    slope: f64,
+}
+
+impl Pair<'_> {
+    /// Every `every`-th measured row of the first channel, where the second one has a value.
+    fn rows(&self, line: ClockLine, every: usize) -> impl Iterator<Item = Row> {
+        let mut at = 0;
+        let measured = self.first.times.iter().zip(self.first.values).filter(|(_, x)| !x.is_nan()).step_by(every);
+        measured.filter_map(move |(&time, &x)| {
+            let (y, slope) = self.second.at(line.second(time), &mut at)?;
+            Some(Row { time, x, y, slope })
+        })
+    }
+
+    /// The share that the second channel does not explain; infinite where too few rows are shared to compare.
+    fn unexplained(&self, line: ClockLine, every: usize) -> f64 {
+        let mut sums = Sums::default();
+        self.rows(line, every).for_each(|row| sums.add(row.x, row.y));
+        if sums.n < LEAST as f64 { f64::INFINITY } else { sums.unexplained() }
+    }
+
+    /// The seconds over which the second channel changes: the root of its variance over that of its slope.
+    fn scale(&self) -> f64 {
+        let (mut values, mut at) = (Sums::default(), 0);
+        for &time in self.second.times {
+            self.second.at(time, &mut at).into_iter().for_each(|(y, slope)| values.add(y, slope));
         }
-        _ => Ok(refined(first, second, curve, best, least)),
+        if values.yy > 0.0 { (values.xx / values.yy).sqrt() } else { self.second.period() }
+    }
+
+    /// The skew of the deepest lag curve, and that curve.
+    fn search(&self) -> (f64, Vec<(f64, f64)>) {
+        let Within { about, reach, skew } = self.within;
+        let step = self.first.period().min(self.second.period()).min(reach);
+        let points = (reach / step).floor() as usize;
+        let skews = (skew * 0.5 * self.first.duration() / self.scale()).round() as usize;
+        let measured = self.first.values.iter().filter(|value| !value.is_nan()).count();
+        let every = (measured / ROWS).max(1);
+        let lag = |i: usize| about + step * (i as f64 - points as f64);
+        let skew = |i: usize| skew * (i as f64 - skews as f64) / skews.max(1) as f64;
+        let lags = 2 * points + 1;
+        // Nobody cancels, so that the values are all there.
+        let tried = parallel_map(lags * (2 * skews + 1), &Silent, |i| {
+            let line = ClockLine { at: self.at, offset: lag(i % lags), skew: skew(i / lags) };
+            Ok::<_, Cancelled>(self.unexplained(line, every))
+        });
+        let tried = tried.unwrap_or_default();
+        let best = (0..tried.len()).min_by(|&a, &b| tried[a].total_cmp(&tried[b])).unwrap_or(0) / lags;
+        let curve = tried.chunks(lags).nth(best).unwrap_or_default();
+        (skew(best), curve.iter().enumerate().map(|(i, &share)| (lag(i), share)).collect())
+    }
+
+    /// The line of the least share, by Gauss and Newton's steps, each cut in half until it goes down.
+    fn refined(&self, mut line: ClockLine) -> ClockLine {
+        let (mut share, duration) = (self.unexplained(line, 1), self.first.duration());
+        let enough = 1e-5 * self.first.period().min(self.second.period());
+        for _ in 0..STEPS {
+            let linear = Linear::new(self, line);
+            let [mut lag, mut skew] = linear.step();
+            // A step beyond the time over which the channel changes leaves the valley.
+            let far = (lag.abs() + 0.5 * duration * skew.abs()) / self.scale();
+            (lag, skew) = (lag / far.max(1.0), skew / far.max(1.0));
+            let mut went_down = false;
+            while lag.abs() + duration * skew.abs() > enough {
+                let bounded = (line.skew + skew).clamp(-self.within.skew, self.within.skew);
+                let next = ClockLine { offset: line.offset + lag, skew: bounded, ..line };
+                let found = self.unexplained(next, 1);
+                if found < share {
+                    (line, share, went_down) = (next, found, true);
+                    break;
+                }
+                (lag, skew) = (0.5 * lag, 0.5 * skew);
+            }
+            if !went_down {
+                break;
+            }
+        }
+        line
+    }
+
+    fn alignment(&self, line: ClockLine, curve: Vec<(f64, f64)>, at_end: bool) -> Alignment {
+        let linear = Linear::new(self, line);
+        let [deviation, skew_deviation] = linear.deviations();
+        let (unexplained, parts) = (linear.of_x.unexplained(), linear.parts());
+        Alignment { line, deviation, skew_deviation, curve, unexplained, at_end, parts }
     }
 }
 
-/// The alignment from the best point of the curve.
-fn refined(first: Record<'_>, second: Record<'_>, curve: Vec<(f64, f64)>, best: usize, least: f64) -> Alignment {
-    let at_end = best == 0 || best + 1 == curve.len();
-    let lag = match at_end {
-        true => curve[best].0,
-        false => crate::least::golden(
-            curve[best - 1].0,
-            curve[best + 1].0,
-            1e-5 * (curve[best + 1].0 - curve[best].0),
-            |lag| unexplained(first, second, lag, least),
-        ),
-    };
-    let (unexplained, deviation) = deviation(first, second, lag);
-    Alignment { lag, deviation, curve, unexplained, at_end }
+/// The model x = a + b y(t + lag + skew (t - at)) + error about a line: of every row its time, its error, and what the lag and the skew alone move of it.
+struct Linear {
+    of_x: Sums,
+    rows: Vec<(f64, f64, [f64; 2])>,
+    /// The normal matrix of lag and skew, its inverse; the skew is left out where it is known.
+    inverse: [[f64; 2]; 2],
 }
 
-/// The share at the lag, and the lag's deviation: x = a + b y(t + lag) + error, linearised in a, b and the lag. With s the part of the slope b y' that neither y nor the constant explains, the
-/// deviation is sqrt(sum over batches of (sum of s error)^2) / sum of s^2.
-fn deviation(first: Record<'_>, second: Record<'_>, lag: f64) -> (f64, f64) {
-    let mut at = 0;
-    let rows: Vec<[f64; 3]> = first
-        .times
-        .iter()
-        .zip(first.values)
-        .filter(|(_, x)| !x.is_nan())
-        .filter_map(|(&time, &x)| second.at(time + lag, &mut at).map(|(y, slope)| [x, y, slope]))
-        .collect();
-    let (mut of_x, mut of_slope) = (Sums::default(), Sums::default());
-    for &[x, y, slope] in &rows {
-        of_x.add(x, y);
-        of_slope.add(slope, y);
-    }
-    let (gain, share) = (of_x.xy / of_x.yy, of_slope.xy / of_slope.yy);
-    let (mut square, mut spread) = (0.0, 0.0);
-    for batch in rows.chunks(rows.len().div_ceil(BATCHES)) {
-        let mut sum = 0.0;
-        for &[x, y, slope] in batch {
-            let error = x - of_x.x - gain * (y - of_x.y);
-            let own = gain * (slope - of_slope.x - share * (y - of_slope.y));
-            sum += own * error;
-            square += own * own;
+impl Linear {
+    fn new(pair: &Pair<'_>, line: ClockLine) -> Self {
+        let rows: Vec<Row> = pair.rows(line, 1).collect();
+        let turned = |row: &Row| row.slope * (row.time - pair.at);
+        let (mut of_x, mut of_slope, mut of_turned) = (Sums::default(), Sums::default(), Sums::default());
+        for row in &rows {
+            of_x.add(row.x, row.y);
+            of_slope.add(row.slope, row.y);
+            of_turned.add(turned(row), row.y);
         }
-        spread += sum * sum;
+        let gain = of_x.xy / of_x.yy;
+        let alone = |row: &Row| {
+            let moved = [of_slope.rest(row.slope, row.y), of_turned.rest(turned(row), row.y)];
+            (row.time, of_x.rest(row.x, row.y), moved.map(|own| gain * own))
+        };
+        let rows: Vec<_> = rows.iter().map(alone).collect();
+        let [mut aa, mut ab, mut bb] = [0.0; 3];
+        for (.., [a, b]) in &rows {
+            (aa, ab, bb) = (aa + a * a, ab + a * b, bb + b * b);
+        }
+        let inverse = if pair.within.skew > 0.0 {
+            let determinant = aa * bb - ab * ab;
+            [[bb / determinant, -ab / determinant], [-ab / determinant, aa / determinant]]
+        } else {
+            [[1.0 / aa, 0.0], [0.0, 0.0]]
+        };
+        Self { of_x, rows, inverse }
     }
-    (of_x.unexplained(), spread.sqrt() / square)
+
+    fn score(rows: &[(f64, f64, [f64; 2])]) -> [f64; 2] {
+        rows.iter().fold([0.0; 2], |sum, (_, error, [a, b])| [sum[0] + a * error, sum[1] + b * error])
+    }
+
+    fn solve(&self, score: [f64; 2]) -> [f64; 2] {
+        self.inverse.map(|row| row[0] * score[0] + row[1] * score[1])
+    }
+
+    /// What lag and skew change to.
+    fn step(&self) -> [f64; 2] {
+        let step = self.solve(Self::score(&self.rows));
+        if step.iter().all(|own| own.is_finite()) { step } else { [0.0; 2] }
+    }
+
+    /// The deviations of lag and skew: each batch of rows moves them by its own share, and these shares are independent.
+    fn deviations(&self) -> [f64; 2] {
+        let shares = self.rows.chunks(self.rows.len().div_ceil(BATCHES)).map(|batch| self.solve(Self::score(batch)));
+        shares.fold([0.0; 2], |sum, own| [sum[0] + own[0] * own[0], sum[1] + own[1] * own[1]]).map(f64::sqrt)
+    }
+
+    /// The lag of every part by itself, beside the line.
+    fn parts(&self) -> Vec<PartLag> {
+        let part = |rows: &[(f64, f64, [f64; 2])]| {
+            let square: f64 = rows.iter().map(|(.., [a, _])| a * a).sum();
+            let off = Self::score(rows)[0] / square;
+            let rest = |batch: &[(f64, f64, [f64; 2])]| -> f64 {
+                batch.iter().map(|(_, error, [a, _])| a * (error - off * a)).sum()
+            };
+            let batches = rows.chunks(rows.len().div_ceil(BATCHES / PARTS));
+            let squares: f64 = batches.map(|batch| rest(batch).powi(2)).sum();
+            // The part's own lag is one of what as many batches tell.
+            let free = (BATCHES / PARTS) as f64 / (BATCHES / PARTS - 1) as f64;
+            let deviation = (free * squares).sqrt() / square;
+            PartLag { at: 0.5 * (rows[0].0 + rows[rows.len() - 1].0), off, deviation }
+        };
+        self.rows.chunks(self.rows.len().div_ceil(PARTS)).map(part).collect()
+    }
 }

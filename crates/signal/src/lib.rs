@@ -1,7 +1,8 @@
 //! From raw channels to clean states and derivatives.
 //!
 //! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
-//! [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`] and [`align`] are for clocks.
+//! [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
+//! [`align`] and [`align_edges`] are for clocks.
 //!
 //! ```
 //! use fleetfoot_signal::{Lambda, Spline, smooth};
@@ -15,6 +16,8 @@
 
 mod align;
 mod clock;
+mod clock_line;
+mod edges;
 mod error;
 mod least;
 mod outliers;
@@ -22,8 +25,10 @@ mod savitzky_golay;
 mod sections;
 mod spline;
 
-pub use align::{Alignment, Record, align};
+pub use align::{Alignment, PartLag, Record, Within, align};
 pub use clock::{Dejittered, dejitter};
+pub use clock_line::ClockLine;
+pub use edges::{EdgeAlignment, align_edges};
 pub use error::SignalError;
 pub use outliers::{Rejected, hampel, noise_of_differences, reject, saturated, stuck};
 pub use savitzky_golay::savitzky_golay;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot::{
     Error, Recipe,
+    clocks::AlignedClock,
     prepare::{ChannelReport, Places, PrepareReport, PrepareRequest, prepare as run},
 };
 
@@ -102,7 +103,7 @@ fn to_text(report: &PrepareReport) -> String {
     let ends: String = ends.iter().filter(|(rows, _)| *rows > 0).map(|(rows, why)| format!(", {rows} {why}")).collect();
     let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
     format!(
-        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{}\n{}{doubts}",
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{}\n{}{}{doubts}",
         report.rows,
         count(report.episodes.len(), "episode"),
         report.written,
@@ -110,6 +111,7 @@ fn to_text(report: &PrepareReport) -> String {
         seconds(report.smoothed),
         table(&header, cells),
         clocks(report),
+        report.clocks.iter().map(aligned).collect::<String>(),
     )
 }
 
@@ -127,6 +129,30 @@ fn clocks(report: &PrepareReport) -> String {
             )
         })
         .collect()
+}
+
+/// What the clock of another computer shows.
+fn aligned(own: &AlignedClock) -> String {
+    if own.by == "given" {
+        return format!("clock {}: {} ahead, as given\n", own.clock, seconds(own.offset));
+    }
+    let ppm = |skew: f64| format!("{:.3}", 1e6 * skew);
+    let evidence = match (own.unexplained, own.edges) {
+        (Some(share), _) => format!("motion, {:.2} % unexplained", 100.0 * share),
+        (_, edges) => count(edges.unwrap_or(0), "edge"),
+    };
+    format!(
+        "clock {} of {}: {:.6} s ahead ({:.6} to {:.6}) at {:.1} s, {} ppm fast ({} to {}), by {evidence}\n",
+        own.clock,
+        own.log,
+        own.offset,
+        own.offset_interval[0],
+        own.offset_interval[1],
+        own.at,
+        ppm(own.skew),
+        ppm(own.skew_interval[0]),
+        ppm(own.skew_interval[1]),
+    )
 }
 
 fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {

@@ -101,6 +101,7 @@ pub(super) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
     recipe.join.clear();
     recipe.rename.clear();
     recipe.channels.clear();
+    recipe.clocks.clear();
     recipe.prepare = Default::default();
     recipe.episodes.clear();
     recipe.time = crate::Time {

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::clocks::AlignedClock;
+
 /// What preparation did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -12,6 +14,9 @@ pub struct PrepareReport {
     pub written: usize,
     /// Seconds over which neighbouring rows share smoothed values: the longest of all channels.
     pub smoothed: f64,
+    /// The clocks of other computers, log by log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub clocks: Vec<AlignedClock>,
     /// Every episode that was read.
     pub episodes: Vec<EpisodeReport>,
     /// What the user should know.

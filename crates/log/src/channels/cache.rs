@@ -70,6 +70,7 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
         &join.columns,
         join.reorder_seconds.to_bits(),
         &join.renames,
+        &join.clocks,
     );
     hasher.update(format!("{asked:?}").as_bytes());
     let name = format!("{}.parquet", &hasher.finalize().to_hex()[..32]);

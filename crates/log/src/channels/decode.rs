@@ -128,13 +128,14 @@ impl TopicPart {
         for (g, group) in plan.extract.groups().iter().enumerate().filter(|(g, _)| row.present[*g]) {
             let samples = &mut self.groups[g];
             let header = clock.unwrap_or(row.stamps[g]);
-            samples.stamps.push(match all.stamp {
+            let stamp = match all.stamp {
                 // Zero would count as not filled in; this is as good as the beginning of time.
                 Stamp::Header if plan.latched && (header == 0 || all.clock.is_some() && clock.is_none()) => 1,
                 Stamp::Header => header,
                 Stamp::Log => log_time,
                 Stamp::Publish => publish_time,
-            });
+            };
+            samples.stamps.push(plan.corrected(stamp));
             samples.logs.push(log_time);
             samples.values.extend(group.slots.iter().map(|&slot| row.values[slot]));
             // Most logs have a number in every field of every message, and from the second on there is nothing new.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fleetfoot_data::{Column, ColumnKind, Progress};
-use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, SchemaError, Step};
+use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, MISSING, SchemaError, Step};
 
 use super::{
     clock::{self, FieldClock},
@@ -11,7 +11,7 @@ use super::{
     sample::{Headers, Sample, sample},
 };
 use crate::{
-    Base, Error, JoinKind, MaxGap, Selection, Stamp, TimeSpec, TimeUnit,
+    Base, Error, JoinKind, MaxGap, Selection, Stamp, TimeSpec, TimeUnit, TopicClock,
     container::Container,
     join::{Base as JoinBase, JoinColumn},
 };
@@ -39,12 +39,24 @@ pub(super) struct TopicPlan {
     pub extract: Box<dyn Extract>,
     /// The field that is its clock, among its fields.
     pub clock: Option<usize>,
+    /// Where its computer's clock is not that of the others: what becomes of its stamps, one after the other.
+    pub corrections: Vec<TopicClock>,
     /// The first of its groups among all series: a group of fields is a series.
     pub first_series: usize,
     /// All its columns hold for good: a stamp of zero says that they always did.
     pub latched: bool,
     /// Keys and fields that were seen, for messages.
     pub seen: Vec<FieldInfo>,
+}
+
+impl TopicPlan {
+    /// A stamp by the clock of the other topics. One that says nothing (zero, one for always, or missing) goes on saying so.
+    pub(super) fn corrected(&self, stamp: i64) -> i64 {
+        match stamp {
+            0 | 1 | MISSING => stamp,
+            _ => self.corrections.iter().fold(stamp, |stamp, clock| clock.corrected(stamp)),
+        }
+    }
 }
 
 /// A selected column.
@@ -104,6 +116,12 @@ fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
     }
 }
 
+/// The clocks of a log that stamp a topic.
+fn corrections(path: &Path, topic: &str, clocks: &[TopicClock]) -> Vec<TopicClock> {
+    let is_of = |clock: &&TopicClock| clock.log.as_ref().is_none_or(|log| log == path) && clock.stamps(topic);
+    clocks.iter().filter(is_of).cloned().collect()
+}
+
 /// The topic and the rest of the name of the base, when the rows come from a topic.
 type BaseTopic = Option<(usize, String)>;
 
@@ -160,6 +178,7 @@ impl Builder<'_> {
                 extract,
                 first_series,
                 clock: clock.as_ref().and_then(|clock| clock.slots[u]),
+                corrections: corrections(self.path, &self.name(u), &selection.join.clocks),
                 latched: latched[u],
                 seen,
             });

@@ -33,6 +33,8 @@ class Prepared:
     episodes : list of dict
         For each episode its pieces and their channels: how each was smoothed, its penalty and noise, and counts and
         places of everything that was left out.
+    clocks : list of dict
+        What the clock of another computer shows more, log by log: offset and skew with their intervals, and why.
     """
 
     files: list[Path]
@@ -41,6 +43,7 @@ class Prepared:
     written: int
     smoothed: float
     episodes: list[dict[str, Any]]
+    clocks: list[dict[str, Any]]
 
     def open(self) -> Dataset:
         """The clean episodes with their recipe, for a fit."""
@@ -53,6 +56,7 @@ def prepare(
     *,
     recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     channels: Mapping[str, Mapping[str, Any]] | None = None,
+    clocks: Mapping[str, Mapping[str, Any]] | None = None,
     method: str | None = None,
     second_order: bool | None = None,
     lam: float | str | None = None,
@@ -89,6 +93,10 @@ def prepare(
     channels : mapping, optional
         What is otherwise for one state or input: its name and the arguments below, as
         ``{"q": {"range": (-1.5, 1.5)}}``.
+    clocks : mapping, optional
+        Topics that another computer stamps, and what tells how its clock goes: ``{"mocap": {"topics": ["/mocap/*"],
+        "motion": ["speed", "turning"]}}``, two channels that saw one motion, by the reference clock and by this one.
+        ``wave`` in place of ``motion`` for a square wave; ``offset`` in seconds, ``reach`` about it.
     method : {"cubic", "quintic", "savitzky-golay", "butterworth", "none"}, optional
         How states become smooth (``"cubic"``; ``"quintic"`` with ``second_order``). Inputs stay as they are unless
         ``channels`` says how.
@@ -175,6 +183,8 @@ def prepare(
             name: {"lambda" if key == "lam" else key: value for key, value in said.items()}
             for name, said in channels.items()
         }
+    if clocks:
+        above["clocks"] = {name: dict(said) for name, said in clocks.items()}
     dataset = open_data(data, recipe=recipe)
     text = _recipe.to_json(_recipe.say(above, _recipe.of_toml(dataset.recipe)))
     with reporting(progress) as callback:
@@ -182,7 +192,13 @@ def prepare(
     tell_all(made["notes"])
     files = [Path(file) for file in made["files"]]
     return Prepared(
-        files, Path(made["recipe"]), made["rows"], made["written"], made["smoothed"], made["episodes"]
+        files,
+        Path(made["recipe"]),
+        made["rows"],
+        made["written"],
+        made["smoothed"],
+        made["episodes"],
+        made.get("clocks", []),
     )
 
 

@@ -99,3 +99,20 @@ def test_mistakes_are_named(swing, tmp_path):
     ff.prepare(log, tmp_path / "a", force=True)
     with pytest.raises(ff.exceptions.FleetfootError):
         ff.prepare(log, tmp_path / "a")
+
+
+def test_the_clock_of_another_computer_is_an_argument(swing, tmp_path):
+    flight = ff.generate("quadrotor", tmp_path / "raw", runs=1, seconds=6, seed=3)
+    recipe = {
+        "columns": {"x": "/mocap/pose.pose.position.x"},
+        "states": {"x": {}},
+    }
+    late = {"mocap": {"topics": ["/mocap/*"], "offset": 0.25}}
+    plain = ff.prepare(flight.files, tmp_path / "plain", recipe=recipe)
+    moved = ff.prepare(flight.files, tmp_path / "moved", recipe=recipe, clocks=late)
+    assert plain.clocks == [] and moved.clocks[0]["offset"] == 0.25 and moved.clocks[0]["by"] == "given"
+    with pytest.raises(ff.exceptions.RequestError, match=r"clocks.mocap.*motion"):
+        ff.prepare(flight.files, tmp_path / "none", recipe=recipe, clocks={"mocap": {"topics": ["/mocap/*"]}})
+    t, measured, _ = swing
+    with pytest.raises(ff.exceptions.RequestError, match="one clock"):
+        ff.prepare(ff.open({"t": t, "q": measured}, t="t"), tmp_path / "none", recipe={"states": {"q": {}}}, clocks=late)

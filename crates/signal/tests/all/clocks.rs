@@ -1,6 +1,6 @@
 //! Stamps and the time between channels.
 
-use fleetfoot_signal::{Record, SignalError, align, dejitter};
+use fleetfoot_signal::{ClockLine, Record, SignalError, Within, align, align_edges, dejitter};
 
 use crate::common::{normal, uniform};
 
@@ -30,6 +30,11 @@ fn a_drift_is_told_by_its_correlation() {
     assert!(matches!(dejitter(&[0.0, 1.0, 0.5]), Err(SignalError::Stamp { row: 2, .. })));
 }
 
+/// A lag of up to `reach` either way between clocks that run alike.
+fn within(reach: f64) -> Within {
+    Within { about: 0.0, reach, skew: 0.0 }
+}
+
 fn motion(t: f64) -> f64 {
     (1.3 * t).sin() + 0.7 * (3.1 * t + 0.4).cos() + 0.3 * (7.7 * t).sin()
 }
@@ -50,11 +55,17 @@ fn lags_are_found_below_a_period_with_honest_deviations() {
     for seed in 0..20 {
         let a = channel(4000, 0.01, 0.0, 1.0, 100 + 10 * seed);
         let b = channel(8000, 0.005, lag, -2.5, 500 + 10 * seed);
-        let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, 0.5).unwrap();
+        let found =
+            align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, within(0.5)).unwrap();
         assert!(!found.at_end && found.unexplained < 0.01 && found.deviation < 4e-4, "{found:?}");
         // Interpolation between jittered stamps costs less than the deviation.
-        inside += usize::from((found.lag - lag).abs() < 2.0 * found.deviation + 2e-5);
-        assert!((found.lag - lag).abs() < 5.0 * found.deviation + 2e-5, "{} {}", found.lag, found.deviation);
+        inside += usize::from((found.line.offset - lag).abs() < 2.0 * found.deviation + 2e-5);
+        assert!(
+            (found.line.offset - lag).abs() < 5.0 * found.deviation + 2e-5,
+            "{} {}",
+            found.line.offset,
+            found.deviation
+        );
     }
     assert!(inside >= 16, "{inside} of 20 within two deviations");
 }
@@ -63,13 +74,15 @@ fn lags_are_found_below_a_period_with_honest_deviations() {
 fn the_curve_has_its_least_at_the_lag_and_an_end_is_told() {
     let (a, b) = (channel(1000, 0.01, 0.0, 1.0, 1), channel(1000, 0.01, 0.3, 1.0, 7));
     let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-    let found = align(a, b, 0.5).unwrap();
+    let found = align(a, b, within(0.5)).unwrap();
     let least = found.curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-    assert!((least.0 - 0.3).abs() < 0.011 && (found.lag - 0.3).abs() < 2e-3, "{least:?} {}", found.lag);
+    assert!((least.0 - 0.3).abs() < 0.011 && (found.line.offset - 0.3).abs() < 2e-3, "{least:?} {}", found.line.offset);
     assert!(found.unexplained <= least.1);
-    assert!(align(a, b, 0.2).unwrap().at_end);
-    let backwards = align(b, a, 0.5).unwrap();
-    assert!((backwards.lag + found.lag).abs() < 3.0 * found.deviation.hypot(backwards.deviation) + 2e-5);
+    assert!(align(a, b, within(0.2)).unwrap().at_end);
+    let backwards = align(b, a, within(0.5)).unwrap();
+    assert!(
+        (backwards.line.offset + found.line.offset).abs() < 3.0 * found.deviation.hypot(backwards.deviation) + 2e-5
+    );
 }
 
 #[test]
@@ -78,12 +91,185 @@ fn what_cannot_be_aligned_is_told() {
     let good = Record { times: &times, values: &values };
     let still = vec![1.0; times.len()];
     let later: Vec<f64> = times.iter().map(|t| t + 100.0).collect();
-    let refused = |other: Record<'_>| matches!(align(good, other, 1.0), Err(SignalError::NotAligned { .. }));
+    let refused = |other: Record<'_>| matches!(align(good, other, within(1.0)), Err(SignalError::NotAligned { .. }));
     assert!(refused(Record { times: &times, values: &still }));
     assert!(refused(Record { times: &later, values: &values }));
     let holes: Vec<f64> = values.iter().enumerate().map(|(row, y)| if row % 3 == 0 { f64::NAN } else { *y }).collect();
-    assert!(align(good, Record { times: &times, values: &holes }, 1.0).unwrap().lag.abs() < 1e-3);
+    assert!(align(good, Record { times: &times, values: &holes }, within(1.0)).unwrap().line.offset.abs() < 1e-3);
     assert!(refused(Record { times: &times[..100], values: &values[..100] }));
-    assert!(align(good, good, 0.0).is_err());
-    assert!(align(good, Record { times: &times, values: &values[1..] }, 1.0).is_err());
+    assert!(align(good, good, within(0.0)).is_err());
+    assert!(align(good, Record { times: &times, values: &values[1..] }, within(1.0)).is_err());
+}
+
+/// A channel of a body that turns ever differently, `line` between its clock and true time.
+fn wandering(rows: u64, period: f64, line: ClockLine, seed: u64) -> (Vec<f64>, Vec<f64>) {
+    let turn = |t: f64| (0.9 * t + 0.3 * (0.37 * t).sin()).sin() + 0.6 * (2.3 * t + 2.0 * (0.11 * t).cos()).cos();
+    let instants: Vec<f64> = (0..rows).map(|row| period * (row as f64 + 0.2 * uniform(seed, row))).collect();
+    let values = instants.iter().zip(0..).map(|(&t, row)| turn(t) + 0.05 * normal(seed + 1, row)).collect();
+    (instants.iter().map(|&t| line.second(t)).collect(), values)
+}
+
+/// Offset and skew of clocks that are seconds and thousands of parts in a million apart, with no first guess: within their deviations, over six seeds.
+#[test]
+fn offset_and_skew_are_found_together() {
+    let truth = ClockLine { at: 100.0, offset: -5.123, skew: 6e-3 };
+    let (mut offsets, mut skews) = (0, 0);
+    for seed in 0..6 {
+        let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+        let a = wandering(10_000, 0.02, same, 1000 + 10 * seed);
+        let b = wandering(6000, 1.0 / 30.0, truth, 5000 + 10 * seed);
+        let search = Within { about: 0.0, reach: 8.0, skew: 8e-3 };
+        let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+        let offset = truth.second(found.line.at) - found.line.at;
+        let errors = [(found.line.offset - offset).abs(), (found.line.skew - truth.skew).abs()];
+        assert!(!found.at_end && found.deviation < 1.5e-3 && found.skew_deviation < 3e-5, "{:?}", found.line);
+        assert!(
+            errors[0] < 4.5 * found.deviation && errors[1] < 4.5 * found.skew_deviation,
+            "{errors:?} {:?}",
+            found.line
+        );
+        offsets += usize::from(errors[0] < 2.0 * found.deviation);
+        skews += usize::from(errors[1] < 2.0 * found.skew_deviation);
+        // A straight line holds: no quarter is off it.
+        assert!(found.parts.iter().all(|part| part.off.abs() < 6.0 * part.deviation), "{:?}", found.parts);
+    }
+    assert!(offsets >= 4 && skews >= 4, "{offsets} and {skews} of 6 within two deviations");
+}
+
+/// A clock that does not run evenly is told by the quarters of the record.
+#[test]
+fn a_bent_clock_is_told_by_its_quarters() {
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let (a, mut b) = (wandering(10_000, 0.02, same, 1), wandering(10_000, 0.02, same, 7));
+    b.0.iter_mut().for_each(|t| *t += 0.05 * (*t / 100.0 - 1.0).powi(2));
+    let search = Within { about: 0.0, reach: 1.0, skew: 5e-4 };
+    let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+    let sizes: Vec<f64> = found.parts.iter().map(|part| part.off / part.deviation).collect();
+    assert!(sizes[0] > 2.0 && sizes[1] < -5.0 && sizes[2] < -5.0 && sizes[3] > 2.0, "{:?}", found.parts);
+}
+
+#[test]
+fn a_line_goes_there_and_back() {
+    let line = ClockLine { at: 12.0, offset: 3.5, skew: 1e-3 };
+    for t in [-5.0, 0.0, 12.0, 1e5] {
+        assert!((line.first(line.second(t)) - t).abs() < 1e-10);
+    }
+    assert_eq!(line.second(12.0), 15.5);
+}
+
+/// A lamp that blinks with this period, seen every `step` seconds by a clock, whose stamps are `jitter` off at most.
+fn blinks(seconds: f64, period: f64, step: f64, line: ClockLine, jitter: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
+    let first = step * uniform(seed, 0);
+    let instants: Vec<f64> = (0..(seconds / step) as u64).map(|row| first + step * row as f64).collect();
+    let lit = |t: &f64| f64::from(u8::from((t / period).rem_euclid(1.0) < 0.5));
+    let stamp = |(row, &t): (usize, &f64)| line.second(t) + jitter * (2.0 * uniform(seed + 1, row as u64) - 1.0);
+    (instants.iter().enumerate().map(stamp).collect(), instants.iter().map(lit).collect())
+}
+
+/// The truth lies inside the interval in every seed, whether the wave's period is a multiple of the sampling or not; where it is none, the interval is well below a sample.
+#[test]
+fn edges_bracket_the_truth() {
+    for (period, widest) in [(1.0, 0.0111), (0.977_37, 4e-3)] {
+        for seed in 0..10 {
+            let line = ClockLine { at: 0.0, offset: 0.3 - 0.06 * seed as f64, skew: 1e-5 * (seed as f64 - 5.0) };
+            let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+            let a = blinks(120.0, period, 0.001, same, 0.0, 20 + seed);
+            let b = blinks(120.0, period, 0.01, line, 0.0, 40 + seed);
+            let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
+            let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
+            let found = align_edges(a, b, search, 0.0).unwrap();
+            let offset = line.second(found.line.at) - found.line.at;
+            let inside = |[low, high]: [f64; 2], truth: f64| low <= truth && truth <= high;
+            assert!(inside(found.offset, offset) && inside(found.skew, line.skew), "{period} {seed} {found:?}");
+            assert!(inside(found.offset, found.line.offset) && inside(found.skew, found.line.skew), "{found:?}");
+            assert!(found.offset[1] - found.offset[0] < widest, "{period} {seed} {found:?}");
+            assert!(found.contradiction == 0.0 && found.edges > 230 && found.others.is_empty(), "{found:?}");
+        }
+    }
+}
+
+/// The ends of the interval are those of all vertices of the feasible set, which are found by brute force.
+#[test]
+fn the_interval_is_that_of_all_vertices() {
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let line = ClockLine { at: 0.0, offset: 0.05, skew: 4e-5 };
+    let (a, b) = (blinks(40.0, 0.773, 0.02, same, 0.0, 3), blinks(40.0, 0.773, 0.013, line, 0.0, 4));
+    let search = Within { about: 0.0, reach: 0.3, skew: 0.05 };
+    let found = align_edges(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search, 0.0);
+    let found = found.unwrap();
+    let brackets = |(times, values): &(Vec<f64>, Vec<f64>)| -> Vec<[f64; 2]> {
+        (1..times.len()).filter(|&row| values[row] != values[row - 1]).map(|row| [times[row - 1], times[row]]).collect()
+    };
+    // An upper bound (x, c, 1) says offset + x skew <= c, a lower one (x, c, -1) that it is no less.
+    let (a, b) = (brackets(&a), brackets(&b));
+    let pair = |first: &[f64; 2]| {
+        let near = |second: &&[f64; 2]| (second[0] - first[0] - 0.05).abs() < 0.2;
+        let second = b.iter().find(near)?;
+        Some([(first[0], second[1] - first[0], 1.0), (first[1], second[0] - first[1], -1.0)])
+    };
+    let bounds: Vec<(f64, f64, f64)> = a.iter().filter_map(pair).flatten().collect();
+    let at = found.line.at;
+    let holds =
+        |offset: f64, skew: f64| bounds.iter().all(|(x, c, sign)| sign * (offset + skew * (x - at) - c) < 1e-12);
+    let (mut offsets, mut skews) = ([f64::INFINITY, f64::NEG_INFINITY], [f64::INFINITY, f64::NEG_INFINITY]);
+    for (i, (x, c, _)) in bounds.iter().enumerate() {
+        for (y, d, _) in &bounds[..i] {
+            let skew = (c - d) / (x - y);
+            let offset = c - skew * (x - at);
+            if x != y && holds(offset, skew) {
+                offsets = [offsets[0].min(offset), offsets[1].max(offset)];
+                skews = [skews[0].min(skew), skews[1].max(skew)];
+            }
+        }
+    }
+    for end in 0..2 {
+        assert!((found.offset[end] - offsets[end]).abs() < 1e-11, "{found:?} {offsets:?}");
+        assert!((found.skew[end] - skews[end]).abs() < 1e-11, "{found:?} {skews:?}");
+    }
+}
+
+/// Stamps that are wrong contradict each other: that is told, and a margin as large as their error holds the truth again.
+#[test]
+fn wrong_stamps_contradict_each_other() {
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let line = ClockLine { at: 0.0, offset: -0.2, skew: -2e-5 };
+    let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
+    let mut told = 0;
+    for seed in 0..10 {
+        let (a, b) = (
+            blinks(120.0, 0.977_37, 0.001, same, 4e-4, 60 + seed),
+            blinks(120.0, 0.977_37, 0.01, line, 4e-4, 80 + seed),
+        );
+        let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
+        let bare = align_edges(a, b, search, 0.0).unwrap();
+        told += usize::from(bare.contradiction > 0.0);
+        assert!(bare.contradiction < 1e-3, "{bare:?}");
+        let found = align_edges(a, b, search, 4e-4).unwrap();
+        let offset = line.second(found.line.at) - found.line.at;
+        assert!(found.contradiction == 0.0 && found.offset[0] <= offset && offset <= found.offset[1], "{found:?}");
+        assert!(found.skew[0] <= line.skew && line.skew <= found.skew[1], "{found:?}");
+    }
+    assert!(told >= 6, "{told} of 10 contradict each other");
+}
+
+#[test]
+fn waves_that_cannot_be_aligned_are_told() {
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
+    let (times, values) = blinks(20.0, 1.0, 0.01, same, 0.0, 1);
+    let wave = Record { times: &times, values: &values };
+    let refused =
+        |other: Record<'_>| matches!(align_edges(wave, other, search, 0.0), Err(SignalError::NotAligned { .. }));
+    assert!(refused(Record { times: &times, values: &vec![1.0; times.len()] }));
+    assert!(refused(Record { times: &times, values: &vec![f64::NAN; times.len()] }));
+    assert!(refused(Record { times: &times[..60], values: &values[..60] }), "one edge");
+    assert!(refused(Record { times: &times[..1], values: &values[..1] }));
+    let later: Vec<f64> = times.iter().map(|t| t + 100.0).collect();
+    assert!(refused(Record { times: &later, values: &values }));
+    let backwards: Vec<f64> = times.iter().rev().copied().collect();
+    let other = Record { times: &backwards, values: &values };
+    assert!(matches!(align_edges(wave, other, search, 0.0), Err(SignalError::Stamp { .. })));
+    // Two periods are within reach: the nearest counts, and the others are told.
+    let far = align_edges(wave, wave, Within { reach: 2.2, ..search }, 0.0).unwrap();
+    assert!(far.line.offset.abs() < 0.01 && far.others.len() == 4, "{far:?}");
 }

@@ -3,7 +3,7 @@
 use std::fs;
 
 use fleetfoot_data::{Halo, Source};
-use fleetfoot_log::{Error, McapOptions, McapWriter, Selection, Stamp, TimeSpec, open};
+use fleetfoot_log::{Cache, Error, McapOptions, McapWriter, Selection, Stamp, TimeSpec, TopicClock, open};
 use fleetfoot_message::write::Vector3Stamped;
 
 use super::logs::{Log, MILLISECOND, SECOND, START, episodes, near, seconds, stamped, usual, whole};
@@ -73,6 +73,36 @@ fn clocks_that_never_meet_are_refused_with_both_ranges() {
         assert!(message.contains(part), "{part}: {message}");
     }
     assert_eq!(whole(&log.open(&selection(Some(Stamp::Log)))).stamps.len(), 80);
+}
+
+/// A topic of another computer, whose clock is 100 s ahead and 1 % fast: its stamps are corrected before anything is joined, in this log alone, and the cache tells corrected rows from others.
+#[test]
+fn stamps_of_another_clock_are_corrected_before_they_are_joined() {
+    let mut log = Log::new();
+    let fast = |at: i64| (at - START) + (at - START) / 100 + 100 * SECOND;
+    log.drive(|topic, at| Some((if topic == "/odom" { at - START + SECOND } else { fast(at) + SECOND }, at)));
+    let log = log.finish();
+    let mut selection = selection(None);
+    let folder = tempfile::tempdir().unwrap();
+    selection.join.cache = Some(Cache { folder: folder.path().into(), least_bytes: 0 });
+    let clock = TopicClock {
+        log: None,
+        topics: vec!["/for*".into()],
+        at: 101 * SECOND,
+        offset: 100 * SECOND,
+        skew: 0.01 / 1.01,
+    };
+    selection.join.clocks = vec![clock.clone()];
+    let rows = whole(&log.open(&selection));
+    assert_eq!(rows.stamps.len(), 80);
+    for (row, &stamp) in rows.stamps.iter().enumerate() {
+        let t = (stamp - SECOND) as f64 / 1e9;
+        // Stamps are whole nanoseconds.
+        assert!((rows.columns[0][row] - t).abs() < 1e-8 && (rows.columns[1][row] + 4.0 * t).abs() < 1e-7, "{row}");
+    }
+    assert_eq!(rows.stamps, whole(&log.open(&selection)).stamps, "the cache has them");
+    selection.join.clocks = vec![TopicClock { log: Some("another.mcap".into()), ..clock }];
+    assert!(log.refusal(&selection).contains("/force"), "the clock of another log");
 }
 
 #[test]
