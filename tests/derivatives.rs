@@ -5,7 +5,7 @@ use std::{fmt::Write, fs};
 use crate::runner::*;
 
 /// A damped oscillation, `x' = y`, `y' = -4 x - 0.2 y`, exactly, at stamps 0.05 s apart but for `jitter`, with noise of a given size.
-fn oscillation(rows: usize, jitter: f64, noise: f64) -> String {
+pub(crate) fn oscillation(rows: usize, jitter: f64, noise: f64) -> String {
     let (damping, frequency) = (0.1_f64, (4.0_f64 - 0.01).sqrt());
     let mut text = String::from("t,x,y\n");
     let mut draw = 1_u64;
@@ -42,7 +42,7 @@ fn number(value: &serde_json::Value) -> f64 {
 }
 
 /// The coefficient of a function in an equation; 0 where it is no term.
-fn coefficient(equation: &serde_json::Value, function: &str) -> f64 {
+pub(crate) fn coefficient(equation: &serde_json::Value, function: &str) -> f64 {
     let terms = equation["terms"].as_array().expect("terms");
     terms.iter().find(|term| term["function"] == function).map_or(0.0, |term| number(&term["coefficient"]))
 }

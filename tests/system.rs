@@ -28,3 +28,4 @@ mod to_the_end;
 mod ulog;
 #[path = "../crates/log/tests/all/ulog_writer.rs"]
 mod ulog_writer;
+mod weak;

@@ -18,18 +18,11 @@ pub enum FoldRule {
 }
 
 impl FoldRule {
-    /// The folds of the chunks of a statistic. `correlated`: rows over which it is correlated, where that is known.
+    /// The folds of the chunks of a statistic.
     ///
     /// # Errors
     /// Folds that cannot be made as they are asked for.
-    pub(crate) fn folds(
-        self,
-        keys: &[Key],
-        rows: &[u64],
-        seed: u64,
-        correlated: Option<f64>,
-    ) -> Result<Folds, SelectError> {
-        let purge = correlated.map_or(Purge::TENTH, |rows| Purge::Correlated(rows.ceil() as usize));
+    pub(crate) fn folds(self, keys: &[Key], rows: &[u64], seed: u64, purge: Purge) -> Result<Folds, SelectError> {
         let of = |layout| Folds::of(keys, rows, layout, purge);
         match self {
             Self::Auto => of(Layout::Auto),
@@ -40,4 +33,9 @@ impl FoldRule {
             }
         }
     }
+}
+
+/// The gap beside held-out rows that are correlated with so many others; a tenth of a span where that is not known.
+pub(crate) fn purge(correlated: Option<f64>) -> Purge {
+    correlated.map_or(Purge::TENTH, |rows| Purge::Correlated(rows.ceil() as usize))
 }

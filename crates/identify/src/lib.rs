@@ -81,10 +81,10 @@ pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::write_model;
 pub use project::{Projected, project};
 pub use recipe::{
-    ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits,
-    ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod,
-    PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection,
-    Time, Tunable, UnseenLabels,
+    ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection,
+    LibrarySection, Limits, ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice,
+    PrepareMethod, PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State,
+    TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};
@@ -94,7 +94,7 @@ pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, 
 pub use sindy::{
     Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
     Parameter, ParameterReport, Provenance, RegionReport, SettledDifference, SindyFitted, SindyOptimizer, SindyOptions,
-    SindyPlan, SindyReport, SindyRequest, TermReport, fit_sindy, plan_sindy,
+    SindyPlan, SindyReport, SindyRequest, TermReport, Windows, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, Resampled,

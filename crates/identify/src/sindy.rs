@@ -19,6 +19,7 @@ mod spans;
 mod statistic;
 mod task;
 mod units;
+mod weak;
 
 use std::path::{Path, PathBuf};
 
@@ -46,6 +47,8 @@ pub(crate) use solve::keys;
 use solve::{Solved, Solver};
 pub(crate) use statistic::beneath;
 pub use task::{EquationTask, FittedEquation};
+pub(crate) use weak::WeakForm;
+pub use weak::Windows;
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;
@@ -213,6 +216,7 @@ fn report(
         folds,
         fold_rule: fold_rule.map(str::to_owned),
         ensemble: options.ensemble_in_words(),
+        windows: evidence.windows_in_words(),
         parameters: evidence.parameters.clone(),
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         regions,

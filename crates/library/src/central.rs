@@ -93,10 +93,21 @@ impl CentralDifference {
         let time = Expr::time();
         let far = NOISE_REACH as i32;
         let period = (time.shifted(-far) - time.shifted(far)) / Expr::number(f64::from(2 * far));
+        let (left, amplified) = self.left_by_polynomial();
+        left / ((Expr::number(1.0) + amplified).sqrt() * period)
+    }
+
+    /// The noise of a sample: its mean square is that of the noise, where it is white.
+    pub fn noise_of_a_sample(&self) -> Expr {
+        let (left, amplified) = self.left_by_polynomial();
+        left / (Expr::number(1.0) + amplified).sqrt()
+    }
+
+    /// What the polynomial through the ten neighbours of a row leaves of it, and the sum of the squares of their weights.
+    fn left_by_polynomial(&self) -> (Expr, Expr) {
         let weights = weights(NOISE_REACH);
         let left = sum(weights.iter().map(|(ahead, weight)| weight * &rise(&self.of, 0, *ahead, self.angle)));
-        let amplified = sum(weights.iter().map(|(_, weight)| weight.powi(2)));
-        left / ((Expr::number(1.0) + amplified).sqrt() * period)
+        (left, sum(weights.iter().map(|(_, weight)| weight.powi(2))))
     }
 
     /// The mean squared error that white noise of a unit variance makes in the difference, over even stamps of a unit period.

@@ -13,6 +13,8 @@ mod sampled;
 mod scan;
 mod statistic;
 mod sums;
+mod weak;
+mod windows;
 
 #[cfg(test)]
 mod tests;
@@ -22,9 +24,10 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Partition;
 
 pub use plan::SystemPlan;
-pub use sampled::sampled_mean_squares;
+pub use sampled::{sampled_mean_squares, sampled_variances};
 pub use statistic::SystemScan;
 pub use sums::{EpisodeSums, SystemSums};
+pub use weak::{LEAST_REACH, Rate, Weak, WeakTarget, weak_accuracy};
 
 /// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,12 +44,14 @@ pub struct System {
     pub weight: Option<Expr>,
     /// The regions; `None` is one region for all rows. A row without a region (an unseen label) takes part in nothing and is counted.
     pub partition: Option<Partition>,
+    /// Windows in the place of rows, the weak form; `None` takes the rows as they are.
+    pub weak: Option<Weak>,
 }
 
 impl System {
     /// One region, no weights, no further moments.
     pub fn new(functions: Vec<Expr>, targets: Vec<Expr>) -> Self {
-        Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None }
+        Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None, weak: None }
     }
 
     /// Number of regions.
@@ -68,6 +73,7 @@ impl System {
         if let Some(partition) = &self.partition {
             lines(&format!("partition {} over", partition.specification), &partition.columns);
         }
+        text.push_str(&self.weak.as_ref().map_or_else(String::new, Weak::text));
         text
     }
 
@@ -75,6 +81,7 @@ impl System {
         if self.targets.is_empty() {
             return Err(SystemError::NoTarget);
         }
+        self.weak.as_ref().map_or(Ok(()), |weak| weak.check(self.targets.len()))?;
         let Some(partition) = &self.partition else {
             return Ok(());
         };
@@ -121,6 +128,19 @@ pub enum SystemError {
         centre: usize,
         /// Its scales.
         scale: usize,
+    },
+    /// Windows that are none.
+    #[error(
+        "the weak form has windows of {reach} rows to either side and {found} targets, and the system has {targets} targets: windows need {LEAST_REACH} rows to either \
+         side, and a rate or a mean for every target"
+    )]
+    Weak {
+        /// Rows to either side.
+        reach: usize,
+        /// Its targets.
+        found: usize,
+        /// The system's targets.
+        targets: usize,
     },
     /// Statistics that do not go together.
     #[error(transparent)]

@@ -40,6 +40,13 @@ pub enum Purge {
     Exactly(usize),
     /// So many, but at most a tenth of the span: the rows over which the log is correlated.
     Correlated(usize),
+    /// So many that share what they are made of, and as far as that goes no more than a span; beyond them as [`Purge::Correlated`].
+    Overlapping {
+        /// Rows on either side that share something with a row.
+        rows: usize,
+        /// Rows over which the log is correlated.
+        correlated: usize,
+    },
 }
 
 impl Purge {
@@ -51,6 +58,7 @@ impl Purge {
         match self {
             Self::Exactly(rows) => rows,
             Self::Correlated(rows) => rows.min(span / TENTH),
+            Self::Overlapping { rows, correlated } => correlated.min(span / TENTH).max(rows.min(span)),
         }
     }
 }
@@ -209,7 +217,7 @@ impl FoldLayout {
         let inner = self.gap(spans, at);
         // What was summed in one piece is purged in one piece, if it is no more than a gap may be.
         let small = |gap: usize| match self.purge {
-            Purge::Exactly(_) => gap > 0,
+            Purge::Exactly(_) | Purge::Overlapping { .. } => gap > 0,
             Purge::Correlated(_) => gap > 0 && unit.len() <= (span.len() / TENTH).max(1),
         };
         let previous = unit.start < inner.start && small(inner.start - span.start) && at > 0;

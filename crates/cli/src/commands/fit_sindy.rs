@@ -163,6 +163,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     if let Some(ensemble) = &report.ensemble {
         text.push_str(&format!("{ensemble}\n"));
     }
+    if let Some(windows) = &report.windows {
+        text.push_str(&format!("{windows}\n"));
+    }
     if let Some(choice) = &report.rollouts {
         text.push_str(&format!("{}\n", fit::by_rollouts(choice)));
     }

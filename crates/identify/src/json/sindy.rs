@@ -24,6 +24,9 @@ impl SindyReport {
             "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
         });
+        if let Some(windows) = &self.windows {
+            report["weak"] = json!(windows);
+        }
         if let Some(refinement) = &self.refinement {
             report["objective"] = refinement.to_json();
         }

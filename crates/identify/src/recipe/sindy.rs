@@ -83,6 +83,11 @@ settings! {
         /// are the better ones (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
+        /// Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated: a number, auto (a length by the signals), or off
+        /// (default: auto where more than a
+        /// fifth of the variance of some state's differences is noise, else off).
+        #[arg(long, value_name = "ROWS|auto|off")]
+        pub weak: Tunable,
         /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
         /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]

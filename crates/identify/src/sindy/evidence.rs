@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Specification;
-use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
+use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
-use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen};
+use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen, weak::WeakForm};
 use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
 
 /// A task and the statistic of its rows.
@@ -20,6 +20,8 @@ pub struct Evidence {
     pub partition: Option<Partition>,
     /// The statistic of all rows.
     pub scan: SystemScan,
+    /// The windows in the place of rows, where there are any.
+    pub weak: Option<Weak>,
     /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
     pub resolution: Vec<f64>,
     /// The parameters' estimates.
@@ -45,7 +47,9 @@ impl Evidence {
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());
         notes.extend(task.narrowed_note());
-        let mut frozen = Frozen::differentiated(task, &dataset.view()?, &mut notes)?;
+        let form = WeakForm::new(&recipe.sindy)?;
+        let frozen = Frozen::differentiated(task, &dataset.view()?, &mut notes)?;
+        let mut frozen = frozen.windowed(form, &dataset.view()?, &mut notes)?;
         frozen.estimate(&mut dataset, &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
         notes.append(&mut found.notes);
@@ -71,13 +75,13 @@ impl Evidence {
         let scan = plan.scan(view, progress)?;
         let names = view.episodes().iter().map(|episode| (episode.id, episode.name.clone())).collect();
         let smoothed_rows = recipe.time.smoothed_rows(step);
-        Ok(Self { smoothed_rows, ..Self::new(frozen, plan.system.partition, scan, step, (&names, notes)) })
+        Ok(Self { smoothed_rows, ..Self::new(frozen, plan.system, scan, step, (&names, notes)) })
     }
 
     /// What was frozen, and the statistic of its rows; `names` are those of the episodes.
     pub(super) fn new(
         frozen: Frozen,
-        partition: Option<Partition>,
+        System { partition, weak, .. }: System,
         scan: SystemScan,
         step: f64,
         (names, notes): (&BTreeMap<EpisodeId, String>, Vec<String>),
@@ -91,6 +95,7 @@ impl Evidence {
             task,
             partition,
             scan,
+            weak,
             parameters,
             step,
             smoothed_rows: 0.0,
@@ -102,9 +107,20 @@ impl Evidence {
 
     /// Mean squared error of the differences, with a margin, on the units of positive weight; that on all rows where none of theirs was sampled.
     pub(super) fn resolution_of(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+        if let Some(weak) = &self.weak {
+            return self.integrals_of(weak);
+        }
         let mut squares = self.scan.sampled_mean_squares(weight).into_iter();
         let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| squares.next()).unwrap_or(0.0);
         self.task.fitted.iter().map(of).map(|square| MARGIN * square).collect()
+    }
+
+    /// Mean squared error of integrals over windows, with the same margin.
+    fn integrals_of(&self, weak: &Weak) -> Vec<f64> {
+        let roots: Vec<_> = (0..self.scan.regions()).map(|region| self.scan.root(region)).collect();
+        let weight: f64 = roots.iter().map(|root| root.weight).sum();
+        let square = |t: usize| roots.iter().map(|root| root.total[t]).sum::<f64>() / weight.max(f64::MIN_POSITIVE);
+        (0..self.task.fitted.len()).map(|t| MARGIN * weak.accuracy.powi(2) * square(t)).collect()
     }
 
     /// What a model of this evidence carries.
@@ -123,10 +139,30 @@ impl Evidence {
         self.partition.as_ref().map_or_else(|| "all".to_owned(), |partition| partition.region_name(region))
     }
 
+    /// Refuses windows that are too long for the rows.
+    fn check_windows(&self, weak: &Weak, windows: u64) -> Result<(), Error> {
+        let (counts, most, rows) = (self.scan.counts(), self.task.most_allowed() as u64, weak.rows());
+        if windows > most {
+            return Ok(());
+        }
+        Err(Error::too_few_rows(
+            windows,
+            most + 1,
+            format!(
+                "windows of {rows} rows (--weak {rows}): {windows} are complete for {most} candidates, {} reach over the border of their episode and {} lack a value; \
+                 give a smaller number of rows (--weak), name fewer candidates (--library, --degree), or give longer episodes",
+                counts.at_border, counts.incomplete
+            ),
+        ))
+    }
+
     /// Refuses what no equation can come of.
     pub(super) fn check(&self) -> Result<(), Error> {
         let rows: u64 = (0..self.scan.regions()).map(|region| self.scan.rows(region)).sum();
         let counts = self.scan.counts();
+        if let Some(weak) = &self.weak {
+            self.check_windows(weak, rows)?;
+        }
         if rows == 0 {
             return Err(Error::too_few_rows(
                 0,
@@ -170,7 +206,10 @@ impl EquationTask {
     /// What is summed for a fit: the system in its regions, and the errors of its differences.
     pub(crate) fn summed(&self, partition: Option<Partition>) -> System {
         let sampled = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
-        System { sampled, partition, ..self.system() }
+        match &self.windows {
+            None => System { sampled, partition, ..self.system() },
+            Some(windows) => System { partition, weak: Some(self.weak(windows)), ..self.system() },
+        }
     }
 
     /// What is summed, in one region.

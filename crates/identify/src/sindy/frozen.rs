@@ -6,7 +6,7 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Problem, Specification};
 
-use super::{EquationTask, ParameterReport, estimation, evidence::specification};
+use super::{EquationTask, ParameterReport, estimation, evidence::specification, weak::WeakForm};
 use crate::{Dataset, Error, Recipe};
 
 /// Equations that are ready to be summed.
@@ -29,6 +29,20 @@ impl Frozen {
         notes: &mut Vec<String>,
     ) -> Result<Self, Error> {
         Ok(Self { task: task.differentiated(source, notes)?, parameters: Vec::new() })
+    }
+
+    /// Settles whether equations are fitted on windows in the place of rows.
+    ///
+    /// # Errors
+    /// Those of reading; windows that the logs have no room for.
+    pub(crate) fn windowed(
+        mut self,
+        form: WeakForm,
+        source: &dyn Source,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
+        self.task.windows = self.task.windows_for(form, source, notes)?;
+        Ok(self)
     }
 
     /// Estimates the parameters where there are any; the dataset is then seen with their values.

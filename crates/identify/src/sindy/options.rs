@@ -6,6 +6,7 @@ use fleetfoot_sparse::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::WeakForm;
 use crate::{
     Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindySection, Tunable, recipe::seed, sparse_fit::words,
 };
@@ -113,6 +114,7 @@ impl SindyOptions {
     /// # Errors
     /// A word or number that is not allowed, with those that are.
     pub fn new(section: &SindySection) -> Result<Self, Error> {
+        WeakForm::new(section)?;
         let optimizer = section.optimizer.unwrap_or_default();
         let threshold = match &section.threshold {
             None => None,
@@ -396,6 +398,9 @@ mod tests {
             ("threshold = 0.1\noptimizer = \"frols\"", ["frols has no threshold", "terms"]),
             ("threshold = 0.1\nterms = 3", ["both", "leave one"]),
             ("terms = 0", ["terms = 0", "from 1 on"]),
+            ("weak = 8", ["weak = 8", "from 9 on"]),
+            ("weak = 20.5", ["weak = 20.5", "a number of rows"]),
+            ("weak = \"long\"", ["weak = long", "auto, off"]),
             ("ridge = -0.1", ["ridge = -0.1", "zero or more"]),
             ("select = \"r2\"", ["r2", "`one-se`"]),
             ("folds = \"1\"", ["folds = 1", "from 2 on"]),

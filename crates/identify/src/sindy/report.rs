@@ -26,6 +26,8 @@ pub struct SindyReport {
     pub fold_rule: Option<String>,
     /// What an ensemble varied, for people.
     pub ensemble: Option<String>,
+    /// The windows that equations are fitted on in the place of rows, for people; `None` where rows are taken as they are.
+    pub windows: Option<String>,
     /// Estimated numbers inside expressions.
     pub parameters: Vec<ParameterReport>,
     /// Candidate functions of any equation, the constant among them.

@@ -10,20 +10,20 @@ use fleetfoot_sparse::{
     group::GroupLasso,
     inference::system_effective_rows,
     select::Folds,
-    system::SystemScan,
+    system::{SystemScan, Weak},
     threshold::{
         Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Frols,
         FrolsChoice, Optimizer, PenalisedPath, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
         Thresholds, ensemble, optimize, score_supports, sweep,
     },
 };
-use fleetfoot_stats::{Compressed, Fold, Key, blocks};
+use fleetfoot_stats::{Compressed, Fold, Key, Purge, blocks};
 
 use super::{
     EquationTask, Evidence,
     options::{Ensemble, SindyOptimizer, SindyOptions},
 };
-use crate::{Criterion, Error, FoldRule};
+use crate::{Criterion, Error, FoldRule, folds::purge};
 
 /// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
 const THRESHOLDS: usize = 60;
@@ -78,7 +78,7 @@ impl<'a> Solver<'a> {
         notes: &mut Vec<String>,
     ) -> Result<Self, Error> {
         let (keys, rows) = keys(&evidence.scan);
-        let folds = options.folds.folds(&keys, &rows, options.seed, correlated(evidence)?);
+        let folds = options.folds.folds(&keys, &rows, options.seed, gap(evidence)?);
         let folds = match folds {
             Ok(folds) => Some(folds),
             Err(error) if options.folds == FoldRule::Auto => {
@@ -398,6 +398,15 @@ fn independent(evidence: &Evidence, region: usize, problem: &Compressed, terms: 
     Ok(system_effective_rows(&evidence.scan, region, evidence.task.constant, coefficients.as_ref()))
 }
 
+/// The gap beside held-out rows: windows that share rows are never on both sides.
+fn gap(evidence: &Evidence) -> Result<Purge, Error> {
+    let found = purge(correlated(evidence)?);
+    Ok(match (&evidence.weak, found) {
+        (None, found) => found,
+        (Some(weak), found) => Purge::Overlapping { rows: weak.overlap(), correlated: found.rows(usize::MAX) },
+    })
+}
+
 /// Rows over which these residuals are correlated; `None` in several regions, whose rows are no neighbours.
 fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
     if evidence.scan.regions() > 1 {
@@ -405,7 +414,8 @@ fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
     }
     let problem = evidence.scan.root(0).compressed(evidence.task.constant);
     let rows = independent(evidence, 0, &problem, &evidence.task.terms())?;
-    Ok(Some((problem.weight / rows).max(evidence.smoothed_rows)))
+    let stride = evidence.weak.as_ref().map_or(1, Weak::stride);
+    Ok(Some((problem.weight / rows).max(evidence.smoothed_rows / stride as f64)))
 }
 
 /// How often every unit is drawn (units x members).

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::system::{System, SystemScan};
 
-use super::{EquationTask, Evidence, frozen::Frozen};
+use super::{EquationTask, Evidence, frozen::Frozen, weak::WeakForm};
 use crate::{
     Error, Logs, ModelSection, Recipe,
     statistic::{EquationGroup, EquationStatistic, StatisticFile},
@@ -29,11 +29,12 @@ impl Evidence {
         let task = task.over(&group.plan.system)?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
         let names: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.name.clone())).collect();
-        let partition = group.plan.system.partition.clone();
+        WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
+        let system = group.plan.system.clone();
         let notes = notes(&task, group);
         let frozen = Frozen { task, parameters: Vec::new() };
         let smoothed_rows = own.time.smoothed_rows(file.step());
-        let found = Self { smoothed_rows, ..Self::new(frozen, partition, scan, file.step(), (&names, notes)) };
+        let found = Self { smoothed_rows, ..Self::new(frozen, system, scan, file.step(), (&names, notes)) };
         found.check()?;
         Ok((found, recipe))
     }

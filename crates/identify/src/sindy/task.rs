@@ -6,7 +6,7 @@ use fleetfoot_data::Column as DataColumn;
 use fleetfoot_library::{Expr, Library, Scope, TermsError, Vocabulary};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 
-use super::{Difference, evidence::specification, filters, parameters::Parameter};
+use super::{Difference, Windows, evidence::specification, filters, parameters::Parameter};
 use crate::{
     Derivative, Error, Kind, Recipe,
     leak::refuse_target_in_partition,
@@ -39,6 +39,8 @@ pub struct EquationTask {
     pub partition_columns: Vec<Expr>,
     /// Whether the library that nobody named is `poly(1)`, because `poly(2)` would have more than 500 functions.
     pub narrowed: bool,
+    /// The windows of the weak form, where equations are fitted on windows in the place of rows.
+    pub windows: Option<Windows>,
 }
 
 /// A fitted equation.
@@ -161,6 +163,7 @@ impl EquationTask {
             parameters,
             partition_columns,
             narrowed,
+            windows: None,
         };
         task.refuse_unused_parameters()?;
         // Filters of numbers alone are known from the beginning.

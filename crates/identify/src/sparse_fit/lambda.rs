@@ -12,7 +12,7 @@ use fleetfoot_sparse::{
 };
 
 use super::{Criterion, LambdaRule, SparseOptions, problem::Problem};
-use crate::{Error, FoldRule};
+use crate::{Error, FoldRule, folds::purge};
 
 /// Lambdas that are compared, and the least of them over the largest. Equations of physics may be nearly exact, and a strong prior makes the largest one
 /// large: so the least is smaller than usual.
@@ -46,7 +46,7 @@ pub(super) fn folds(
 ) -> Result<Option<Folds>, Error> {
     let (keys, rows) = (problem.banks.keys(), problem.banks.rows());
     let validates = matches!(options.criterion, Criterion::CrossValidation | Criterion::OneStandardError);
-    match options.folds.folds(keys, rows, options.seed, correlated(problem).map(|rows| rows.max(smoothed))) {
+    match options.folds.folds(keys, rows, options.seed, purge(correlated(problem).map(|rows| rows.max(smoothed)))) {
         Ok(folds) => Ok(Some(folds)),
         Err(error) if options.folds == FoldRule::Auto && !(options.lambda == LambdaRule::Auto && validates) => {
             notes.push(format!("no held-out errors: {error}"));

@@ -7,13 +7,13 @@ use fleetfoot_library::{REACHES, Spacing};
 use fleetfoot_model::{Partition, Rule, UnseenLabel};
 use fleetfoot_sparse::{
     structured::RowCounts,
-    system::{EpisodeSums, System, SystemPlan},
+    system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget},
 };
 use serde::{Deserialize, Serialize};
 
 use super::{
     StatisticError,
-    records::{parse, parse_all, print, print_all},
+    records::{from_bytes, parse, parse_all, print, print_all, to_bytes},
 };
 use crate::{DifferenceErrors, SettledDifference};
 
@@ -22,6 +22,35 @@ use crate::{DifferenceErrors, SettledDifference};
 pub(super) struct EquationsRecord {
     pub(super) differences: Vec<Option<DifferenceRecord>>,
     pub(super) groups: Vec<GroupRecord>,
+    /// The windows of every group, where any group has some: they follow the rest, which is alone without them.
+    #[serde(skip)]
+    pub(super) weak: Vec<Option<WeakRecord>>,
+}
+
+impl EquationsRecord {
+    /// The bytes of what a statistic has of equations, if it has some.
+    pub(super) fn to_bytes(equations: Option<&Self>) -> Vec<u8> {
+        let mut bytes = to_bytes(&equations);
+        if let Some(weak) = equations.map(|equations| &equations.weak).filter(|weak| weak.iter().any(Option::is_some)) {
+            bytes.extend(to_bytes(weak));
+        }
+        bytes
+    }
+
+    /// What [`EquationsRecord::to_bytes`] wrote.
+    pub(super) fn from_bytes(bytes: &[u8]) -> Result<Option<Self>, String> {
+        let (mut equations, rest) =
+            postcard::take_from_bytes::<Option<Self>>(bytes).map_err(|error| error.to_string())?;
+        if let (Some(equations), 1..) = (&mut equations, rest.len()) {
+            equations.weak = from_bytes(rest)?;
+            if equations.weak.len() != equations.groups.len() {
+                return Err("there are other windows than groups".into());
+            }
+        } else if !rest.is_empty() {
+            return Err(format!("{} bytes too many", rest.len()));
+        }
+        Ok(equations)
+    }
 }
 
 /// What the data settled of a difference.
@@ -44,6 +73,15 @@ pub(super) struct GroupRecord {
     weight: Option<String>,
     partition: Option<PartitionRecord>,
     coordinates: Vec<u8>,
+}
+
+/// The windows of a group.
+#[derive(Serialize, Deserialize)]
+pub(super) struct WeakRecord {
+    reach: u64,
+    accuracy: f64,
+    /// What has a rate and whether it is an angle, where there is one; what is averaged.
+    targets: Vec<(Option<(String, bool)>, String)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -100,9 +138,32 @@ impl DifferenceRecord {
     }
 }
 
+impl WeakRecord {
+    pub(super) fn new(weak: &Weak) -> Result<Self, StatisticError> {
+        let rate = |rate: &Rate| Ok::<_, StatisticError>((print(&rate.of)?, rate.angle));
+        let target = |target: &WeakTarget| Ok((target.rate.as_ref().map(rate).transpose()?, print(&target.mean)?));
+        let targets = weak.targets.iter().map(target).collect::<Result<_, StatisticError>>()?;
+        Ok(Self { reach: weak.reach as u64, accuracy: weak.accuracy, targets })
+    }
+
+    fn into_weak(self) -> Result<Weak, String> {
+        let rate = |(of, angle): (String, bool)| Ok::<_, String>(Rate { of: parse(&of)?, angle });
+        let target = |(own, mean): (Option<(String, bool)>, String)| {
+            Ok::<_, String>(WeakTarget { rate: own.map(rate).transpose()?, mean: parse(&mean)? })
+        };
+        let targets = self.targets.into_iter().map(target).collect::<Result<_, _>>()?;
+        let reach = u32::try_from(self.reach).map_err(|error| error.to_string())? as usize;
+        if !(self.accuracy >= 0.0 && self.accuracy.is_finite()) {
+            return Err(format!("windows whose integrals err by {}", self.accuracy));
+        }
+        Ok(Weak { reach, targets, accuracy: self.accuracy })
+    }
+}
+
 impl GroupRecord {
     pub(super) fn new(plan: &SystemPlan) -> Result<Self, StatisticError> {
-        let System { functions, targets, also, sampled, weight, partition } = &plan.system;
+        // The weak form stands in a record of its own.
+        let System { functions, targets, also, sampled, weight, partition, weak: _ } = &plan.system;
         Ok(Self {
             chunk_rows: plan.chunk_rows as u64,
             functions: print_all(functions)?,
@@ -115,12 +176,14 @@ impl GroupRecord {
         })
     }
 
-    pub(super) fn into_plan(self) -> Result<SystemPlan, String> {
+    /// `weak`: the windows of the group.
+    pub(super) fn into_plan(self, weak: Option<WeakRecord>) -> Result<SystemPlan, String> {
         let mut system = System::new(parse_all(&self.functions)?, parse_all(&self.targets)?);
         system.also = parse_all(&self.also)?;
         system.sampled = parse_all(&self.sampled)?;
         system.weight = self.weight.as_deref().map(parse).transpose()?;
         system.partition = self.partition.map(PartitionRecord::into_partition).transpose()?;
+        system.weak = weak.map(WeakRecord::into_weak).transpose()?;
         let chunk_rows = usize::try_from(self.chunk_rows).map_err(|error| error.to_string())?;
         SystemPlan::of_coordinates(system, chunk_rows, &self.coordinates).map_err(|error| error.to_string())
     }

@@ -6,7 +6,7 @@ use fleetfoot_stats::{Keyed, Sum};
 use super::{
     EquationGroup, EquationStatistic, StatisticError,
     container::Sections,
-    equation_records::{DifferenceRecord, EpisodeSumsRecord, EquationsRecord, GroupRecord},
+    equation_records::{DifferenceRecord, EpisodeSumsRecord, EquationsRecord, GroupRecord, WeakRecord},
     file,
     records::to_bytes,
 };
@@ -34,8 +34,10 @@ impl EquationGroup {
 impl EquationStatistic {
     pub(super) fn record(&self) -> Result<EquationsRecord, StatisticError> {
         let difference = |settled: &Option<SettledDifference>| settled.as_ref().map(DifferenceRecord::new);
+        let weak = |group: &EquationGroup| group.plan.system.weak.as_ref().map(WeakRecord::new).transpose();
         Ok(EquationsRecord {
             differences: self.differences.iter().map(difference).collect(),
+            weak: self.groups.iter().map(weak).collect::<Result<_, _>>()?,
             groups: self.groups.iter().map(|group| GroupRecord::new(&group.plan)).collect::<Result<_, _>>()?,
         })
     }
@@ -49,8 +51,9 @@ pub(super) fn systems(
     let damaged = |problem: String| sections.damaged("section `systems`", &problem);
     let settled = |one: Option<DifferenceRecord>| one.map(DifferenceRecord::into_settled).transpose();
     let differences = record.differences.into_iter().map(settled).collect::<Result<_, _>>().map_err(damaged)?;
-    let plans: Vec<SystemPlan> =
-        record.groups.into_iter().map(GroupRecord::into_plan).collect::<Result<_, _>>().map_err(damaged)?;
+    let weak = record.weak.into_iter().chain(std::iter::repeat_with(|| None));
+    let plans = record.groups.into_iter().zip(weak).map(|(group, weak)| group.into_plan(weak));
+    let plans: Vec<SystemPlan> = plans.collect::<Result<_, _>>().map_err(damaged)?;
     let mut groups = Vec::with_capacity(plans.len());
     for plan in plans {
         let hash = plan.hash();

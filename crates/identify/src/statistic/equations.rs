@@ -16,7 +16,7 @@ use super::{StatisticError, scan::refuse_text};
 use crate::{
     Dataset, Error, Recipe, Task,
     narx::Summed,
-    sindy::{EquationTask, Frozen, SettledDifference, regions, specification},
+    sindy::{EquationTask, Frozen, SettledDifference, WeakForm, regions, specification},
 };
 
 /// The equations of a recipe, ready to be fitted in each of its partitions.
@@ -103,6 +103,7 @@ impl EquationStatistic {
             refuse_text(read.iter().chain(&labels), &task.aliases, dataset.fields())?;
             let mut own: Vec<String> = task.narrowed_note().into_iter().collect();
             let frozen = Frozen::differentiated(task.clone(), &view, &mut own)?;
+            let frozen = frozen.windowed(WeakForm::new(&recipe.sindy)?, &view, &mut own)?;
             let seed = recipe.sindy.seed.unwrap_or(0);
             let partition = frozen.partition(recipe, seed, dataset.step(), &view, &mut own, progress)?;
             let plan = SystemPlan::new(frozen.task.summed(partition), chunk_rows, &view)?;
@@ -229,7 +230,8 @@ impl EquationStatistic {
         let mut systems: Vec<System> = Vec::new();
         let recipes = Self::recipes(recipe)?;
         for (recipe, task) in recipes.iter().zip(Self::tasks(recipe, fields)?) {
-            let task = task.differentiated_like(&raw, &self.differences);
+            let mut task = task.differentiated_like(&raw, &self.differences);
+            task.windows = WeakForm::new(&recipe.sindy)?.like(self.groups.first());
             systems.push(task.summed(placeholder(specification(recipe)?.as_ref(), &task.partition_columns)));
         }
         for recipe in &recipes {
@@ -331,7 +333,8 @@ pub(crate) fn piecewise(recipe: &Recipe, fields: &[Column], step: f64) -> Result
 ///
 /// What the other has beside them are products of them, so that the same rows are complete.
 fn covers(held: &System, wanted: &System) -> Option<Vec<usize>> {
-    let same = (&held.targets, &held.weight, &held.also) == (&wanted.targets, &wanted.weight, &wanted.also);
+    let same = (&held.targets, &held.weight, &held.also, &held.weak)
+        == (&wanted.targets, &wanted.weight, &wanted.also, &wanted.weak);
     if !same || looks(held.partition.as_ref()) != looks(wanted.partition.as_ref()) {
         return None;
     }
@@ -371,5 +374,5 @@ pub(super) fn unserved(error: &Error) -> String {
 
 /// Expressions that cannot be kept in a file.
 pub(super) fn refuse_unprintable(statistic: &EquationStatistic) -> Result<(), StatisticError> {
-    statistic.groups.iter().try_for_each(|group| super::equation_records::GroupRecord::new(&group.plan).map(|_| ()))
+    statistic.record().map(|_| ())
 }

@@ -300,7 +300,7 @@ impl StatisticFile {
         }
         writer.section("also", &self.scanned.also.to_bytes()).map_err(io)?;
         let equations = self.equations.as_ref().map(EquationStatistic::record).transpose()?;
-        writer.section("systems", &to_bytes(&equations)).map_err(io)?;
+        writer.section("systems", &EquationsRecord::to_bytes(equations.as_ref())).map_err(io)?;
         for group in groups {
             for (name, bytes) in GROUP_SECTIONS.into_iter().zip(group.sections()) {
                 writer.section(name, &bytes).map_err(io)?;
@@ -365,7 +365,8 @@ impl StatisticFile {
             *task = TaskStats { preconditioner: preconditioner.clone(), stats };
         }
         scanned.also = statistics(&mut sections, "also", &hash, plan.also.len())?;
-        let equations = match record::<Option<EquationsRecord>>(&mut sections, "systems")? {
+        let equations = EquationsRecord::from_bytes(sections.next("systems")?);
+        let equations = match equations.map_err(|problem| sections.damaged("section `systems`", &problem))? {
             Some(equations) => Some(systems(&mut sections, equations)?),
             None => None,
         };

@@ -75,6 +75,10 @@ class SINDy(Identifier):
     objective : str, default="one-step"
         What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
         simulate rows that did not train better; ``report_["objective"]`` tells.
+    weak : int or {"auto", "off"}, optional
+        Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated;
+        ``"auto"`` finds a length by the signals. When not given there are windows where more than a fifth of the variance of
+        some state's differences is noise; ``report_["weak"]`` tells.
     folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
@@ -143,6 +147,7 @@ class SINDy(Identifier):
         kappa: float | None = None,
         select: str = "one-se",
         objective: str = "one-step",
+        weak: int | str | None = None,
         folds: int | str = "auto",
         ensemble: str | None = None,
         inclusion: float = 0.6,
@@ -180,6 +185,7 @@ class SINDy(Identifier):
         self.kappa = kappa
         self.select = select
         self.objective = objective
+        self.weak = weak
         self.folds = folds
         self.ensemble = ensemble
         self.inclusion = inclusion
@@ -250,6 +256,7 @@ class SINDy(Identifier):
             kappa=self._real("kappa"),
             select=self._said("select"),
             objective=self._said("objective"),
+            weak=self._real("weak", "auto", "off"),
             folds=self._text("folds"),
             ensemble=self._said("ensemble"),
             inclusion=self._real("inclusion"),

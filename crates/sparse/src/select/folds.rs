@@ -259,7 +259,7 @@ fn purged_chunks(purge: Purge, share: f64, chunks: &[((EpisodeId, u32), u64)]) -
     let span = share * chunks.iter().map(|(_, rows)| *rows as f64).sum::<f64>();
     let gap = purge.rows(span as usize) as u64;
     let chunks = match purge {
-        Purge::Exactly(_) => gap.div_ceil(longest),
+        Purge::Exactly(_) | Purge::Overlapping { .. } => gap.div_ceil(longest),
         Purge::Correlated(_) => gap.div_ceil(longest).min(Purge::TENTH.rows(span as usize) as u64 / longest),
     };
     u32::try_from(chunks).unwrap_or(u32::MAX)

@@ -9,6 +9,7 @@ use super::{
     System, SystemError,
     columns::Columns,
     polynomial::{Monomials, Polynomial},
+    windows::WindowRows,
 };
 
 /// Rows of the pilot that a factor is made of, at most.
@@ -97,7 +98,9 @@ impl SystemPlan {
         let bytes = coordinates.bytes();
         Grid::check(source.episodes(), system.regions(), bytes)?;
         let default = || Grid::for_budget(source.rows(), system.regions(), bytes, BUDGET, FINE);
-        let chunk_rows = chunk_rows.unwrap_or_else(default).max(1);
+        // Half a window has few neighbours that it shares rows with.
+        let least = system.weak.as_ref().map_or(1, |weak| weak.reach);
+        let chunk_rows = chunk_rows.unwrap_or_else(|| default().max(least)).max(1);
         Ok(Self { system, chunk_rows, coordinates })
     }
 
@@ -146,7 +149,7 @@ impl SystemPlan {
                 let fits = (found.regressors(), found.targets()) == shape;
                 Coordinates::General(Some(found).filter(|_| fits).ok_or(SystemError::Coordinates)?)
             }
-            Some((&MOMENTS, bytes)) if !is_partitioned(&system) => {
+            Some((&MOMENTS, bytes)) if !is_partitioned(&system) && system.weak.is_none() => {
                 let monomials = Monomials::recognise(&system.functions).ok_or(SystemError::Coordinates)?;
                 let polynomial = monomials.restore(bytes, system.targets.len()).ok_or(SystemError::Coordinates)?;
                 Coordinates::Polynomial(Box::new(polynomial))
@@ -199,7 +202,7 @@ fn is_partitioned(system: &System) -> bool {
 
 /// The plan of moments, if the system is one for them.
 fn polynomial(system: &System, source: &dyn Source) -> Result<Option<Polynomial>, SystemError> {
-    if is_partitioned(system) {
+    if is_partitioned(system) || system.weak.is_some() {
         return Ok(None);
     }
     let Some(monomials) = Monomials::recognise(&system.functions).filter(|monomials| monomials.degree > 1) else {
@@ -221,11 +224,16 @@ fn pilot(system: &System, source: &dyn Source) -> Result<Preconditioner, SystemE
     Ok(Preconditioner::from_pilot(matrix, columns.regressors))
 }
 
-/// Regressors and targets of the pilot's rows, one vector a column.
+/// Regressors and targets of the pilot's rows, or windows, one vector a column.
 fn sample(columns: &Columns, source: &dyn Source) -> Result<Vec<Vec<f64>>, SystemError> {
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.dimension()];
-    let mut rows = DesignRows::default();
+    let (mut rows, mut windows) = (DesignRows::default(), WindowRows::default());
     pilot_tiles(source, columns.halo(), |episode, block, tile| {
+        if let Some(weak) = &columns.weak {
+            windows.evaluate((columns, weak), block, &episode.name, tile)?;
+            values.iter_mut().zip(windows.outputs(columns)).for_each(|(all, some)| all.extend_from_slice(some));
+            return Ok(());
+        }
         columns.evaluate(block, &episode.name, tile, &mut rows)?;
         for (column, all) in values.iter_mut().enumerate() {
             all.extend_from_slice(rows.output(column));

@@ -2,9 +2,9 @@
 
 use fleetfoot_data::Source;
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_stats::pilot_tiles;
+use fleetfoot_stats::{Gram, pilot_tiles};
 
-use super::SystemError;
+use super::{SystemError, columns::slices};
 
 /// The mean square of every expression over the complete rows of a strided sample; 0 without rows.
 ///
@@ -27,6 +27,24 @@ pub fn sampled_mean_squares(expressions: &[Expr], source: &dyn Source) -> Result
         Ok::<_, SystemError>(())
     })?;
     Ok(sums.into_iter().map(|sum| sum / (count as f64).max(1.0)).collect())
+}
+
+/// The variance of every expression over the complete rows of a strided sample; 0 without rows.
+///
+/// # Errors
+/// A column does not exist, or the source cannot be read.
+pub fn sampled_variances(expressions: &[Expr], source: &dyn Source) -> Result<Vec<f64>, SystemError> {
+    let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
+    let design = Design::compile(expressions, &names)?;
+    let (mut total, mut rows) = (Gram::new(expressions.len()), DesignRows::default());
+    pilot_tiles(source, design.halo(), |_, block, tile| {
+        design.evaluate(block, tile, &mut rows);
+        if rows.rows() > 0 {
+            total.merge(&Gram::of_columns(&slices(&rows.values, expressions.len()), None));
+        }
+        Ok::<_, SystemError>(())
+    })?;
+    Ok((0..expressions.len()).map(|j| total.get(j, j) / total.weight.max(1.0)).collect())
 }
 
 #[cfg(test)]

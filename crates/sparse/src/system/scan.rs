@@ -15,6 +15,8 @@ use super::{
     columns::{Columns, Tile, slices},
     plan::Coordinates,
     ranges::{RangesScratch, extremes},
+    weak::Weak,
+    windows::WindowRows,
 };
 
 /// Rows of a chunk on which [`System::sampled`] is evaluated, its first ones.
@@ -151,6 +153,7 @@ struct Part {
     sampled: Gram,
     told: EpisodeSums,
     rows: DesignRows,
+    windows: WindowRows,
     regions: Vec<u32>,
 }
 
@@ -177,6 +180,7 @@ impl Part {
             sampled: Gram::new(system.sampled.len()),
             told: plan.no_rows(),
             rows: DesignRows::default(),
+            windows: WindowRows::default(),
             regions: Vec::with_capacity(columns.tile_rows()),
         }
     }
@@ -190,9 +194,13 @@ impl Part {
         block: &Block,
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
+        let tiles = tile.clone().step_by(columns.tile_rows());
+        let mut tiles = tiles.map(|from| (from, (from + columns.tile_rows()).min(tile.end)));
+        if let Some(weak) = &columns.weak {
+            return tiles.try_for_each(|(from, to)| self.add_windows(plan, (columns, weak), episode, block, from..to));
+        }
         let mut rows = std::mem::take(&mut self.rows);
-        for from in tile.clone().step_by(columns.tile_rows()) {
-            let to = (from + columns.tile_rows()).min(tile.end);
+        for (from, to) in tiles {
             columns.evaluate(block, episode, from..to, &mut rows)?;
             self.told.counts.complete += rows.rows() as u64;
             self.told.counts.at_border += rows.at_border;
@@ -209,6 +217,7 @@ impl Part {
         let (n, d) = (rows.rows(), columns.dimension());
         let tile = columns.split(rows);
         self.assign(&plan.system, &tile, n);
+        self.count_unassigned();
         if !tile.also.is_empty() {
             let also = slices(tile.also, plan.system.also.len());
             self.also.merge(&Gram::of_columns(&also, tile.weights));
@@ -229,6 +238,49 @@ impl Part {
             }
             _ => unreachable!("a part sums what its plan says"),
         }
+    }
+
+    /// Adds the windows around the rows of a tile. Ranges and further moments are those of the rows.
+    fn add_windows(
+        &mut self,
+        plan: &SystemPlan,
+        (columns, weak): (&Columns, &Weak),
+        episode: &str,
+        block: &Block,
+        tile: Range<usize>,
+    ) -> Result<(), SystemError> {
+        let mut windows = std::mem::take(&mut self.windows);
+        windows.evaluate((columns, weak), block, episode, tile)?;
+        let n = windows.count();
+        self.told.counts.complete += n as u64;
+        self.told.counts.at_border += windows.at_border;
+        self.told.counts.incomplete += windows.incomplete;
+        let (rows, own) = (columns.split(&windows.rows), windows.own.clone());
+        let of_tile = |values: &[f64], count: usize| -> Vec<Vec<f64>> {
+            slices(values, count).into_iter().map(|column| column[own.clone()].to_vec()).collect()
+        };
+        let also = of_tile(rows.also, plan.system.also.len());
+        if !also.is_empty() && !own.is_empty() {
+            let also: Vec<&[f64]> = also.iter().map(Vec::as_slice).collect();
+            self.also.merge(&Gram::of_columns(&also, rows.weights.map(|weights| &weights[own.clone()])));
+        }
+        self.assign(&plan.system, &rows, windows.rows.rows());
+        let of_rows = std::mem::take(&mut self.regions);
+        self.regions = of_rows.get(own.clone()).map(<[u32]>::to_vec).unwrap_or_default();
+        let functions = slices(rows.regression, columns.dimension());
+        let functions: Vec<&[f64]> =
+            functions[..columns.regressors].iter().map(|column| &column[own.clone()]).collect();
+        self.add_ranges(&functions);
+        self.regions = if of_rows.is_empty() { of_rows } else { windows.regions(weak, &of_rows) };
+        self.count_unassigned();
+        if let (Coordinates::General(preconditioner), 1..) = (&plan.coordinates, n) {
+            let d = columns.dimension();
+            preconditioner.apply(MatMut::from_column_major_slice_mut(&mut windows.values, n, d));
+            let weights = Some(windows.weights.as_slice()).filter(|weights| !weights.is_empty());
+            self.add_products(MatRef::from_column_major_slice(&windows.values, n, d), weights);
+        }
+        self.windows = windows;
+        Ok(())
     }
 
     fn add_products(&mut self, z: MatRef<'_, f64>, weights: Option<&[f64]>) {
@@ -255,6 +307,9 @@ impl Part {
             slices(tile.partition, partition.columns.len()).into_iter().map(<[f64]>::to_vec).collect();
         partition.standardise(&mut z.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
         partition.rule.assign(&z.iter().map(Vec::as_slice).collect::<Vec<_>>(), &mut self.regions);
+    }
+
+    fn count_unassigned(&mut self) {
         self.told.unassigned += self.regions.iter().filter(|&&region| region == u32::MAX).count() as u64;
     }
 

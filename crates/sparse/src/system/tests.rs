@@ -9,6 +9,7 @@ use super::*;
 
 mod polynomial;
 mod sums;
+mod weak;
 
 /// Lorenz trajectories, by Runge-Kutta steps; `offset` is added to every state, and a little noise that is no polynomial.
 fn lorenz(episodes: usize, rows: usize, dt: f64, offset: f64, noise: f64) -> MemorySource {
