@@ -125,7 +125,11 @@ fn sign_name(constraints: &Constraints, j: usize) -> String {
     }
 }
 
-/// The interior point, then the active constraints as equalities: whichever has the better certificate.
+/// A certificate that is rounding: the active constraints are the right ones, and least squares under them as accurate as they can be. Along weak directions an
+/// interior point may have such a certificate by chance while its coefficients are a millionth off.
+const ROUNDING: f64 = 1e-12;
+
+/// The interior point, then the active constraints as equalities: whichever has the better certificate, the latter where its own is rounding.
 fn minimise(
     scaled: &Scaled,
     options: &ConstrainedOptions,
@@ -151,7 +155,8 @@ fn minimise(
     let guess = Guess::new(scaled, &point, &active, &zero);
     let mut interior = point;
     interior.delta.iter_mut().zip(&zero).filter(|(_, zero)| **zero).for_each(|(delta, _)| *delta = 0.0);
-    let better = |polished: &Point| judge(scaled, polished).0.worst() <= judge(scaled, &interior).0.worst();
+    let better =
+        |polished: &Point| judge(scaled, polished).0.worst() <= judge(scaled, &interior).0.worst().max(ROUNDING);
     Ok(polish(scaled, guess).filter(better).unwrap_or(interior))
 }
 
