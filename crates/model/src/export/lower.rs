@@ -206,6 +206,8 @@ impl Lowering<'_> {
                 // The counter holds the cell until the table gives its region.
                 let own = regions.iter().map(|&own| own as usize + base).collect();
                 let table = self.table("joined", *number, "Region of each cell.", 16, Values::Indices(own));
+                // The cells' rule stands in this one's place: it finds the counter as this one did.
+                *number -= 1;
                 let mut body = self.rule(cells, place, 0, region, number);
                 let joined = Index::table(&table, Index::local(region));
                 body.push(Statement::SetCounter(region.to_owned(), joined));
