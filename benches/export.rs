@@ -71,7 +71,6 @@ fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: 
         scale: vec![1.0; if regions > 1 { states } else { 0 }],
         columns: if regions > 1 { names } else { Vec::new() },
         rule,
-        transitions: None,
         regions: (0..regions)
             .map(|region| Region {
                 name: region.to_string(),
@@ -85,6 +84,7 @@ fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: 
                 confounded: Vec::new(),
             })
             .collect(),
+        ..Partition::whole()
     });
     model.libraries.push(functions);
     for state in 0..states {

@@ -111,7 +111,7 @@ fn from_logs_to_a_scored_model() {
 #[test]
 fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
     let folder = logs();
-    for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2")] {
+    for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2"), ("lattice:3", "2")] {
         let fit = |threads: &str, files: &[&str], output: &str| {
             let mut arguments = vec!["fit", "pwa", "-c", "robot.toml", "--partition", partition, "--folds", folds];
             arguments.extend(["--threads", threads, "-o", output]);
@@ -124,6 +124,32 @@ fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
         assert!(one == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"), "{partition}");
         assert!(one == fit("7", &files, "c.json"), "{partition}");
     }
+}
+
+#[test]
+fn joined_cells_go_the_whole_way() {
+    let folder = logs();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let fit = ["fit", "pwa", "-c", "robot.toml", "--folds", "4", "-o", "model.json", "--partition"];
+    let fitted = run(&[&fit[..], &["average,lattice:2..4", "runs", "--json"]].concat()).json();
+    let loss = |at: usize| fitted["candidates"][at]["loss"].as_f64().unwrap();
+    assert!(loss(3) < 0.5 * loss(0), "{fitted:#}");
+    let show = run(&["show", "model.json"]).out;
+    assert!(show.contains("joined from") && show.contains("<- this model"), "{show}");
+    let transitions = run(&["show", "model.json", "--transitions"]).out;
+    assert!(transitions.contains("transitions of lattice:"), "{transitions}");
+    run(&["score", "model.json", "held-out.csv"]);
+    run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "--starts", "20"]);
+    for to in ["c", "rust", "python", "latex", "npz"] {
+        run(&["export", "model.json", "--to", to, "--prefix", "robot", "-o", "code"]);
+    }
+    let code = fs::read_to_string(folder.path().join("code/robot.c")).unwrap();
+    assert!(code.contains("Region of each cell."), "{code}");
+    // The regions stand in a statistic too, made once on all rows.
+    run(&["scan", "-c", "robot.toml", "runs", "--partition", "lattice:3", "-o", "run.stats"]);
+    let told =
+        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "lattice:3", "-o", "told.json"]).ok();
+    assert!(told.out.contains("lattice:3"), "{}", told.out);
 }
 
 #[test]
@@ -196,7 +222,7 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
         model["model"]["training"]["episodes"] = serde_json::Value::Null;
         (ids, model)
     };
-    for partition in ["kmeans:4", "refined:3"] {
+    for partition in ["kmeans:4", "refined:3", "lattice:3"] {
         assert_eq!(fit(partition, &["whole.csv"], "a.json"), fit(partition, &["second.csv", "first.csv"], "b.json"));
     }
 }

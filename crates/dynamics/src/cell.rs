@@ -32,7 +32,9 @@ enum CellRule {
 
 /// `argmax_i (w_i . z + b_i)`, one vector lane a region.
 struct Linear {
+    /// Cells, and the regions that they are or are joined to.
     count: usize,
+    regions: usize,
     width: usize,
     /// Columns x width.
     weights: Aligned,
@@ -42,6 +44,8 @@ struct Linear {
     nearness: Aligned,
     /// 0, 1, 2, ...
     indices: Aligned,
+    /// The region of each cell, where cells are joined to regions.
+    joined: Option<Vec<usize>>,
     largest_weight: f64,
     largest_offset: f64,
 }
@@ -78,7 +82,13 @@ impl Cells {
         cells.rule = match &regions.rule {
             Rule::Whole => return Some(cells),
             Rule::Ball { radius } => CellRule::Ball { radius: *radius },
-            Rule::Linear { weights, offsets } => CellRule::Linear(Linear::new(weights, offsets, columns.len())),
+            Rule::Linear { weights, offsets } => CellRule::Linear(Linear::new(weights, offsets, columns.len(), None)),
+            Rule::Joined { cells, regions } => match &**cells {
+                Rule::Linear { weights, offsets } => {
+                    CellRule::Linear(Linear::new(weights, offsets, columns.len(), Some(regions)))
+                }
+                _ => return None,
+            },
             Rule::Labels { .. } => return None,
         };
         cells.columns = columns.to_vec();
@@ -98,7 +108,7 @@ impl Cells {
         match &self.rule {
             CellRule::Whole => 1,
             CellRule::Ball { .. } => 2,
-            CellRule::Linear(linear) => linear.count,
+            CellRule::Linear(linear) => linear.regions,
         }
     }
 
@@ -208,21 +218,27 @@ impl Cells {
     /// The region of a cell that was searched for where it is; `None` where a standardised column is not a number.
     #[inline(always)]
     pub(crate) fn region(&self, cell: &Cell) -> Option<usize> {
-        (!cell.size.is_nan() && cell.region < self.count()).then_some(cell.region)
+        let found = match &self.rule {
+            CellRule::Linear(Linear { joined: Some(regions), .. }) => *regions.get(cell.region)?,
+            _ => cell.region,
+        };
+        (!cell.size.is_nan() && found < self.count()).then_some(found)
     }
 }
 
 impl Linear {
-    fn new(weights: &[Vec<f64>], offsets: &[f64], columns: usize) -> Self {
+    fn new(weights: &[Vec<f64>], offsets: &[f64], columns: usize, joined: Option<&[u32]>) -> Self {
         let count = offsets.len();
         let width = padded(count);
         let mut linear = Self {
             count,
+            regions: joined.map_or(count, |regions| regions.iter().max().map_or(0, |&last| last as usize + 1)),
             width,
             weights: Aligned::new(columns * width, 0.0),
             offsets: Aligned::new(width, f64::NEG_INFINITY),
             nearness: Aligned::new(count * width, 1.0),
             indices: Aligned::from_slice(&(0..width).map(|i| i as f64).collect::<Vec<_>>()),
+            joined: joined.map(|regions| regions.iter().map(|&region| region as usize).collect()),
             largest_weight: 0.0,
             largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
         };
@@ -234,11 +250,12 @@ impl Linear {
             linear.largest_weight = linear.largest_weight.max(row.iter().map(|w| w * w).sum::<f64>().sqrt());
             for (j, other) in weights.iter().enumerate() {
                 let distance = row.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-                // Equal weights: the order of the two never changes. The region itself, whose lead is nothing but the
+                let together = joined.is_some_and(|regions| regions[i] == regions[j]);
+                // Equal weights: the order of the two never changes; of two cells of one region it does not matter. The region itself, whose lead is nothing but the
                 // rounding subtracted from 0, is no rival.
                 linear.nearness[i * width + j] = match distance {
                     _ if i == j => f64::NEG_INFINITY,
-                    d if d > 1e-300 => 1.0 / d,
+                    d if d > 1e-300 && !together => 1.0 / d,
                     _ => 1e300,
                 };
             }

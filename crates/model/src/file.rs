@@ -4,13 +4,17 @@
 //! the shortest form that reads back to the same bits, and NaN and the infinities (which JSON lacks) as strings. The checksum covers the canonical
 //! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Transitions, UnseenLabel,
+    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule, Training,
+    Transitions, UnseenLabel,
 };
 
 /// Version of the file format that this version writes and reads.
@@ -205,6 +209,26 @@ struct PartitionText {
     /// Counts, from region to region; empty where there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     transitions: Vec<Vec<u64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lattice: Option<LatticeText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LatticeText {
+    /// Region that stands for both, region that is gone, training error then.
+    joins: Vec<(u32, u32, Real)>,
+    levels: Vec<LevelText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LevelText {
+    regions: usize,
+    training: Real,
+    held_out: Real,
+    standard_error: Real,
+    bic: Real,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -213,6 +237,7 @@ enum RuleText {
     Whole,
     Ball { radius: Real },
     Linear { weights: Vec<Reals>, offsets: Reals },
+    Joined { cells: Box<RuleText>, regions: Vec<u32> },
     Labels { values: Reals, names: Vec<String>, rules: Vec<RuleText>, pool_unseen: bool },
 }
 
@@ -337,6 +362,7 @@ impl ModelText {
                     rule: p.rule.into_rule(),
                     regions: p.regions.into_iter().map(RegionText::into_region).collect(),
                     transitions: (!p.transitions.is_empty()).then_some(Transitions { counts: p.transitions }),
+                    lattice: p.lattice.map(LatticeText::into_lattice),
                 })
             })
             .collect::<Result<Vec<_>, String>>()?;
@@ -390,6 +416,40 @@ impl From<&Partition> for PartitionText {
             rule: RuleText::from(&p.rule),
             regions: p.regions.iter().map(RegionText::from).collect(),
             transitions: p.transitions.as_ref().map_or_else(Vec::new, |transitions| transitions.counts.clone()),
+            lattice: p.lattice.as_ref().map(LatticeText::from),
+        }
+    }
+}
+
+impl From<&Lattice> for LatticeText {
+    fn from(lattice: &Lattice) -> Self {
+        let level = |level: &Level| LevelText {
+            regions: level.regions,
+            training: Real(level.training),
+            held_out: Real(level.held_out),
+            standard_error: Real(level.standard_error),
+            bic: Real(level.bic),
+        };
+        Self {
+            joins: lattice.joins.iter().map(|join| (join.kept, join.gone, Real(join.training))).collect(),
+            levels: lattice.levels.iter().map(level).collect(),
+        }
+    }
+}
+
+impl LatticeText {
+    fn into_lattice(self) -> Lattice {
+        let level = |level: LevelText| Level {
+            regions: level.regions,
+            training: level.training.0,
+            held_out: level.held_out.0,
+            standard_error: level.standard_error.0,
+            bic: level.bic.0,
+        };
+        let join = |(kept, gone, training): (u32, u32, Real)| Join { kept, gone, training: training.0 };
+        Lattice {
+            joins: self.joins.into_iter().map(join).collect(),
+            levels: self.levels.into_iter().map(level).collect(),
         }
     }
 }
@@ -400,6 +460,9 @@ impl From<&Rule> for RuleText {
             Rule::Whole => RuleText::Whole,
             Rule::Ball { radius } => RuleText::Ball { radius: Real(*radius) },
             Rule::Linear { weights, offsets } => RuleText::Linear { weights: rows(weights), offsets: reals(offsets) },
+            Rule::Joined { cells, regions } => {
+                RuleText::Joined { cells: Box::new(RuleText::from(cells.as_ref())), regions: regions.clone() }
+            }
             Rule::Labels { values, names, rules, unseen } => RuleText::Labels {
                 values: reals(values),
                 names: names.clone(),
@@ -418,6 +481,7 @@ impl RuleText {
             RuleText::Linear { weights, offsets } => {
                 Rule::Linear { weights: weights.into_iter().map(floats).collect(), offsets: floats(offsets) }
             }
+            RuleText::Joined { cells, regions } => Rule::Joined { cells: Arc::new(cells.into_rule()), regions },
             RuleText::Labels { values, names, rules, pool_unseen } => Rule::Labels {
                 values: floats(values),
                 names,

@@ -34,6 +34,7 @@ mod export;
 mod file;
 mod latent;
 mod latent_groups;
+mod lattice;
 mod partition;
 mod print;
 mod region;
@@ -51,7 +52,8 @@ pub use export::{
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
-pub use partition::{Partition, Rule, UnseenLabel};
+pub use lattice::{Join, Lattice, Level};
+pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use print::{describe, describe_transitions, factor};
 pub use region::{Region, Training};
 pub use transitions::Transitions;

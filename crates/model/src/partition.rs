@@ -5,6 +5,8 @@
 //! `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
 //! Models for a Running Robot").
 
+use std::sync::Arc;
+
 use fleetfoot_library::Expr;
 
 /// A partition of the state space into regions.
@@ -24,6 +26,8 @@ pub struct Partition {
     pub regions: Vec<crate::Region>,
     /// Which region follows which, where it was counted.
     pub transitions: Option<crate::Transitions>,
+    /// The tree of joins that the regions are a level of, where they are.
+    pub lattice: Option<crate::Lattice>,
 }
 
 /// How a region follows from standardised columns.
@@ -42,6 +46,13 @@ pub enum Rule {
         weights: Vec<Vec<f64>>,
         /// One offset per region.
         offsets: Vec<f64>,
+    },
+    /// Cells of another rule, several of which make a region: regions need be neither convex nor in one piece.
+    Joined {
+        /// Whose regions the cells are; shared by all levels of a tree.
+        cells: Arc<Rule>,
+        /// The region of each cell.
+        regions: Vec<u32>,
     },
     /// By the value of the last column; every label has a rule of its own for the other columns. Regions are numbered label by label.
     Labels {
@@ -78,6 +89,7 @@ impl Rule {
             Rule::Whole => 1,
             Rule::Ball { .. } => 2,
             Rule::Linear { offsets, .. } => offsets.len(),
+            Rule::Joined { regions, .. } => regions.iter().max().map_or(0, |&last| last as usize + 1),
             Rule::Labels { rules, unseen, .. } => {
                 rules.iter().map(Rule::count).sum::<usize>() + usize::from(*unseen == UnseenLabel::Pool)
             }
@@ -92,6 +104,10 @@ impl Rule {
             Rule::Ball { radius } => ball(z, *radius, regions),
             Rule::Linear { weights, offsets } => {
                 pulp::Arch::new().dispatch(Linear { weights, offsets, z, regions });
+            }
+            Rule::Joined { cells, regions: table } => {
+                cells.assign(z, regions);
+                join(table, regions);
             }
             Rule::Labels { values, rules, unseen, .. } => labels(values, rules, *unseen, z, regions),
         }
@@ -126,6 +142,7 @@ impl Partition {
             rule: Rule::Whole,
             regions: Vec::new(),
             transitions: None,
+            lattice: None,
         }
     }
 
@@ -134,7 +151,7 @@ impl Partition {
         match &self.rule {
             Rule::Whole => "all".into(),
             Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
-            Rule::Linear { .. } => region.to_string(),
+            Rule::Linear { .. } | Rule::Joined { .. } => region.to_string(),
             Rule::Labels { names, rules, .. } => {
                 let mut offset = 0;
                 for (name, rule) in names.iter().zip(rules) {
@@ -155,6 +172,13 @@ impl Partition {
                 *value = (*value - centre) / scale;
             }
         }
+    }
+}
+
+/// Cells to regions, in place; what has no cell has no region.
+pub fn join(table: &[u32], cells: &mut [u32]) {
+    for cell in cells {
+        *cell = table.get(*cell as usize).copied().unwrap_or(u32::MAX);
     }
 }
 
@@ -260,6 +284,16 @@ mod tests {
         }
         assert_eq!(rule.assign_row(&[1.0, -1.0]), Some(0), "the lowest index wins a tie");
         assert_eq!(rule.assign_row(&[f64::NAN, 0.0]), None);
+    }
+
+    #[test]
+    fn joined_cells_are_one_region_wherever_they_lie() {
+        let cells = Arc::new(Rule::voronoi(vec![vec![-2.0], vec![0.0], vec![2.0]]));
+        let rule = Rule::Joined { cells, regions: vec![1, 0, 1] };
+        assert_eq!(rule.count(), 2);
+        let mut regions = [9; 4];
+        rule.assign(&[&[-3.0, 0.5, 1.5, f64::NAN]], &mut regions);
+        assert_eq!(regions, [1, 0, 1, u32::MAX]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use fleetfoot_library::Expr;
 
-use crate::{Latent, Model, Prediction, Region, Rule};
+use crate::{Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule};
 
 /// The model as text: columns, equations, and per region its size, rank and coefficients.
 ///
@@ -84,6 +84,9 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         let columns: Vec<String> = partition.columns.iter().map(ToString::to_string).collect();
         let _ = writeln!(out, "  on {}", columns.join(", "));
     }
+    if let Some(lattice) = &partition.lattice {
+        describe_tree(out, partition, lattice);
+    }
     let mut order: Vec<usize> = (0..partition.regions.len()).collect();
     order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
     let total: u64 = partition.regions.iter().map(|region| region.rows).sum();
@@ -113,6 +116,47 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
     if order.len() > limit {
         let _ = writeln!(out, "\n  and {} smaller regions", order.len() - limit);
     }
+}
+
+/// Lines of a tree that are printed, at most.
+const LEVELS: usize = 24;
+
+/// The levels of the tree of joins, and how the regions would be joined on.
+fn describe_tree(out: &mut String, partition: &Partition, lattice: &Lattice) {
+    let Rule::Joined { regions: cells, .. } = &partition.rule else { return };
+    let count = partition.rule.count();
+    let _ = writeln!(
+        out,
+        "\n  joined from {} cells; squared errors over variance:\n    regions    training    held out  standard error         BIC",
+        cells.len()
+    );
+    let every = lattice.levels.len().div_ceil(LEVELS).max(1);
+    for (at, level) in lattice.levels.iter().enumerate() {
+        if at % every == 0 || at + 1 == lattice.levels.len() || level.regions == count {
+            describe_level(out, level, level.regions == count);
+        }
+    }
+    let last = &lattice.joins[lattice.joins.len().saturating_sub(LEVELS)..];
+    if !last.is_empty() {
+        let _ = writeln!(out, "\n  the joins to follow, with the training error then:");
+    }
+    for join in last {
+        let _ = writeln!(out, "    {:>3} joins {:<3}  {:>10}", join.gone, join.kept, short(join.training));
+    }
+}
+
+fn describe_level(out: &mut String, level: &Level, own: bool) {
+    let known = |value: f64| if value.is_nan() { "-".to_owned() } else { short(value) };
+    let _ = writeln!(
+        out,
+        "    {:>7}  {:>10}  {:>10}  {:>14}  {:>10}{}",
+        level.regions,
+        short(level.training),
+        known(level.held_out),
+        known(level.standard_error),
+        short(level.bic),
+        if own { "  <- this model" } else { "" }
+    );
 }
 
 /// Which region follows which, for people: shares of a region's rows by the region one sample later, and how long a visit lasts. `None` where no partition of

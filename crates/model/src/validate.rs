@@ -1,6 +1,6 @@
 //! A model's parts must fit together before anybody computes with it.
 
-use crate::{Model, Partition, Region, Role, Rule};
+use crate::{Join, Model, Partition, Region, Role, Rule};
 
 impl Model {
     /// Checks that indices, lengths and names agree; the message says what does not.
@@ -107,6 +107,13 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
             return Err(format!("partition {name}: transitions are not {count} x {count}"));
         }
     }
+    if let Some(lattice) = &partition.lattice {
+        let count = partition.rule.count();
+        let known = |join: &Join| [join.kept, join.gone].iter().all(|&region| (region as usize) < count);
+        if lattice.joins.len() + 1 != count || !lattice.joins.iter().all(known) {
+            return Err(format!("partition {name}: {} joins of {count} regions", lattice.joins.len()));
+        }
+    }
     for region in &partition.regions {
         check_region(region, functions, fitted)
             .map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;
@@ -138,6 +145,12 @@ fn check_rule(rule: &Rule, columns: usize) -> Result<(), String> {
                 return Err(format!("{} x {columns} weights and {} offsets do not fit", weights.len(), offsets.len()));
             }
             Ok(())
+        }
+        Rule::Joined { cells, regions } => {
+            if !matches!(**cells, Rule::Linear { .. }) || regions.is_empty() || regions.len() != cells.count() {
+                return Err(format!("{} of {} cells have a region", regions.len(), cells.count()));
+            }
+            check_rule(cells, columns)
         }
         Rule::Labels { values, names, rules, .. } => {
             if columns == 0 || values.is_empty() || values.len() != names.len() || values.len() != rules.len() {

@@ -30,7 +30,7 @@ pub(crate) struct Errors {
     pub(crate) deviation: Vec<f64>,
     /// Scatter of the residuals of each kept model in each of its regions.
     pub(crate) residuals: Vec<Scatter>,
-    /// Which region follows which, of each kept model of a refined partition.
+    /// Which region follows which, of each kept model whose regions fit the dynamics.
     pub(crate) walks: Vec<Option<Walks>>,
     /// Sums of absolute errors by (episode, fold), in the order of the chunks.
     parts: Vec<((usize, u16), PartErrors)>,
@@ -179,8 +179,8 @@ impl Measure<'_> {
 
     /// Room for the transitions of a candidate, where they are wanted: other partitions may have regions whose pairs fill the memory.
     fn walks(&self, candidate: usize) -> Option<Walks> {
-        let refined = self.segmentation.candidates[candidate].specification.is_refined();
-        refined.then(|| Walks::new(self.orders[candidate].full.len()))
+        let fits = self.segmentation.candidates[candidate].specification.fits_targets();
+        fits.then(|| Walks::new(self.orders[candidate].full.len()))
     }
 
     fn prepare(&self, order: &Order) -> Prepared {
@@ -218,18 +218,19 @@ impl Measure<'_> {
             *total += target.iter().enumerate().map(|(row, value)| weight(row) * (value - mean).abs()).sum::<f64>();
         }
         part.errors.null.add(&part.residual, self.whitening, weights);
+        let assignment = assigner.on(tile);
         for (candidate, maps) in prepared.iter().enumerate() {
             let partitions = &self.segmentation.candidates[candidate];
             let (partition, maps_used) = match maps.by_fold.get(fold) {
                 Some(Some(held_out)) => (partitions.by_fold[fold], held_out),
                 _ => (partitions.full, &maps.full),
             };
-            assigner.assign(partition, tile, &mut part.regions);
+            assignment.assign(partition, &mut part.regions);
             maps_used.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
             part.errors.candidates[candidate].add(&part.residual, self.whitening, weights);
             if let Some(kept) = self.kept.iter().position(|&kept| kept == candidate) {
                 if !std::ptr::eq(maps_used, &maps.full) {
-                    assigner.assign(partitions.full, tile, &mut part.regions);
+                    assignment.assign(partitions.full, &mut part.regions);
                     maps.full.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
                 }
                 part.errors.residuals[kept].add(&part.regions, &part.residual, weights);

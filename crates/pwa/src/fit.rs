@@ -5,9 +5,14 @@
 use std::collections::BTreeMap;
 
 use faer::Mat;
+use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::{Gram, Key, Preconditioner, Solution, SquareRoot, Stats, least_squares, ridge};
 
-use crate::{Specification, regions::Candidate};
+use crate::{
+    Specification,
+    lattice::{Sets, joined},
+    regions::Candidate,
+};
 
 /// The affine model of one region: `intercept + coefficients' x`.
 #[derive(Debug, Clone)]
@@ -77,6 +82,9 @@ pub(crate) trait Roots {
 pub(crate) struct Solver<'a> {
     pub(crate) stats: &'a Stats,
     pub(crate) preconditioner: &'a Preconditioner,
+    /// The partitions; those joined of cells have their sums in `cells`.
+    pub(crate) partitions: &'a [Partition],
+    pub(crate) cells: Option<&'a Sets>,
 }
 
 impl Roots for Solver<'_> {
@@ -86,11 +94,18 @@ impl Roots for Solver<'_> {
     }
 
     fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
-        self.roots(|key| usize::from(key.partition) == partition && trains(key, held))
+        let set = held.map_or(0, |held| 1 + usize::from(held));
+        match self.joined(partition) {
+            Some((table, cells)) => self.of_cells(cells.training(set), table),
+            None => self.roots(|key| usize::from(key.partition) == partition && trains(key, held)),
+        }
     }
 
     fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
-        self.roots(|key| usize::from(key.partition) == partition && key.fold.own == fold)
+        match self.joined(partition) {
+            Some((table, cells)) => self.of_cells(cells.testing(fold), table),
+            None => self.roots(|key| usize::from(key.partition) == partition && key.fold.own == fold),
+        }
     }
 }
 
@@ -98,6 +113,19 @@ impl Solver<'_> {
     fn roots(&self, wanted: impl Fn(&Key) -> bool) -> BTreeMap<u32, SquareRoot> {
         let totals: BTreeMap<u32, Gram> = self.stats.totals(|key| wanted(key).then_some(key.region));
         totals.into_iter().map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
+    }
+
+    /// The region of every cell and the cells' sums, of a partition that is joined of cells.
+    fn joined(&self, partition: usize) -> Option<(&[u32], &Sets)> {
+        match (&self.partitions[partition].rule, self.cells) {
+            (Rule::Joined { regions, .. }, Some(cells)) => Some((regions, cells)),
+            _ => None,
+        }
+    }
+
+    fn of_cells(&self, cells: &[Gram], table: &[u32]) -> BTreeMap<u32, SquareRoot> {
+        let regions = joined(cells, table).into_iter();
+        regions.map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
     }
 }
 

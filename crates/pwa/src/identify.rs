@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_model::Model;
+use fleetfoot_model::{Lattice, Model, Rule};
 use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
 
 use crate::{
     Error, Options, Problem, Specification,
     errors::{Errors, Measure, PartErrors},
     fit::{Base, Roots, Solver, region_models},
+    lattice::{Sets, Tree, bytes as cell_bytes, described},
     notes::confounded,
-    partition::{Prepared, prepare},
-    regions::Segmentation,
+    partition::{Prepared, join_cells, prepare},
+    regions::{Candidate, Segmentation},
     rows::Rows,
     scan::{Scan, pilot, scan},
     select::{Order, choose, effective_rows, evaluate},
@@ -108,19 +109,21 @@ impl Identification {
 
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
 ///
-/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions, and
-/// one for absolute errors.
+/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions (and of the
+/// cells that regions are joined of), and one for absolute errors.
 pub fn identify(
     problem: &Problem,
     options: &Options,
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
-    let Prepared { rows, grid, folds, chunks, survey, segmentation } = prepare(problem, options, source, progress)?;
+    let Prepared { rows, grid, folds, chunks, survey, mut segmentation } = prepare(problem, options, source, progress)?;
     let preconditioner = pilot(&rows, source)?;
     progress.stage("regression");
     let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
-    let scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
+    let mut scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
+    let held_out = if options.folds > 1 { options.folds } else { 0 };
+    let joined = join_cells(&mut segmentation, &mut scanned, &preconditioner, held_out)?;
     let fit = Fit {
         problem,
         options,
@@ -129,6 +132,7 @@ pub fn identify(
         survey: &survey,
         segmentation: &segmentation,
         scan: &scanned,
+        joined: joined.as_ref(),
         preconditioner: &preconditioner,
     };
     fit.finish(source, &chunks, progress)
@@ -152,14 +156,17 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
     let clustered = if any(Specification::is_clustered) { rows.min(options.memory / per_row.max(1)) } else { 0 };
     let per_example = example_bytes(problem.partition_columns.len(), width);
-    let refined = if any(Specification::is_refined) { examples(rows, per_example, options.memory) } else { 0 };
+    let refined = if any(Specification::fits_targets) { examples(rows, per_example, options.memory) } else { 0 };
+    let shape = (problem.library.len(), targets);
+    let joined = options.partitions.iter().filter_map(Specification::joined).max();
+    let cells = joined.map_or(0, |regions| cell_bytes(rows, shape, regions, options.folds));
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
     Cost {
         clustered_rows: clustered.max(refined),
-        bytes: clustered * per_row + refined * per_example + statistics + blocks,
+        bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,
     }
 }
 
@@ -172,7 +179,9 @@ pub(crate) fn expected_regions(specification: &Specification) -> usize {
         Specification::Null | Specification::Average => 0,
         Specification::ZScore(_) => 2,
         Specification::KMeans(k) | Specification::Refined(k) => *k,
-        Specification::Labels { k, .. } => 10 * k.max(&1),
+        // The sums of cells are bounded by themselves.
+        Specification::Lattice(_) => 0,
+        Specification::Labels { .. } => 10 * specification.clusters().unwrap_or(1),
     }
 }
 
@@ -189,7 +198,9 @@ fn plan_hash(
     for target in problem.equations.iter().filter_map(|equation| equation.target.as_ref()) {
         text.push_str(&format!("= {target}\n"));
     }
-    for partition in &segmentation.partitions {
+    let cells = segmentation.lattice.iter().map(|lattice| &lattice.partition);
+    let own = segmentation.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Joined { .. }));
+    for partition in own.chain(cells) {
         text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
     }
     fleetfoot_stats::plan_hash(&text, preconditioner)
@@ -204,12 +215,19 @@ pub(crate) struct Fit<'a> {
     pub(crate) survey: &'a Survey,
     pub(crate) segmentation: &'a Segmentation,
     pub(crate) scan: &'a Scan,
+    /// Sums of the cells and their trees, where there are any.
+    joined: Option<&'a (Sets, Vec<Tree>)>,
     preconditioner: &'a Preconditioner,
 }
 
 impl Fit<'_> {
     fn finish(&self, source: &dyn Source, chunks: &[Chunk], progress: &dyn Progress) -> Result<Identification, Error> {
-        let solver = Solver { stats: &self.scan.stats, preconditioner: self.preconditioner };
+        let solver = Solver {
+            stats: &self.scan.stats,
+            preconditioner: self.preconditioner,
+            partitions: &self.segmentation.partitions,
+            cells: self.joined.map(|(sets, _)| sets),
+        };
         let too_few = || Error::TooFewRows {
             complete: self.survey.complete,
             regressors: self.rows.regressors + 1,
@@ -260,6 +278,11 @@ impl Fit<'_> {
                 partition.transitions = Some(walks.transitions());
             }
         }
+        for (model, &kept) in models.iter_mut().zip(&kept) {
+            if let Some(partition) = model.partitions.first_mut() {
+                partition.lattice = self.lattice(kept, &orders, base.root.weight);
+            }
+        }
         let model = if self.options.keep_all { models[chosen].clone() } else { models.remove(0) };
         let mut notes = self.segmentation.notes.clone();
         confounded(self.problem, &base, &mut notes);
@@ -283,6 +306,17 @@ impl Fit<'_> {
             preconditioned: base.root.condition,
             notes,
         })
+    }
+
+    /// What the model of a candidate that is joined of cells tells of the tree.
+    fn lattice(&self, candidate: usize, orders: &[Order], weight: f64) -> Option<Lattice> {
+        let (candidates, (_, trees)) = (&self.segmentation.candidates, self.joined?);
+        candidates[candidate].specification.joined()?;
+        let level =
+            |one: &Candidate| one.specification.joined().is_some() || one.specification == Specification::Average;
+        let tried: Vec<&Order> =
+            candidates.iter().zip(orders).filter(|(one, _)| level(one)).map(|(_, order)| order).collect();
+        Some(described(trees.first()?, orders[candidate].full.len(), &tried, (weight, self.rows.targets)))
     }
 
     /// Fits a candidate again by TSQR.

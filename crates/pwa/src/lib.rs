@@ -51,5 +51,5 @@ pub use kmeans::{
 };
 pub use partition::{Partitioned, partition};
 pub use problem::{Options, Problem, Selection, Shrinkage};
-pub use specification::{Specification, SpecificationError};
+pub use specification::{Specification, SpecificationError, Within};
 pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

@@ -1,14 +1,16 @@
 //! The first half of an identification (paper, II-E.1): rows, survey, partitions. No regression yet.
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_model::Partition;
-use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Purge};
+use fleetfoot_model::{Partition, Rule};
+use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner, Purge};
 
 use crate::{
     Error, Options, Problem, Specification,
     identify::{STATS_BUDGET, expected_regions, gram_bytes},
+    lattice::{Sets, Tree},
     regions::{Segmentation, segment},
     rows::Rows,
+    scan::{Scan, pilot, scan},
     survey::Survey,
 };
 
@@ -26,7 +28,7 @@ pub struct Partitioned {
 }
 
 /// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's: those that [`crate::identify`] would
-/// report, without the regression: the same bits as without folds. One pass over the rows.
+/// report, without the regression: the same bits as without folds. One pass over the rows, and one more for cells that are joined.
 ///
 /// Rows count when all that the problem speaks of is there: give it the library and targets of the regression to come, so that both see the same rows.
 ///
@@ -39,9 +41,17 @@ pub fn partition(
     progress: &dyn Progress,
 ) -> Result<Partitioned, Error> {
     let options = Options { folds: 0, ..options.clone() };
-    let Prepared { survey, mut segmentation, .. } = prepare(problem, &options, source, progress)?;
-    segmentation.notes.extend(options.partitions.iter().filter(|one| one.is_refined()).map(|one| {
-        format!("{one}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` on logs refines regions anew for every fold")
+    let Prepared { rows, chunks, survey, mut segmentation, .. } = prepare(problem, &options, source, progress)?;
+    if let Some(lattice) = segmentation.lattice.take() {
+        progress.stage("cells");
+        let cells = Segmentation::of_cells(Some(lattice));
+        let preconditioner = pilot(&rows, source)?;
+        let mut scanned = scan(&rows, &cells, &preconditioner, source, &chunks, "", progress)?;
+        segmentation.lattice = cells.lattice;
+        join_cells(&mut segmentation, &mut scanned, &preconditioner, 0)?;
+    }
+    segmentation.notes.extend(options.partitions.iter().filter(|one| one.fits_targets()).map(|one| {
+        format!("{one}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` on logs makes regions anew for every fold")
     }));
     let of = |index: usize| segmentation.partitions[index].clone();
     Ok(Partitioned {
@@ -49,6 +59,35 @@ pub fn partition(
         rows: survey.complete,
         notes: segmentation.notes,
     })
+}
+
+/// Grows the trees of the cells, where there are any, and joins the partitions; the cells' sums, and the trees.
+pub(crate) fn join_cells(
+    segmentation: &mut Segmentation,
+    scanned: &mut Scan,
+    preconditioner: &Preconditioner,
+    folds: u16,
+) -> Result<Option<(Sets, Vec<Tree>)>, Error> {
+    let (Some(lattice), Some(cells)) = (&segmentation.lattice, &scanned.cells) else { return Ok(None) };
+    let Some(whole) = scanned.stats.total(|key| key.partition == 0).filter(|gram| gram.weight > 0.0) else {
+        return Ok(None);
+    };
+    let total = preconditioner.square_root(&whole).total;
+    // What never changes has no errors.
+    let variance = |total: &f64| if *total > 0.0 { total / whole.weight } else { 1.0 };
+    let sets = cells.sets(folds);
+    let trees = lattice.grow(&sets, preconditioner, &total.iter().map(variance).collect::<Vec<f64>>())?;
+    segmentation.join(&trees);
+    for candidate in &segmentation.candidates {
+        // A scan of cells alone has no other partitions.
+        if let Rule::Joined { regions, .. } = &segmentation.partitions[candidate.full].rule
+            && let Some(ranges) = scanned.ranges.get_mut(candidate.full)
+        {
+            *ranges = cells.ranges(regions);
+        }
+    }
+    scanned.cells = None;
+    Ok(Some((sets, trees)))
 }
 
 /// What stands before the regression.

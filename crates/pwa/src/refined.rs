@@ -28,10 +28,9 @@ use fleetfoot_model::Rule;
 
 use crate::Error;
 use descent::Descent;
+use examples::{Examples, Shape};
 use separators::Separators;
-use start::{Joined, by_kmeans, cells};
-
-pub(crate) use examples::Examples;
+use start::{Joined, Start, by_kmeans, cells};
 
 /// Numbers in all separators of a partition, at most: their Hessian takes 8 bytes for each pair of them.
 const LIMIT: usize = 4096;
@@ -39,6 +38,11 @@ const LIMIT: usize = 4096;
 /// Rows that several starts may go through together, and starts at most: few rows leave much to chance, and cost little.
 const STARTED: usize = 2048;
 const STARTS: usize = 16;
+
+/// Rows that starts are compared on where there are many: the best goes on with all.
+const FEW: usize = 8192;
+/// The same, of each region and number of its map.
+const FEW_OF_A_REGION: usize = 16;
 
 /// Separators that were found, and how.
 #[derive(Debug, Clone)]
@@ -51,18 +55,30 @@ pub(crate) struct Refined {
 /// Rows to refine regions on, and the joined cells that refinements begin with, whatever the number of regions.
 pub(crate) struct Ground {
     examples: Examples,
+    /// Some of them, evenly, where there are many.
+    few: Option<Examples>,
     seed: u64,
-    /// By the number of cells and the seed.
-    joined: BTreeMap<(usize, u64), Joined>,
+    /// By the number of rows, that of cells, and the seed.
+    joined: BTreeMap<(usize, usize, u64), Joined>,
 }
 
 impl Ground {
-    pub(crate) fn new(examples: Examples, seed: u64) -> Self {
-        Self { examples, seed, joined: BTreeMap::new() }
+    /// On some rows of columns ([`Examples::new`]); `None` where none weigh anything.
+    pub(crate) fn new(
+        columns: &[Vec<f64>],
+        shape: Shape,
+        units: (&[f64], &[f64]),
+        rows: &[usize],
+        seed: u64,
+    ) -> Option<Self> {
+        let every = rows.len() / FEW;
+        let some = || rows.iter().copied().step_by(every).collect::<Vec<usize>>();
+        let few = (every > 1).then(|| Examples::new(columns, shape, units, &some())).flatten();
+        Some(Self { examples: Examples::new(columns, shape, units, rows)?, few, seed, joined: BTreeMap::new() })
     }
 
     /// Refines `regions` regions: from joined cells and from k-means, where rows are few several times; the one stays whose regions, as their separators
-    /// tell them, fit best.
+    /// tell them, fit best. Where rows are many, it is found on few of them, and then refined on all.
     ///
     /// # Errors
     /// More separators than their Hessian has room for; cancelled.
@@ -75,30 +91,47 @@ impl Ground {
         if regions < 2 || d == 0 {
             return Ok(Refined { rule: rule(&Separators::zero(1, d)), objective: Vec::new() });
         }
+        let enough = |few: &&Examples| few.rows >= regions * (few.regressors + 2) * FEW_OF_A_REGION;
+        let all = &self.examples;
+        let examples = self.few.as_ref().filter(enough).unwrap_or(all);
         let mut starts = Vec::new();
         for start in 0..(STARTED / examples.rows).clamp(1, STARTS) {
             let seed = self.seed.wrapping_add(start as u64);
             // Of few rows it is not known how large cells should be.
             let cells = (cells(examples, regions) * (1 + start % 3)).min(examples.rows);
-            let joined = match self.joined.entry((cells, seed)) {
+            let joined = match self.joined.entry((examples.rows, cells, seed)) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(place) => place.insert(Joined::new(examples, cells, seed, progress)?),
             };
-            starts.extend(joined.start(regions, d));
+            starts.extend(joined.starts(regions, d));
             starts.extend(by_kmeans(examples, regions, seed, progress)?);
         }
-        let mut best = Refined { rule: rule(&Separators::zero(1, d)), objective: Vec::new() };
-        let mut least = f64::INFINITY;
-        for (labels, separators) in starts {
-            let (found, objective) = Descent::new(examples, labels, separators).run(progress)?;
-            for (error, separators) in found.map(|separators| settled(examples, separators)) {
-                if error < least {
-                    (least, best) = (error, Refined { rule: rule(&separators), objective: objective.clone() });
-                }
+        let (mut separators, mut objective) = descended(examples, starts, progress)?;
+        if examples.rows < all.rows && separators.regions > 1 {
+            let start = (separators.winners(all), separators);
+            (separators, objective) = descended(all, vec![start], progress)?;
+        }
+        Ok(Refined { rule: rule(&separators), objective })
+    }
+}
+
+/// The separators that fit best of those which descents from some starts end with, and the objective on the way there.
+fn descended(
+    examples: &Examples,
+    starts: Vec<Start>,
+    progress: &dyn Progress,
+) -> Result<(Separators, Vec<f64>), Error> {
+    let mut best = (Separators::zero(1, examples.dimensions), Vec::new());
+    let mut least = f64::INFINITY;
+    for (labels, separators) in starts {
+        let (found, objective) = Descent::new(examples, labels, separators).run(progress)?;
+        for (error, separators) in found.map(|separators| settled(examples, separators)) {
+            if error < least {
+                (least, best) = (error, (separators, objective.clone()));
             }
         }
-        Ok(best)
     }
+    Ok(best)
 }
 
 /// Gives up regions that have too few rows for a map; the squared error that is left, as the separators tell the regions.
@@ -148,9 +181,8 @@ mod tests {
             let rows: Vec<[f64; 3]> = (0..800).map(|at| row(at + 1000 * number as u64)).collect();
             let examples = rows_of(&rows);
             let joined = Joined::new(&examples, cells(&examples, 5), 0, &Silent).unwrap();
-            let starts = [joined.start(5, 2), by_kmeans(&examples, 5, 0, &Silent).unwrap()];
-            let errors = starts.map(|start| {
-                let (labels, separators) = start.unwrap();
+            let starts = [joined.starts(5, 2).swap_remove(0), by_kmeans(&examples, 5, 0, &Silent).unwrap().unwrap()];
+            let errors = starts.map(|(labels, separators)| {
                 let [plain, sharp] = Descent::new(&examples, labels, separators).run(&Silent).unwrap().0;
                 settled(&examples, plain).0.min(settled(&examples, sharp).0)
             });
@@ -162,10 +194,13 @@ mod tests {
 
     #[test]
     fn what_is_refined_does_not_depend_on_what_else_is() {
-        let examples = || rows_of(&crate::refined::examples::tests::waves(500));
-        let mut together = Ground::new(examples(), 3);
+        let rows = crate::refined::examples::tests::waves(500);
+        let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
+        let (columns, all) = ([0, 1, 0, 1, 2].map(column), (0..rows.len()).collect::<Vec<usize>>());
+        let ground = || Ground::new(&columns, (2, 2, 1), (&[0.0; 2], &[1.0; 2]), &all, 3).unwrap();
+        let mut together = ground();
         for regions in [2, 5, 3] {
-            let alone = Ground::new(examples(), 3).refine(regions, &Silent).unwrap();
+            let alone = ground().refine(regions, &Silent).unwrap();
             let found = together.refine(regions, &Silent).unwrap();
             assert_eq!((found.rule, found.objective), (alone.rule, alone.objective));
         }

@@ -2,14 +2,17 @@
 //!
 //! Standardisation and clustering belong to the training rows, so a partition that depends on them is made anew for every fold.
 
+use std::collections::{BTreeMap, btree_map::Entry};
+
 use fleetfoot_data::Progress;
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
 
 use crate::{
-    Error, KMeansOptions, Options, Points, Problem, Specification, Start, kmeans,
-    refined::{Examples, Ground, Refined},
+    Error, KMeansOptions, Options, Points, Problem, Specification, Start, Within, kmeans,
+    lattice::{Lattice, Tree},
+    refined::{Ground, Refined},
     rows::Rows,
     survey::Survey,
 };
@@ -31,6 +34,8 @@ pub(crate) struct Segmentation {
     /// Label column (index into [`Rows::labels`]) of each partition that has one.
     pub(crate) labels: Vec<Option<usize>>,
     pub(crate) candidates: Vec<Candidate>,
+    /// The cells of all partitions that are joined of cells.
+    pub(crate) lattice: Option<Lattice>,
     /// What the user should know.
     pub(crate) notes: Vec<String>,
 }
@@ -43,25 +48,27 @@ pub(crate) fn segment(
     survey: &Survey,
     progress: &dyn Progress,
 ) -> Result<Segmentation, Error> {
-    let mut result = Segmentation {
-        partitions: vec![Partition::whole()],
-        labels: vec![None],
-        candidates: Vec::new(),
-        notes: Vec::new(),
-    };
+    let mut result = Segmentation::of_cells(None);
     let folds = if options.folds > 1 { options.folds } else { 0 };
     let mut made: Vec<Vec<Made>> = options.partitions.iter().map(|_| Vec::new()).collect();
     for held in std::iter::once(None).chain((0..folds).map(Some)) {
         // What refinements share is there for one training set at a time.
-        let mut maker = Maker { problem, options, rows, survey, held, ground: None };
+        let mut maker = Maker { problem, options, rows, survey, held, grounds: BTreeMap::new() };
+        if held.is_none() {
+            result.lattice = maker.lattice(folds, progress)?;
+            result.notes.extend(result.lattice.as_ref().and_then(Lattice::note));
+        }
         for (specification, made) in options.partitions.iter().zip(&mut made) {
             let wanted = match specification {
                 Specification::Null | Specification::Average => false,
-                Specification::Labels { k: 0 | 1, .. } => held.is_none(),
+                Specification::Labels { within: Within::Whole, .. } => held.is_none(),
                 _ => true,
             };
             if wanted {
-                made.push(maker.make(specification, progress)?);
+                made.push(match (specification.joined(), &result.lattice) {
+                    (Some(k), Some(lattice)) => not_joined_yet(k, specification, lattice),
+                    _ => maker.make(specification, progress)?,
+                });
             }
         }
     }
@@ -71,7 +78,39 @@ pub(crate) fn segment(
     Ok(result)
 }
 
+/// A partition whose cells will be joined when their rows are summed.
+fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) -> Made {
+    let rule = Rule::Joined { cells: lattice.rule.clone(), regions: Vec::new() };
+    let count = lattice.count();
+    let partition = Partition { specification: specification.to_string(), rule, ..lattice.partition.clone() };
+    let few = || format!("{specification}: there are rows enough for {count} cells, and no more regions than that");
+    Made { partition, label: None, note: (count < k).then(few), objective: Vec::new() }
+}
+
 impl Segmentation {
+    /// No partitions yet, but that of one region, and cells.
+    pub(crate) fn of_cells(lattice: Option<Lattice>) -> Self {
+        Self {
+            partitions: vec![Partition::whole()],
+            labels: vec![None],
+            candidates: Vec::new(),
+            lattice,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Joins the cells of all partitions that are joined of cells; the trees are that of all rows and those of every fold.
+    pub(crate) fn join(&mut self, trees: &[Tree]) {
+        for candidate in &self.candidates {
+            let Some(k) = candidate.specification.joined() else { continue };
+            for (at, tree) in std::iter::once(&candidate.full).chain(&candidate.by_fold).zip(trees) {
+                if let Rule::Joined { regions, .. } = &mut self.partitions[*at].rule {
+                    *regions = tree.regions(k);
+                }
+            }
+        }
+    }
+
     /// Adds what was made of a specification: on all rows, then on the training rows of every fold, or for all of them where there is one only.
     fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };
@@ -105,50 +144,75 @@ struct Maker<'a> {
     rows: &'a Rows,
     survey: &'a Survey,
     held: Option<u16>,
-    /// What all refinements begin with, once there is one.
-    ground: Option<Ground>,
+    /// What all refinements begin with, once there is one: of all rows, or of those of a label (its column, its number).
+    grounds: BTreeMap<Option<(usize, usize)>, Ground>,
 }
 
 impl Maker<'_> {
-    fn make(&mut self, specification: &Specification, progress: &dyn Progress) -> Result<Made, Error> {
+    /// Centres and scales of the partition columns, over the training rows.
+    fn units(&self) -> (Vec<f64>, Vec<f64>) {
         let moments = self.survey.training_moments(self.held).unwrap_or_else(|| Moments::new(self.rows.partition));
-        let mut centre = moments.mean.clone();
-        let mut scale: Vec<f64> = (0..self.rows.partition)
+        let scale = (0..self.rows.partition)
             .map(|column| match moments.deviation(column) {
                 // A column that never changes separates nothing.
                 deviation if deviation > 1e-12 * moments.mean[column].abs() => deviation,
                 _ => 1.0,
             })
             .collect();
+        (moments.mean, scale)
+    }
+
+    /// Cells for the partitions that are joined of cells, where there are any.
+    fn lattice(&self, folds: u16, progress: &dyn Progress) -> Result<Option<Lattice>, Error> {
+        let Some(regions) = self.options.partitions.iter().filter_map(Specification::joined).max() else {
+            return Ok(None);
+        };
+        let (centre, scale) = self.units();
+        let columns = self.problem.partition_columns.clone();
+        let partition = Partition { columns, centre, scale, ..Partition::whole() };
+        let places = &self.survey.examples.columns[..self.rows.partition];
+        let (rows, shape) = (self.survey.complete as usize, (self.rows.regressors, self.rows.targets));
+        Lattice::new((rows, places), shape, (regions, folds), partition, self.options.seed, progress).map(Some)
+    }
+
+    fn make(&mut self, specification: &Specification, progress: &dyn Progress) -> Result<Made, Error> {
+        let (mut centre, mut scale) = self.units();
         let mut columns = self.problem.partition_columns.clone();
         let runs = self.survey.kept.training_runs(self.held);
         let mut objective = Vec::new();
         let (rule, label, note) = match specification {
-            Specification::Null | Specification::Average => (Rule::Whole, None, None),
+            Specification::Null | Specification::Average | Specification::Lattice(_) => (Rule::Whole, None, None),
             Specification::ZScore(radius) => (Rule::Ball { radius: *radius }, None, None),
             Specification::KMeans(k) => {
                 let (rule, note) = self.cluster(*k, &runs, |_| true, &centre, &scale, progress)?;
                 (rule, None, note)
             }
             Specification::Refined(k) => {
-                let (found, note) = self.refine(*k, (&centre, &scale), progress)?;
+                let (found, note) = self.refine(*k, None, (&centre, &scale), progress)?;
                 objective = found.objective;
                 (found.rule, None, note)
             }
-            Specification::Labels { column, k } => {
+            Specification::Labels { column, within } => {
                 let index = self.rows.labels.iter().position(|name| name == column).unwrap_or(0);
                 let values = self.survey.labels[index].clone();
                 let mut note = None;
                 let mut rules = Vec::with_capacity(values.len());
-                for &value in &values {
-                    rules.push(if *k > 1 {
-                        let of_label = |row: usize| self.survey.kept.columns[self.rows.partition + index][row] == value;
-                        let (rule, more) = self.cluster(*k, &runs, of_label, &centre, &scale, progress)?;
-                        note = note.or(more);
-                        rule
-                    } else {
-                        Rule::Whole
-                    });
+                for (number, &value) in values.iter().enumerate() {
+                    let (rule, more) = match within {
+                        Within::Whole => (Rule::Whole, None),
+                        Within::KMeans(k) => {
+                            let labels = &self.survey.kept.columns[self.rows.partition + index];
+                            self.cluster(*k, &runs, |row| labels[row] == value, &centre, &scale, progress)?
+                        }
+                        Within::Refined(k) => {
+                            let of = Some((index, number));
+                            let (found, note) = self.refine(*k, of, (&centre, &scale), progress)?;
+                            let name = self.rows.label_columns[index].label(value);
+                            (found.rule, note.map(|note| format!("{column} {name}: {note}")))
+                        }
+                    };
+                    note = note.or(more);
+                    rules.push(rule);
                 }
                 columns.push(Expr::column(column.as_str()));
                 centre.push(0.0);
@@ -162,21 +226,35 @@ impl Maker<'_> {
         Ok(Made { partition, label, note, objective })
     }
 
-    /// Regions that fit the dynamics of the kept training rows.
+    /// Kept training rows that regions are refined on: all, or those of a label.
+    fn example_rows(&self, label: Option<(usize, usize)>) -> Vec<usize> {
+        let kept = &self.survey.examples;
+        let wanted = |row: &usize| {
+            label.is_none_or(|(column, number)| {
+                kept.columns[self.rows.example_width() + column][*row] == self.survey.labels[column][number]
+            })
+        };
+        kept.training_runs(self.held).into_iter().flatten().filter(wanted).collect()
+    }
+
+    /// Regions that fit the dynamics of the kept training rows, all or those of a label.
     fn refine(
         &mut self,
         k: usize,
+        label: Option<(usize, usize)>,
         units: (&[f64], &[f64]),
         progress: &dyn Progress,
     ) -> Result<(Refined, Option<String>), Error> {
-        let ground = match &mut self.ground {
-            Some(ground) => ground,
-            empty => {
+        let rows = if self.grounds.contains_key(&label) { Vec::new() } else { self.example_rows(label) };
+        let ground = match self.grounds.entry(label) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
                 let shape = (self.rows.partition, self.rows.regressors, self.rows.targets);
-                let Some(examples) = Examples::new(&self.survey.examples, shape, units, self.held) else {
+                let columns = &self.survey.examples.columns[..self.rows.example_width()];
+                let Some(ground) = Ground::new(columns, shape, units, &rows, self.options.seed) else {
                     return Ok((Refined { rule: Rule::Whole, objective: Vec::new() }, None));
                 };
-                empty.insert(Ground::new(examples, self.options.seed))
+                place.insert(ground)
             }
         };
         let found = ground.refine(k, progress)?;

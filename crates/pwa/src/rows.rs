@@ -98,6 +98,11 @@ impl Rows {
 
     /// Number of columns of a row that regions are refined on.
     pub(crate) fn example_columns(&self) -> usize {
+        self.example_width() + self.labels.len()
+    }
+
+    /// The same without the labels, which come last.
+    pub(crate) fn example_width(&self) -> usize {
         self.partition + self.dimension() + usize::from(self.weighted)
     }
 
@@ -140,10 +145,11 @@ impl Tile<'_> {
         (0..self.rows.partition).map(|c| self.values.output(self.rows.first_partition() + c)).collect()
     }
 
-    /// Partition columns, regressors, targets, and the weight where there are weights.
+    /// Partition columns, regressors, targets, the weight where there are weights, labels.
     pub(crate) fn example(&self) -> Vec<&[f64]> {
         let regression = self.regression().chunks_exact(self.len().max(1));
-        self.partition_columns().into_iter().chain(regression).chain(self.weights()).collect()
+        let labels = (0..self.rows.labels.len()).map(|label| self.label(label));
+        self.partition_columns().into_iter().chain(regression).chain(self.weights()).chain(labels).collect()
     }
 
     pub(crate) fn label(&self, label: usize) -> &[f64] {

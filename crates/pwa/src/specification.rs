@@ -1,5 +1,5 @@
-//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`, `labels:terrain`,
-//! `labels:terrain+kmeans:5`.
+//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`, `lattice:2..50`,
+//! `labels:terrain`, `labels:terrain+kmeans:5`, `labels:terrain+refined:5`.
 
 use std::{fmt, str::FromStr};
 
@@ -16,19 +16,33 @@ pub enum Specification {
     KMeans(usize),
     /// Regions that fit the dynamics, between linear separators.
     Refined(usize),
-    /// One region per value of a column; within each, k-means when `k > 1`.
+    /// Small cells, joined where one map fits both.
+    Lattice(usize),
+    /// One region per value of a column, or what each is cut into.
     Labels {
         /// The column.
         column: String,
-        /// Clusters within each label.
-        k: usize,
+        /// How the rows of a label are cut.
+        within: Within,
     },
+}
+
+/// How the rows of a label are cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Within {
+    /// Not at all.
+    Whole,
+    /// By k-means.
+    KMeans(usize),
+    /// Into regions that fit the dynamics.
+    Refined(usize),
 }
 
 /// Why a partition could not be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, labels:COLUMN or labels:COLUMN+kmeans:5"
+    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, lattice:2..50, labels:COLUMN, \
+     labels:COLUMN+kmeans:5 or labels:COLUMN+refined:5"
 )]
 pub struct SpecificationError {
     text: String,
@@ -67,7 +81,14 @@ impl Specification {
         match self {
             Self::KMeans(_) => Self::KMeans(k),
             Self::Refined(_) => Self::Refined(k),
-            Self::Labels { column, .. } => Self::Labels { column: column.clone(), k },
+            Self::Lattice(_) => Self::Lattice(k),
+            Self::Labels { column, within } => Self::Labels {
+                column: column.clone(),
+                within: match within {
+                    Within::Refined(_) => Within::Refined(k),
+                    Within::Whole | Within::KMeans(_) => Within::kmeans(k),
+                },
+            },
             other => other.clone(),
         }
     }
@@ -83,19 +104,32 @@ impl Specification {
     /// How many regions are searched for (within each label), where that depends on the rows.
     pub fn clusters(&self) -> Option<usize> {
         match self {
-            Self::KMeans(k) | Self::Refined(k) | Self::Labels { k: k @ 2.., .. } => Some(*k),
+            Self::KMeans(k) | Self::Refined(k) | Self::Lattice(k) => Some(*k),
+            Self::Labels { within: Within::KMeans(k) | Within::Refined(k), .. } => Some(*k),
             _ => None,
         }
     }
 
     /// Whether its regions follow from the targets too, and not from where rows lie alone.
-    pub fn is_refined(&self) -> bool {
-        matches!(self, Self::Refined(_))
+    pub fn fits_targets(&self) -> bool {
+        matches!(self, Self::Refined(_) | Self::Lattice(_) | Self::Labels { within: Within::Refined(_), .. })
     }
 
     /// Whether k-means on all rows that the memory holds makes its regions.
     pub(crate) fn is_clustered(&self) -> bool {
-        self.clusters().is_some() && !self.is_refined()
+        self.clusters().is_some() && !self.fits_targets()
+    }
+
+    /// How many regions cells are joined to.
+    pub(crate) fn joined(&self) -> Option<usize> {
+        if let Self::Lattice(k) = self { Some(*k) } else { None }
+    }
+}
+
+impl Within {
+    /// One cluster is the whole.
+    fn kmeans(k: usize) -> Self {
+        if k > 1 { Self::KMeans(k) } else { Self::Whole }
     }
 }
 
@@ -119,15 +153,20 @@ impl FromStr for Specification {
             },
             Some(("kmeans", k)) => Ok(Self::KMeans(clusters(k)?)),
             Some(("refined", k)) => Ok(Self::Refined(clusters(k)?)),
+            Some(("lattice", k)) => Ok(Self::Lattice(clusters(k)?)),
             Some(("labels", rest)) => {
-                let (column, k) = match rest.rsplit_once("+kmeans:") {
-                    Some((column, k)) => (column, clusters(k)?),
-                    None => (rest, 1),
+                let (column, within) = match (rest.rsplit_once("+kmeans:"), rest.rsplit_once("+refined:")) {
+                    (Some((column, k)), _) => (column, Within::kmeans(clusters(k)?)),
+                    (_, Some((column, k))) => (column, Within::Refined(clusters(k)?)),
+                    _ if rest.contains("+lattice:") => {
+                        return Err(fail("within labels regions are those of kmeans or refined"));
+                    }
+                    _ => (rest, Within::Whole),
                 };
                 if column.is_empty() {
                     return Err(fail("name the column of the labels"));
                 }
-                Ok(Self::Labels { column: column.to_owned(), k })
+                Ok(Self::Labels { column: column.to_owned(), within })
             }
             _ => Err(fail("unknown kind")),
         }
@@ -166,8 +205,10 @@ impl fmt::Display for Specification {
             Self::ZScore(radius) => write!(f, "zscore:{radius}"),
             Self::KMeans(k) => write!(f, "kmeans:{k}"),
             Self::Refined(k) => write!(f, "refined:{k}"),
-            Self::Labels { column, k: 0 | 1 } => write!(f, "labels:{column}"),
-            Self::Labels { column, k } => write!(f, "labels:{column}+kmeans:{k}"),
+            Self::Lattice(k) => write!(f, "lattice:{k}"),
+            Self::Labels { column, within: Within::Whole } => write!(f, "labels:{column}"),
+            Self::Labels { column, within: Within::KMeans(k) } => write!(f, "labels:{column}+kmeans:{k}"),
+            Self::Labels { column, within: Within::Refined(k) } => write!(f, "labels:{column}+refined:{k}"),
         }
     }
 }
@@ -182,7 +223,11 @@ mod tests {
         let list = Specification::parse_list(text).unwrap();
         assert_eq!(list.len(), 9);
         assert_eq!(list[5], Specification::KMeans(10));
-        assert_eq!(list[8], Specification::Labels { column: "a.b".into(), k: 4 });
+        assert_eq!(list[8], Specification::Labels { column: "a.b".into(), within: Within::KMeans(4) });
+        let within = Specification::parse_list("labels:a+refined:2,3,lattice:4").unwrap();
+        assert_eq!(within[1], Specification::Labels { column: "a".into(), within: Within::Refined(3) });
+        assert_eq!(within[2], Specification::Lattice(4));
+        assert_eq!(within[1].to_string().parse::<Specification>().unwrap(), within[1]);
         for item in list {
             assert_eq!(item.to_string().parse::<Specification>().unwrap(), item);
         }
@@ -190,11 +235,12 @@ mod tests {
 
     #[test]
     fn ranges_have_both_ends() {
-        let list = Specification::parse_list("kmeans:2..4,refined:2..3,7,9..10,labels:a..b+kmeans:2..3").unwrap();
+        let list =
+            Specification::parse_list("kmeans:2..4,refined:2..3,7,9..10,labels:a..b+kmeans:2..3,lattice:2..3").unwrap();
         let names: Vec<String> = list.iter().map(ToString::to_string).collect();
         assert_eq!(
             names.join(" "),
-            "kmeans:2 kmeans:3 kmeans:4 refined:2 refined:3 refined:7 refined:9 refined:10 labels:a..b+kmeans:2 labels:a..b+kmeans:3"
+            "kmeans:2 kmeans:3 kmeans:4 refined:2 refined:3 refined:7 refined:9 refined:10 labels:a..b+kmeans:2 labels:a..b+kmeans:3 lattice:2 lattice:3"
         );
         assert_eq!(Specification::parse_list("refined:5..5").unwrap(), [Specification::Refined(5)]);
     }
@@ -217,6 +263,9 @@ mod tests {
             "refined:0",
             "refined:5..2",
             "refined:0..2",
+            "lattice",
+            "lattice:0",
+            "labels:a+lattice:3",
             "kmeans:1..9999",
             "average:2..3",
             "2..3",

@@ -45,7 +45,7 @@ pub(crate) struct Survey {
     pub(crate) labels: Vec<Vec<f64>>,
     /// The rows that k-means will cluster: partition columns, then labels.
     pub(crate) kept: Kept,
-    /// The rows that regions are refined on: partition columns, regressors, targets, and the weight where there are weights.
+    /// The rows that regions are refined on, and that cells are made of ([`Tile::example`]).
     pub(crate) examples: Kept,
     /// Whether these are fewer than they would be with more memory.
     pub(crate) examples_lack_memory: bool,
@@ -168,9 +168,9 @@ impl Shares {
         let bytes = kept_bytes(rows.partition, rows.labels.len());
         let kept =
             if any(Specification::is_clustered) { memory as f64 / (count.max(1) * bytes.max(1)) as f64 } else { 0.0 };
-        let few = examples(count, example_bytes(rows.partition, rows.dimension()), memory);
+        let few = examples(count, example_bytes(rows.partition + rows.labels.len(), rows.dimension()), memory);
         let short = few < examples(count, 0, memory);
-        let share = if any(Specification::is_refined) { few as f64 / count.max(1) as f64 } else { 0.0 };
+        let share = if any(Specification::fits_targets) { few as f64 / count.max(1) as f64 } else { 0.0 };
         Self { kept: Share::new(kept), examples: Share::new(share), short }
     }
 }

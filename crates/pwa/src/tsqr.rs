@@ -40,7 +40,7 @@ pub(crate) fn factor_regions(
         |part, chunk, block, tile| {
             let mut scratch = std::mem::take(&mut part.scratch);
             let tile = rows.evaluate(block, &source.episodes()[chunk.episode].name, tile, &mut scratch)?;
-            assigner.assign(partition, &tile, &mut part.regions);
+            assigner.on(&tile).assign(partition, &mut part.regions);
             let n = tile.len();
             let mut present: Vec<u32> = part.regions.iter().copied().filter(|&region| region != u32::MAX).collect();
             present.sort_unstable();

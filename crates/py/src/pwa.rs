@@ -235,12 +235,26 @@ impl PwaFit {
         partition.map_or_else(Default::default, |partition| (partition.centre.clone(), partition.scale.clone()))
     }
 
-    /// Weights and offsets of the separators between regions; empty where the partition has none.
+    /// Weights and offsets of the separators between regions, or between the cells of regions; empty where the partition has none.
     #[getter]
     fn separators(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
-        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+        let rule = self.found.model.partitions.first().map(|partition| &partition.rule);
+        let cells = match rule {
+            Some(Rule::Joined { cells, .. }) => Some(cells.as_ref()),
+            own => own,
+        };
+        match cells {
             Some(Rule::Linear { weights, offsets }) => (weights.clone(), offsets.clone()),
             _ => Default::default(),
+        }
+    }
+
+    /// The region of each cell, where cells are joined to regions; else empty.
+    #[getter]
+    fn joined(&self) -> Vec<u32> {
+        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+            Some(Rule::Joined { regions, .. }) => regions.clone(),
+            _ => Vec::new(),
         }
     }
 
@@ -304,6 +318,8 @@ pub(crate) struct PwaRule {
     scale: Vec<f64>,
     weights: Vec<Vec<f64>>,
     offsets: Vec<f64>,
+    /// The region of each of the cells that these separate; empty where they are the regions.
+    joined: Vec<u32>,
     radius: Option<f64>,
 }
 
@@ -311,16 +327,18 @@ pub(crate) struct PwaRule {
 #[pyfunction]
 pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult<Bound<'py, PyArray1<i32>>> {
     let array = Array::of(x, "X")?;
-    let PwaRule { features, centre, scale, weights, offsets, radius } = rule;
+    let PwaRule { features, centre, scale, weights, offsets, joined, radius } = rule;
     let width = features.len();
     let fits = centre.len() == width && scale.len() == width && weights.iter().all(|row| row.len() == width);
+    let fits = fits && (joined.is_empty() || joined.len() == weights.len());
     if !fits || offsets.len() != weights.len() || features.iter().any(|&feature| feature >= array.columns()) {
         return Err(Kind::Request.error("the partition's features, centres and scales do not go together"));
     }
     let rule = match radius {
         Some(radius) => Rule::Ball { radius },
         None if weights.is_empty() => Rule::Whole,
-        None => Rule::Linear { weights, offsets },
+        None if joined.is_empty() => Rule::Linear { weights, offsets },
+        None => Rule::Joined { cells: Rule::Linear { weights, offsets }.into(), regions: joined },
     };
     let found = run_any(x.py(), None, |progress| {
         const BLOCK: usize = 16_384;

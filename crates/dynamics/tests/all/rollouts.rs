@@ -383,6 +383,24 @@ fn the_ball_partition_on_both_paths() {
 }
 
 #[test]
+fn joined_cells_on_both_paths() {
+    let (mut model, source) = random_hybrid(4, 1, 3, 300);
+    let centroid = |cell: u64| (0..4).map(|j| 1.5 * noise(7000 + 10 * cell + j)).collect();
+    let cells = Rule::voronoi((0..20).map(centroid).collect());
+    model.partitions[0].rule = Rule::Joined { cells: cells.into(), regions: (0..20).map(|cell| cell % 3).collect() };
+    model.validate().unwrap();
+    let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
+    let options = options(100, Method::Euler);
+    let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
+    let fast = Simulator::new(&model).unwrap();
+    assert!(fast.is_affine());
+    let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
+    assert_eq!(fast, general);
+    let visited: std::collections::HashSet<_> = fast.iter().flatten().flat_map(|t| t.regions.iter().copied()).collect();
+    assert_eq!(visited.len(), 3);
+}
+
+#[test]
 fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
     let (model, source) = random_hybrid(5, 2, 9, 500);
     let mut options = options(80, Method::Euler);

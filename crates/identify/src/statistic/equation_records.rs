@@ -1,6 +1,6 @@
 //! The equations of a statistic, as they stand in the file.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use fleetfoot_data::EpisodeId;
 use fleetfoot_library::{REACHES, Spacing};
@@ -105,6 +105,8 @@ enum PlainRule {
     Whole,
     Ball(f64),
     Linear(Vec<Vec<f64>>, Vec<f64>),
+    /// Weights and offsets of the cells, and the region of each.
+    Joined(Vec<Vec<f64>>, Vec<f64>, Vec<u32>),
 }
 
 /// What is told of an episode.
@@ -224,7 +226,7 @@ impl PartitionRecord {
             }
         };
         let Self { specification, centre, scale, .. } = self;
-        Ok(Partition { specification, columns, centre, scale, rule, regions: Vec::new(), transitions: None })
+        Ok(Partition { specification, columns, centre, scale, rule, ..Partition::whole() })
     }
 }
 
@@ -234,6 +236,10 @@ impl PlainRule {
         match rule {
             Rule::Ball { radius } => Self::Ball(*radius),
             Rule::Linear { weights, offsets } => Self::Linear(weights.clone(), offsets.clone()),
+            Rule::Joined { cells, regions } => match &**cells {
+                Rule::Linear { weights, offsets } => Self::Joined(weights.clone(), offsets.clone(), regions.clone()),
+                _ => Self::Whole,
+            },
             Rule::Whole | Rule::Labels { .. } => Self::Whole,
         }
     }
@@ -247,6 +253,13 @@ impl PlainRule {
                     return Err(format!("a partition over {columns} columns has weights of others"));
                 }
                 Ok(Rule::Linear { weights, offsets })
+            }
+            Self::Joined(weights, offsets, regions) => {
+                if weights.len() != regions.len() {
+                    return Err(format!("{} of {} cells have a region", regions.len(), weights.len()));
+                }
+                let cells = Arc::new(Self::Linear(weights, offsets).into_rule(columns)?);
+                Ok(Rule::Joined { cells, regions })
             }
         }
     }

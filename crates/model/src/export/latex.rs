@@ -115,6 +115,13 @@ fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition)
             let names: Vec<String> = names.iter().map(|name| escaped(name)).collect();
             let _ = writeln!(out, "The region follows from the label, the last of these: {}.", names.join(", "));
         }
+        Rule::Joined { regions, .. } => {
+            let _ = writeln!(
+                out,
+                "The region is that of the nearest of {} centroids, which the other exports have.",
+                regions.len()
+            );
+        }
         Rule::Whole => {}
     }
 }

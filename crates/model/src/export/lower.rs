@@ -202,6 +202,17 @@ impl Lowering<'_> {
                 }
                 body
             }
+            Rule::Joined { cells, regions } => {
+                // The counter holds the cell until the table gives its region.
+                let own = regions.iter().map(|&own| own as usize + base).collect();
+                let table = self.table("joined", *number, "Region of each cell.", 16, Values::Indices(own));
+                // The cells' rule stands in this one's place: it finds the counter as this one did.
+                *number -= 1;
+                let mut body = self.rule(cells, place, 0, region, number);
+                let joined = Index::table(&table, Index::local(region));
+                body.push(Statement::SetCounter(region.to_owned(), joined));
+                body
+            }
             Rule::Labels { values, rules, .. } => {
                 let label = || Real::at("q", first + columns - 1);
                 let mut base = base;

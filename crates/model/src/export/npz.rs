@@ -79,6 +79,12 @@ fn rule_arrays(arrays: &mut Arrays, name: &str, rule: &Rule, columns: usize) {
             arrays.reals(&format!("{name}/weights"), &all, &[weights.len(), columns]);
             arrays.reals(&format!("{name}/offsets"), offsets, &[offsets.len()]);
         }
+        Rule::Joined { cells, regions } => {
+            arrays.strings(&format!("{name}/kind"), &["joined".into()]);
+            let regions: Vec<i64> = regions.iter().map(|&region| i64::from(region)).collect();
+            arrays.integers(&format!("{name}/regions"), &regions, &[regions.len()]);
+            rule_arrays(arrays, &format!("{name}/cells"), cells, columns);
+        }
         Rule::Labels { values, names, rules, unseen } => {
             let kind = if *unseen == UnseenLabel::Pool { "labels, others pooled" } else { "labels, others refused" };
             arrays.strings(&format!("{name}/kind"), &[kind.into()]);

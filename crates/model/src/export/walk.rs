@@ -89,7 +89,7 @@ pub(super) fn names(statements: &[Statement], visit: &mut dyn FnMut(&str)) {
     indices(statements, visit);
 }
 
-/// The arrays and tables of loops' bounds and of places.
+/// The arrays and tables of loops' bounds, of places and of counters.
 fn indices(statements: &[Statement], visit: &mut dyn FnMut(&str)) {
     for statement in statements {
         match statement {
@@ -106,6 +106,7 @@ fn indices(statements: &[Statement], visit: &mut dyn FnMut(&str)) {
                 visit(name);
                 index(at, visit);
             }
+            Statement::Counter(_, at) | Statement::SetCounter(_, at) => index(at, visit),
             _ => {}
         }
     }

@@ -2,8 +2,8 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column, Equation, FileError, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Transitions,
-    UnseenLabel,
+    Column, Equation, FileError, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule,
+    Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -55,6 +55,10 @@ fn model(numbers: &[f64; 12]) -> Model {
         regions: (0..5).map(region).collect(),
         transitions: Some(Transitions {
             counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
+        }),
+        lattice: Some(Lattice {
+            joins: (0..4).map(|i| Join { kept: 0, gone: 4 - i, training: n(i as usize) }).collect(),
+            levels: vec![Level { regions: 5, training: n(3), held_out: f64::NAN, standard_error: n(1), bic: n(2) }],
         }),
     }];
     model.latents = vec![Latent {

@@ -82,6 +82,7 @@ impl Maker {
             rule,
             regions: Vec::new(),
             transitions: None,
+            lattice: None,
         });
         self.model.partitions.len() - 1
     }
@@ -194,6 +195,7 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("sindy", sindy()),
         ("pwa", pwa(9, 1)),
         ("ball", ball()),
+        ("joined", joined()),
         ("labels_refuse", labels(UnseenLabel::Refuse)),
         ("labels_pool", labels(UnseenLabel::Pool)),
         ("narx", narx()),
@@ -266,6 +268,19 @@ fn ball() -> Model {
     let mut maker = Maker::new(3, "pwa zscore", &[("a", STATE), ("b", STATE), ("u", INPUT)]);
     let library = maker.library(&["a", "b", "u"]);
     let partition = maker.partition("zscore", &["a", "b"], Rule::Ball { radius: 1.3 });
+    maker.latent("f_a", library, partition, 1.0);
+    maker.latent("f_b", library, partition, 1.0);
+    maker.equation("a", Prediction::Next, "f_a");
+    maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
+    maker.finish()
+}
+
+/// Cells joined to regions, next values.
+fn joined() -> Model {
+    let mut maker = Maker::new(6, "pwa lattice", &[("a", STATE), ("b", STATE), ("u", INPUT)]);
+    let library = maker.library(&["a", "b", "u"]);
+    let rule = Rule::Joined { cells: maker.voronoi(7, 2).into(), regions: vec![0, 1, 2, 1, 0, 2, 1] };
+    let partition = maker.partition("lattice:3", &["a", "b"], rule);
     maker.latent("f_a", library, partition, 1.0);
     maker.latent("f_b", library, partition, 1.0);
     maker.equation("a", Prediction::Next, "f_a");

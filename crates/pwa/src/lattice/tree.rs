@@ -1,7 +1,9 @@
-//! Cells joined to regions: at every step the two neighbours whose joint fit costs least.
+//! Cells joined to regions: at every step the two whose joint fit costs least.
 //!
-//! The cost of a join is the exact growth of the residual sum of squares, `rss(a + b) - rss(a) - rss(b)`, from the merged Gram matrix (the statistic of Chow's
-//! test of equal coefficients; as Ward's method joins clusters by the growth of their inertia). Of joins that cost the same the one of the nearest regions is made.
+//! The cost of a join is the exact growth of the residual sum of squares, `g(a, b) = rss(a + b) - rss(a) - rss(b)`, from the merged Gram matrix (the statistic of
+//! Chow's test of equal coefficients; as Ward's method joins clusters by the growth of their inertia). Of joins that cost the same the one of the nearest
+//! regions is made. Few joins are priced: `rss` is superadditive, so that after a join of a and b `g(a + b, c) >= max(g(a, c), g(b, c)) - g(a, b)`, and only a
+//! join whose bound is the least of all needs its price.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,52 +22,62 @@ pub(crate) struct Cell {
     pub(crate) neighbours: BTreeSet<u32>,
 }
 
+/// What may be joined, and how far.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    /// Regions that are left in the end, at least one.
+    pub(crate) least: usize,
+    /// Regions of fewer rows have no map of their own, and are joined before all others.
+    pub(crate) rows: u64,
+    /// When so many regions are left all are each other's neighbours: a map may hold in places that lie apart.
+    pub(crate) apart: usize,
+}
+
 /// All joins, the first ones first.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tree {
     cells: usize,
-    /// The cell that stands for both, and the one that is gone.
-    joins: Vec<(u32, u32)>,
+    /// Error of all cells, each with a map of its own.
+    start: f64,
+    joins: Vec<Join>,
 }
 
-/// A region while joins are sought.
-struct Region {
-    cell: Cell,
-    error: f64,
+/// A join.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Join {
+    /// The first cell of the region that stands for both, and of the one that is gone.
+    pub(crate) kept: u32,
+    pub(crate) gone: u32,
+    /// Error of all regions afterwards.
+    pub(crate) error: f64,
 }
-
-/// What a join costs: growth of the error, then distance.
-type Price = (f64, f64);
 
 impl Tree {
-    /// Joins cells until `least` regions are left; `error` is the residual sum of squares of a Gram matrix, in units of the targets' variances.
-    pub(crate) fn grow(cells: Vec<Cell>, least: usize, error: impl Fn(&Gram) -> f64) -> Self {
+    /// Joins cells; `error` is the residual sum of squares of a Gram matrix, in units of the targets' variances.
+    pub(crate) fn grow(cells: Vec<Cell>, limits: Limits, error: impl Fn(&Gram) -> f64) -> Self {
         let count = cells.len();
-        let noise = ROUNDING * cells.iter().map(|cell| cell.gram.weight).sum::<f64>();
-        let of = |(at, cell): (usize, Cell)| (at as u32, Region { error: error(&cell.gram), cell });
-        let mut growing =
-            Growing { regions: cells.into_iter().enumerate().map(of).collect(), prices: BTreeMap::new(), error, noise };
-        for region in growing.regions.keys().copied().collect::<Vec<_>>() {
-            growing.price(region, |other| other > region);
-        }
-        let mut joins = Vec::new();
-        while growing.regions.len() > least.max(1) {
-            let Some(join) = growing.cheapest() else {
+        let mut growing = Growing::new(cells, limits, error);
+        let start: f64 = growing.regions.values().map(|region| region.error).sum();
+        let (mut total, mut joins) = (start, Vec::new());
+        while growing.regions.len() > limits.least.max(1) {
+            if growing.regions.len() == limits.apart {
+                growing.connect();
+            }
+            let Some((kept, gone)) = growing.cheapest() else {
                 growing.connect();
                 continue;
             };
-            growing.join(join);
-            joins.push(join);
+            total += growing.join(kept, gone);
+            joins.push(Join { kept, gone, error: total });
         }
-        Self { cells: count, joins }
+        Self { cells: count, start, joins }
     }
 
     /// The region of every cell when there are `count` of them, numbered by the first cell of each.
     pub(crate) fn regions(&self, count: usize) -> Vec<u32> {
         let mut parent: Vec<u32> = (0..self.cells as u32).collect();
-        let made = self.cells.saturating_sub(count.max(1)).min(self.joins.len());
-        for &(kept, gone) in self.joins[..made].iter().rev() {
-            parent[gone as usize] = parent[kept as usize];
+        for join in self.joins[..self.made(count)].iter().rev() {
+            parent[join.gone as usize] = parent[join.kept as usize];
         }
         let mut numbers = BTreeMap::new();
         let mut number = |root: u32| {
@@ -74,66 +86,160 @@ impl Tree {
         };
         parent.into_iter().map(&mut number).collect()
     }
+
+    /// Error of `count` regions.
+    pub(crate) fn error(&self, count: usize) -> f64 {
+        self.made(count).checked_sub(1).map_or(self.start, |last| self.joins[last].error)
+    }
+
+    /// The joins that follow when there are `count` regions.
+    pub(crate) fn joins(&self, count: usize) -> &[Join] {
+        &self.joins[self.made(count)..]
+    }
+
+    /// Joins behind a level.
+    fn made(&self, count: usize) -> usize {
+        self.cells.saturating_sub(count.max(1)).min(self.joins.len())
+    }
+}
+
+/// A region while joins are sought.
+struct Region {
+    cell: Cell,
+    error: f64,
+}
+
+/// What a join costs, as the queue sorts it: starved regions before others, then growth of the error, bounds before prices, then distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Price {
+    fed: bool,
+    /// Bits of a number that is not negative sort as the number.
+    growth: u64,
+    exact: bool,
+    distance: u64,
+    pair: (u32, u32),
 }
 
 struct Growing<E> {
     regions: BTreeMap<u32, Region>,
     /// Of every pair of neighbours, the smaller number first.
     prices: BTreeMap<(u32, u32), Price>,
+    queue: BTreeSet<Price>,
+    limits: Limits,
     error: E,
     noise: f64,
 }
 
 impl<E: Fn(&Gram) -> f64> Growing<E> {
-    /// Prices the joins of a region with those of its neighbours that are wanted.
-    fn price(&mut self, region: u32, wanted: impl Fn(u32) -> bool) {
-        let own = &self.regions[&region];
-        for &other in own.cell.neighbours.iter().filter(|&&other| wanted(other)) {
-            let (a, b) = (own, &self.regions[&other]);
-            let mut gram = a.cell.gram.clone();
-            gram.merge(&b.cell.gram);
-            let growth = (self.error)(&gram) - a.error - b.error;
-            let growth = if growth > self.noise { growth } else { 0.0 };
-            let distance = a.cell.place.iter().zip(&b.cell.place).map(|(a, b)| (a - b) * (a - b)).sum();
-            self.prices.insert((region.min(other), region.max(other)), (growth, distance));
+    fn new(cells: Vec<Cell>, limits: Limits, error: E) -> Self {
+        let noise = ROUNDING * cells.iter().map(|cell| cell.gram.weight).sum::<f64>();
+        let of = |(at, cell): (usize, Cell)| (at as u32, Region { error: error(&cell.gram), cell });
+        let regions: BTreeMap<u32, Region> = cells.into_iter().enumerate().map(of).collect();
+        let mut growing = Self { regions, prices: BTreeMap::new(), queue: BTreeSet::new(), limits, error, noise };
+        growing.bound_neighbours();
+        growing
+    }
+
+    /// Puts every pair of neighbours into the queue that is not there.
+    fn bound_neighbours(&mut self) {
+        let of = |(&own, region): (&u32, &Region)| {
+            region.cell.neighbours.iter().filter(move |&&other| other > own).map(move |&other| (own, other)).collect()
+        };
+        let pairs: Vec<(u32, u32)> = self.regions.iter().flat_map(|entry| -> Vec<(u32, u32)> { of(entry) }).collect();
+        for pair in pairs {
+            if !self.prices.contains_key(&pair) {
+                self.enqueue(pair, 0.0, None);
+            }
         }
     }
 
-    fn cheapest(&self) -> Option<(u32, u32)> {
-        let by_price = |a: &Price, b: &Price| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
-        self.prices.iter().min_by(|(_, a), (_, b)| by_price(a, b)).map(|(&pair, _)| pair)
+    /// Puts a pair into the queue with a bound of its growth, or with its growth and the distance.
+    fn enqueue(&mut self, pair: (u32, u32), growth: f64, distance: Option<f64>) {
+        let rows = |region: u32| self.regions[&region].cell.gram.rows;
+        let price = Price {
+            fed: rows(pair.0).min(rows(pair.1)) >= self.limits.rows,
+            growth: if growth > self.noise { growth } else { 0.0 }.to_bits(),
+            exact: distance.is_some(),
+            distance: distance.unwrap_or(0.0).to_bits(),
+            pair,
+        };
+        self.prices.insert(pair, price);
+        self.queue.insert(price);
     }
 
-    fn join(&mut self, (kept, gone): (u32, u32)) {
-        self.prices.retain(|&(a, b), _| ![a, b].contains(&kept) && ![a, b].contains(&gone));
-        let (Some(a), Some(b)) = (self.regions.remove(&kept), self.regions.remove(&gone)) else { return };
-        let mut gram = a.cell.gram;
+    /// What the join of a pair costs: growth of the error, then distance.
+    fn price(&self, (a, b): (u32, u32)) -> (f64, f64) {
+        let (a, b) = (&self.regions[&a], &self.regions[&b]);
+        let mut gram = a.cell.gram.clone();
         gram.merge(&b.cell.gram);
-        let share = if gram.weight > 0.0 { b.cell.gram.weight / gram.weight } else { 0.5 };
-        let place = a.cell.place.iter().zip(&b.cell.place).map(|(a, b)| a + share * (b - a)).collect();
-        let mut neighbours = a.cell.neighbours;
-        neighbours.extend(b.cell.neighbours);
-        neighbours.retain(|&other| other != kept && other != gone);
-        for other in &neighbours {
+        let distance = a.cell.place.iter().zip(&b.cell.place).map(|(a, b)| (a - b) * (a - b)).sum();
+        ((self.error)(&gram) - a.error - b.error, distance)
+    }
+
+    fn cheapest(&mut self) -> Option<(u32, u32)> {
+        loop {
+            let least = *self.queue.first()?;
+            if least.exact {
+                return Some(least.pair);
+            }
+            self.queue.remove(&least);
+            let (growth, distance) = self.price(least.pair);
+            self.enqueue(least.pair, growth, Some(distance));
+        }
+    }
+
+    /// Joins two regions; the growth of the error.
+    fn join(&mut self, kept: u32, gone: u32) -> f64 {
+        let own = self.prices.get(&(kept, gone)).map_or(0.0, |price| f64::from_bits(price.growth));
+        let mut bounds: BTreeMap<u32, f64> = BTreeMap::new();
+        for region in [kept, gone] {
+            let neighbours: Vec<u32> = self.regions[&region].cell.neighbours.iter().copied().collect();
+            for other in neighbours {
+                let pair = (region.min(other), region.max(other));
+                let Some(price) = self.prices.remove(&pair) else { continue };
+                self.queue.remove(&price);
+                let bound = bounds.entry(other).or_insert(0.0);
+                // Both are known up to rounding.
+                *bound = bound.max(f64::from_bits(price.growth) - own - 2.0 * self.noise);
+            }
+        }
+        let (Some(a), Some(b)) = (self.regions.remove(&kept), self.regions.remove(&gone)) else { return 0.0 };
+        let parts = a.error + b.error;
+        let cell = united(a.cell, b.cell, (kept, gone));
+        for other in &cell.neighbours {
             if let Some(region) = self.regions.get_mut(other) {
                 region.cell.neighbours.remove(&gone);
                 region.cell.neighbours.insert(kept);
             }
         }
-        self.regions.insert(kept, Region { error: (self.error)(&gram), cell: Cell { gram, place, neighbours } });
-        self.price(kept, |_| true);
+        let error = (self.error)(&cell.gram);
+        self.regions.insert(kept, Region { error, cell });
+        for (other, bound) in bounds.into_iter().filter(|&(other, _)| other != kept && other != gone) {
+            self.enqueue((kept.min(other), kept.max(other)), bound, None);
+        }
+        error - parts
     }
 
-    /// Where no neighbours are left, all regions are each other's.
+    /// Makes all regions each other's neighbours.
     fn connect(&mut self) {
         let all: BTreeSet<u32> = self.regions.keys().copied().collect();
         for (own, region) in &mut self.regions {
             region.cell.neighbours = all.iter().copied().filter(|other| other != own).collect();
         }
-        for region in all {
-            self.price(region, |other| other > region);
-        }
+        self.bound_neighbours();
     }
+}
+
+/// Two cells as one, without the border between them.
+fn united(a: Cell, b: Cell, (kept, gone): (u32, u32)) -> Cell {
+    let mut gram = a.gram;
+    gram.merge(&b.gram);
+    let share = if gram.weight > 0.0 { b.gram.weight / gram.weight } else { 0.5 };
+    let place = a.place.iter().zip(&b.place).map(|(a, b)| a + share * (b - a)).collect();
+    let mut neighbours = a.neighbours;
+    neighbours.extend(b.neighbours);
+    neighbours.retain(|&other| other != kept && other != gone);
+    Cell { gram, place, neighbours }
 }
 
 #[cfg(test)]
@@ -152,6 +258,10 @@ mod tests {
         if xx > 1e-12 { (yy - xy * xy / xx).max(0.0) } else { yy }
     }
 
+    fn to(least: usize) -> Limits {
+        Limits { least, rows: 0, apart: 0 }
+    }
+
     /// Cells along a line, each a neighbour of the next.
     fn chain(cells: &[Vec<(f64, f64)>]) -> Vec<Cell> {
         let beside = |at: usize| [at.checked_sub(1), (at + 1 < cells.len()).then_some(at + 1)];
@@ -166,18 +276,42 @@ mod tests {
             .collect()
     }
 
+    /// Cells of five rows each of a function, side by side.
+    fn of_function(count: u32, f: impl Fn(f64) -> f64) -> Vec<Vec<(f64, f64)>> {
+        let row = |cell: u32, i: u32| f64::from(cell) + f64::from(i) * 0.2;
+        (0..count).map(|cell| (0..5).map(|i| (row(cell, i), f(row(cell, i)))).collect()).collect()
+    }
+
     #[test]
     fn cells_of_one_line_are_joined_first() {
         // y = x up to 3, then 6 - x.
-        let line = |x: f64| if x < 3.0 { x } else { 6.0 - x };
-        let cells: Vec<Vec<(f64, f64)>> = (0..6)
-            .map(|cell| (0..5).map(|i| f64::from(cell) + f64::from(i) * 0.2).map(|x| (x, line(x))).collect())
-            .collect();
-        let tree = Tree::grow(chain(&cells), 1, error);
+        let cells = of_function(6, |x| if x < 3.0 { x } else { 6.0 - x });
+        let tree = Tree::grow(chain(&cells), to(1), error);
         assert_eq!(tree.regions(2), [0, 0, 0, 1, 1, 1]);
         assert_eq!(tree.regions(1), [0; 6]);
         assert_eq!(tree.regions(6), [0, 1, 2, 3, 4, 5]);
         assert_eq!(tree.regions(100).len(), 6);
+        assert!(tree.error(2) < 1e-9 && tree.joins(2).len() == 1);
+    }
+
+    #[test]
+    fn one_map_may_hold_in_places_that_lie_apart() {
+        // Between two pieces of the line y = x lies another line.
+        let cells = of_function(9, |x| if (3.0..6.0).contains(&x) { -x } else { x });
+        let neighbours = Tree::grow(chain(&cells), to(1), error);
+        assert!(neighbours.error(2) > 1.0);
+        let apart = Tree::grow(chain(&cells), Limits { apart: 4, ..to(1) }, error);
+        assert_eq!(apart.regions(2), [0, 0, 0, 1, 1, 1, 0, 0, 0]);
+        assert!(apart.error(2) < 1e-9);
+    }
+
+    #[test]
+    fn starved_cells_are_joined_before_all_others() {
+        // The last cell's only row is far off every line.
+        let mut cells = of_function(5, |x| if x < 3.0 { x } else { 6.0 - x });
+        cells.push(vec![(5.5, 40.0)]);
+        let tree = Tree::grow(chain(&cells), Limits { rows: 2, ..to(1) }, error);
+        assert_eq!(tree.regions(5), [0, 1, 2, 3, 4, 4]);
     }
 
     #[test]
@@ -185,15 +319,62 @@ mod tests {
         let mut cells =
             chain(&[vec![(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)], vec![(5.0, 5.0), (6.0, 6.5)], vec![(9.0, 0.0)]]);
         cells.iter_mut().for_each(|cell| cell.neighbours.clear());
-        assert_eq!(Tree::grow(cells, 1, error).regions(1), [0; 3]);
+        assert_eq!(Tree::grow(cells, to(1), error).regions(1), [0; 3]);
+    }
+
+    /// The tree by pricing every pair of neighbours at every step.
+    fn brute_force(cells: Vec<Cell>) -> Vec<(u32, u32)> {
+        let mut left: Vec<(u32, Cell)> = cells.into_iter().enumerate().map(|(at, cell)| (at as u32, cell)).collect();
+        let mut joins = Vec::new();
+        while left.len() > 1 {
+            let mut best: Option<(f64, usize, usize)> = None;
+            for (i, (_, a)) in left.iter().enumerate() {
+                for (j, (other, b)) in left.iter().enumerate().skip(i + 1) {
+                    let mut both = a.gram.clone();
+                    both.merge(&b.gram);
+                    let growth = error(&both) - error(&a.gram) - error(&b.gram);
+                    if a.neighbours.contains(other) && best.is_none_or(|(least, ..)| growth < least) {
+                        best = Some((growth, i, j));
+                    }
+                }
+            }
+            let Some((_, i, j)) = best else { break };
+            let (gone, b) = left.remove(j);
+            let kept = left[i].0;
+            joins.push((kept, gone));
+            left[i].1 = united(left[i].1.clone(), b, (kept, gone));
+            for (_, cell) in &mut left {
+                if cell.neighbours.remove(&gone) {
+                    cell.neighbours.insert(kept);
+                }
+            }
+        }
+        joins
     }
 
     proptest! {
         #[test]
+        fn the_cheapest_join_is_made_though_few_are_priced(
+            values in prop::collection::vec(prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 3..6), 2..14),
+            borders in prop::collection::vec((0usize..14, 0usize..14), 0..20),
+        ) {
+            let mut cells = chain(&values);
+            for (a, b) in borders {
+                if a != b && a < cells.len() && b < cells.len() {
+                    cells[a].neighbours.insert(b as u32);
+                    cells[b].neighbours.insert(a as u32);
+                }
+            }
+            let tree = Tree::grow(cells.clone(), to(1), error);
+            let joins: Vec<(u32, u32)> = tree.joins.iter().map(|join| (join.kept, join.gone)).collect();
+            prop_assert_eq!(joins, brute_force(cells));
+        }
+
+        #[test]
         fn every_join_makes_one_region_less_of_the_regions_before(
             values in prop::collection::vec(prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 3..6), 2..12)
         ) {
-            let tree = Tree::grow(chain(&values), 1, error);
+            let tree = Tree::grow(chain(&values), to(1), error);
             for count in 1..values.len() {
                 let (coarse, fine) = (tree.regions(count), tree.regions(count + 1));
                 let distinct: BTreeSet<u32> = coarse.iter().copied().collect();
@@ -202,6 +383,17 @@ mod tests {
                 for (i, j) in (0..values.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
                     prop_assert!(fine[i] != fine[j] || coarse[i] == coarse[j]);
                 }
+                prop_assert!(tree.error(count) >= tree.error(count + 1) - 1e-12);
+            }
+            // The error of a level is that of its regions' rows, each fitted by itself.
+            for count in 1..=values.len() {
+                let regions = tree.regions(count);
+                let of = |region: usize| {
+                    let own = values.iter().zip(&regions).filter(|&(_, &r)| r as usize == region);
+                    error(&gram(&own.flat_map(|(rows, _)| rows).copied().collect::<Vec<_>>()))
+                };
+                let direct: f64 = (0..count).map(of).sum();
+                prop_assert!((tree.error(count) - direct).abs() < 1e-9, "{count}: {} {direct}", tree.error(count));
             }
         }
     }

@@ -8,7 +8,7 @@ use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, kernel::padded};
 
 use crate::{
     fit::{Base, RegionModel},
-    kept::Kept,
+    lattice::Columns,
     residual::{Maps, by_rows},
 };
 
@@ -83,13 +83,12 @@ impl Chunk {
 }
 
 impl Examples {
-    /// The kept rows that train the model tested on `held`; `None` where none weigh anything.
-    pub(crate) fn new(kept: &Kept, shape: Shape, units: (&[f64], &[f64]), held: Option<u16>) -> Option<Self> {
+    /// Those of some rows of columns (partition columns, regressors, targets, and the weight where there are weights); `None` where none weigh anything.
+    pub(crate) fn new(columns: &[Vec<f64>], shape: Shape, units: (&[f64], &[f64]), rows: &[usize]) -> Option<Self> {
         let (d, p, q) = shape;
-        let runs = kept.training_runs(held);
-        let gather = |column: &Vec<f64>| runs.iter().flat_map(|run| &column[run.clone()]).copied().collect();
-        let columns: Vec<Vec<f64>> = kept.columns.iter().map(gather).collect();
-        let n = columns.first().map_or(0, Vec::len);
+        let gather = |column: &Vec<f64>| rows.iter().map(|&row| column[row]).collect();
+        let columns: Vec<Vec<f64>> = columns.iter().map(gather).collect();
+        let n = rows.len();
         if n == 0 {
             return None;
         }
@@ -120,6 +119,11 @@ impl Examples {
                 chunks,
             }
         })
+    }
+
+    /// The standardised partition columns, chunk by chunk.
+    pub(super) fn places(&self) -> Vec<Columns<'_>> {
+        self.chunks.iter().map(|chunk| (0..self.dimensions).map(|column| chunk.column(column)).collect()).collect()
     }
 
     /// The Gram matrix of the rows of each of `count` regions, in the preconditioner's coordinates; `regions` by chunk and row.
@@ -182,7 +186,6 @@ impl Chunk {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use fleetfoot_stats::Fold;
 
     /// Two inputs and a target with a curve.
     pub(crate) fn waves(rows: usize) -> Vec<[f64; 3]> {
@@ -196,9 +199,8 @@ pub(super) mod tests {
     /// Examples of rows (x0, x1, y), whose regions look at x0 and x1 as they are.
     pub(crate) fn rows_of(rows: &[[f64; 3]]) -> Examples {
         let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
-        let mut kept = Kept::new(5);
-        kept.append(Fold::default(), [0, 1, 0, 1, 2].map(column).to_vec());
-        Examples::new(&kept, (2, 2, 1), (&[0.0; 2], &[1.0; 2]), None).unwrap()
+        let all: Vec<usize> = (0..rows.len()).collect();
+        Examples::new(&[0, 1, 0, 1, 2].map(column), (2, 2, 1), (&[0.0; 2], &[1.0; 2]), &all).unwrap()
     }
 
     #[test]

@@ -36,9 +36,9 @@ impl Separators {
     }
 
     /// The cells of centroids (K x d), as likely as under normal distributions of unit variance around them.
-    pub(super) fn voronoi(centroids: &[f64], dimensions: usize) -> Self {
-        let row = |c: &[f64]| [c, &[-0.5 * c.iter().map(|v| v * v).sum::<f64>()]].concat();
-        let table: Vec<f64> = centroids.chunks_exact(dimensions).flat_map(row).collect();
+    pub(super) fn voronoi(centroids: &[Vec<f64>], dimensions: usize) -> Self {
+        let row = |c: &Vec<f64>| [c.as_slice(), &[-0.5 * c.iter().map(|v| v * v).sum::<f64>()]].concat();
+        let table: Vec<f64> = centroids.iter().flat_map(row).collect();
         Self { regions: table.len() / (dimensions + 1), dimensions, table }
     }
 
@@ -301,7 +301,7 @@ mod tests {
                 .collect()
         });
         let mut one = Separators::zero(3, 2);
-        let mut other = Separators::voronoi(&[0.3, 1.0, -1.0, 0.2, 0.8, -2.0], 2);
+        let mut other = Separators::voronoi(&[vec![0.3, 1.0], vec![-1.0, 0.2], vec![0.8, -2.0]], 2);
         let values = [&mut one, &mut other].map(|own| own.improve(&examples, &labels, 0.7, 100));
         // Values near a minimum are known to the square of the gradient.
         assert!((values[0] - values[1]).abs() < 1e-10 * values[0], "{values:?}");
@@ -335,11 +335,11 @@ mod tests {
     #[test]
     fn the_cells_of_centroids_are_the_nearest() {
         let examples = rows_of(&waves(200));
-        let centroids = [[0.5, 0.5], [-1.0, 0.0], [1.0, -1.0]];
-        let separators = Separators::voronoi(&centroids.concat(), 2);
+        let centroids = [vec![0.5, 0.5], vec![-1.0, 0.0], vec![1.0, -1.0]];
+        let separators = Separators::voronoi(&centroids, 2);
         for (chunk, winners) in examples.chunks.iter().zip(separators.winners(&examples)) {
             for (row, &winner) in winners.iter().enumerate() {
-                let distance = |c: &[f64; 2]| (0..2).map(|j| (chunk.column(j)[row] - c[j]).powi(2)).sum::<f64>();
+                let distance = |c: &Vec<f64>| (0..2).map(|j| (chunk.column(j)[row] - c[j]).powi(2)).sum::<f64>();
                 let least = centroids.iter().map(distance).fold(f64::INFINITY, f64::min);
                 assert!(distance(&centroids[winner as usize]) <= least + 1e-12);
             }

@@ -1,4 +1,5 @@
 //! Tests of the crate, one program.
 
 mod identify;
+mod lattice;
 mod refined;

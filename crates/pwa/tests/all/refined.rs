@@ -8,13 +8,13 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// Inputs and output.
-type Row = (Vec<f64>, f64);
+pub(crate) type Row = (Vec<f64>, f64);
 
 /// A function of so many inputs, and its name.
 type Function = (&'static str, usize, fn(&[f64]) -> f64);
 
 /// Columns `x0 .. x(d-1)` and `y`.
-fn source(rows: &[Row], episodes: usize) -> MemorySource {
+pub(crate) fn source(rows: &[Row], episodes: usize) -> MemorySource {
     let d = rows[0].0.len();
     let mut names: Vec<String> = (0..d).map(|j| format!("x{j}")).collect();
     names.push("y".into());
@@ -28,7 +28,7 @@ fn source(rows: &[Row], episodes: usize) -> MemorySource {
 }
 
 /// `y = f(x0, ..)`, with regions on all x.
-fn problem(d: usize) -> Problem {
+pub(crate) fn problem(d: usize) -> Problem {
     let column = |name: String, role| Column { source: name.clone(), name, unit: None, role, angle: false };
     let inputs: Vec<Expr> = (0..d).map(|j| Expr::column(format!("x{j}"))).collect();
     let columns = (0..d).map(|j| column(format!("x{j}"), Role::State)).chain([column("y".into(), Role::Auxiliary)]);
@@ -48,18 +48,18 @@ fn problem(d: usize) -> Problem {
     }
 }
 
-fn options(partitions: &str, folds: u16) -> Options {
+pub(crate) fn options(partitions: &str, folds: u16) -> Options {
     let mut options = Options::default();
     options.partitions = Specification::parse_list(partitions).unwrap();
     options.folds = folds;
     options
 }
 
-fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
+pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
     identify(problem, options, source, &Silent).unwrap()
 }
 
-fn normal(random: &mut Pcg64) -> f64 {
+pub(crate) fn normal(random: &mut Pcg64) -> f64 {
     let (u, v): (f64, f64) = (random.random_range(f64::MIN_POSITIVE..1.0), random.random());
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
@@ -251,4 +251,22 @@ fn partitions_alone_say_that_they_saw_all_rows() {
     let found = partition(&problem(2), &options("refined:3", 5), &source(&rows, 1), &Silent).unwrap();
     assert!(found.notes.iter().any(|note| note.contains("are too small")), "{:?}", found.notes);
     assert_eq!(found.partitions[0].1.rule.count(), 3);
+}
+
+#[test]
+fn the_regions_of_every_label_are_refined_by_themselves() {
+    // A kink over x0 on one ground, over x1 on the other.
+    let mut random = Pcg64::seed_from_u64(12);
+    let mut row = |at: usize| {
+        let x: [f64; 2] = [random.random_range(-1.0..1.0), random.random_range(-1.0..1.0)];
+        let ground = (at / 150 % 2) as f64;
+        (vec![x[0], x[1], ground], if ground == 0.0 { x[0].abs() } else { 1.0 - x[1].abs() })
+    };
+    let rows: Vec<Row> = (0..1200).map(&mut row).collect();
+    let found = run(&problem(2), &options("refined:2,labels:x2,labels:x2+refined:2", 4), &source(&rows, 4));
+    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
+    assert!(losses[2] < 1e-3 && losses[0] > 0.1 && losses[1] > 0.1, "{losses:?}");
+    assert_eq!(found.candidates[found.chosen].regions, 4);
+    let names: Vec<&str> = found.model.partitions[0].regions.iter().map(|region| region.name.as_str()).collect();
+    assert_eq!(names, ["0/0", "0/1", "1/0", "1/1"]);
 }

@@ -24,8 +24,9 @@ class PWA(Identifier):
     ----------
     partition : int, str or list, optional
         ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"`` (regions
-        that fit the dynamics), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``; of a list, or of a range
-        ``"refined:2..20"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
+        that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"labels:COLUMN"``,
+        ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``; of a list, or of a range ``"refined:2..20"``,
+        ``"lattice:2..50"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
         else ``"derivative"``.

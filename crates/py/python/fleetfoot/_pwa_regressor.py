@@ -1,4 +1,4 @@
-"""Piecewise-affine regression: regions by k-means or refined, an affine map in each."""
+"""Piecewise-affine regression: regions by k-means, refined or joined of cells, an affine map in each."""
 
 from __future__ import annotations
 
@@ -46,8 +46,10 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Regions; of several numbers cross-validation chooses one.
     partition : str or None, default=None
         ``"refined"``: `n_regions` regions that fit the targets, between linear separators, in place of the cells of
-        k-means. Or partitions in place of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``, ``"zscore:1.5"`` (inside and outside a ball of that many
-        standard deviations), ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from:
+        k-means. ``"lattice"``: small cells, joined to `n_regions` regions where one map fits both; all numbers of
+        regions cost little more than one. Or partitions in place of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``,
+        ``"lattice:2..50"``, ``"zscore:1.5"`` (inside and outside a ball of that many standard deviations),
+        ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from:
         ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that the regions depend on; default: all. The affine maps are of all features.
@@ -260,6 +262,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "scale": scale,
             "weights": weights,
             "offsets": offsets,
+            "joined": fit.joined,
             "radius": fit.radius,
         }
         voronoi = bool(weights) and fit.is_voronoi
@@ -284,7 +287,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     f"partition={self.partition!r}: regions by labels are not supported by PWARegressor; "
                     "fit one for each label, or use PWA"
                 )
-            if self.partition not in ("kmeans", "refined"):
+            if self.partition not in ("kmeans", "refined", "lattice"):
                 return self.partition
         kind = self.partition or "kmeans"
         if isinstance(self.n_regions, Integral):

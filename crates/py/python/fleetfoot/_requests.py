@@ -59,4 +59,5 @@ class PwaRule(TypedDict):
     scale: list[float]
     weights: list[list[float]]
     offsets: list[float]
+    joined: list[int]
     radius: float | None

@@ -1,0 +1,178 @@
+//! Cells joined to regions: closed forms, invariants, and what `refined` and k-means make of the same rows.
+
+use fleetfoot_data::{Silent, with_threads};
+use fleetfoot_model::{Model, Rule};
+use fleetfoot_pwa::{Selection, Specification, identify, partition};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use crate::refined::{Row, normal, options, problem, run, source};
+
+/// One map in two places, with another one in between; noise of 0.05.
+fn sandwich(rows: usize, seed: u64) -> Vec<Row> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut row = |_| {
+        let x: [f64; 2] = [random.random_range(-3.0..3.0), random.random_range(-1.0..1.0)];
+        let y = if x[0].abs() < 1.0 { 2.0 * x[0] - x[1] } else { 1.0 - x[0] + 0.5 * x[1] };
+        (x.to_vec(), y + 0.05 * normal(&mut random))
+    };
+    (0..rows).map(&mut row).collect()
+}
+
+/// The region of a row.
+fn region(model: &Model, x: &[f64]) -> usize {
+    let partition = &model.partitions[0];
+    let z: Vec<f64> =
+        x.iter().zip(partition.centre.iter().zip(&partition.scale)).map(|(x, (c, s))| (x - c) / s).collect();
+    partition.rule.assign_row(&z).unwrap() as usize
+}
+
+/// Squared error over variance of a model's affine maps on rows.
+fn error(model: &Model, rows: &[Row]) -> f64 {
+    let latent = &model.latents[0];
+    let mean = rows.iter().map(|row| row.1).sum::<f64>() / rows.len() as f64;
+    let mut sums = [0.0; 2];
+    for (x, y) in rows {
+        let region = region(model, x);
+        let found = latent.constants[region]
+            + latent.coefficients[region].iter().zip(x).map(|(coefficient, x)| coefficient * x).sum::<f64>();
+        sums[0] += (y - found).powi(2);
+        sums[1] += (y - mean).powi(2);
+    }
+    sums[0] / sums[1]
+}
+
+#[test]
+fn one_map_that_holds_in_two_places_is_one_region() {
+    let rows = sandwich(4000, 1);
+    let mut wanted = options("average,kmeans:2,lattice:1..6", 5);
+    wanted.keep_all = true;
+    let found = run(&problem(2), &wanted, &source(&rows, 1));
+    let model = &found.models[3];
+    let within = |at: usize| rows.iter().filter(|row| (row.0[0].abs() < 1.0) == (region(model, &row.0) == at)).count();
+    let right = within(0).max(within(1)) as f64 / rows.len() as f64;
+    // All but rows of the cells that a border cuts.
+    assert!(right > 0.94, "{right}");
+    // Cells that a border cuts have errors that more regions lower.
+    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
+    assert!(losses[3] < 0.6 * losses[1] && losses[7] < losses[3], "{losses:?}");
+    let fresh = error(model, &sandwich(4000, 2));
+    assert!((fresh - losses[3]).abs() < 0.3 * losses[3], "{fresh} {losses:?}");
+}
+
+#[test]
+fn the_tree_tells_what_its_models_do() {
+    let rows = sandwich(1500, 3);
+    let mut wanted = options("average,lattice:2..8", 4);
+    wanted.keep_all = true;
+    let found = run(&problem(2), &wanted, &source(&rows, 2));
+    let lattice = found.models[7].partitions[0].lattice.as_ref().unwrap();
+    assert_eq!(lattice.levels.iter().map(|level| level.regions).collect::<Vec<_>>(), (1..=8).collect::<Vec<_>>());
+    for (model, level) in found.models.iter().zip(&lattice.levels) {
+        let direct = error(model, &rows);
+        assert!((level.training - direct).abs() < 1e-9, "{}: {} {direct}", level.regions, level.training);
+    }
+    assert!(lattice.levels.windows(2).all(|pair| pair[1].training <= pair[0].training), "{lattice:?}");
+    for (level, score) in lattice.levels.iter().zip(&found.candidates) {
+        assert_eq!((level.held_out.to_bits(), level.bic.to_bits()), (score.loss.to_bits(), score.bic.to_bits()));
+    }
+    // The joins lead from eight regions to one, through the errors of the levels.
+    let joined: Vec<f64> = lattice.joins.iter().map(|join| join.training).collect();
+    let levels: Vec<f64> = lattice.levels.iter().rev().skip(1).map(|level| level.training).collect();
+    assert!(joined.iter().zip(&levels).all(|(a, b)| (a - b).abs() < 1e-12), "{joined:?} {levels:?}");
+    assert_eq!(joined.len(), 7);
+    // A level alone is the same level.
+    let alone = run(&problem(2), &options("lattice:8", 4), &source(&rows, 2));
+    assert_eq!(alone.model.latents, found.models[7].latents);
+}
+
+#[test]
+fn noise_has_no_regions_that_hold_out() {
+    let mut random = Pcg64::seed_from_u64(3);
+    let noise: Vec<Row> =
+        (0..900).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
+    let found = run(&problem(2), &options("null,lattice:2..12", 5), &source(&noise, 1));
+    assert!(found.candidates[1..].iter().all(|score| score.loss > found.candidates[0].loss), "{:?}", found.candidates);
+    assert_eq!(found.chosen, 0);
+    // Training errors alone would take as many regions as there are.
+    let model = run(&problem(2), &options("lattice:2..12", 5), &source(&noise, 1)).model;
+    let levels = &model.partitions[0].lattice.as_ref().unwrap().levels;
+    assert!(levels[10].training < levels[0].training && levels[10].held_out > levels[0].held_out, "{levels:?}");
+}
+
+#[test]
+fn as_many_regions_as_cells_are_the_fits_of_the_cells() {
+    let rows = sandwich(60, 4);
+    let found = run(&problem(2), &options("lattice:60", 0), &source(&rows, 1));
+    let partition = &found.model.partitions[0];
+    let Rule::Joined { cells, regions } = &partition.rule else { panic!("{:?}", partition.rule) };
+    // A cell a row, and a map through each.
+    assert_eq!((regions.len(), partition.rule.count(), cells.count()), (60, 60, 60));
+    assert!(partition.lattice.as_ref().unwrap().levels[0].training < 1e-12);
+    assert!(error(&found.model, &rows) < 1e-12);
+}
+
+#[test]
+fn fewer_cells_than_regions_are_told() {
+    let found = run(&problem(2), &options("lattice:90", 0), &source(&sandwich(60, 4), 1));
+    assert!(found.notes.iter().any(|note| note.contains("lattice:90") && note.contains("cells")), "{:?}", found.notes);
+    assert!(found.candidates[0].regions <= 60);
+}
+
+#[test]
+fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+    let rows = sandwich(9000, 6);
+    let options = options("kmeans:3,lattice:2..5", 3);
+    let said = |source: &fleetfoot_data::MemorySource| {
+        let found = run(&problem(2), &options, source);
+        let mut model = found.model;
+        model.training.episodes.sort();
+        let losses: Vec<u64> = found.candidates.iter().map(|score| score.loss.to_bits()).collect();
+        (model.to_json(), losses, found.notes)
+    };
+    let whole = source(&rows, 6);
+    let alone = with_threads(1, || said(&whole));
+    assert!(alone.0.contains("joined"));
+    for threads in [2, 7] {
+        assert_eq!(with_threads(threads, || said(&whole)), alone);
+    }
+    let mut reversed: Vec<Row> = Vec::new();
+    rows.chunks(1500).rev().for_each(|part| reversed.extend_from_slice(part));
+    assert_eq!(said(&source(&reversed, 6)), alone);
+}
+
+#[test]
+fn constant_columns_and_one_place_are_no_trouble() {
+    let rows: Vec<Row> = sandwich(600, 7).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
+    let found = run(&problem(3), &options("average,lattice:1,lattice:3", 3), &source(&rows, 1));
+    assert!((found.candidates[0].loss - found.candidates[1].loss).abs() < 1e-9, "{:?}", found.candidates);
+    assert!(found.candidates[2].loss < 0.5 * found.candidates[0].loss, "{:?}", found.candidates);
+    let mut on_nothing = problem(3);
+    on_nothing.partition_columns.truncate(3);
+    on_nothing.partition_columns.drain(..2);
+    let one = run(&on_nothing, &options("average,lattice:3", 3), &source(&rows, 1));
+    assert_eq!(one.candidates[1].regions, 1);
+    assert!((one.candidates[0].loss - one.candidates[1].loss).abs() < 1e-9);
+}
+
+#[test]
+fn joined_regions_come_near_to_refined_ones() {
+    // The lattice is as sharp as its cells are fine.
+    let rows = sandwich(20_000, 8);
+    let mut wanted = options("kmeans:3,refined:3,lattice:3", 0);
+    wanted.selection = Selection::Bic;
+    wanted.keep_all = true;
+    let found = run(&problem(2), &wanted, &source(&rows, 1));
+    let fresh = sandwich(5000, 9);
+    let [clustered, refined, joined] = [0, 1, 2].map(|at| error(&found.models[at], &fresh));
+    assert!(joined < 0.2 * clustered && joined < refined + 0.04, "{clustered} {refined} {joined}");
+}
+
+#[test]
+fn partitions_alone_are_those_of_the_regression() {
+    let source = source(&sandwich(900, 9), 1);
+    let found = partition(&problem(2), &options("lattice:2,lattice:4", 5), &source, &Silent).unwrap();
+    let fitted = identify(&problem(2), &options("lattice:4", 0), &source, &Silent).unwrap();
+    assert_eq!(found.partitions[1].1.rule, fitted.model.partitions[0].rule);
+    assert!(found.notes.iter().any(|note| note.contains("are too small")), "{:?}", found.notes);
+}
