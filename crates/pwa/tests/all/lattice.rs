@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Silent, with_threads};
 use fleetfoot_model::{Model, Rule};
-use fleetfoot_pwa::{Selection, Specification, identify, partition};
+use fleetfoot_pwa::{Selection, identify, partition};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
