@@ -24,7 +24,7 @@ pub(crate) struct Report {
     pub(crate) starts: NonZeroUsize,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
-    /// Report of the fit of one of the models, as `fit sparse --json` and `fit sindy --json` tell it: the page then shows how the model was chosen (repeatable).
+    /// Report of the fit of one of the models, as `fit sparse --json` and `fit sindy --json` tell it: the page then shows how the model was chosen (may be repeated; default: none).
     #[arg(long, value_name = "FILE")]
     pub(crate) fit: Vec<PathBuf>,
     /// The page to write.

@@ -184,7 +184,7 @@ impl Small<'_> {
                     v[i] = 0.0;
                 }
                 falls =
-                    self.objective(v).0 <= most && (leaves.is_some() || norm(self.wanted(v).1.into_iter()) < before);
+                    self.objective(v).0 <= most && (leaves.is_some() || norm(self.wanted(v).1) < before);
                 if falls {
                     break;
                 }

@@ -151,7 +151,7 @@ impl Sr3 {
                 moved.push((value - *sparse) * prepared.unit[j] / size);
                 *sparse = value;
             }
-            let step = norm(moved.into_iter()) / self.nu;
+            let step = norm(moved) / self.nu;
             watch(&sparse, &dense, step);
             if step < self.tolerance {
                 status = Status::Converged;
