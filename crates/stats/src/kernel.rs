@@ -413,9 +413,9 @@ mod tests {
     #[test]
     fn the_norm_does_not_overflow() {
         assert!((norm([3e200, 4e200]) / 5e200 - 1.0).abs() < 1e-15);
-        assert!((norm(&[3e-200, 4e-200]) / 5e-200 - 1.0).abs() < 1e-15);
-        assert_eq!(norm(&[3.0, 4.0]), 5.0);
-        assert_eq!(norm(&[0.0_f64; 0]), 0.0);
+        assert!((norm([3e-200, 4e-200].as_slice()) / 5e-200 - 1.0).abs() < 1e-15);
+        assert_eq!(norm([3.0, 4.0]), 5.0);
+        assert_eq!(norm([0.0_f64; 0]), 0.0);
         assert_eq!(norm([f64::INFINITY, 1.0]), f64::INFINITY);
     }
 }

@@ -183,8 +183,7 @@ impl Small<'_> {
                 if let Some((i, _)) = leaves {
                     v[i] = 0.0;
                 }
-                falls =
-                    self.objective(v).0 <= most && (leaves.is_some() || norm(self.wanted(v).1) < before);
+                falls = self.objective(v).0 <= most && (leaves.is_some() || norm(self.wanted(v).1) < before);
                 if falls {
                     break;
                 }
