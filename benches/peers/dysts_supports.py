@@ -108,24 +108,33 @@ def monomial(text, states):
     return tuple(powers)
 
 
+def report(binary, runs, step, options):
+    """What `fit sindy` tells of recordings of x0, x1, ...; nothing where it fails."""
+    names = [f"x{i}" for i in range(runs[0].shape[1])]
+    with tempfile.TemporaryDirectory() as folder:
+        files = []
+        for number, run in enumerate(runs):
+            files.append(f"{folder}/run{number}.csv")
+            rows = np.column_stack([step * np.arange(len(run)), run])
+            np.savetxt(files[-1], rows, "%.17g", ",", header=",".join(["t", *names]), comments="")
+        command = [binary, "fit", "sindy", *files, "--states", ",".join(names), "--json", "-o", f"{folder}/model.json"]
+        done = subprocess.run([*command, *options], capture_output=True, text=True)
+    if done.returncode != 0:
+        print(done.stderr.strip(), file=sys.stderr)
+        return None
+    return json.loads(done.stdout)
+
+
+def terms(told, term, states):
+    """The terms of every equation in the one region of a report."""
+    return [{term(one["function"], states) for one in equation["terms"]} for equation in told["regions"][0]["equations"]]
+
+
 def by_fleetfoot(binary, options):
     def fit(runs, step, degree):
         states = runs[0].shape[1]
-        names = [f"x{i}" for i in range(states)]
-        with tempfile.TemporaryDirectory() as folder:
-            files = []
-            for number, run in enumerate(runs):
-                files.append(f"{folder}/run{number}.csv")
-                rows = np.column_stack([step * np.arange(len(run)), run])
-                np.savetxt(files[-1], rows, "%.17g", ",", header=",".join(["t", *names]), comments="")
-            command = [binary, "fit", "sindy", *files, "--states", ",".join(names), "--degree", str(degree), "--json",
-                       "-o", f"{folder}/model.json", *options]
-            done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode != 0:
-            print(done.stderr.strip(), file=sys.stderr)
-            return [None] * states
-        equations = json.loads(done.stdout)["regions"][0]["equations"]
-        return [{monomial(term["function"], states) for term in equation["terms"]} for equation in equations]
+        told = report(binary, runs, step, ["--degree", str(degree), *options])
+        return [None] * states if told is None else terms(told, monomial, states)
 
     return fit
 

@@ -17,7 +17,6 @@ import json
 import pathlib
 import subprocess
 import sys
-import tempfile
 import warnings
 
 import dysts_supports as flows
@@ -80,22 +79,9 @@ def term(text, states):
 def by_fleetfoot(binary, options):
     def fit(runs, period, library):
         states = runs[0].shape[1]
-        names = [f"x{i}" for i in range(states)]
-        with tempfile.TemporaryDirectory() as folder:
-            files = []
-            for number, run in enumerate(runs):
-                files.append(f"{folder}/run{number}.csv")
-                rows = np.column_stack([period * np.arange(len(run)), run])
-                np.savetxt(files[-1], rows, "%.17g", ",", header=",".join(["t", *names]), comments="")
-            functions = [f"poly({library[0]})"] + (["fourier(1)"] if library[1] else [])
-            command = [binary, "fit", "sindy", *files, "--states", ",".join(names), "--library", ",".join(functions), "--json"]
-            done = subprocess.run([*command, "-o", f"{folder}/model.json", *options], capture_output=True, text=True)
-        if done.returncode != 0:
-            print(done.stderr.strip(), file=sys.stderr)
-            return [None] * states, None
-        report = json.loads(done.stdout)
-        found = [{term(one["function"], states) for one in equation["terms"]} for equation in report["regions"][0]["equations"]]
-        return found, report.get("weak")
+        functions = [f"poly({library[0]})"] + (["fourier(1)"] if library[1] else [])
+        told = flows.report(binary, runs, period, ["--library", ",".join(functions), *options])
+        return ([None] * states, None) if told is None else (flows.terms(told, term, states), told.get("weak"))
 
     return fit
 

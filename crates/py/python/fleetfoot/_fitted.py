@@ -35,6 +35,7 @@ class Fitted:
     #: Whether the target was a vector.
     _is_flat: bool = False
 
+    # What an estimator says for itself: the classes above this one have all three.
     def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
         raise NotImplementedError
 

@@ -1,0 +1,105 @@
+//! Options, settings and their words: one meaning each, the same in flags and recipes.
+
+use clap::{CommandFactory, Parser};
+use fleetfoot::{ModelSection, NarxSection, PwaSection, Recipe, Settings, SindySection, SparseSection};
+
+use super::{Cli, Command, Fit, List};
+
+#[test]
+fn lists_split_at_the_commas_between_items() {
+    let list: List = "y, lag(y,1),`odd, name`,a[0,1]".parse().unwrap();
+    assert_eq!(list.0, ["y", "lag(y,1)", "`odd, name`", "a[0,1]"]);
+    assert!("a,,b".parse::<List>().is_err());
+}
+
+/// Two values that a flag takes.
+fn values(argument: &clap::Arg) -> [String; 2] {
+    match argument.get_possible_values().as_slice() {
+        [first, second, ..] => [first, second].map(|value| value.get_name().to_owned()),
+        _ if argument.get_id() == "objective" => ["steps:2", "steps:3"].map(str::to_owned),
+        _ => ["2", "3"].map(str::to_owned),
+    }
+}
+
+/// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
+fn walk<S: Settings>(of: fn(&Fit) -> Option<&S>) {
+    let told = S::augment_args(clap::Command::new("settings"));
+    let mut found = Vec::new();
+    for argument in told.get_arguments() {
+        let entry = argument.get_id().as_str();
+        let flag = |value: &str| -> S {
+            let flag = format!("--{}={value}", entry.replace('_', "-"));
+            let cli = Cli::try_parse_from(["fleetfoot", "fit", S::SECTION, "log.csv", &flag]);
+            let cli = cli.unwrap_or_else(|problem| panic!("{flag}: {problem}"));
+            let Command::Fit(fit) = cli.command else { panic!("{flag}: no fit") };
+            of(&fit).unwrap_or_else(|| panic!("{flag}: another method")).clone()
+        };
+        let [said, other] = values(argument).map(|value| flag(&value));
+        assert!(said != other && said != S::default(), "--{entry} changes nothing");
+        let mut recipe = Recipe::default();
+        *S::of(&mut recipe) = other.clone();
+        let text = recipe.to_toml();
+        assert!(text.starts_with(&format!("[{}]\n{entry} = ", S::SECTION)), "{entry}: {text}");
+        let mut recipe = Recipe::parse(&text, "the recipe").unwrap();
+        recipe.say(S::default());
+        assert_eq!(*S::of(&mut recipe), other, "{entry}: the recipe stands above the default");
+        recipe.say(said.clone());
+        assert_eq!(*S::of(&mut recipe), said, "{entry}: the flag stands above the recipe");
+        found.push(entry.to_owned());
+    }
+    assert_eq!(found, S::ENTRIES, "[{}]", S::SECTION);
+}
+
+#[test]
+fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
+    walk::<PwaSection>(|fit| match fit {
+        Fit::Pwa(own) => Some(&own.pwa),
+        _ => None,
+    });
+    walk::<SparseSection>(|fit| match fit {
+        Fit::Sparse(own) => Some(&own.sparse),
+        _ => None,
+    });
+    walk::<SindySection>(|fit| match fit {
+        Fit::Sindy(own) => Some(&own.sindy),
+        _ => None,
+    });
+    walk::<NarxSection>(|fit| match fit {
+        Fit::Narx(own) => Some(&own.narx),
+        _ => None,
+    });
+}
+
+#[test]
+fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
+    let model = ModelSection {
+        predict: Some("next".into()),
+        degree: Some(2),
+        lags: Some(1),
+        weight: Some("w".into()),
+        partition: Some("average".into()),
+        partition_on: Some(vec!["x".into()]),
+    };
+    let recipe = Recipe { model, ..Recipe::default() };
+    let text = recipe.to_toml();
+    let entries = text.lines().filter_map(|line| line.split_once(" = ")).map(|(entry, _)| entry.to_owned());
+    let entries: Vec<String> = entries.collect();
+    assert_eq!(entries.len(), 6, "{text}");
+    let mut command = Cli::command();
+    let fit = command.find_subcommand_mut("fit").unwrap();
+    for method in ["pwa", "sindy", "narx"] {
+        let own = fit.find_subcommand_mut(method).unwrap();
+        for entry in &entries {
+            assert!(own.get_arguments().any(|argument| argument.get_id() == entry.as_str()), "{method}: {entry}");
+        }
+    }
+}
+
+#[test]
+fn the_command_line_is_sound_and_each_command_says_what_it_does() {
+    Cli::command().debug_assert();
+    let mut command = Cli::command();
+    let fit = command.find_subcommand_mut("fit").unwrap();
+    let about = fit.find_subcommand_mut("pwa").unwrap().get_about().unwrap().to_string();
+    assert_eq!(about, "A piecewise-affine model");
+}
