@@ -234,7 +234,7 @@ fn refined(
     trial.partitions = vec![chosen.specification.clone()];
     (trial.selection, trial.shrinkage) = (Selection::Given(0), Shrinkage::Rows(chosen.shrinkage));
     let fit = |train: &dyn Source| Ok(fleetfoot_pwa::identify(problem, &trial, train, progress)?.model);
-    let refinement = objective::refine(objective, &identification.model, source, progress, fit)?;
+    let refinement = objective::refine(objective, &identification.model, (source, options.smoothed), progress, fit)?;
     if let Some(found) = refinement.as_ref().filter(|found| found.written) {
         identification.model.clone_from(&found.fitted.model);
         // What the coefficients of one step left is not what these leave.
@@ -253,7 +253,7 @@ fn by_rollouts(
     rule: RolloutRule,
     progress: &dyn Progress,
 ) -> Result<RolloutChoice, Error> {
-    let held = HeldOut::new(source, rule, "--select rollout")?;
+    let held = HeldOut::new((source, options.smoothed), rule, "--select rollout")?;
     let mut trial = options.clone();
     (trial.folds, trial.keep_all, trial.tsqr) = (0, true, false);
     let mut found = Vec::new();

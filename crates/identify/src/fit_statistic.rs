@@ -8,6 +8,7 @@ use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
 
 use crate::{
     Error, Fitted, Logs, PwaOptions, PwaRequest, Recipe, Task,
+    folds::reached,
     output::refuse_not_finite,
     sindy::{beneath, keys},
     statistic::{StatisticFile, piecewise},
@@ -115,7 +116,8 @@ impl Part {
         let found = file.equations.as_ref().and_then(|equations| equations.covering(&system));
         let (group, places) = found.ok_or_else(|| unserved(file, one.as_deref()))?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
-        let folds = if options.folds > 1 { Some(folds(&scan, options)?) } else { None };
+        let halo = reached(system.expressions());
+        let folds = if options.folds > 1 { Some(folds(&scan, options.folds, options.gap(halo))?) } else { None };
         let root = |region: usize| scan.root(region).select(&places);
         let by_fold = |region: usize, weights: MatRef<'_, f64>| {
             scan.roots(region, weights).into_iter().map(|root| root.select(&places)).collect::<Vec<_>>()
@@ -158,10 +160,9 @@ impl Part {
 }
 
 /// Folds by the one rule, of the chunks of the scan.
-fn folds(scan: &SystemScan, options: &Options) -> Result<Folds, Error> {
-    let purge = options.purge.map_or(Purge::TENTH, Purge::Exactly);
+fn folds(scan: &SystemScan, count: u16, purge: Purge) -> Result<Folds, Error> {
     let (keys, rows) = keys(scan);
-    Ok(Folds::of(&keys, &rows, FoldRule::Count(options.folds.into()), purge)?)
+    Ok(Folds::of(&keys, &rows, FoldRule::Count(count.into()), purge)?)
 }
 
 fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {

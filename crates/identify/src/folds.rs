@@ -1,5 +1,6 @@
 //! Which rows of a statistic are held out, as users ask for it.
 
+use fleetfoot_library::Expr;
 use fleetfoot_sparse::select::{Folds, RandomSplits, SelectError};
 use fleetfoot_stats::{FoldRule as Layout, Key, Purge};
 
@@ -35,7 +36,22 @@ impl FoldRule {
     }
 }
 
-/// The gap beside held-out rows that are correlated with so many others; a tenth of a span where that is not known.
-pub(crate) fn purge(correlated: Option<f64>) -> Purge {
-    correlated.map_or(Purge::TENTH, |rows| Purge::Correlated(rows.ceil() as usize))
+/// The gap beside held-out rows that are made of the same samples as `shared` rows on either side, and correlated with so many; as far as a tenth of a span
+/// where that is not known.
+pub(crate) fn purge(shared: usize, correlated: Option<f64>) -> Purge {
+    Purge::Alike { shared, correlated: correlated.map_or(usize::MAX, |rows| rows.ceil() as usize) }
+}
+
+/// Rows over which logs were smoothed for so many seconds, `step` s apart; 0 where they were not, or have no clock.
+pub(crate) fn smoothed_rows(seconds: Option<f64>, step: f64) -> usize {
+    seconds.filter(|_| step > 0.0).map_or(0, |seconds| (seconds / step).ceil() as usize)
+}
+
+/// Neighbours on either side that are made of the same samples as a row: lags and differences in the expressions reach over them.
+pub(crate) fn reached<'e>(expressions: impl IntoIterator<Item = &'e Expr>) -> usize {
+    let (back, ahead) = expressions.into_iter().fold((0, 0), |(back, ahead), expression| {
+        let (own_back, own_ahead) = expression.reach();
+        (own_back.max(back), own_ahead.max(ahead))
+    });
+    (back as usize).saturating_add(ahead as usize)
 }

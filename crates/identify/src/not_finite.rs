@@ -77,7 +77,7 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
                 if !open || values.core(at).iter().all(|value| value.is_finite()) {
                     continue;
                 }
-                let block = source.read(episode, range.clone(), reach(expression))?;
+                let block = source.read(episode, range.clone(), halo(expression))?;
                 let lacking = (0..block.rows).filter(|&row| !values.core(at)[row].is_finite());
                 let reason = lacking.take(MOST_TRIED - tried[at]).inspect(|_| tried[at] += 1).find_map(|row| {
                     let reason = reason(expression, source, &block, row)?;
@@ -94,15 +94,9 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
 }
 
 /// The neighbours that an expression reads.
-fn reach(expression: &Expr) -> Halo {
-    let mut halo = Halo::default();
-    expression.fold(|part, _: &[()]| {
-        if let Node::Column { lag, .. } | Node::Time { lag } = part.node() {
-            halo.before = halo.before.max(usize::try_from(*lag).unwrap_or(0));
-            halo.after = halo.after.max(usize::try_from(-i64::from(*lag)).unwrap_or(0));
-        }
-    });
-    halo
+fn halo(expression: &Expr) -> Halo {
+    let (back, ahead) = expression.reach();
+    Halo { before: back as usize, after: ahead as usize }
 }
 
 /// What becomes of finite values in a row; `None` where one is missing already, or beyond the episode.

@@ -216,19 +216,19 @@ fn fitted(
 }
 
 /// Fits a model to its simulations as the objective says; `None` for one step, and for a model without coefficients ([`Objective::note`]). `fit` makes a model of one
-/// step of some rows.
+/// step of some rows; `smoothed`: rows over which the source was smoothed before.
 ///
 /// # Errors
 /// Those of `fit` and of fitting; held-out spans shorter than the simulations.
 pub(crate) fn refine(
     objective: Objective,
     model: &Model,
-    source: &dyn Source,
+    (source, smoothed): (&dyn Source, usize),
     progress: &dyn Progress,
     mut fit: impl FnMut(&dyn Source) -> Result<Model, Error>,
 ) -> Result<Option<Refinement>, Error> {
     let Some(rule) = objective.rule().filter(|_| !Coefficient::support(model).is_empty()) else { return Ok(None) };
-    let held = HeldOut::new(source, rule, format!("--objective {objective}"))?;
+    let held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
     let far = held.far(FAR * rule.horizon);
     let mut folds = Vec::with_capacity(rule.folds);
     held.each(|train, rows| {

@@ -286,13 +286,6 @@ pub struct EpisodeRule {
     pub labels: BTreeMap<String, toml::Value>,
 }
 
-impl Time {
-    /// Rows over which the logs were smoothed by `prepare`, `step` s apart; 0 where they were not.
-    pub(crate) fn smoothed_rows(&self, step: f64) -> f64 {
-        self.smoothed.filter(|_| step > 0.0).map_or(0.0, |seconds| seconds / step)
-    }
-}
-
 impl Recipe {
     /// Reads a recipe from TOML text; `name` is its origin, for messages.
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {

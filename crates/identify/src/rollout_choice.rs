@@ -120,9 +120,13 @@ pub(crate) struct HeldOutRollouts {
 }
 
 impl<'a> HeldOut<'a> {
-    /// Cuts a source by the one fold rule.
-    pub(crate) fn new(source: &'a dyn Source, rule: RolloutRule, option: impl Into<String>) -> Result<Self, Error> {
-        let (cut, fold_of) = Spans::folds(source, rule.folds)?;
+    /// Cuts a source, smoothed over `smoothed` rows before, by the one fold rule.
+    pub(crate) fn new(
+        (source, smoothed): (&'a dyn Source, usize),
+        rule: RolloutRule,
+        option: impl Into<String>,
+    ) -> Result<Self, Error> {
+        let (cut, fold_of) = Spans::folds(source, rule.folds, smoothed)?;
         Ok(Self { cut, fold_of, rule, option: option.into() })
     }
 

@@ -30,6 +30,7 @@ use fleetfoot_stats::Key;
 use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask,
     dataset::OpenedStructure,
+    folds::smoothed_rows,
     output::refuse_not_finite,
     statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan, scan_tasks},
 };
@@ -220,7 +221,8 @@ impl Evidence {
         });
         let source = subset.as_ref().map(|subset| subset as &dyn Source);
         progress.stage("lambda");
-        let folds = lambda::folds(&problem, options, self.recipe.time.smoothed_rows(self.file.step()), &mut notes)?;
+        let smoothed = smoothed_rows(self.recipe.time.smoothed, self.file.step());
+        let folds = lambda::folds(&problem, options, smoothed, &mut notes)?;
         let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
         let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
         notes.append(&mut support.notes);

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Partition, Rule};
-use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner, Purge};
+use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner};
 
 use crate::{
     Error, Options, Problem, Specification,
@@ -134,7 +134,7 @@ fn fold_layout(options: &Options, halo: usize, source: &dyn Source) -> Result<Op
     if options.folds < 2 {
         return Ok(None);
     }
-    let purge = options.purge.map_or(Purge::TENTH, |rows| Purge::Exactly(rows.max(halo)));
+    let purge = options.gap(halo);
     let episodes = source.episodes().iter().map(|episode| (episode.id, episode.rows));
     let layout = FoldLayout::new(FoldRule::Count(options.folds.into()), episodes, purge)?;
     let longest = source.episodes().iter().max_by_key(|episode| episode.rows);

@@ -2,6 +2,7 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, UnseenLabel};
+use fleetfoot_stats::Purge;
 
 use crate::Specification;
 
@@ -30,8 +31,10 @@ pub struct Options {
     pub partitions: Vec<Specification>,
     /// Folds of cross-validation; 0 or 1: none.
     pub folds: u16,
-    /// Rows on either side of a held-out span that do not train; `None`: a tenth of the span.
+    /// Rows on either side of a held-out span that do not train; `None`: a tenth of the span. Rows that share samples with it never train.
     pub purge: Option<usize>,
+    /// Rows over which the source was smoothed before; 0 where it was not.
+    pub smoothed: usize,
     /// How one of several partitions is chosen.
     pub selection: Selection,
     /// Pull of each region towards the one-region model.
@@ -60,6 +63,7 @@ impl Default for Options {
             partitions: vec![Specification::Average],
             folds: 10,
             purge: None,
+            smoothed: 0,
             selection: Selection::CrossValidation,
             shrinkage: Shrinkage::Rows(0.0),
             unseen: UnseenLabel::Refuse,
@@ -70,6 +74,17 @@ impl Default for Options {
             tsqr: false,
             keep_all: false,
             memory: 512 << 20,
+        }
+    }
+}
+
+impl Options {
+    /// The gap beside held-out rows, where lags and differences reach over `halo` rows in all.
+    pub fn gap(&self, halo: usize) -> Purge {
+        let shared = halo.saturating_add(self.smoothed);
+        match self.purge {
+            None => Purge::Alike { shared, correlated: usize::MAX },
+            Some(rows) => Purge::Exactly(rows.max(shared)),
         }
     }
 }

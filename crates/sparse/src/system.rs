@@ -54,6 +54,12 @@ impl System {
         Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None, weak: None }
     }
 
+    /// What a row's place in the regression is made of: functions, targets, and the columns of the partition.
+    pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        let partition = self.partition.iter().flat_map(|partition| &partition.columns);
+        self.functions.iter().chain(&self.targets).chain(partition)
+    }
+
     /// Number of regions.
     pub fn regions(&self) -> usize {
         self.partition.as_ref().map_or(1, |partition| partition.rule.count())

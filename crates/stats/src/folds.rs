@@ -2,7 +2,8 @@
 //!
 //! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are whole episodes. With few, every
 //! episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the folds in turn: each fold sees every episode. The rows on either
-//! side of a held-out span train nothing for it, as far as they are correlated with it and never more than a tenth of a span.
+//! side of a held-out span train nothing for it: those that are made of the same samples, and those that are correlated with it, as far as these are no
+//! more than a tenth of a span.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -38,27 +39,33 @@ pub enum FoldRule {
 pub enum Purge {
     /// So many; it is for the caller to see that spans are longer.
     Exactly(usize),
-    /// So many, but at most a tenth of the span: the rows over which the log is correlated.
-    Correlated(usize),
-    /// So many that share what they are made of, and as far as that goes no more than a span; beyond them as [`Purge::Correlated`].
-    Overlapping {
-        /// Rows on either side that share something with a row.
-        rows: usize,
-        /// Rows over which the log is correlated.
+    /// What resembles the held-out rows, however that comes.
+    Alike {
+        /// Rows on either side that are made of the same samples as a row: lags and differences reach over them, smoothing mixed them. All of them are left
+        /// out, up to the whole neighbouring span.
+        shared: usize,
+        /// Rows over which the log is correlated: left out as far as they are no more than a tenth of the span.
         correlated: usize,
     },
 }
 
 impl Purge {
     /// A tenth of a span: where nobody knows over how many rows the log is correlated.
-    pub const TENTH: Self = Self::Correlated(usize::MAX);
+    pub const TENTH: Self = Self::Alike { shared: 0, correlated: usize::MAX };
 
     /// Rows beside spans of this length.
     pub fn rows(self, span: usize) -> usize {
         match self {
+            Self::Exactly(_) => self.certain(span),
+            Self::Alike { correlated, .. } => correlated.min(span / TENTH).max(self.certain(span)),
+        }
+    }
+
+    /// Those of them that are left out even where many rows were summed in one piece.
+    pub fn certain(self, span: usize) -> usize {
+        match self {
             Self::Exactly(rows) => rows,
-            Self::Correlated(rows) => rows.min(span / TENTH),
-            Self::Overlapping { rows, correlated } => correlated.min(span / TENTH).max(rows.min(span)),
+            Self::Alike { shared, .. } => shared.min(span),
         }
     }
 }
@@ -193,7 +200,8 @@ impl FoldLayout {
     }
 
     /// The place in cross-validation of rows that were summed together, of an episode of so many rows: the span that their middle lies in holds them
-    /// out, and they train nothing for a neighbour when they lie within its purge gap. Rows longer than a tenth of a span are in no gap.
+    /// out, and they train nothing for a neighbour when they reach into its purge gap. Rows longer than a tenth of a span are in no gap that is there for
+    /// correlation alone.
     pub fn place(&self, episode: EpisodeId, rows: usize, unit: Range<usize>) -> Fold {
         let spans = self.spans(episode, rows);
         let middle = unit.start + unit.len() / 2;
@@ -205,23 +213,24 @@ impl FoldLayout {
 
     /// The rows of a span that train for both of its neighbours.
     fn gap(&self, spans: &[(Range<usize>, u16)], at: usize) -> Range<usize> {
+        self.within(spans, at, |span| self.purge.rows(span))
+    }
+
+    /// A span without the rows that `gap` takes beside its neighbours.
+    fn within(&self, spans: &[(Range<usize>, u16)], at: usize, gap: impl Fn(usize) -> usize) -> Range<usize> {
         let span = &spans[at].0;
-        let before = if at > 0 { self.purge.rows(spans[at - 1].0.len().min(span.len())) } else { 0 };
-        let after = spans.get(at + 1).map_or(0, |(next, _)| self.purge.rows(next.len().min(span.len())));
-        (span.start + before).min(span.end)..span.end.saturating_sub(after).max(span.start)
+        let before = if at > 0 { gap(spans[at - 1].0.len().min(span.len())) } else { 0 };
+        let after = spans.get(at + 1).map_or(0, |(next, _)| gap(next.len().min(span.len())));
+        span.start.saturating_add(before).min(span.end)..span.end.saturating_sub(after).max(span.start)
     }
 
     /// The neighbouring folds that rows of a span do not train for.
     fn neighbours(&self, spans: &[(Range<usize>, u16)], at: usize, unit: &Range<usize>) -> [Option<u16>; 2] {
-        let span = &spans[at].0;
-        let inner = self.gap(spans, at);
-        // What was summed in one piece is purged in one piece, if it is no more than a gap may be.
-        let small = |gap: usize| match self.purge {
-            Purge::Exactly(_) | Purge::Overlapping { .. } => gap > 0,
-            Purge::Correlated(_) => gap > 0 && unit.len() <= (span.len() / TENTH).max(1),
-        };
-        let previous = unit.start < inner.start && small(inner.start - span.start) && at > 0;
-        let next = unit.end > inner.end && small(span.end - inner.end) && at + 1 < spans.len();
+        // What was summed in one piece is purged in one piece; for correlation alone only if it is no more than a gap may be.
+        let small = unit.len() <= (spans[at].0.len() / TENTH).max(1);
+        let inner = if small { self.gap(spans, at) } else { self.within(spans, at, |span| self.purge.certain(span)) };
+        let previous = unit.start < inner.start && at > 0;
+        let next = unit.end > inner.end && at + 1 < spans.len();
         [previous.then(|| spans[at - 1].1), next.then(|| spans[at + 1].1)]
     }
 
@@ -269,6 +278,10 @@ mod tests {
         lengths.iter().enumerate().map(|(e, &rows)| (EpisodeId(e as u128 * 7), rows)).collect()
     }
 
+    fn alike(shared: usize, correlated: usize) -> Purge {
+        Purge::Alike { shared, correlated }
+    }
+
     fn layout(rule: FoldRule, lengths: &[usize], purge: Purge) -> FoldLayout {
         FoldLayout::new(rule, episodes(lengths), purge).unwrap()
     }
@@ -307,7 +320,13 @@ mod tests {
 
     #[test]
     fn gaps_are_no_more_than_a_tenth_of_a_span() {
-        for (purge, gap) in [(Purge::TENTH, 10), (Purge::Correlated(3), 3), (Purge::Exactly(25), 25)] {
+        for (purge, gap) in [
+            (Purge::TENTH, 10),
+            (alike(0, 3), 3),
+            (alike(4, 3), 4),
+            (alike(25, usize::MAX), 25),
+            (Purge::Exactly(25), 25),
+        ] {
             let layout = layout(FoldRule::Count(10), &[1000], purge);
             let pieces = layout.pieces(EpisodeId(0), 1000);
             for fold in 0..10 {
@@ -324,7 +343,7 @@ mod tests {
 
     #[test]
     fn sums_of_rows_are_held_out_whole_and_purged_when_they_are_short() {
-        let layout = layout(FoldRule::Count(5), &[500], Purge::Correlated(7));
+        let layout = layout(FoldRule::Count(5), &[500], alike(0, 7));
         let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
         assert_eq!(place(100..105), Fold { own: 1, purged: [Some(0), None] });
         assert_eq!(place(105..110), Fold { own: 1, purged: [Some(0), None] });
@@ -333,6 +352,16 @@ mod tests {
         // 40 rows are more than a tenth of a span; they stay.
         assert_eq!(place(90..130), Fold { own: 1, purged: [None; 2] });
         assert_eq!(place(0..5), Fold { own: 0, purged: [None; 2] });
+    }
+
+    #[test]
+    fn what_shares_samples_is_purged_however_long_it_is() {
+        let layout = layout(FoldRule::Count(5), &[500], alike(3, 7));
+        let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
+        assert_eq!(place(102..140), Fold { own: 1, purged: [Some(0), None] });
+        assert_eq!(place(103..140), Fold { own: 1, purged: [None; 2] });
+        assert_eq!(place(100..198), Fold { own: 1, purged: [Some(0), Some(2)] });
+        assert_eq!(place(105..110), Fold { own: 1, purged: [Some(0), None] });
     }
 
     #[test]

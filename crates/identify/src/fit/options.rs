@@ -4,8 +4,8 @@ use fleetfoot_model::UnseenLabel;
 use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
 
 use crate::{
-    Error, HORIZON, Objective, PartitionChoice, PwaSection, Recipe, RolloutRule, Tunable, UnseenLabels, recipe::seed,
-    rollout_choice::open_spans,
+    Error, HORIZON, Objective, PartitionChoice, PwaSection, Recipe, RolloutRule, Tunable, UnseenLabels,
+    folds::smoothed_rows, recipe::seed, rollout_choice::open_spans,
 };
 
 /// How a piecewise-affine model is found.
@@ -20,6 +20,8 @@ pub struct PwaOptions {
     pub rollouts: Option<RolloutRule>,
     /// What coefficients are fitted to.
     pub objective: Objective,
+    /// Seconds over which the logs were smoothed before, where they were.
+    smoothed: Option<f64>,
 }
 
 /// Most folds.
@@ -66,6 +68,7 @@ impl PwaOptions {
             purge,
             rollouts: rollouts(section, recipe)?,
             objective: section.objective.unwrap_or_default(),
+            smoothed: recipe.time.smoothed,
         })
     }
 
@@ -80,6 +83,7 @@ impl PwaOptions {
         if let (Some(seconds), true) = (self.purge, step > 0.0) {
             options.purge = Some((seconds / step).ceil() as usize);
         }
+        options.smoothed = smoothed_rows(self.smoothed, step);
         options
     }
 }

@@ -21,7 +21,7 @@ use super::{
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},
 };
-use crate::{Criterion, EquationTask, Error};
+use crate::{Criterion, EquationTask, Error, folds::smoothed_rows};
 
 /// The shortest span has as many rows for every lag that is looked for.
 const ROWS_PER_LAG: usize = 8;
@@ -53,6 +53,11 @@ pub(crate) struct How {
 }
 
 impl Fit<'_> {
+    /// Rows over which the logs were smoothed before.
+    pub(crate) fn smoothed(&self) -> usize {
+        smoothed_rows(self.options.smoothed, self.step)
+    }
+
     pub(crate) fn choose(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
         let fixed = |order: NarxOrder| {
             partitions.len() == 1 && !self.options.terms.is_free() && self.options.order == OrderRule::Fixed(order)
@@ -118,7 +123,7 @@ impl Fit<'_> {
     fn by_free_runs(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
         let source = self.evidence.rows()?;
         self.check_rows(progress)?;
-        let (cut, folds) = Spans::folds(source, self.options.folds)?;
+        let (cut, folds) = Spans::folds(source, self.options.folds, self.smoothed())?;
         let held = held(&cut, &folds, self.options.folds)?;
         let fold_of: BTreeMap<EpisodeId, usize> =
             cut.episodes().iter().zip(&folds).map(|(episode, &fold)| (episode.id, fold)).collect();
@@ -291,9 +296,9 @@ impl Fit<'_> {
     fn folds(&self, task: &NarxTask, whole: &SystemScan, progress: &dyn Progress) -> Result<Vec<NarxFold>, Error> {
         let source = match self.evidence {
             Evidence::Rows(source) => source,
-            Evidence::Sums(sums) => return folds_of_chunks(whole, self.options.folds, sums.order),
+            Evidence::Sums(sums) => return folds_of_chunks(whole, self.options.folds, sums.order, self.smoothed()),
         };
-        let (cut, folds) = Spans::folds(source, self.options.folds)?;
+        let (cut, folds) = Spans::folds(source, self.options.folds, self.smoothed())?;
         let scan = SystemPlan::new(task.task.system(), None, &cut)?.scan(&cut, progress)?;
         let fold_of = |unit: usize| {
             let episode = cut.episodes().iter().position(|episode| episode.id == scan.units()[unit].episode);

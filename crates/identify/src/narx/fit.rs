@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     Dataset, EquationTask, Error, Logs, Objective, Provenance, Recipe, Refinement,
+    folds::smoothed_rows,
     left_out::left_out,
     not_finite,
     objective::{coefficient, refine},
@@ -94,7 +95,8 @@ fn of_rows(
     let base = NarxBase::new(task, recipe)?;
     let view = dataset.view()?;
     let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
-    let (train, test) = Spans::split(&view, tested, options.decimate)?;
+    let apart = smoothed_rows(options.smoothed, dataset.step());
+    let (train, test) = Spans::split(&view, tested, options.decimate, apart)?;
     let step = dataset.step() * options.decimate as f64;
     options.order = base.simulated(options.order, step)?;
     let fit = Fit { recipe, options: &options, base: &base, evidence: Evidence::Rows(&train), step };
@@ -231,7 +233,7 @@ impl Fit<'_> {
         let order = OrderRule::Fixed(chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
         let Evidence::Rows(source) = self.evidence else { return Ok(None) };
-        refine(self.options.objective, model, source, progress, |source| {
+        refine(self.options.objective, model, (source, self.smoothed()), progress, |source| {
             Ok(Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0)
         })
     }

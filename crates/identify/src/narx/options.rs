@@ -132,6 +132,8 @@ pub struct NarxOptions {
     pub starts: usize,
     /// What coefficients are fitted to.
     pub objective: Objective,
+    /// Seconds over which the logs were smoothed before, where they were.
+    pub(crate) smoothed: Option<f64>,
 }
 
 /// The order where nothing is given and nothing is looked for.
@@ -172,6 +174,7 @@ impl NarxOptions {
             seed: seed("narx", section.seed)?,
             starts: within("starts", section.starts.unwrap_or(1), 1, 1_000)?,
             objective: section.objective.unwrap_or_default(),
+            smoothed: recipe.time.smoothed,
         };
         if !(0.0..1.0).contains(&options.test_share) {
             return Err(refused("test_share", options.test_share, "a share of the rows from 0 to less than 1"));

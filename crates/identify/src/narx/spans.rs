@@ -45,33 +45,41 @@ impl<'a> Spans<'a> {
         Ok(Self { inner, spans, episodes, every })
     }
 
-    /// Every episode cut into its first rows and the `tested` last ones.
+    /// Every episode cut into its first rows and the `tested` last ones, without the first `apart` of these.
     pub(crate) fn split(
         inner: &'a dyn Source,
         tested: impl Fn(usize) -> usize,
         every: usize,
+        apart: usize,
     ) -> Result<(Self, Self), Error> {
         let rows = |episode: usize| inner.episodes()[episode].rows;
         let cut = |episode: usize| rows(episode).saturating_sub(tested(rows(episode)));
         let count = inner.episodes().len();
         let train = (0..count).map(|e| (e, 0..cut(e))).collect();
-        let test = (0..count).map(|e| (e, cut(e)..rows(e))).collect();
+        let test = (0..count).map(|e| (e, behind(cut(e)..rows(e), apart))).collect();
         Ok((Self::new(inner, train, every)?, Self::new(inner, test, every)?))
     }
 
     /// The episodes, or their spans, that are held out together, and the fold (0 to count - 1) of each, by the one rule ([`FoldLayout`]). Lags do not
-    /// reach over the borders of spans: the first rows of each are no regressors' targets, a purge gap of as many rows.
-    pub(crate) fn folds(inner: &'a dyn Source, count: usize) -> Result<(Self, Vec<usize>), crate::Error> {
+    /// reach over the borders of spans: the first rows of each are no regressors' targets, a purge gap of as many rows. Spans are `apart` more rows apart:
+    /// those over which the episodes were smoothed.
+    pub(crate) fn folds(inner: &'a dyn Source, count: usize, apart: usize) -> Result<(Self, Vec<usize>), crate::Error> {
         let episodes = inner.episodes();
         let rows = episodes.iter().map(|episode| (episode.id, episode.rows));
         let layout = FoldLayout::new(FoldRule::Count(count), rows, Purge::Exactly(0)).map_err(SelectError::from)?;
         let of = |(e, episode): (usize, &Episode)| {
             let cut = layout.spans(episode.id, episode.rows).into_iter();
-            cut.map(move |(rows, fold)| ((e, rows), usize::from(fold))).collect::<Vec<_>>()
+            cut.map(move |(rows, fold)| ((e, behind(rows, apart)), usize::from(fold))).collect::<Vec<_>>()
         };
         let (spans, folds) = episodes.iter().enumerate().flat_map(of).unzip();
         Ok((Self::new(inner, spans, 1)?, folds))
     }
+}
+
+/// Rows without the first `apart`, if others of the episode stand before them.
+fn behind(rows: Range<usize>, apart: usize) -> Range<usize> {
+    let first = if rows.start > 0 { rows.start.saturating_add(apart).min(rows.end) } else { 0 };
+    first..rows.end
 }
 
 /// The same part of the same episode is the same again.
@@ -152,7 +160,7 @@ mod tests {
         let inner = source();
         let whole = Spans::new(&inner, vec![(0, 0..101), (1, 0..7)], 1).unwrap();
         assert_eq!(whole.episodes(), inner.episodes());
-        let (train, test) = Spans::split(&inner, |rows| rows / 5, 1).unwrap();
+        let (train, test) = Spans::split(&inner, |rows| rows / 5, 1, 0).unwrap();
         assert_eq!(train.episodes().iter().map(|e| e.rows).collect::<Vec<_>>(), [81, 6]);
         assert_eq!(test.episodes().iter().map(|e| e.rows).collect::<Vec<_>>(), [20, 1]);
         assert!(train.episodes()[0].id != test.episodes()[0].id && train.episodes()[0].id != inner.episodes()[0].id);
@@ -164,14 +172,18 @@ mod tests {
     fn folds_are_episodes_where_there_are_enough_and_spans_else() {
         let inner = source();
         // Two episodes are few: six spans of each for two folds.
-        let (spans, folds) = Spans::folds(&inner, 2).unwrap();
+        let (spans, folds) = Spans::folds(&inner, 2, 0).unwrap();
         assert_eq!(folds, [0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]);
         assert_eq!((spans.rows(), spans.episodes().len()), (108, 12));
+        // Smoothing over five rows: no two spans are nearer, and what begins an episode stays.
+        let (apart, own) = Spans::folds(&inner, 2, 5).unwrap();
+        assert_eq!((own, apart.rows()), (folds, 108 - 5 * 5 - 5));
+        assert_eq!(apart.episodes()[1].name, "a[21..33]");
         let mut many = MemorySource::new(vec![Column::float("x")]);
         (0..6).for_each(|e| many.push_uniform(format!("e{e}"), 0.5, vec![vec![f64::from(e); 20]]));
-        let (spans, folds) = Spans::folds(&many, 3).unwrap();
+        let (spans, folds) = Spans::folds(&many, 3, 5).unwrap();
         assert_eq!(spans.episodes(), many.episodes());
         assert!((0..3).all(|fold| folds.iter().filter(|&&own| own == fold).count() == 2));
-        assert!(Spans::folds(&inner, 200).is_err());
+        assert!(Spans::folds(&inner, 200, 0).is_err());
     }
 }

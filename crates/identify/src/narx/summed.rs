@@ -189,10 +189,15 @@ impl Evidence<'_> {
     }
 }
 
-/// Folds by the one rule, of the chunks of a scan; no lag of a row that trains reaches what is held out.
-pub(super) fn folds_of_chunks(scan: &SystemScan, count: usize, order: NarxOrder) -> Result<Vec<NarxFold>, Error> {
+/// Folds by the one rule, of the chunks of a scan; no lag of a row that trains, and no smoothing over so many rows, reaches what is held out.
+pub(super) fn folds_of_chunks(
+    scan: &SystemScan,
+    count: usize,
+    order: NarxOrder,
+    smoothed: usize,
+) -> Result<Vec<NarxFold>, Error> {
     let (keys, rows) = keys(scan);
-    let purge = Purge::Exactly(order.outputs.max(order.inputs));
+    let purge = Purge::Exactly(order.outputs.max(order.inputs) + smoothed);
     let folds = Folds::of(&keys, &rows, FoldRule::Count(count), purge)?;
     let problems = |weights: MatRef<'_, f64>| scan.roots(0, weights).into_iter().map(|root| root.compressed(true));
     Ok(problems(folds.train()).zip(problems(folds.test())).map(|(train, test)| NarxFold { train, test }).collect())

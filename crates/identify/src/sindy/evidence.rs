@@ -8,7 +8,12 @@ use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen, weak::WeakForm};
-use crate::{Dataset, Error, Logs, Recipe, left_out::left_out, not_finite};
+use crate::{
+    Dataset, Error, Logs, Recipe,
+    folds::{reached, smoothed_rows},
+    left_out::left_out,
+    not_finite,
+};
 
 /// A task and the statistic of its rows.
 #[derive(Debug, Clone)]
@@ -28,8 +33,8 @@ pub struct Evidence {
     pub parameters: Vec<ParameterReport>,
     /// Sampling period, seconds.
     pub step: f64,
-    /// Rows over which the logs were smoothed before; 0 where they were not.
-    pub smoothed_rows: f64,
+    /// Neighbours on either side that are made of the same samples as a row: lags, differences and smoothing reach over them.
+    pub shared_rows: usize,
     /// Identities and names of the episodes that have rows, in the order of the identities.
     pub episodes: Vec<(String, String)>,
     /// What the user should know.
@@ -74,18 +79,26 @@ impl Evidence {
         let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
         let names = view.episodes().iter().map(|episode| (episode.id, episode.name.clone())).collect();
-        let smoothed_rows = recipe.time.smoothed_rows(step);
-        Ok(Self { smoothed_rows, ..Self::new(frozen, plan.system, scan, step, (&names, notes)) })
+        let found = Self::new(frozen, plan.system, scan, step, (&names, notes));
+        Ok(found.smoothed_over(recipe.time.smoothed))
+    }
+
+    /// The same evidence of logs that were smoothed over so many seconds before.
+    pub(super) fn smoothed_over(mut self, seconds: Option<f64>) -> Self {
+        self.shared_rows += smoothed_rows(seconds, self.step);
+        self
     }
 
     /// What was frozen, and the statistic of its rows; `names` are those of the episodes.
     pub(super) fn new(
         frozen: Frozen,
-        System { partition, weak, .. }: System,
+        system: System,
         scan: SystemScan,
         step: f64,
         (names, notes): (&BTreeMap<EpisodeId, String>, Vec<String>),
     ) -> Self {
+        let shared_rows = reached(system.expressions());
+        let System { partition, weak, .. } = system;
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
         let name = |id: &EpisodeId| (id.to_string(), names.get(id).cloned().unwrap_or_default());
         let Frozen { task, parameters } = frozen;
@@ -98,7 +111,7 @@ impl Evidence {
             weak,
             parameters,
             step,
-            smoothed_rows: 0.0,
+            shared_rows,
             notes,
         };
         found.resolution = found.resolution_of(|_| 1.0);

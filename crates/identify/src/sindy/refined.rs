@@ -7,6 +7,7 @@ use fleetfoot_model::Model;
 use super::{EquationTask, Evidence, SindyOptions, SindyReport, report, spans};
 use crate::{
     Dataset, Error, Logs, Objective, Recipe, Refinement,
+    folds::smoothed_rows,
     objective::{coefficient, refine},
 };
 
@@ -30,7 +31,8 @@ pub(super) fn refined(
     }
     let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
     let view = dataset.view()?;
-    refine(objective, model, &view, progress, |train| {
+    let smoothed = smoothed_rows(recipe.time.smoothed, evidence.step);
+    refine(objective, model, (&view, smoothed), progress, |train| {
         spans::equations(recipe, &evidence.task, options, evidence.step, train, progress)
     })
 }

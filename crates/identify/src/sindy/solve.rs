@@ -10,7 +10,7 @@ use fleetfoot_sparse::{
     group::GroupLasso,
     inference::system_effective_rows,
     select::Folds,
-    system::{SystemScan, Weak},
+    system::SystemScan,
     threshold::{
         Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Frols,
         FrolsChoice, Optimizer, PenalisedPath, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
@@ -398,13 +398,13 @@ fn independent(evidence: &Evidence, region: usize, problem: &Compressed, terms: 
     Ok(system_effective_rows(&evidence.scan, region, evidence.task.constant, coefficients.as_ref()))
 }
 
-/// The gap beside held-out rows: windows that share rows are never on both sides.
+/// The gap beside held-out rows, or windows: those that share samples are never on both sides.
 fn gap(evidence: &Evidence) -> Result<Purge, Error> {
-    let found = purge(correlated(evidence)?);
-    Ok(match (&evidence.weak, found) {
-        (None, found) => found,
-        (Some(weak), found) => Purge::Overlapping { rows: weak.overlap(), correlated: found.rows(usize::MAX) },
-    })
+    let shared = match &evidence.weak {
+        None => evidence.shared_rows,
+        Some(weak) => weak.overlap() + evidence.shared_rows.div_ceil(weak.stride()),
+    };
+    Ok(purge(shared, correlated(evidence)?))
 }
 
 /// Rows over which these residuals are correlated; `None` in several regions, whose rows are no neighbours.
@@ -414,8 +414,7 @@ fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
     }
     let problem = evidence.scan.root(0).compressed(evidence.task.constant);
     let rows = independent(evidence, 0, &problem, &evidence.task.terms())?;
-    let stride = evidence.weak.as_ref().map_or(1, Weak::stride);
-    Ok(Some((problem.weight / rows).max(evidence.smoothed_rows / stride as f64)))
+    Ok(Some(problem.weight / rows))
 }
 
 /// How often every unit is drawn (units x members).

@@ -7,6 +7,7 @@ use fleetfoot_model::Model;
 use super::{EquationTask, Evidence, Frozen, SindyOptions, Solver, coefficients};
 use crate::{
     Dataset, Derivative, Error, Kind, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule,
+    folds::smoothed_rows,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };
 
@@ -28,7 +29,7 @@ pub(super) fn by_rollouts(
     }
     let (dataset, task) = Dataset::for_equations(&settled(recipe, None), logs, progress)?;
     let view = dataset.view()?;
-    let held = HeldOut::new(&view, rule, "over = \"auto\"")?;
+    let held = HeldOut::new((&view, smoothed_rows(recipe.time.smoothed, dataset.step())), rule, "over = \"auto\"")?;
     let mut found = Vec::new();
     for over in candidates(recipe) {
         let task = task.spanned(recipe, over);

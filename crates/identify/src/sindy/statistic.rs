@@ -33,8 +33,7 @@ impl Evidence {
         let system = group.plan.system.clone();
         let notes = notes(&task, group);
         let frozen = Frozen { task, parameters: Vec::new() };
-        let smoothed_rows = own.time.smoothed_rows(file.step());
-        let found = Self { smoothed_rows, ..Self::new(frozen, system, scan, file.step(), (&names, notes)) };
+        let found = Self::new(frozen, system, scan, file.step(), (&names, notes)).smoothed_over(own.time.smoothed);
         found.check()?;
         Ok((found, recipe))
     }

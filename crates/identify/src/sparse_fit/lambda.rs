@@ -12,7 +12,10 @@ use fleetfoot_sparse::{
 };
 
 use super::{Criterion, LambdaRule, SparseOptions, problem::Problem};
-use crate::{Error, FoldRule, folds::purge};
+use crate::{
+    Error, FoldRule,
+    folds::{purge, reached},
+};
 
 /// Lambdas that are compared, and the least of them over the largest. Equations of physics may be nearly exact, and a strong prior makes the largest one
 /// large: so the least is smaller than usual.
@@ -37,16 +40,17 @@ pub struct LambdaChoice {
     pub validation: Option<CrossValidation>,
 }
 
-/// The folds of a statistic, `smoothed` rows and more apart; `None`, with a note, where there are none and nobody asked for some.
+/// The folds of a statistic of logs that were smoothed over so many rows; `None`, with a note, where there are none and nobody asked for some.
 pub(super) fn folds(
     problem: &Problem<'_>,
     options: &SparseOptions,
-    smoothed: f64,
+    smoothed: usize,
     notes: &mut Vec<String>,
 ) -> Result<Option<Folds>, Error> {
     let (keys, rows) = (problem.banks.keys(), problem.banks.rows());
     let validates = matches!(options.criterion, Criterion::CrossValidation | Criterion::OneStandardError);
-    match options.folds.folds(keys, rows, options.seed, purge(correlated(problem).map(|rows| rows.max(smoothed)))) {
+    let shared = reached(problem.task.regression.expressions()) + smoothed;
+    match options.folds.folds(keys, rows, options.seed, purge(shared, correlated(problem))) {
         Ok(folds) => Ok(Some(folds)),
         Err(error) if options.folds == FoldRule::Auto && !(options.lambda == LambdaRule::Auto && validates) => {
             notes.push(format!("no held-out errors: {error}"));

@@ -257,11 +257,9 @@ fn split_words(share: f64, repeats: usize, what: &str) -> String {
 fn purged_chunks(purge: Purge, share: f64, chunks: &[((EpisodeId, u32), u64)]) -> u32 {
     let longest = chunks.iter().map(|(_, rows)| *rows).max().unwrap_or(1).max(1);
     let span = share * chunks.iter().map(|(_, rows)| *rows as f64).sum::<f64>();
-    let gap = purge.rows(span as usize) as u64;
-    let chunks = match purge {
-        Purge::Exactly(_) | Purge::Overlapping { .. } => gap.div_ceil(longest),
-        Purge::Correlated(_) => gap.div_ceil(longest).min(Purge::TENTH.rows(span as usize) as u64 / longest),
-    };
+    let of = |rows: usize| (rows as u64).div_ceil(longest);
+    let (all, tenth) = (of(purge.rows(span as usize)), Purge::TENTH.rows(span as usize) as u64 / longest);
+    let chunks = all.min(tenth).max(of(purge.certain(span as usize)));
     u32::try_from(chunks).unwrap_or(u32::MAX)
 }
 

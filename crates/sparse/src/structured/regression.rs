@@ -48,6 +48,14 @@ pub struct Regression {
 }
 
 impl Regression {
+    /// What a row's place in the regression is made of: candidate functions, coefficients, targets.
+    pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        let functions = self.latents.iter().flat_map(|latent| &latent.functions);
+        let of_tasks =
+            self.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient).chain([&task.target]));
+        functions.chain(of_tasks)
+    }
+
     /// The shape, without the functions.
     pub fn structure(&self) -> Structure {
         let one = |expr: &Expr| expr.as_number() == Some(1.0);
