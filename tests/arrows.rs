@@ -8,7 +8,7 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
     ("fleetfoot-library", &["data"]),
-    ("fleetfoot-stats", &["data"]),
+    ("fleetfoot-stats", &["data", "library"]),
     ("fleetfoot-model", &["data", "library"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
     ("fleetfoot-message", &["data"]),

@@ -36,7 +36,7 @@ use crate::{
 pub use differences::{Difference, DifferenceErrors, SettledDifference};
 pub use evidence::Evidence;
 pub(crate) use evidence::specification;
-pub(crate) use frozen::{Frozen, regions};
+pub(crate) use frozen::{Frozen, clustering, regions};
 pub use model::Provenance;
 pub use options::{Ensemble, SindyOptimizer, SindyOptions};
 pub use parameters::Parameter;

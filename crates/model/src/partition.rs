@@ -165,13 +165,14 @@ impl Partition {
         }
     }
 
-    /// Standardises raw columns in place.
-    pub fn standardise(&self, columns: &mut [&mut [f64]]) {
-        for ((column, &centre), &scale) in columns.iter_mut().zip(&self.centre).zip(&self.scale) {
-            for value in column.iter_mut() {
-                *value = (*value - centre) / scale;
-            }
+    /// Assigns rows to regions by raw columns, one slice a column, all of the length of `regions`; `u32::MAX` is none. `work` is overwritten.
+    pub fn assign(&self, columns: &[&[f64]], work: &mut Vec<f64>, regions: &mut [u32]) {
+        work.clear();
+        for ((column, centre), scale) in columns.iter().zip(&self.centre).zip(&self.scale) {
+            work.extend(column.iter().map(|value| (value - centre) / scale));
         }
+        let z: Vec<&[f64]> = work.chunks_exact(regions.len().max(1)).collect();
+        self.rule.assign(&z, regions);
     }
 }
 

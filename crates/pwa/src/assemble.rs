@@ -34,7 +34,7 @@ impl Fit<'_> {
             .iter()
             .enumerate()
             .map(|(region, fitted)| {
-                let ranges = &self.scan.ranges[candidate.full][region];
+                let ranges = &self.scan.ranges[candidate.full].0[region];
                 described(
                     partition.region_name(region),
                     fitted,
@@ -50,7 +50,7 @@ impl Fit<'_> {
             version: env!("CARGO_PKG_VERSION").into(),
             recipe: String::new(),
             seed: self.options.seed,
-            rows: self.survey.complete,
+            rows: self.survey.counts.complete,
             episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
             target_mean: self.survey.scales.mean[..q].to_vec(),
             target_covariance: self.survey.scales.covariance(0..q),

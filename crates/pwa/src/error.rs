@@ -103,17 +103,7 @@ pub enum Error {
     /// No equation has a target.
     #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
     NothingToFit,
-    /// A value whose squares overflow.
+    /// A row that cannot be summed.
     #[error(transparent)]
-    TooLarge(#[from] fleetfoot_library::TooLarge),
-    /// Row weights below zero or missing.
-    #[error("weights must not be negative; episode {episode}, row {row} has {value}")]
-    NegativeWeight {
-        /// The episode.
-        episode: String,
-        /// The row.
-        row: usize,
-        /// The weight.
-        value: f64,
-    },
+    Row(#[from] fleetfoot_stats::scan::RowError),
 }

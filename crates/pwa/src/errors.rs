@@ -4,8 +4,11 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Basis, Chunk, kernel::padded, reduce};
+use fleetfoot_stats::{
+    Basis, Chunk,
+    kernel::padded,
+    scan::{Place, scan},
+};
 
 use crate::{
     Error,
@@ -90,7 +93,6 @@ impl Errors {
 
 struct Part {
     errors: Errors,
-    scratch: DesignRows,
     regions: Vec<u32>,
     x: Vec<f64>,
     y: Vec<f64>,
@@ -123,29 +125,17 @@ impl Measure<'_> {
         let assigner = Assigner::new(self.segmentation);
         let prepared: Vec<Prepared> = self.orders.iter().map(|order| self.prepare(order)).collect();
         let mut total = self.empty();
-        reduce(
+        scan(
+            &self.rows.columns,
             source,
             chunks,
-            self.rows.halo(),
             progress,
-            || Part {
-                errors: self.empty(),
-                scratch: DesignRows::default(),
-                regions: Vec::new(),
-                x: Vec::new(),
-                y: Vec::new(),
-                residual: Vec::new(),
-            },
-            |part, chunk, block, tile| {
-                let mut scratch = std::mem::take(&mut part.scratch);
-                let tile = self.rows.evaluate(block, &source.episodes()[chunk.episode].name, tile, &mut scratch)?;
-                if tile.len() > 0 {
-                    self.add(part, &assigner, &prepared, chunk, (&tile, block.first));
-                }
-                part.scratch = scratch;
+            || Part { errors: self.empty(), regions: Vec::new(), x: Vec::new(), y: Vec::new(), residual: Vec::new() },
+            |part, place, tile| {
+                self.add(part, &assigner, &prepared, place, &Tile::new(tile));
                 Ok::<_, Error>(())
             },
-            |chunk, part| {
+            |chunk, _, part| {
                 let errors = part.errors;
                 total.add_part((chunk.episode, chunk.fold.own), &errors);
                 total.weight += errors.weight;
@@ -189,20 +179,12 @@ impl Measure<'_> {
         Prepared { full: maps(&order.full), by_fold }
     }
 
-    fn add(
-        &self,
-        part: &mut Part,
-        assigner: &Assigner<'_>,
-        prepared: &[Prepared],
-        chunk: &Chunk,
-        (tile, first): (&Tile<'_>, usize),
-    ) {
+    fn add(&self, part: &mut Part, assigner: &Assigner<'_>, prepared: &[Prepared], place: Place<'_>, tile: &Tile<'_>) {
         let (q, n, width) = (self.rows.targets, tile.len(), padded(self.rows.targets));
-        let fold = usize::from(chunk.fold.own);
+        let fold = usize::from(place.chunk.fold.own);
         let weights = tile.weights();
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);
-        let regressors: Vec<&[f64]> = (0..self.rows.regressors).map(|j| tile.regressor(j)).collect();
-        let targets: Vec<&[f64]> = (0..q).map(|t| tile.target(t)).collect();
+        let (regressors, targets) = (tile.regressors(), tile.targets());
         by_rows(&regressors, regressors.len(), &mut part.x);
         by_rows(&targets, width, &mut part.y);
         part.errors.weight += (0..n).map(weight).sum::<f64>();
@@ -235,8 +217,8 @@ impl Measure<'_> {
                 }
                 part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
                 if let Some(walks) = &mut part.errors.walks[kept] {
-                    let rows = tile.values.index.iter().map(|row| first + row);
-                    walks.extend(chunk.episode, rows.zip(part.regions.iter().copied()));
+                    let rows = tile.index().iter().map(|row| place.first + row);
+                    walks.extend(place.chunk.episode, rows.zip(part.regions.iter().copied()));
                 }
             }
         }

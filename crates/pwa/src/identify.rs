@@ -15,7 +15,7 @@ use crate::{
     partition::{Prepared, join_cells, prepare},
     regions::{Candidate, Segmentation},
     rows::Rows,
-    scan::{Scan, pilot, scan},
+    scan::{Scan, sum},
     select::{Order, choose, effective_rows, evaluate},
     survey::{Survey, example_bytes, examples, kept_bytes},
     tsqr::factor_regions,
@@ -118,10 +118,10 @@ pub fn identify(
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
     let Prepared { rows, grid, folds, chunks, survey, mut segmentation } = prepare(problem, options, source, progress)?;
-    let preconditioner = pilot(&rows, source)?;
+    let preconditioner = rows.coordinates(source)?;
     progress.stage("regression");
     let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
-    let mut scanned = scan(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
+    let mut scanned = sum(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
     let held_out = if options.folds > 1 { options.folds } else { 0 };
     let joined = join_cells(&mut segmentation, &mut scanned, &preconditioner, held_out)?;
     let fit = Fit {
@@ -229,10 +229,10 @@ impl Fit<'_> {
             cells: self.joined.map(|(sets, _)| sets),
         };
         let too_few = || Error::TooFewRows {
-            complete: self.survey.complete,
+            complete: self.survey.counts.complete,
             regressors: self.rows.regressors + 1,
-            at_border: self.survey.at_border,
-            incomplete: self.survey.incomplete,
+            at_border: self.survey.counts.at_border,
+            incomplete: self.survey.counts.incomplete,
         };
         let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
         for fold in 0..if self.options.folds > 1 { self.options.folds } else { 0 } {
@@ -295,9 +295,9 @@ impl Fit<'_> {
             rule,
             targets: self.problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
             sigma,
-            rows: self.survey.complete,
-            at_border: self.survey.at_border,
-            incomplete: self.survey.incomplete,
+            rows: self.survey.counts.complete,
+            at_border: self.survey.counts.at_border,
+            incomplete: self.survey.counts.incomplete,
             effective_rows: independent,
             held_out: self.options.folds > 1,
             fold_rule: self.folds.map(FoldLayout::in_words),

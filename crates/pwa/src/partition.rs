@@ -10,7 +10,7 @@ use crate::{
     lattice::{Sets, Tree},
     regions::{Segmentation, segment},
     rows::Rows,
-    scan::{Scan, pilot, scan},
+    scan::{Scan, sum},
     survey::Survey,
 };
 
@@ -45,8 +45,8 @@ pub fn partition(
     if let Some(lattice) = segmentation.lattice.take() {
         progress.stage("cells");
         let cells = Segmentation::of_cells(Some(lattice));
-        let preconditioner = pilot(&rows, source)?;
-        let mut scanned = scan(&rows, &cells, &preconditioner, source, &chunks, "", progress)?;
+        let preconditioner = rows.coordinates(source)?;
+        let mut scanned = sum(&rows, &cells, &preconditioner, source, &chunks, "", progress)?;
         segmentation.lattice = cells.lattice;
         join_cells(&mut segmentation, &mut scanned, &preconditioner, 0)?;
     }
@@ -56,7 +56,7 @@ pub fn partition(
     let of = |index: usize| segmentation.partitions[index].clone();
     Ok(Partitioned {
         partitions: segmentation.candidates.iter().map(|c| (c.specification.clone(), of(c.full))).collect(),
-        rows: survey.complete,
+        rows: survey.counts.complete,
         notes: segmentation.notes,
     })
 }
@@ -148,12 +148,12 @@ fn fold_layout(options: &Options, halo: usize, source: &dyn Source) -> Result<Op
 }
 
 fn check(problem: &Problem, rows: &Rows, survey: &Survey) -> Result<(), Error> {
-    if survey.complete < rows.regressors as u64 + 2 {
+    if survey.counts.complete < rows.regressors as u64 + 2 {
         return Err(Error::TooFewRows {
-            complete: survey.complete,
+            complete: survey.counts.complete,
             regressors: rows.regressors + 1,
-            at_border: survey.at_border,
-            incomplete: survey.incomplete,
+            at_border: survey.counts.at_border,
+            incomplete: survey.counts.incomplete,
         });
     }
     for (target, equation) in problem.equations.iter().filter(|equation| equation.target.is_some()).enumerate() {

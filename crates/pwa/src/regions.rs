@@ -171,7 +171,7 @@ impl Maker<'_> {
         let columns = self.problem.partition_columns.clone();
         let partition = Partition { columns, centre, scale, ..Partition::whole() };
         let places = &self.survey.examples.columns[..self.rows.partition];
-        let (rows, shape) = (self.survey.complete as usize, (self.rows.regressors, self.rows.targets));
+        let (rows, shape) = (self.survey.counts.complete as usize, (self.rows.regressors, self.rows.targets));
         Lattice::new((rows, places), shape, (regions, folds), partition, self.options.seed, progress).map(Some)
     }
 
@@ -259,7 +259,7 @@ impl Maker<'_> {
         };
         let found = ground.refine(k, progress)?;
         let (count, name) = (found.rule.count(), Specification::Refined(k));
-        let (kept, all) = (self.survey.examples.rows(), self.survey.complete);
+        let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let note = if count < k {
             Some(format!("{name}: only {count} regions have rows enough for a map of their own"))
         } else if self.survey.examples_lack_memory {
@@ -308,8 +308,8 @@ impl Maker<'_> {
             Some(format!("kmeans:{k}: only {clusters} different positions to cluster"))
         } else if !found.converged {
             Some(format!("kmeans:{k}: not converged after {} iterations; raise --iterations", found.iterations))
-        } else if kept < self.survey.complete {
-            let all = self.survey.complete;
+        } else if kept < self.survey.counts.complete {
+            let all = self.survey.counts.complete;
             Some(format!("kmeans:{k}: clustered a sample of {kept} of {all} rows; raise --memory for more"))
         } else {
             None

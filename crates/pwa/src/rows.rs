@@ -1,16 +1,26 @@
-//! The rows of an identification: one design that holds everything the passes need.
+//! The rows of an identification: one set of columns that holds everything the passes need.
 
-use std::ops::Range;
-
-use fleetfoot_data::{Block, Column, Halo, Source};
-use fleetfoot_library::{Design, DesignRows, Expr};
+use fleetfoot_data::{Column, Halo, Source};
+use fleetfoot_library::Expr;
 use fleetfoot_model::Role;
+use fleetfoot_stats::{
+    Preconditioner,
+    scan::{self, Columns},
+};
 
 use crate::{Error, Problem, Specification};
 
-/// The columns of the design, in this order: regressors, targets, states, partition columns, labels, weight.
+/// Groups of columns, in their order.
+const REGRESSORS: usize = 0;
+const TARGETS: usize = 1;
+const STATES: usize = 2;
+const PARTITION: usize = 3;
+const LABELS: usize = 4;
+
+/// What the columns of the rows are.
 pub(crate) struct Rows {
-    design: Design,
+    /// Regressors, targets, states, partition columns, labels, and the weight.
+    pub(crate) columns: Columns,
     /// Number of regressors.
     pub(crate) regressors: usize,
     /// Number of targets.
@@ -28,7 +38,7 @@ pub(crate) struct Rows {
 
 impl Rows {
     pub(crate) fn compile(problem: &Problem, partitions: &[Specification], source: &dyn Source) -> Result<Self, Error> {
-        let targets: Vec<&Expr> = problem.equations.iter().filter_map(|equation| equation.target.as_ref()).collect();
+        let targets: Vec<Expr> = problem.equations.iter().filter_map(|equation| equation.target.clone()).collect();
         if targets.is_empty() {
             return Err(Error::NothingToFit);
         }
@@ -37,19 +47,10 @@ impl Rows {
         let mut labels: Vec<String> = partitions.iter().filter_map(|p| p.label().map(str::to_owned)).collect();
         labels.sort();
         labels.dedup();
-        let expressions: Vec<Expr> = problem
-            .library
-            .iter()
-            .chain(targets.iter().copied())
-            .chain(&states)
-            .chain(&problem.partition_columns)
-            .cloned()
-            .chain(labels.iter().map(|name| Expr::column(name.as_str())))
-            .chain(problem.weight.clone())
-            .collect();
-        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
+        let of_labels: Vec<Expr> = labels.iter().map(|name| Expr::column(name.as_str())).collect();
+        let groups: [&[Expr]; 5] = [&problem.library, &targets, &states, &problem.partition_columns, &of_labels];
         Ok(Self {
-            design: Design::compile(&expressions, &names)?,
+            columns: Columns::compile(&groups, problem.weight.as_ref(), source)?,
             regressors: problem.library.len(),
             targets: targets.len(),
             states: states.len(),
@@ -66,29 +67,13 @@ impl Rows {
     }
 
     pub(crate) fn halo(&self) -> Halo {
-        self.design.halo()
+        self.columns.halo()
     }
 
-    /// Evaluates a tile; refuses negative weights and values whose squares overflow.
-    pub(crate) fn evaluate<'t>(
-        &'t self,
-        block: &Block,
-        episode: &str,
-        tile: Range<usize>,
-        out: &'t mut DesignRows,
-    ) -> Result<Tile<'t>, Error> {
-        self.design.evaluate_for_squares(block, episode, tile, out)?;
-        let tile = Tile { rows: self, values: out };
-        if let Some(weights) = tile.weights()
-            && let Some(at) = weights.iter().position(|&weight| weight < 0.0)
-        {
-            return Err(Error::NegativeWeight {
-                episode: episode.to_owned(),
-                row: block.first + tile.values.index[at],
-                value: weights[at],
-            });
-        }
-        Ok(tile)
+    /// Coordinates of regressors and targets, from a pilot sample of the rows.
+    pub(crate) fn coordinates(&self, source: &dyn Source) -> Result<Preconditioner, Error> {
+        let pilot = self.columns.pilot::<Error>(REGRESSORS..TARGETS + 1, source)?;
+        Ok(Preconditioner::of_pilot(&pilot, self.regressors))
     }
 
     /// Number of columns of regressors and targets.
@@ -105,59 +90,65 @@ impl Rows {
     pub(crate) fn example_width(&self) -> usize {
         self.partition + self.dimension() + usize::from(self.weighted)
     }
-
-    /// Index of the first partition column.
-    fn first_partition(&self) -> usize {
-        self.dimension() + self.states
-    }
 }
 
 /// The complete rows of one tile.
-pub(crate) struct Tile<'t> {
-    rows: &'t Rows,
-    pub(crate) values: &'t DesignRows,
-}
+pub(crate) struct Tile<'t>(scan::Tile<'t>);
 
-impl Tile<'_> {
+impl<'t> Tile<'t> {
+    /// The columns of a tile by their names.
+    pub(crate) fn new(columns: &scan::Tile<'t>) -> Self {
+        Self(*columns)
+    }
+
     pub(crate) fn len(&self) -> usize {
-        self.values.rows()
+        self.0.len()
+    }
+
+    /// The core rows of the block that they are.
+    pub(crate) fn index(&self) -> &'t [usize] {
+        self.0.index()
     }
 
     /// Regressors and targets, column-major.
-    pub(crate) fn regression(&self) -> &[f64] {
-        &self.values.values[..self.rows.dimension() * self.len()]
+    pub(crate) fn regression(&self) -> &'t [f64] {
+        self.0.values(REGRESSORS..TARGETS + 1)
     }
 
     /// Targets and states, column-major.
-    pub(crate) fn scales(&self) -> &[f64] {
-        &self.values.values[self.rows.regressors * self.len()..self.rows.first_partition() * self.len()]
+    pub(crate) fn scales(&self) -> &'t [f64] {
+        self.0.values(TARGETS..STATES + 1)
     }
 
-    pub(crate) fn target(&self, target: usize) -> &[f64] {
-        self.values.output(self.rows.regressors + target)
+    pub(crate) fn targets(&self) -> Vec<&'t [f64]> {
+        self.0.columns(TARGETS..TARGETS + 1)
     }
 
-    pub(crate) fn regressor(&self, regressor: usize) -> &[f64] {
-        self.values.output(regressor)
+    pub(crate) fn regressors(&self) -> Vec<&'t [f64]> {
+        self.0.columns(REGRESSORS..REGRESSORS + 1)
     }
 
-    pub(crate) fn partition_columns(&self) -> Vec<&[f64]> {
-        (0..self.rows.partition).map(|c| self.values.output(self.rows.first_partition() + c)).collect()
+    pub(crate) fn partition_columns(&self) -> Vec<&'t [f64]> {
+        self.0.columns(PARTITION..PARTITION + 1)
+    }
+
+    pub(crate) fn labels(&self) -> Vec<&'t [f64]> {
+        self.0.columns(LABELS..LABELS + 1)
     }
 
     /// Partition columns, regressors, targets, the weight where there are weights, labels.
-    pub(crate) fn example(&self) -> Vec<&[f64]> {
-        let regression = self.regression().chunks_exact(self.len().max(1));
-        let labels = (0..self.rows.labels.len()).map(|label| self.label(label));
-        self.partition_columns().into_iter().chain(regression).chain(self.weights()).chain(labels).collect()
+    pub(crate) fn example(&self) -> Vec<&'t [f64]> {
+        let regression = self.0.columns(REGRESSORS..TARGETS + 1);
+        self.partition_columns().into_iter().chain(regression).chain(self.weights()).chain(self.labels()).collect()
     }
 
-    pub(crate) fn label(&self, label: usize) -> &[f64] {
-        self.values.output(self.rows.first_partition() + self.rows.partition + label)
+    /// Columns that a partition looks at: its own, and a label where it has one.
+    pub(crate) fn places(&self, label: Option<usize>) -> Vec<&'t [f64]> {
+        let label = label.map(|label| self.labels()[label]);
+        self.partition_columns().into_iter().chain(label).collect()
     }
 
-    pub(crate) fn weights(&self) -> Option<&[f64]> {
-        let last = self.rows.first_partition() + self.rows.partition + self.rows.labels.len();
-        self.rows.weighted.then(|| self.values.output(last))
+    pub(crate) fn weights(&self) -> Option<&'t [f64]> {
+        self.0.weights()
     }
 }

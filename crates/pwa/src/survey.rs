@@ -6,9 +6,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use faer::MatRef;
-use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Chunk, Fold, Gram, Moments, reduce};
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_stats::{
+    Chunk, Fold, Gram, Moments,
+    scan::{Place, RowCounts, scan},
+};
 
 use crate::{
     Error, Specification,
@@ -51,25 +53,16 @@ pub(crate) struct Survey {
     pub(crate) examples_lack_memory: bool,
     /// Moments of targets, then states, over all rows.
     pub(crate) scales: Gram,
-    /// Rows with all values.
-    pub(crate) complete: u64,
-    /// Rows that lack neighbours at the border of their episode.
-    pub(crate) at_border: u64,
-    /// Rows with a missing value.
-    pub(crate) incomplete: u64,
+    /// What became of the rows.
+    pub(crate) counts: RowCounts,
 }
 
-#[derive(Default)]
 struct Part {
     moments: Option<Moments>,
     scales: Option<Gram>,
     labels: Vec<BTreeSet<u64>>,
     kept: Vec<Vec<f64>>,
     examples: Vec<Vec<f64>>,
-    complete: u64,
-    at_border: u64,
-    incomplete: u64,
-    scratch: DesignRows,
 }
 
 impl Survey {
@@ -90,34 +83,21 @@ impl Survey {
             examples: Kept::new(rows.example_columns()),
             examples_lack_memory: shares.short,
             scales: Gram::new(rows.targets + rows.states),
-            complete: 0,
-            at_border: 0,
-            incomplete: 0,
+            counts: RowCounts::default(),
         };
         let mut labels = vec![BTreeSet::new(); rows.labels.len()];
-        reduce(
+        scan(
+            &rows.columns,
             source,
             chunks,
-            rows.halo(),
             progress,
-            Part::default,
-            |part, chunk, block, tile| {
-                let episode = &source.episodes()[chunk.episode];
-                let mut scratch = std::mem::take(&mut part.scratch);
-                part.add(
-                    rows,
-                    &rows.evaluate(block, &episode.name, tile, &mut scratch)?,
-                    episode.id,
-                    block.first,
-                    &shares,
-                );
-                part.scratch = scratch;
+            || Part::new(rows),
+            |part, place, tile| {
+                part.add(rows, &Tile::new(tile), place, &shares);
                 part.labels.iter().zip(&rows.labels).try_for_each(|(seen, column)| limit_labels(column, seen))
             },
-            |chunk, part| {
-                survey.complete += part.complete;
-                survey.at_border += part.at_border;
-                survey.incomplete += part.incomplete;
+            |chunk, counts, part| {
+                survey.counts.add(counts);
                 for ((column, all), seen) in rows.labels.iter().zip(&mut labels).zip(part.labels) {
                     all.extend(seen);
                     limit_labels(column, all)?;
@@ -176,32 +156,33 @@ impl Shares {
 }
 
 impl Part {
-    fn add(&mut self, rows: &Rows, tile: &Tile<'_>, episode: EpisodeId, first: usize, shares: &Shares) {
-        self.complete += tile.len() as u64;
-        self.at_border += tile.values.at_border;
-        self.incomplete += tile.values.incomplete;
-        self.labels.resize_with(rows.labels.len(), BTreeSet::new);
-        self.kept.resize_with(rows.partition + rows.labels.len(), Vec::new);
-        self.examples.resize_with(rows.example_columns(), Vec::new);
-        if tile.len() == 0 {
-            return;
+    fn new(rows: &Rows) -> Self {
+        Self {
+            moments: None,
+            scales: None,
+            labels: vec![BTreeSet::new(); rows.labels.len()],
+            kept: vec![Vec::new(); rows.partition + rows.labels.len()],
+            examples: vec![Vec::new(); rows.example_columns()],
         }
+    }
+
+    fn add(&mut self, rows: &Rows, tile: &Tile<'_>, place: Place<'_>, shares: &Shares) {
         let width = rows.targets + rows.states;
         let scales = Gram::of_rows(MatRef::from_column_major_slice(tile.scales(), tile.len(), width), tile.weights());
         self.scales.get_or_insert_with(|| Gram::new(width)).merge(&scales);
         let columns = tile.partition_columns();
         self.moments.get_or_insert_with(|| Moments::new(rows.partition)).merge(&Moments::of_columns(&columns));
-        for (label, seen) in self.labels.iter_mut().enumerate() {
+        let labels = tile.labels();
+        for (label, seen) in labels.iter().zip(&mut self.labels) {
             let mut last = None;
-            for &value in tile.label(label) {
+            for &value in *label {
                 if last != Some(value) {
                     seen.insert((value + 0.0).to_bits());
                     last = Some(value);
                 }
             }
         }
-        let place = (episode, first, tile.values.index.as_slice());
-        let labels = (0..rows.labels.len()).map(|label| tile.label(label));
+        let place = (place.episode, place.first, tile.index());
         shares.kept.keep(&mut self.kept, &columns.iter().copied().chain(labels).collect::<Vec<_>>(), place);
         shares.examples.keep(&mut self.examples, &tile.example(), place);
     }

@@ -6,15 +6,18 @@ use std::collections::BTreeMap;
 
 use faer::MatRef;
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_library::DesignRows;
-use fleetfoot_stats::{Chunk, Factor, SquareRoot, reduce};
+use fleetfoot_stats::{Chunk, Factor, SquareRoot, scan::scan};
 
-use crate::{Error, regions::Segmentation, rows::Rows, scan::Assigner};
+use crate::{
+    Error,
+    regions::Segmentation,
+    rows::{Rows, Tile},
+    scan::Assigner,
+};
 
 #[derive(Default)]
 struct Part {
     factors: BTreeMap<u32, Factor>,
-    scratch: DesignRows,
     regions: Vec<u32>,
     gathered: Vec<f64>,
     weights: Vec<f64>,
@@ -31,15 +34,14 @@ pub(crate) fn factor_regions(
 ) -> Result<BTreeMap<u32, SquareRoot>, Error> {
     let assigner = Assigner::new(segmentation);
     let mut total: BTreeMap<u32, Factor> = BTreeMap::new();
-    reduce(
+    scan(
+        &rows.columns,
         source,
         chunks,
-        rows.halo(),
         progress,
         Part::default,
-        |part, chunk, block, tile| {
-            let mut scratch = std::mem::take(&mut part.scratch);
-            let tile = rows.evaluate(block, &source.episodes()[chunk.episode].name, tile, &mut scratch)?;
+        |part, _, tile| {
+            let tile = Tile::new(tile);
             assigner.on(&tile).assign(partition, &mut part.regions);
             let n = tile.len();
             let mut present: Vec<u32> = part.regions.iter().copied().filter(|&region| region != u32::MAX).collect();
@@ -60,10 +62,9 @@ pub(crate) fn factor_regions(
                 let factor = part.factors.entry(region).or_insert_with(|| Factor::new(rows.regressors, rows.targets));
                 factor.push(matrix, weights);
             }
-            part.scratch = scratch;
             Ok::<_, Error>(())
         },
-        |_, part| {
+        |_, _, part| {
             for (region, factor) in part.factors {
                 match total.entry(region) {
                     std::collections::btree_map::Entry::Occupied(mut sum) => sum.get_mut().merge(&factor),

@@ -11,7 +11,7 @@ mod structure;
 pub use assemble::{Assembled, Assembly, Tikhonov};
 pub use banks::Banks;
 pub use regression::{Candidates, Regression, Task, Term};
-pub use scan::{Plan, RowCounts, ScanError, Scanned, TaskStats};
+pub use scan::{Plan, ScanError, Scanned, TaskStats};
 pub use score::TaskError;
 pub use spread::Spread;
 pub use structure::{Structure, TaskShape};

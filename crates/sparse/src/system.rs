@@ -163,19 +163,9 @@ pub enum SystemError {
     /// The user stopped it.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    /// A row weight below zero.
-    #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
-    NegativeWeight {
-        /// The episode.
-        episode: String,
-        /// Its row.
-        row: usize,
-        /// The weight.
-        value: f64,
-    },
-    /// A value whose squares overflow.
+    /// A row that cannot be summed.
     #[error(transparent)]
-    TooLarge(#[from] fleetfoot_library::TooLarge),
+    Row(#[from] fleetfoot_stats::scan::RowError),
     /// Squares of values beyond what f64 holds.
     #[error(
         "the squares of `{function}` overflow, its values reach {least:e} to {most:e}: remove outliers or sentinel values from its columns, or leave the function \

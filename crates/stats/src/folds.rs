@@ -227,10 +227,12 @@ impl FoldLayout {
     /// The neighbouring folds that rows of a span do not train for.
     fn neighbours(&self, spans: &[(Range<usize>, u16)], at: usize, unit: &Range<usize>) -> [Option<u16>; 2] {
         // What was summed in one piece is purged in one piece; for correlation alone only if it is no more than a gap may be.
-        let small = unit.len() <= (spans[at].0.len() / TENTH).max(1);
+        let span = &spans[at].0;
+        let small = unit.len() <= (span.len() / TENTH).max(1);
         let inner = if small { self.gap(spans, at) } else { self.within(spans, at, |span| self.purge.certain(span)) };
-        let previous = unit.start < inner.start && at > 0;
-        let next = unit.end > inner.end && at + 1 < spans.len();
+        // What reaches over a border without a gap stays.
+        let previous = inner.start > span.start && unit.start < inner.start;
+        let next = inner.end < span.end && unit.end > inner.end;
         [previous.then(|| spans[at - 1].1), next.then(|| spans[at + 1].1)]
     }
 

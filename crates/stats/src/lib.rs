@@ -1,4 +1,4 @@
-//! Mergeable statistics, the one reduction over rows, and the small solves.
+//! Mergeable statistics, the one reduction over rows, the one scan of columns, and the small solves.
 //!
 //! A statistic of rows is the same whether it was summed at once or in parts; a fit needs the statistic and no rows.
 //!
@@ -22,16 +22,15 @@ mod bytes;
 mod folds;
 mod keys;
 mod moments;
-mod pilot;
 mod plan;
 mod reduce;
+pub mod scan;
 pub use bank::Bank;
 pub use blocks::blocks;
 pub use bytes::StatsBytesError;
 pub use folds::{FoldError, FoldLayout, FoldRule, Purge, SPANS};
 pub use keys::{Fold, Key, Keyed, MergeError, Stats, Sum};
 pub use moments::Moments;
-pub use pilot::pilot_tiles;
 pub use plan::{COARSE, Chunk, FINE, Grid, PlanError, plan_hash};
 pub use reduce::{TILE_ROWS, reduce};
 

@@ -152,8 +152,9 @@ fn plan_text(plan: &SindyPlan) -> String {
 fn to_text(report: &SindyReport, front: bool) -> String {
     let [border, incomplete, unassigned] = report.left_out;
     let none = if unassigned > 0 { format!(", {unassigned} in no region") } else { String::new() };
+    let unit = if report.windows.is_some() { "windows" } else { "rows" };
     let mut text = format!(
-        "{} rows of {}, {border} left out at borders, {incomplete} incomplete{none}; {}\n{}; {}\n",
+        "{} {unit} of {}, {border} left out at borders, {incomplete} incomplete{none}; {}\n{}; {}\n",
         report.rows,
         count(report.episodes, "episode"),
         count(report.candidates.len(), "candidate"),
@@ -177,7 +178,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     }
     for region in &report.regions {
         if report.regions.len() > 1 {
-            text.push_str(&format!("\nregion {} ({} rows)\n", region.name, region.rows));
+            text.push_str(&format!("\nregion {} ({} {unit})\n", region.name, region.rows));
         }
         text.push('\n');
         for equation in &region.equations {

@@ -177,7 +177,7 @@ mod tests {
         assert_eq!((spans.rows(), spans.episodes().len()), (108, 12));
         // Smoothing over five rows: no two spans are nearer, and what begins an episode stays.
         let (apart, own) = Spans::folds(&inner, 2, 5).unwrap();
-        assert_eq!((own, apart.rows()), (folds, 108 - 5 * 5 - 5));
+        assert_eq!((own, apart.rows()), (folds, 108 - 5 * 5 - 6));
         assert_eq!(apart.episodes()[1].name, "a[21..33]");
         let mut many = MemorySource::new(vec![Column::float("x")]);
         (0..6).for_each(|e| many.push_uniform(format!("e{e}"), 0.5, vec![vec![f64::from(e); 20]]));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Partition;
-use fleetfoot_pwa::{Problem, Specification};
+use fleetfoot_pwa::{Options, Problem, Specification};
 
 use super::{EquationTask, ParameterReport, estimation, evidence::specification, weak::WeakForm};
 use crate::{Dataset, Error, Recipe};
@@ -90,25 +90,30 @@ impl Frozen {
             weight: task.weight.clone(),
             step,
         };
-        Ok(Some(regions(&problem, specification, seed, source, notes, progress)?))
+        Ok(Some(regions(&problem, specification, clustering(seed), source, notes, progress)?))
     }
 }
 
-/// The regions of all rows of a source.
+/// How regions are found where nothing but a seed is said.
+pub(crate) fn clustering(seed: u64) -> Options {
+    let mut options = Options::default();
+    options.seed = seed;
+    options
+}
+
+/// The regions of all rows of a source, found as the options say.
 ///
 /// # Errors
 /// Those of reading; more regions than rows.
 pub(crate) fn regions(
     problem: &Problem,
     specification: Specification,
-    seed: u64,
+    mut options: Options,
     source: &dyn Source,
     notes: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<Partition, Error> {
-    let mut options = fleetfoot_pwa::Options::default();
     options.partitions = vec![specification];
-    options.seed = seed;
     let mut found = fleetfoot_pwa::partition(problem, &options, source, progress)?;
     notes.append(&mut found.notes);
     Ok(found.partitions.pop().map_or_else(Partition::whole, |(_, partition)| partition))

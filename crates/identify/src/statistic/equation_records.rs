@@ -5,10 +5,8 @@ use std::{collections::BTreeMap, sync::Arc};
 use fleetfoot_data::EpisodeId;
 use fleetfoot_library::{REACHES, Spacing};
 use fleetfoot_model::{Partition, Rule, UnseenLabel};
-use fleetfoot_sparse::{
-    structured::RowCounts,
-    system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget},
-};
+use fleetfoot_sparse::system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget};
+use fleetfoot_stats::scan::{RegionRanges, RowCounts};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -270,7 +268,7 @@ impl EpisodeSumsRecord {
         let of = |(id, told): (&EpisodeId, &EpisodeSums)| {
             let RowCounts { complete, at_border, incomplete } = told.counts;
             let counts = [complete, at_border, incomplete, told.unassigned];
-            Self { id: id.0.to_le_bytes(), counts, ranges: told.ranges.clone() }
+            Self { id: id.0.to_le_bytes(), counts, ranges: told.ranges.0.clone() }
         };
         episodes.iter().map(of).collect()
     }
@@ -280,7 +278,7 @@ impl EpisodeSumsRecord {
             let [complete, at_border, incomplete, unassigned] = record.counts;
             let counts = RowCounts { complete, at_border, incomplete };
             let id = EpisodeId(u128::from_le_bytes(record.id));
-            (id, EpisodeSums { counts, unassigned, ranges: record.ranges })
+            (id, EpisodeSums { counts, unassigned, ranges: RegionRanges(record.ranges) })
         };
         records.into_iter().map(of).collect()
     }

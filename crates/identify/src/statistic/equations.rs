@@ -9,14 +9,14 @@ use std::collections::BTreeSet;
 use fleetfoot_data::{Column, EpisodeId, Progress, Source};
 use fleetfoot_library::{Binary, Expr, Node};
 use fleetfoot_model::{Partition, Role};
-use fleetfoot_pwa::{Problem, Specification};
+use fleetfoot_pwa::{Options, Problem, Specification};
 use fleetfoot_sparse::system::{System, SystemPlan, SystemSums};
 
 use super::{StatisticError, scan::refuse_text};
 use crate::{
-    Dataset, Error, Recipe, Task,
+    Dataset, Error, PwaOptions, Recipe, Task,
     narx::Summed,
-    sindy::{EquationTask, Frozen, SettledDifference, WeakForm, regions, specification},
+    sindy::{EquationTask, Frozen, SettledDifference, WeakForm, clustering, regions, specification},
 };
 
 /// The equations of a recipe, ready to be fitted in each of its partitions.
@@ -115,12 +115,14 @@ impl EquationStatistic {
         for recipe in Self::recipes(recipe)? {
             // What `fit pwa` cannot read it will say itself.
             let Ok((problem, mut system)) = piecewise(&recipe, fields, dataset.step()) else { continue };
-            if found.groups.iter().any(|group| covers(&group.plan.system, &system).is_some()) {
+            let one = specification(&recipe)?;
+            let Ok(PwaOptions { identification: own, .. }) = PwaOptions::new(&recipe) else { continue };
+            let alike = one.is_none() || finds_alike(&own, &clustering(recipe.sindy.seed.unwrap_or(0)));
+            if alike && found.covering(&system).is_some() {
                 continue;
             }
-            if let Some(one) = specification(&recipe)? {
-                let seed = recipe.sindy.seed.unwrap_or(0);
-                system.partition = Some(regions(&problem, one, seed, &view, &mut Vec::new(), progress)?);
+            if let Some(one) = one {
+                system.partition = Some(regions(&problem, one, own, &view, &mut Vec::new(), progress)?);
             }
             found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
         }
@@ -136,8 +138,8 @@ impl EquationStatistic {
             let mut system = summed.system();
             if let Some(one) = specification(&recipe)? {
                 let problem = summed.problem(dataset.step());
-                let seed = summed.options.seed;
-                system.partition = Some(regions(&problem, one, seed, &view, &mut Vec::new(), progress)?);
+                let how = clustering(summed.options.seed);
+                system.partition = Some(regions(&problem, one, how, &view, &mut Vec::new(), progress)?);
             }
             found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
         }
@@ -164,9 +166,11 @@ impl EquationStatistic {
         (passes, recipes.iter().zip(&tasks).map(bytes).chain(of_narx).sum())
     }
 
-    /// The sums that answer for a system, whatever the numbers of its partition, and where its functions stand in them.
+    /// The sums that answer for a system, whatever the numbers of its partition, and where its functions stand in them: those with the fewest others, of equal
+    /// ones the last, which were made although the earlier ones were there.
     pub(crate) fn covering(&self, system: &System) -> Option<(&EquationGroup, Vec<usize>)> {
-        self.groups.iter().find_map(|group| Some((group, covers(&group.plan.system, system)?)))
+        let covering = self.groups.iter().rev().filter_map(|group| Some((group, covers(&group.plan.system, system)?)));
+        covering.min_by_key(|(group, _)| group.plan.system.functions.len())
     }
 
     /// The sums of some rows: a group each.
@@ -327,6 +331,11 @@ pub(crate) fn piecewise(recipe: &Recipe, fields: &[Column], step: f64) -> Result
         ..System::new(problem.library.clone(), targets)
     };
     Ok((problem, system))
+}
+
+/// Whether two ways to find regions of the same rows find the same.
+fn finds_alike(one: &Options, other: &Options) -> bool {
+    (one.seed, one.restarts, one.iterations, one.memory) == (other.seed, other.restarts, other.iterations, other.memory)
 }
 
 /// Where the functions of a system stand in another whose sums answer for it, whatever the numbers of its partition; `None` where they do not.

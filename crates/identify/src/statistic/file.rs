@@ -8,8 +8,9 @@ use std::{
 
 use fleetfoot_data::{Column, Episode, EpisodeId};
 use fleetfoot_log::AtomicFile;
-use fleetfoot_sparse::structured::{Plan, RowCounts, Scanned, TaskStats};
+use fleetfoot_sparse::structured::{Plan, Scanned, TaskStats};
 use fleetfoot_stats::Stats;
+use fleetfoot_stats::scan::RowCounts;
 
 use super::{
     ContentHash, EquationStatistic, StatisticError,

@@ -3,49 +3,33 @@
 use std::collections::BTreeMap;
 
 use faer::MatRef;
-use fleetfoot_stats::{Fold, Gram};
-
-/// Least and greatest value of every regressor.
-type Ranges = Vec<[f64; 2]>;
+use fleetfoot_stats::{
+    Fold, Gram,
+    scan::{RegionGrams, RegionRanges, widen},
+};
 
 /// The cells of a chunk's rows.
-#[derive(Clone)]
 pub(crate) struct CellPart {
-    grams: Vec<Option<Gram>>,
-    ranges: Vec<Option<Ranges>>,
+    grams: RegionGrams,
+    ranges: RegionRanges,
 }
 
 impl CellPart {
-    pub(crate) fn new(cells: usize) -> Self {
-        Self { grams: vec![None; cells], ranges: vec![None; cells] }
+    pub(crate) fn new(cells: usize, regressors: usize) -> Self {
+        Self { grams: RegionGrams::new(cells), ranges: RegionRanges::new(cells, regressors) }
     }
 
     /// Adds rows in their cells: regressors and targets in the preconditioner's coordinates, and the regressors as they are.
     pub(crate) fn add(&mut self, z: MatRef<'_, f64>, weights: Option<&[f64]>, cells: &[u32], regressors: &[&[f64]]) {
-        for (cell, gram) in Gram::by_region(z, weights, cells, self.grams.len()) {
-            match &mut self.grams[cell as usize] {
-                Some(total) => total.merge(&gram),
-                empty => *empty = Some(gram),
-            }
-        }
-        for (row, &cell) in cells.iter().enumerate() {
-            let Some(own) = self.ranges.get_mut(cell as usize) else { continue };
-            let own = own.get_or_insert_with(|| nothing(regressors.len()));
-            for (range, column) in own.iter_mut().zip(regressors) {
-                *range = [range[0].min(column[row]), range[1].max(column[row])];
-            }
-        }
+        self.grams.add(z, weights, Some(cells));
+        self.ranges.add(regressors, Some(cells));
     }
-}
-
-fn nothing(regressors: usize) -> Ranges {
-    vec![[f64::INFINITY, f64::NEG_INFINITY]; regressors]
 }
 
 /// The cells of all rows.
 pub(crate) struct CellSums {
-    by_fold: BTreeMap<Fold, Vec<Option<Gram>>>,
-    ranges: Vec<Ranges>,
+    by_fold: BTreeMap<Fold, RegionGrams>,
+    ranges: RegionRanges,
     /// Columns of a Gram matrix.
     width: usize,
 }
@@ -53,34 +37,22 @@ pub(crate) struct CellSums {
 impl CellSums {
     /// No rows yet, of so many cells and regressors.
     pub(crate) fn new(cells: usize, (regressors, width): (usize, usize)) -> Self {
-        Self { by_fold: BTreeMap::new(), ranges: vec![nothing(regressors); cells], width }
+        Self { by_fold: BTreeMap::new(), ranges: RegionRanges::new(cells, regressors), width }
     }
 
     /// Adds a chunk.
     pub(crate) fn add(&mut self, fold: Fold, part: CellPart) {
-        let all = self.by_fold.entry(fold).or_insert_with(|| vec![None; part.grams.len()]);
-        for (all, gram) in all.iter_mut().zip(part.grams) {
-            match (all, gram) {
-                (Some(all), Some(gram)) => all.merge(&gram),
-                (empty @ None, Some(gram)) => *empty = Some(gram),
-                (_, None) => {}
-            }
-        }
-        for (all, own) in self.ranges.iter_mut().zip(part.ranges) {
-            for (all, own) in all.iter_mut().zip(own.into_iter().flatten()) {
-                *all = [all[0].min(own[0]), all[1].max(own[1])];
-            }
-        }
+        let cells = part.grams.regions();
+        self.by_fold.entry(fold).or_insert_with(|| RegionGrams::new(cells)).merge(part.grams);
+        self.ranges.merge(&part.ranges);
     }
 
     /// Ranges of regions that cells are joined to.
-    pub(crate) fn ranges(&self, table: &[u32]) -> Vec<Ranges> {
+    pub(crate) fn ranges(&self, table: &[u32]) -> RegionRanges {
         let regions = table.iter().max().map_or(0, |&last| last as usize + 1);
-        let mut joined = vec![nothing(self.ranges.first().map_or(0, Vec::len)); regions];
-        for (own, &region) in self.ranges.iter().zip(table) {
-            for (all, own) in joined[region as usize].iter_mut().zip(own) {
-                *all = [all[0].min(own[0]), all[1].max(own[1])];
-            }
+        let mut joined = RegionRanges::new(regions, self.ranges.0.first().map_or(0, Vec::len));
+        for (own, &region) in self.ranges.0.iter().zip(table) {
+            widen(&mut joined.0[region as usize], own);
         }
         joined
     }
@@ -88,11 +60,9 @@ impl CellSums {
     /// All rows, and the training rows and held-out rows of every fold.
     pub(crate) fn sets(&self, folds: u16) -> Sets {
         let total = |wanted: &dyn Fn(&Fold) -> bool| -> Vec<Gram> {
-            let mut sums = vec![Gram::new(self.width); self.ranges.len()];
+            let mut sums = vec![Gram::new(self.width); self.ranges.0.len()];
             for (_, grams) in self.by_fold.iter().filter(|(fold, _)| wanted(fold)) {
-                for (sum, gram) in sums.iter_mut().zip(grams) {
-                    gram.iter().for_each(|gram| sum.merge(gram));
-                }
+                grams.iter().for_each(|(cell, gram)| sums[cell as usize].merge(gram));
             }
             sums
         };

@@ -53,3 +53,9 @@ impl From<fleetfoot_data::Error> for BolassoError {
         Self::Scan(ScanError::Data(error))
     }
 }
+
+impl From<fleetfoot_stats::scan::RowError> for BolassoError {
+    fn from(error: fleetfoot_stats::scan::RowError) -> Self {
+        Self::Scan(ScanError::Row(error))
+    }
+}

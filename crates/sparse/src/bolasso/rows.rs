@@ -3,9 +3,12 @@
 use std::sync::{Mutex, PoisonError};
 
 use faer::{Accum, Mat, MatMut, MatRef, Par, linalg::matmul::matmul};
-use fleetfoot_data::{EpisodeId, Progress, Source, packed, packed_row, parallel_map, sample_ranges};
-use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_stats::{Grid, TILE_ROWS, reduce};
+use fleetfoot_data::{Progress, Source, packed, packed_row, parallel_map};
+use fleetfoot_library::Expr;
+use fleetfoot_stats::{
+    Grid,
+    scan::{self, Place, scan},
+};
 
 use super::{
     BolassoError, BootstrapOptions, Selection,
@@ -19,11 +22,6 @@ use crate::{
     kernel::Slab,
     structured::{Assembly, Plan, Regression, ScanError},
 };
-
-/// Rows of the sample that the coordinates of the libraries come from, and of one of its runs: a library has tens of functions, and a poor sample costs
-/// digits, not correctness.
-const PILOT_ROWS: usize = 8_192;
-const PILOT_RUNS: usize = 64;
 
 /// Bolasso with replicates of rows, drawn with replacement (Algorithm 1 of the block-sparse bolasso paper, equation (20); Bach 2008): Poisson(1) counts for
 /// each row, so that n varies from replicate to replicate by sqrt(n), and the objective has the replicate's own n.
@@ -85,20 +83,16 @@ struct Columns {
     /// First coefficient of every latent, and p.
     first: Vec<usize>,
     size: f64,
-    design: Design,
-    /// Outputs before the weight.
-    outputs: usize,
-    weighted: bool,
+    rows: scan::Columns,
 }
 
 impl Columns {
     fn new(plan: &Plan, assembly: &Assembly, source: &dyn Source) -> Result<Self, BolassoError> {
         let regression = &plan.regression;
         let shape = regression.structure();
-        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
         // Raw coefficients have no use for scales.
         let mut scaled = if assembly.raw { Vec::new() } else { scaled_columns(regression) };
-        let pilot = Pilot::read(regression, &scaled, source, &names)?;
+        let pilot = Pilot::read(regression, &scaled, source)?;
         let size = pilot.target_size(regression, assembly);
         for (at, scaled) in scaled.iter_mut().enumerate() {
             scaled.centre = if shape.tasks[scaled.task].centred { pilot.centre(regression, at) } else { 0.0 };
@@ -117,13 +111,11 @@ impl Columns {
             .chain(&pairs.coefficients)
             .chain(scaled.iter().map(|scaled| &scaled.expression))
             .chain(others)
-            .chain(&regression.weight)
             .cloned()
             .collect();
-        let design = Design::compile(&expressions, &names).map_err(ScanError::from)?;
-        let weighted = regression.weight.is_some();
+        let rows =
+            scan::Columns::compile(&[&expressions], regression.weight.as_ref(), source).map_err(ScanError::from)?;
         Ok(Self {
-            outputs: expressions.len() - usize::from(weighted),
             tasks: shape.tasks.iter().zip(&assembly.weights).map(|(task, &s)| (s, task.prior, task.centred)).collect(),
             first: (0..=regression.latents.len()).map(|latent| regression.first(latent)).collect(),
             pairs,
@@ -131,8 +123,7 @@ impl Columns {
             centres: scaled.iter().map(|scaled| scaled.centre).collect(),
             scaled,
             size,
-            design,
-            weighted,
+            rows,
         })
     }
 
@@ -235,26 +226,13 @@ struct Pilot {
 }
 
 impl Pilot {
-    fn read(
-        regression: &Regression,
-        scaled: &[Scaled],
-        source: &dyn Source,
-        names: &[&str],
-    ) -> Result<Self, BolassoError> {
+    fn read(regression: &Regression, scaled: &[Scaled], source: &dyn Source) -> Result<Self, BolassoError> {
         let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
         let targets = regression.tasks.iter().map(|task| &task.target);
         let scaled = scaled.iter().map(|scaled| &scaled.expression);
         let expressions: Vec<Expr> = functions.chain(targets).chain(scaled).cloned().collect();
-        let design = Design::compile(&expressions, names).map_err(ScanError::from)?;
-        let mut values = vec![Vec::new(); expressions.len()];
-        let mut rows = DesignRows::default();
-        for (episode, range) in sample_ranges(source.episodes(), PILOT_ROWS, PILOT_RUNS) {
-            let block = source.read(episode, range, design.halo())?;
-            for from in (0..block.rows).step_by(TILE_ROWS) {
-                design.evaluate(&block, from..(from + TILE_ROWS).min(block.rows), &mut rows);
-                values.iter_mut().enumerate().for_each(|(output, all)| all.extend_from_slice(rows.output(output)));
-            }
-        }
+        let columns = scan::Columns::compile(&[&expressions], None, source).map_err(ScanError::from)?;
+        let values = columns.pilot::<BolassoError>(0..1, source)?;
         Ok(Self { rows: values.first().map_or(0, Vec::len), values })
     }
 
@@ -301,25 +279,21 @@ fn accumulate(
     // Tiles and sums of chunks that are done serve the next ones: they are written before they are read.
     let pool = Mutex::new(Vec::<Part>::new());
     let back = || pool.lock().unwrap_or_else(PoisonError::into_inner);
-    reduce(
+    scan(
+        &columns.rows,
         source,
         &chunks,
-        columns.design.halo(),
         progress,
         || {
             let mut part = back().pop().unwrap_or_else(|| Part::new(columns, stride));
             part.sums.fill(0.0);
             part
         },
-        |part, chunk, block, tile| {
-            let mut rows = std::mem::take(&mut part.rows);
-            columns.design.evaluate(block, tile, &mut rows);
-            let episode = &source.episodes()[chunk.episode];
-            part.add(columns, &rows, (episode.id, &episode.name), seed, block.first)?;
-            part.rows = rows;
+        |part, place, tile| {
+            part.add(columns, place, tile, seed);
             Ok::<_, BolassoError>(())
         },
-        |_, part| {
+        |_, _, part| {
             total.iter_mut().zip(&part.sums).for_each(|(total, sum)| *total += sum);
             back().push(part);
             Ok(())
@@ -351,33 +325,16 @@ struct Part {
     sums: Vec<f64>,
     tile: Tile,
     counts: Vec<f64>,
-    rows: DesignRows,
 }
 
 impl Part {
     fn new(columns: &Columns, stride: usize) -> Self {
-        Self {
-            stride,
-            sums: vec![0.0; columns.outputs() * stride],
-            tile: Tile::default(),
-            counts: Vec::new(),
-            rows: DesignRows::default(),
-        }
+        Self { stride, sums: vec![0.0; columns.outputs() * stride], tile: Tile::default(), counts: Vec::new() }
     }
 
-    fn add(
-        &mut self,
-        columns: &Columns,
-        rows: &DesignRows,
-        (id, name): (EpisodeId, &str),
-        seed: u64,
-        first: usize,
-    ) -> Result<(), ScanError> {
-        let weights = columns.weighted.then(|| rows.output(columns.outputs));
-        if let Some((at, &value)) = weights.and_then(|weights| weights.iter().enumerate().find(|(_, w)| **w < 0.0)) {
-            return Err(ScanError::NegativeWeight { episode: name.to_owned(), row: first + rows.index[at], value });
-        }
-        let counts = PoissonCounts::new(seed, id);
+    fn add(&mut self, columns: &Columns, place: Place<'_>, tile: &scan::Tile<'_>, seed: u64) {
+        let (rows, weights) = (tile.rows(), tile.weights());
+        let counts = PoissonCounts::new(seed, place.episode);
         // Parts of equal length: a short last one would cost nearly as much as a whole one.
         let parts = rows.rows().div_ceil(MULTIPLIED).max(1);
         let pool = Pool { pairs: &columns.pairs, libraries: &columns.libraries, centres: &columns.centres };
@@ -389,13 +346,12 @@ impl Part {
             let n = range.len();
             self.tile.fill(&pool, rows, weights, range.clone());
             self.counts.resize(n * self.stride, 0.0);
-            counts.fill(&rows.index[range], first, self.stride, &mut self.counts);
+            counts.fill(&rows.index[range], place.first, self.stride, &mut self.counts);
             let w = MatRef::from_column_major_slice(&self.counts, self.stride, n);
             let e = MatRef::from_column_major_slice(self.tile.values(), n, columns.outputs());
             let sums = MatMut::from_column_major_slice_mut(&mut self.sums, self.stride, columns.outputs());
             matmul(sums, Accum::Add, w, e, 1.0, Par::Seq);
         }
-        Ok(())
     }
 }
 

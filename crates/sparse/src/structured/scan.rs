@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use faer::{MatMut, MatRef};
-use fleetfoot_data::{Cancelled, EpisodeId, Error, Halo, Progress, Source};
-use fleetfoot_library::{Design, DesignRows, Expr, UnknownColumn};
+use fleetfoot_data::{Cancelled, EpisodeId, Error, Progress, Source};
+use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_stats::{
-    Chunk, Fold, Gram, Grid, Key, MergeError, PlanError, Preconditioner, Stats, pilot_tiles, plan_hash, reduce,
+    Chunk, Fold, Gram, Grid, Key, MergeError, PlanError, Preconditioner, Stats, plan_hash,
+    scan::{Columns, RegionRanges, RowCounts, RowError, Tile, extremes, scan, widen},
 };
 
 use super::Regression;
@@ -27,22 +28,12 @@ pub enum ScanError {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] MergeError),
-    /// A value whose squares overflow.
+    /// A row that cannot be summed.
     #[error(transparent)]
-    TooLarge(#[from] fleetfoot_library::TooLarge),
+    Row(#[from] RowError),
     /// Too many episodes.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// A row weight below zero.
-    #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
-    NegativeWeight {
-        /// The episode.
-        episode: String,
-        /// Its row.
-        row: usize,
-        /// The weight.
-        value: f64,
-    },
 }
 
 /// A frozen plan: what is summed, in which coordinates, in which chunks. Scans of one plan can be merged, whoever made them.
@@ -80,73 +71,12 @@ pub struct Scanned {
     pub rows: BTreeMap<EpisodeId, RowCounts>,
 }
 
-/// What became of an episode's rows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct RowCounts {
-    /// Rows with all values.
-    pub complete: u64,
-    /// Rows that lack neighbours at the border of their episode.
-    pub at_border: u64,
-    /// Rows with a missing value.
-    pub incomplete: u64,
-}
-
-impl RowCounts {
-    /// Adds other rows.
-    pub(crate) fn add(&mut self, other: Self) {
-        self.complete += other.complete;
-        self.at_border += other.at_border;
-        self.incomplete += other.incomplete;
-    }
-}
-
-/// The columns of a scan: every task's, the candidate functions, [`Plan::also`], the weight.
-struct Columns {
-    design: Design,
-    tasks: Vec<usize>,
-    functions: usize,
-    also: usize,
-    weighted: bool,
-}
-
-impl Columns {
-    fn compile(regression: &Regression, also: &[Expr], source: &dyn Source) -> Result<Self, ScanError> {
-        let tasks: Vec<Vec<Expr>> = (0..regression.tasks.len()).map(|task| regression.columns(task)).collect();
-        let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
-        let expressions: Vec<Expr> =
-            tasks.iter().flatten().chain(functions).chain(also).chain(&regression.weight).cloned().collect();
-        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
-        Ok(Self {
-            design: Design::compile(&expressions, &names)?,
-            tasks: tasks.iter().map(Vec::len).collect(),
-            functions: regression.coefficients(),
-            also: also.len(),
-            weighted: regression.weight.is_some(),
-        })
-    }
-
-    fn halo(&self) -> Halo {
-        self.design.halo()
-    }
-
-    /// Index of the first column of every group: tasks, functions, also, weight.
-    fn first(&self, group: usize) -> usize {
-        let counts = self.tasks.iter().copied().chain([self.functions, self.also]);
-        counts.take(group).sum()
-    }
-
-    fn group<'r>(&self, rows: &'r DesignRows, group: usize) -> &'r [f64] {
-        &rows.values[self.first(group) * rows.rows()..self.first(group + 1) * rows.rows()]
-    }
-
-    fn weights<'r>(&self, rows: &'r DesignRows, episode: &str, first: usize) -> Result<Option<&'r [f64]>, ScanError> {
-        let weights = self.weighted.then(|| rows.output(self.first(self.tasks.len() + 2)));
-        if let Some(at) = weights.and_then(|weights| weights.iter().position(|&weight| weight < 0.0)) {
-            let value = weights.map_or(f64::NAN, |weights| weights[at]);
-            return Err(ScanError::NegativeWeight { episode: episode.to_owned(), row: first + rows.index[at], value });
-        }
-        Ok(weights)
-    }
+/// The columns of a scan: every task's, the candidate functions, [`Plan::also`].
+fn columns(regression: &Regression, also: &[Expr], source: &dyn Source) -> Result<Columns, ScanError> {
+    let tasks: Vec<Vec<Expr>> = (0..regression.tasks.len()).map(|task| regression.columns(task)).collect();
+    let functions: Vec<Expr> = regression.latents.iter().flat_map(|latent| latent.functions.iter().cloned()).collect();
+    let groups: Vec<&[Expr]> = tasks.iter().map(Vec::as_slice).chain([functions.as_slice(), also]).collect();
+    Ok(Columns::compile(&groups, regression.weight.as_ref(), source)?)
 }
 
 impl Plan {
@@ -160,25 +90,19 @@ impl Plan {
         chunk_rows: usize,
         source: &dyn Source,
     ) -> Result<Self, ScanError> {
-        let columns = Columns::compile(&regression, &also, source)?;
+        let columns = columns(&regression, &also, source)?;
+        let tasks = regression.tasks.len();
         let numbers = |d: usize| (d + 1) * (d + 2) / 2;
-        let bytes = 8 * columns.tasks.iter().chain([&columns.also]).map(|&d| numbers(d)).sum::<usize>();
+        let bytes =
+            8 * (0..tasks).chain([tasks + 1]).map(|group| numbers(columns.width(group..group + 1))).sum::<usize>();
         Grid::check(source.episodes(), 1, bytes)?;
-        let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.first(columns.tasks.len())];
-        let mut rows = DesignRows::default();
-        pilot_tiles(source, columns.halo(), |episode, block, tile| {
-            columns.design.evaluate_for_squares(block, &episode.name, tile, &mut rows)?;
-            for (column, all) in values.iter_mut().enumerate() {
-                all.extend_from_slice(rows.output(column));
-            }
-            Ok::<_, ScanError>(())
-        })?;
-        let length = values.first().map_or(0, Vec::len);
-        let preconditioners = (0..columns.tasks.len())
+        let pilot = columns.pilot::<ScanError>(0..tasks, source)?;
+        let mut pilot = pilot.as_slice();
+        let preconditioners = (0..tasks)
             .map(|task| {
-                let joined = values[columns.first(task)..columns.first(task + 1)].concat();
-                let pilot = MatRef::from_column_major_slice(&joined, length, columns.tasks[task]);
-                Preconditioner::from_pilot(pilot, columns.tasks[task] - 1)
+                let (own, rest) = pilot.split_at(columns.width(task..task + 1));
+                pilot = rest;
+                Preconditioner::of_pilot(own, own.len() - 1)
             })
             .collect();
         Ok(Self { regression, also, chunk_rows, preconditioners })
@@ -223,26 +147,20 @@ impl Plan {
     /// # Errors
     /// When a column does not exist, the source cannot be read, a weight is negative, or the user stops it.
     pub fn scan(&self, source: &dyn Source, progress: &dyn Progress) -> Result<Scanned, ScanError> {
-        let columns = Columns::compile(&self.regression, &self.also, source)?;
+        let columns = columns(&self.regression, &self.also, source)?;
         let chunks = Grid { chunk_rows: self.chunk_rows }.chunks(source.episodes());
         let mut found = self.empty();
-        reduce(
+        scan(
+            &columns,
             source,
             &chunks,
-            columns.halo(),
             progress,
-            || Part::new(&columns),
-            |part, chunk, block, tile| {
-                let mut rows = std::mem::take(&mut part.rows);
-                columns.design.evaluate_for_squares(block, &source.episodes()[chunk.episode].name, tile, &mut rows)?;
-                part.counts.at_border += rows.at_border;
-                part.counts.incomplete += rows.incomplete;
-                let weights = columns.weights(&rows, &source.episodes()[chunk.episode].name, block.first)?;
-                part.add(&columns, &self.preconditioners, &rows, weights);
-                part.rows = rows;
-                Ok::<_, ScanError>(())
+            || Part::new(&columns, self.regression.tasks.len()),
+            |part, _, tile| {
+                part.add(&columns, &self.preconditioners, tile);
+                Ok(())
             },
-            |chunk, part| found.insert(source.episodes()[chunk.episode].id, chunk, part),
+            |chunk, counts, part| found.insert(source.episodes()[chunk.episode].id, chunk, counts, part),
         )?;
         Ok(found)
     }
@@ -266,50 +184,34 @@ struct Part {
     tasks: Vec<Gram>,
     also: Gram,
     ranges: Vec<[f64; 2]>,
-    counts: RowCounts,
-    rows: DesignRows,
     work: Vec<f64>,
 }
 
 impl Part {
-    fn new(columns: &Columns) -> Self {
+    /// No rows of columns, of which the first `tasks` groups are those of tasks.
+    fn new(columns: &Columns, tasks: usize) -> Self {
+        let width = |group: usize| columns.width(group..group + 1);
         Self {
-            tasks: columns.tasks.iter().map(|&d| Gram::new(d)).collect(),
-            also: Gram::new(columns.also),
-            ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; columns.functions],
-            counts: RowCounts::default(),
-            rows: DesignRows::default(),
+            tasks: (0..tasks).map(|task| Gram::new(width(task))).collect(),
+            also: Gram::new(width(tasks + 1)),
+            ranges: vec![RegionRanges::EMPTY; width(tasks)],
             work: Vec::new(),
         }
     }
 
-    fn add(
-        &mut self,
-        columns: &Columns,
-        preconditioners: &[Preconditioner],
-        rows: &DesignRows,
-        weights: Option<&[f64]>,
-    ) {
-        let n = rows.rows();
-        self.counts.complete += n as u64;
-        if n == 0 {
-            return;
-        }
+    fn add(&mut self, columns: &Columns, preconditioners: &[Preconditioner], tile: &Tile<'_>) {
+        let (n, weights) = (tile.len(), tile.weights());
         for (task, preconditioner) in preconditioners.iter().enumerate() {
+            let d = columns.width(task..task + 1);
             self.work.clear();
-            self.work.extend_from_slice(columns.group(rows, task));
-            preconditioner.apply(MatMut::from_column_major_slice_mut(&mut self.work, n, columns.tasks[task]));
-            let z = MatRef::from_column_major_slice(&self.work, n, columns.tasks[task]);
+            self.work.extend_from_slice(tile.values(task..task + 1));
+            preconditioner.apply(MatMut::from_column_major_slice_mut(&mut self.work, n, d));
+            let z = MatRef::from_column_major_slice(&self.work, n, d);
             self.tasks[task].merge(&Gram::of_rows(z, weights));
         }
-        let groups = columns.tasks.len();
-        let functions = columns.group(rows, groups).chunks_exact(n);
-        for (range, values) in self.ranges.iter_mut().zip(functions) {
-            let (least, most) =
-                values.iter().fold((range[0], range[1]), |(least, most), &value| (least.min(value), most.max(value)));
-            *range = [least, most];
-        }
-        let also = MatRef::from_column_major_slice(columns.group(rows, groups + 1), n, columns.also);
+        let [functions, also] = [0, 1].map(|after| preconditioners.len() + after);
+        extremes(&tile.columns(functions..functions + 1), &mut self.ranges);
+        let also = MatRef::from_column_major_slice(tile.values(also..also + 1), n, self.also.dimension());
         self.also.merge(&Gram::of_rows(also, weights));
     }
 }
@@ -355,17 +257,15 @@ impl Scanned {
         self.also = self.also.grouped(episode);
     }
 
-    fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: Part) -> Result<(), ScanError> {
+    fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, counts: RowCounts, part: Part) -> Result<(), ScanError> {
         let key = Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region: 0 };
-        self.rows.entry(episode).or_default().add(part.counts);
+        self.rows.entry(episode).or_default().add(counts);
         for (task, gram) in self.tasks.iter_mut().zip(part.tasks) {
             task.stats.insert(key, gram)?;
         }
         self.also.insert(key, part.also)?;
         let ranges = self.ranges.entry(episode).or_insert_with(|| part.ranges.clone());
-        for (all, some) in ranges.iter_mut().zip(&part.ranges) {
-            *all = [all[0].min(some[0]), all[1].max(some[1])];
-        }
+        widen(ranges, &part.ranges);
         Ok(())
     }
 }

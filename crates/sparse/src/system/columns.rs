@@ -2,21 +2,26 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::{Block, Halo, Source};
-use fleetfoot_library::{Design, DesignRows, Expr};
+use fleetfoot_data::{Halo, Source};
+use fleetfoot_library::Expr;
+use fleetfoot_stats::scan::{self, Tile};
 
 use super::{System, SystemError, weak::Weak};
 
-/// Regressors, targets (of the weak form: their means), further columns, the partition's columns, the weight, what has rates in the weak form: one design, in this
-/// order.
+/// Groups of columns, in their order: what stands for the functions, the targets (of the weak form: their means), further moments, the partition's columns, and
+/// what has rates in the weak form.
+pub(super) const REGRESSORS: usize = 0;
+const TARGETS: usize = 1;
+const ALSO: usize = 2;
+const PARTITION: usize = 3;
+const RATES: usize = 4;
+
+/// The columns of a system, and the windows that they are integrated over.
 pub(super) struct Columns {
-    design: Design,
+    pub(super) rows: scan::Columns,
     pub(super) weak: Option<Weak>,
     pub(super) regressors: usize,
     pub(super) targets: usize,
-    also: usize,
-    partition: usize,
-    weighted: bool,
 }
 
 impl Columns {
@@ -27,29 +32,19 @@ impl Columns {
             None => (system.targets.clone(), Vec::new()),
             Some(weak) => weak.expressions(),
         };
-        let expressions: Vec<Expr> =
-            [regressors, &targets, &system.also, partition, system.weight.as_slice(), &rates].concat();
-        let names: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
+        let groups: [&[Expr]; 5] = [regressors, &targets, &system.also, partition, &rates];
         Ok(Self {
-            design: Design::compile(&expressions, &names)?,
+            rows: scan::Columns::compile(&groups, system.weight.as_ref(), source)?,
             weak: system.weak.clone(),
             regressors: regressors.len(),
             targets: system.targets.len(),
-            also: system.also.len(),
-            partition: partition.len(),
-            weighted: system.weight.is_some(),
         })
     }
 
     /// Neighbouring rows that a row, or a window around it, reaches for.
     pub(super) fn halo(&self) -> Halo {
-        let (Halo { before, after }, reach) = (self.row_halo(), self.weak.as_ref().map_or(0, |weak| weak.reach));
+        let (Halo { before, after }, reach) = (self.rows.halo(), self.weak.as_ref().map_or(0, |weak| weak.reach));
         Halo { before: before + reach, after: after + reach }
-    }
-
-    /// Neighbouring rows that the columns of one row reach for.
-    pub(super) fn row_halo(&self) -> Halo {
-        self.design.halo()
     }
 
     /// Regressors and targets, d.
@@ -60,57 +55,26 @@ impl Columns {
     /// Rows to evaluate at once: their columns stay in second-level cache.
     pub(super) fn tile_rows(&self) -> usize {
         const VALUES: usize = 1 << 17;
-        let rows = (VALUES / self.design.outputs().max(1)).clamp(256, 4096) / 256 * 256;
+        let rows = (VALUES / self.rows.count().max(1)).clamp(256, 4096) / 256 * 256;
         // The rows around a tile are evaluated again for the next one.
         self.weak.as_ref().map_or(rows, |weak| rows.max(8 * weak.reach))
     }
-
-    /// Evaluates a tile of core rows; refuses negative weights and values whose squares overflow.
-    pub(super) fn evaluate(
-        &self,
-        block: &Block,
-        episode: &str,
-        tile: Range<usize>,
-        rows: &mut DesignRows,
-    ) -> Result<(), SystemError> {
-        self.design.evaluate_for_squares(block, episode, tile, rows)?;
-        let Some(weights) = self.split(rows).weights else {
-            return Ok(());
-        };
-        match weights.iter().position(|&weight| weight < 0.0) {
-            Some(at) => Err(SystemError::NegativeWeight {
-                episode: episode.to_owned(),
-                row: block.first + rows.index[at],
-                value: weights[at],
-            }),
-            None => Ok(()),
-        }
-    }
-
-    /// The columns of evaluated rows.
-    pub(super) fn split<'r>(&self, rows: &'r DesignRows) -> Tile<'r> {
-        let n = rows.rows();
-        let (regression, rest) = rows.values.split_at(self.dimension() * n);
-        let (also, rest) = rest.split_at(self.also * n);
-        let (partition, rest) = rest.split_at(self.partition * n);
-        let (weights, rates) = rest.split_at(usize::from(self.weighted) * n);
-        Tile { regression, also, partition, weights: self.weighted.then_some(weights), rates }
-    }
 }
 
-/// The columns of the complete rows of a tile, column-major.
-pub(super) struct Tile<'r> {
-    /// Regressors, then targets.
-    pub(super) regression: &'r [f64],
-    pub(super) also: &'r [f64],
-    pub(super) partition: &'r [f64],
-    pub(super) weights: Option<&'r [f64]>,
-    /// What has a rate in the weak form.
-    pub(super) rates: &'r [f64],
+/// Regressors, then targets.
+pub(super) const REGRESSION: Range<usize> = REGRESSORS..TARGETS + 1;
+
+/// The columns of further moments.
+pub(super) fn also<'r>(tile: &Tile<'r>) -> Vec<&'r [f64]> {
+    tile.columns(ALSO..ALSO + 1)
 }
 
-/// `count` columns of one matrix.
-pub(super) fn slices(values: &[f64], count: usize) -> Vec<&[f64]> {
-    let rows = values.len() / count.max(1);
-    (0..count).map(|column| &values[column * rows..(column + 1) * rows]).collect()
+/// The columns of the partition.
+pub(super) fn partition<'r>(tile: &Tile<'r>) -> Vec<&'r [f64]> {
+    tile.columns(PARTITION..PARTITION + 1)
+}
+
+/// The columns that have a rate in the weak form.
+pub(super) fn rates<'r>(tile: &Tile<'r>) -> Vec<&'r [f64]> {
+    tile.columns(RATES..RATES + 1)
 }

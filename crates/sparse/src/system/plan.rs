@@ -1,19 +1,16 @@
 //! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
 
-use faer::MatRef;
 use fleetfoot_data::Source;
-use fleetfoot_library::{DesignRows, Expr};
-use fleetfoot_stats::{FINE, Grid, Preconditioner, pilot_tiles, plan_hash};
+use fleetfoot_library::Expr;
+use fleetfoot_stats::{FINE, Grid, Preconditioner, plan_hash, scan::pilot_tiles};
 
 use super::{
     System, SystemError,
-    columns::Columns,
+    columns::{Columns, REGRESSION},
     polynomial::{Monomials, Polynomial},
     windows::WindowRows,
 };
 
-/// Rows of the pilot that a factor is made of, at most.
-const PILOT_ROWS: usize = 20_000;
 /// The first byte of coordinates: what is summed in them.
 const PRODUCTS: u8 = 0;
 /// See [`PRODUCTS`].
@@ -215,29 +212,17 @@ fn polynomial(system: &System, source: &dyn Source) -> Result<Option<Polynomial>
 /// The coordinates of functions and targets from a sample of the rows.
 fn pilot(system: &System, source: &dyn Source) -> Result<Preconditioner, SystemError> {
     let columns = Columns::compile(system, &system.functions, source)?;
-    let (values, d) = (sample(&columns, source)?, columns.dimension());
-    // A factor costs rows x d^2: the more columns, the fewer rows, but always several times their number.
-    let wanted = (2_000_000 / d).max(4 * d).min(PILOT_ROWS);
-    let stride = values.first().map_or(0, Vec::len).div_ceil(wanted).max(1);
-    let joined: Vec<f64> = values.iter().flat_map(|column| column.iter().step_by(stride).copied()).collect();
-    let matrix = MatRef::from_column_major_slice(&joined, joined.len() / d, d);
-    Ok(Preconditioner::from_pilot(matrix, columns.regressors))
+    Ok(Preconditioner::of_pilot(&sample(&columns, source)?, columns.regressors))
 }
 
 /// Regressors and targets of the pilot's rows, or windows, one vector a column.
 fn sample(columns: &Columns, source: &dyn Source) -> Result<Vec<Vec<f64>>, SystemError> {
+    let Some(weak) = &columns.weak else { return columns.rows.pilot(REGRESSION, source) };
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.dimension()];
-    let (mut rows, mut windows) = (DesignRows::default(), WindowRows::default());
+    let mut windows = WindowRows::default();
     pilot_tiles(source, columns.halo(), |episode, block, tile| {
-        if let Some(weak) = &columns.weak {
-            windows.evaluate((columns, weak), block, &episode.name, tile)?;
-            values.iter_mut().zip(windows.outputs(columns)).for_each(|(all, some)| all.extend_from_slice(some));
-            return Ok(());
-        }
-        columns.evaluate(block, &episode.name, tile, &mut rows)?;
-        for (column, all) in values.iter_mut().enumerate() {
-            all.extend_from_slice(rows.output(column));
-        }
+        windows.evaluate((columns, weak), block, episode, tile)?;
+        values.iter_mut().zip(windows.outputs(columns)).for_each(|(all, some)| all.extend_from_slice(some));
         Ok::<_, SystemError>(())
     })?;
     Ok(values)

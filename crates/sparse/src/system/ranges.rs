@@ -1,56 +1,15 @@
-//! The least and greatest values of functions over rows; of monomials without evaluating them on most rows.
+//! The least and greatest values of monomials over rows, without evaluating them on most rows.
 
 use std::collections::HashMap;
 
-use fleetfoot_stats::PolynomialPlan;
+use fleetfoot_stats::{
+    PolynomialPlan,
+    scan::{RegionRanges, extreme},
+};
 use pulp::NullaryFnOnce;
 
-/// No values yet.
-pub(super) const EMPTY: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
-/// Values that are compared at once.
-const LANES: usize = 32;
 /// Rows whose monomials are bounded together.
 const BLOCK: usize = 128;
-
-/// Widens ranges by those of other rows.
-pub(super) fn widen(ranges: &mut [[f64; 2]], others: &[[f64; 2]]) {
-    ranges.iter_mut().zip(others).for_each(|(all, some)| *all = [all[0].min(some[0]), all[1].max(some[1])]);
-}
-
-/// Widens the range of every column by its values, which are finite.
-pub(super) fn extremes(columns: &[&[f64]], ranges: &mut [[f64; 2]]) {
-    pulp::Arch::new().dispatch(Extremes { columns, ranges });
-}
-
-struct Extremes<'a> {
-    columns: &'a [&'a [f64]],
-    ranges: &'a mut [[f64; 2]],
-}
-
-impl NullaryFnOnce for Extremes<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        self.ranges.iter_mut().zip(self.columns).for_each(|(range, column)| *range = extreme(*range, column));
-    }
-}
-
-/// Several lanes at a time: the order of comparisons does not matter.
-#[inline(always)]
-fn extreme(range: [f64; 2], values: &[f64]) -> [f64; 2] {
-    let (mut least, mut most) = ([range[0]; LANES], [range[1]; LANES]);
-    let (whole, rest) = values.as_chunks::<LANES>();
-    for values in whole {
-        for i in 0..LANES {
-            least[i] = if values[i] < least[i] { values[i] } else { least[i] };
-            most[i] = if values[i] > most[i] { values[i] } else { most[i] };
-        }
-    }
-    let least = least.iter().chain(rest).fold(range[0], |least, &value| least.min(value));
-    let most = most.iter().chain(rest).fold(range[1], |most, &value| most.max(value));
-    [least, most]
-}
 
 /// The ranges of all monomials of a polynomial library.
 ///
@@ -95,14 +54,14 @@ impl MonomialRanges {
 
     /// Ranges in graded order in the order of the system's functions.
     pub(super) fn in_order(&self, ranges: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let mut sorted = vec![EMPTY; ranges.len()];
+        let mut sorted = vec![RegionRanges::EMPTY; ranges.len()];
         self.order.iter().zip(ranges).for_each(|(&place, range)| sorted[place] = *range);
         sorted
     }
 
     /// Widens ranges (graded order) by the monomials of rows, whose variables are finite.
     pub(super) fn add(&self, ranges: &mut [[f64; 2]], variables: &[&[f64]], scratch: &mut RangesScratch) {
-        scratch.bounds.resize(self.recipes.len(), EMPTY);
+        scratch.bounds.resize(self.recipes.len(), RegionRanges::EMPTY);
         scratch.values.resize(self.recipes.len() * BLOCK, 0.0);
         pulp::Arch::new().dispatch(AddBlocks { recipes: &self.recipes, ranges, variables, scratch });
     }
@@ -137,7 +96,7 @@ impl AddBlocks<'_> {
         let (bounds, mut widens) = (&mut self.scratch.bounds, false);
         // Monomials of degree 1 come first, and in the order of the variables.
         for (bound, column) in bounds.iter_mut().zip(self.variables) {
-            *bound = extreme(EMPTY, &column[from..to]);
+            *bound = extreme(RegionRanges::EMPTY, &column[from..to]);
         }
         for (i, recipe) in self.recipes.iter().enumerate() {
             if let Some(parent) = recipe.parent {

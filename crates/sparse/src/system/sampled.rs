@@ -1,10 +1,11 @@
 //! Sizes of expressions on a sample of the rows.
 
+use faer::MatRef;
 use fleetfoot_data::Source;
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_stats::{Gram, pilot_tiles};
+use fleetfoot_stats::{Gram, scan::pilot_tiles};
 
-use super::{SystemError, columns::slices};
+use super::SystemError;
 
 /// The mean square of every expression over the complete rows of a strided sample; 0 without rows.
 ///
@@ -40,7 +41,8 @@ pub fn sampled_variances(expressions: &[Expr], source: &dyn Source) -> Result<Ve
     pilot_tiles(source, design.halo(), |_, block, tile| {
         design.evaluate(block, tile, &mut rows);
         if rows.rows() > 0 {
-            total.merge(&Gram::of_columns(&slices(&rows.values, expressions.len()), None));
+            let values = MatRef::from_column_major_slice(&rows.values, rows.rows(), expressions.len());
+            total.merge(&Gram::of_rows(values, None));
         }
         Ok::<_, SystemError>(())
     })?;

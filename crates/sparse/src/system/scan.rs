@@ -6,15 +6,18 @@ use std::{
 };
 
 use faer::{MatMut, MatRef};
-use fleetfoot_data::{Block, EpisodeId, Halo, Progress, Source};
+use fleetfoot_data::{Block, Episode, EpisodeId, Halo, Progress, Source};
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_stats::{Chunk, Gram, Grid, Key, MergeError, PolynomialMoments, PolynomialScratch, reduce};
+use fleetfoot_stats::{
+    Chunk, Gram, Grid, Key, MergeError, PolynomialMoments, PolynomialScratch, reduce,
+    scan::{RegionGrams, RowCounts, Tile},
+};
 
 use super::{
     EpisodeSums, System, SystemError, SystemPlan, SystemScan, SystemSums,
-    columns::{Columns, Tile, slices},
+    columns::{Columns, REGRESSION, REGRESSORS, also, partition},
     plan::Coordinates,
-    ranges::{RangesScratch, extremes},
+    ranges::RangesScratch,
     weak::Weak,
     windows::WindowRows,
 };
@@ -64,7 +67,7 @@ impl SystemPlan {
                 progress,
                 || passes.iter().map(Pass::start).collect::<Vec<Part>>(),
                 |parts, chunk, block, tile| {
-                    let episode = &source.episodes()[chunk.episode].name;
+                    let episode = &source.episodes()[chunk.episode];
                     let mut all = passes.iter().zip(parts);
                     all.try_for_each(|(pass, part)| pass.add(part, episode, chunk, block, tile.clone()))
                 },
@@ -108,7 +111,7 @@ impl<'a> Pass<'a> {
     fn add(
         &self,
         part: &mut Part,
-        episode: &str,
+        episode: &Episode,
         chunk: &Chunk,
         block: &Block,
         tile: Range<usize>,
@@ -141,7 +144,8 @@ impl Sample {
         let Some(design) = &self.0 else { return };
         design.evaluate(block, tile.start..tile.end.min(tile.start + SAMPLED), rows);
         if rows.rows() > 0 {
-            sampled.merge(&Gram::of_columns(&slices(&rows.values, design.outputs()), None));
+            let values = MatRef::from_column_major_slice(&rows.values, rows.rows(), design.outputs());
+            sampled.merge(&Gram::of_rows(values, None));
         }
     }
 }
@@ -155,12 +159,12 @@ struct Part {
     rows: DesignRows,
     windows: WindowRows,
     regions: Vec<u32>,
+    work: Vec<f64>,
 }
 
 /// The sums of a chunk.
 enum PartSums {
-    /// Gram matrix of every region that has rows.
-    Grams(Vec<Option<Gram>>),
+    Grams(RegionGrams),
     Moments(Box<(PolynomialMoments, PolynomialScratch, RangesScratch)>),
 }
 
@@ -169,7 +173,7 @@ impl Part {
         let system = &plan.system;
         Self {
             sums: match &plan.coordinates {
-                Coordinates::General(_) => PartSums::Grams(vec![None; system.regions()]),
+                Coordinates::General(_) => PartSums::Grams(RegionGrams::new(system.regions())),
                 Coordinates::Polynomial(polynomial) => PartSums::Moments(Box::new((
                     polynomial.plan.moments(),
                     polynomial.plan.scratch(),
@@ -182,6 +186,7 @@ impl Part {
             rows: DesignRows::default(),
             windows: WindowRows::default(),
             regions: Vec::with_capacity(columns.tile_rows()),
+            work: Vec::new(),
         }
     }
 
@@ -190,7 +195,7 @@ impl Part {
         &mut self,
         plan: &SystemPlan,
         columns: &Columns,
-        episode: &str,
+        episode: &Episode,
         block: &Block,
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
@@ -201,11 +206,9 @@ impl Part {
         }
         let mut rows = std::mem::take(&mut self.rows);
         for (from, to) in tiles {
-            columns.evaluate(block, episode, from..to, &mut rows)?;
-            self.told.counts.complete += rows.rows() as u64;
-            self.told.counts.at_border += rows.at_border;
-            self.told.counts.incomplete += rows.incomplete;
-            if rows.rows() > 0 {
+            let tile = columns.rows.evaluate(block, episode, from..to, &mut rows)?;
+            self.told.counts.add(tile.counts());
+            if !tile.is_empty() {
                 self.add_rows(plan, columns, &mut rows);
             }
         }
@@ -215,26 +218,26 @@ impl Part {
 
     fn add_rows(&mut self, plan: &SystemPlan, columns: &Columns, rows: &mut DesignRows) {
         let (n, d) = (rows.rows(), columns.dimension());
-        let tile = columns.split(rows);
-        self.assign(&plan.system, &tile, n);
+        let tile = columns.rows.tile(rows);
+        self.assign(&plan.system, &tile);
         self.count_unassigned();
-        if !tile.also.is_empty() {
-            let also = slices(tile.also, plan.system.also.len());
-            self.also.merge(&Gram::of_columns(&also, tile.weights));
+        let further = also(&tile);
+        if !further.is_empty() {
+            self.also.merge(&Gram::of_columns(&further, tile.weights()));
         }
-        let regression = slices(tile.regression, d);
+        let regressors = tile.columns(REGRESSORS..REGRESSORS + 1);
         match (&plan.coordinates, &mut self.sums) {
             (Coordinates::Polynomial(polynomial), PartSums::Moments(sums)) => {
                 let (moments, scratch, ranges) = &mut **sums;
-                polynomial.add(moments, scratch, &regression, tile.weights);
-                polynomial.ranges.add(&mut self.told.ranges[0], &regression[..columns.regressors], ranges);
+                polynomial.add(moments, scratch, &tile.columns(REGRESSION), tile.weights());
+                polynomial.ranges.add(&mut self.told.ranges.0[0], &regressors, ranges);
             }
             (Coordinates::General(preconditioner), PartSums::Grams(_)) => {
-                self.add_ranges(&regression[..columns.regressors]);
+                self.add_ranges(&regressors);
                 // The tile is not needed in raw units any more.
                 preconditioner.apply(MatMut::from_column_major_slice_mut(&mut rows.values[..d * n], n, d));
-                let tile = columns.split(rows);
-                self.add_products(MatRef::from_column_major_slice(tile.regression, n, d), tile.weights);
+                let tile = columns.rows.tile(rows);
+                self.add_products(MatRef::from_column_major_slice(tile.values(REGRESSION), n, d), tile.weights());
             }
             _ => unreachable!("a part sums what its plan says"),
         }
@@ -245,31 +248,29 @@ impl Part {
         &mut self,
         plan: &SystemPlan,
         (columns, weak): (&Columns, &Weak),
-        episode: &str,
+        episode: &Episode,
         block: &Block,
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
         let mut windows = std::mem::take(&mut self.windows);
         windows.evaluate((columns, weak), block, episode, tile)?;
         let n = windows.count();
-        self.told.counts.complete += n as u64;
-        self.told.counts.at_border += windows.at_border;
-        self.told.counts.incomplete += windows.incomplete;
-        let (rows, own) = (columns.split(&windows.rows), windows.own.clone());
-        let of_tile = |values: &[f64], count: usize| -> Vec<Vec<f64>> {
-            slices(values, count).into_iter().map(|column| column[own.clone()].to_vec()).collect()
+        let counts = RowCounts { complete: n as u64, at_border: windows.at_border, incomplete: windows.incomplete };
+        self.told.counts.add(counts);
+        let (rows, own) = (columns.rows.tile(&windows.rows), windows.own.clone());
+        let of_tile = |columns: Vec<&'_ [f64]>| -> Vec<Vec<f64>> {
+            columns.into_iter().map(|column| column[own.clone()].to_vec()).collect()
         };
-        let also = of_tile(rows.also, plan.system.also.len());
-        if !also.is_empty() && !own.is_empty() {
-            let also: Vec<&[f64]> = also.iter().map(Vec::as_slice).collect();
-            self.also.merge(&Gram::of_columns(&also, rows.weights.map(|weights| &weights[own.clone()])));
+        let further = of_tile(also(&rows));
+        if !further.is_empty() && !own.is_empty() {
+            let further: Vec<&[f64]> = further.iter().map(Vec::as_slice).collect();
+            self.also.merge(&Gram::of_columns(&further, rows.weights().map(|weights| &weights[own.clone()])));
         }
-        self.assign(&plan.system, &rows, windows.rows.rows());
+        self.assign(&plan.system, &rows);
         let of_rows = std::mem::take(&mut self.regions);
         self.regions = of_rows.get(own.clone()).map(<[u32]>::to_vec).unwrap_or_default();
-        let functions = slices(rows.regression, columns.dimension());
         let functions: Vec<&[f64]> =
-            functions[..columns.regressors].iter().map(|column| &column[own.clone()]).collect();
+            rows.columns(REGRESSORS..REGRESSORS + 1).into_iter().map(|column| &column[own.clone()]).collect();
         self.add_ranges(&functions);
         self.regions = if of_rows.is_empty() { of_rows } else { windows.regions(weak, &of_rows) };
         self.count_unassigned();
@@ -284,29 +285,19 @@ impl Part {
     }
 
     fn add_products(&mut self, z: MatRef<'_, f64>, weights: Option<&[f64]>) {
-        let PartSums::Grams(grams) = &mut self.sums else {
-            return;
-        };
-        if self.regions.is_empty() {
-            merge(&mut grams[0], Gram::of_rows(z, weights));
-        } else {
-            for (region, gram) in Gram::by_region(z, weights, &self.regions, grams.len()) {
-                merge(&mut grams[region as usize], gram);
-            }
+        if let PartSums::Grams(grams) = &mut self.sums {
+            grams.add(z, weights, regions(&self.regions));
         }
     }
 
     /// Names the region of every row; empty where there is only one.
-    fn assign(&mut self, system: &System, tile: &Tile<'_>, n: usize) {
+    fn assign(&mut self, system: &System, tile: &Tile<'_>) {
         self.regions.clear();
-        let Some(partition) = system.partition.as_ref().filter(|partition| !partition.columns.is_empty()) else {
+        let Some(own) = system.partition.as_ref().filter(|partition| !partition.columns.is_empty()) else {
             return;
         };
-        self.regions.resize(n, 0);
-        let mut z: Vec<Vec<f64>> =
-            slices(tile.partition, partition.columns.len()).into_iter().map(<[f64]>::to_vec).collect();
-        partition.standardise(&mut z.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
-        partition.rule.assign(&z.iter().map(Vec::as_slice).collect::<Vec<_>>(), &mut self.regions);
+        self.regions.resize(tile.len(), 0);
+        own.assign(&partition(tile), &mut self.work, &mut self.regions);
     }
 
     fn count_unassigned(&mut self) {
@@ -314,40 +305,24 @@ impl Part {
     }
 
     fn add_ranges(&mut self, functions: &[&[f64]]) {
-        if self.regions.is_empty() {
-            extremes(functions, &mut self.told.ranges[0]);
-            return;
-        }
-        for (function, values) in functions.iter().enumerate() {
-            for (&region, &value) in self.regions.iter().zip(*values) {
-                if let Some(ranges) = self.told.ranges.get_mut(region as usize) {
-                    let range = &mut ranges[function];
-                    *range = [range[0].min(value), range[1].max(value)];
-                }
-            }
-        }
+        self.told.ranges.add(functions, regions(&self.regions));
     }
 }
 
-fn merge(total: &mut Option<Gram>, gram: Gram) {
-    match total {
-        Some(total) => total.merge(&gram),
-        None => *total = Some(gram),
-    }
+/// Where there is one region no row is told of it.
+fn regions(found: &[u32]) -> Option<&[u32]> {
+    (!found.is_empty()).then_some(found)
 }
 
 impl SystemSums {
     fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: Part) -> Result<(), MergeError> {
-        let key =
-            |region: usize| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region: region as u32 };
+        let key = |region: u32| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region };
         match part.sums {
             PartSums::Moments(sums) if sums.0.rows() > 0 => self.moments.insert(key(0), sums.0)?,
             PartSums::Moments(_) => {}
             PartSums::Grams(grams) => {
-                for (region, gram) in grams.into_iter().enumerate() {
-                    if let Some(gram) = gram.filter(|gram| gram.rows > 0) {
-                        self.grams.insert(key(region), gram)?;
-                    }
+                for (region, gram) in grams.into_regions().filter(|(_, gram)| gram.rows > 0) {
+                    self.grams.insert(key(region), gram)?;
                 }
             }
         }

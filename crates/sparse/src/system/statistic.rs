@@ -7,9 +7,10 @@ use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
 use fleetfoot_model::Region as ModelRegion;
 use fleetfoot_stats::{
     Bank, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot, Stats,
+    scan::RowCounts,
 };
 
-use crate::structured::{RowCounts, Spread};
+use crate::structured::Spread;
 
 use super::{SystemError, SystemPlan, SystemSums, Unit, plan::Coordinates};
 
@@ -91,13 +92,13 @@ impl SystemScan {
         let regions: Vec<Region> = match &plan.coordinates {
             Coordinates::General(_) => regions
                 .into_iter()
-                .zip(told.ranges)
+                .zip(told.ranges.0)
                 .map(|((members, grams), ranges)| Region { members, sums: Sums::Grams(Bank::new(grams)), ranges })
                 .collect(),
             Coordinates::Polynomial(polynomial) => vec![Region {
                 members: (0..moments.len()).collect(),
                 sums: Sums::Moments(Box::new(polynomial.plan.clone()), PolynomialBank::new(moments)),
-                ranges: polynomial.ranges.in_order(&told.ranges[0]),
+                ranges: polynomial.ranges.in_order(&told.ranges.0[0]),
             }],
         };
         let scan = Self {

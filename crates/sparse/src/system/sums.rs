@@ -3,14 +3,12 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::EpisodeId;
-use fleetfoot_stats::{Fold, Key, Keyed, MergeError, PolynomialMoments, Stats, Sum};
-
-use super::{
-    SystemPlan,
-    plan::Coordinates,
-    ranges::{EMPTY, widen},
+use fleetfoot_stats::{
+    Fold, Key, Keyed, MergeError, PolynomialMoments, Stats, Sum,
+    scan::{RegionRanges, RowCounts},
 };
-use crate::structured::RowCounts;
+
+use super::{SystemPlan, plan::Coordinates};
 
 /// The sums of a [`SystemPlan`] over some rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +33,7 @@ pub struct EpisodeSums {
     /// Complete rows that no region took.
     pub unassigned: u64,
     /// Least and greatest value of every function in every region (regions x functions, in the order of the scan).
-    pub ranges: Vec<Vec<[f64; 2]>>,
+    pub ranges: RegionRanges,
 }
 
 impl EpisodeSums {
@@ -43,7 +41,7 @@ impl EpisodeSums {
     pub(super) fn add(&mut self, other: &Self) {
         self.counts.add(other.counts);
         self.unassigned += other.unassigned;
-        self.ranges.iter_mut().zip(&other.ranges).for_each(|(all, some)| widen(all, some));
+        self.ranges.merge(&other.ranges);
     }
 }
 
@@ -108,8 +106,8 @@ impl SystemSums {
             }
         };
         let of_plan = |episode: &EpisodeSums| {
-            episode.ranges.len() == regions
-                && episode.ranges.iter().all(|ranges| ranges.len() == system.functions.len())
+            episode.ranges.0.len() == regions
+                && episode.ranges.0.iter().all(|ranges| ranges.len() == system.functions.len())
         };
         summed
             && is(self.also.dimension(), system.also.len())
@@ -136,7 +134,7 @@ impl SystemPlan {
 
     /// An episode of which no row is known.
     pub(super) fn no_rows(&self) -> EpisodeSums {
-        let ranges = vec![vec![EMPTY; self.system.functions.len()]; self.system.regions()];
+        let ranges = RegionRanges::new(self.system.regions(), self.system.functions.len());
         EpisodeSums { ranges, ..EpisodeSums::default() }
     }
 }

@@ -2,7 +2,7 @@ use faer::{Mat, MatRef};
 use fleetfoot_data::{Column, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Design, DesignRows, Expr, Library, Scope, central_difference};
 use fleetfoot_model::{Partition, Rule};
-use fleetfoot_stats::{Factor, SquareRoot, least_squares};
+use fleetfoot_stats::{Factor, SquareRoot, least_squares, scan::RowError};
 use proptest::prelude::*;
 
 use super::*;
@@ -147,7 +147,7 @@ fn missing_values_are_counted_and_left_out() {
     for functions in [mixed(), monomials(2)] {
         let found = scan(&SystemPlan::new(System::new(functions, derivatives()), None, &source).unwrap(), &source);
         // The gap spoils its own row and the differences of its neighbours.
-        assert_eq!(found.counts(), crate::structured::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
+        assert_eq!(found.counts(), fleetfoot_stats::scan::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
     }
 }
 
@@ -168,7 +168,7 @@ fn weights_count_rows() {
     }
     let negative = System { weight: Some(-Expr::column("w")), ..System::new(mixed(), derivatives()) };
     let refused = SystemPlan::new(negative, None, &source);
-    assert!(matches!(refused, Err(SystemError::NegativeWeight { row: 1, value, .. }) if value == -0.5));
+    assert!(matches!(refused, Err(SystemError::Row(RowError::NegativeWeight { row: 1, value, .. })) if value == -0.5));
 }
 
 #[test]

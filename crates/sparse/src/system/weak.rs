@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_library::Expr;
-use fleetfoot_stats::pilot_tiles;
+use fleetfoot_stats::scan::pilot_tiles;
 
 use super::SystemError;
 

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::Block;
+use fleetfoot_data::{Block, Episode};
 use fleetfoot_library::DesignRows;
 
 use super::{
     SystemError,
-    columns::{Columns, slices},
+    columns::{Columns, REGRESSION, rates},
     weak::{Weak, Window, sum, unwrapped},
 };
 
@@ -45,14 +45,14 @@ impl WindowRows {
         &mut self,
         (columns, weak): (&Columns, &Weak),
         block: &Block,
-        episode: &str,
+        episode: &Episode,
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
         let wide = widened(block, weak.reach);
         let moved = block.first - wide.first;
         let (from, to) = (tile.start + moved, tile.end + moved);
         let around = from.saturating_sub(weak.reach)..(to + weak.reach).min(wide.rows);
-        columns.evaluate(&wide, episode, around, &mut self.rows)?;
+        columns.rows.evaluate(&wide, episode, around, &mut self.rows)?;
         let place = |row: usize| self.rows.index.partition_point(|&own| own < row);
         self.own = place(from)..place(to);
         self.find((columns, weak), &wide, from..to);
@@ -62,7 +62,7 @@ impl WindowRows {
 
     /// The windows with these middles, and whether all of their rows are there.
     fn find(&mut self, (columns, weak): (&Columns, &Weak), wide: &Block, middles: Range<usize>) {
-        let halo = columns.row_halo();
+        let halo = columns.rows.halo();
         let least = halo.before.saturating_sub(wide.before) + weak.reach;
         let end = (wide.rows + wide.after).saturating_sub(halo.after).min(wide.rows).saturating_sub(weak.reach);
         (self.at_border, self.incomplete) = (0, 0);
@@ -90,16 +90,17 @@ impl WindowRows {
 
     /// Means and rates over the windows.
     fn integrate(&mut self, (columns, weak): (&Columns, &Weak), wide: &Block) {
-        let (n, d, rows) = (self.first.len(), columns.dimension(), self.rows.rows());
-        let tile = columns.split(&self.rows);
-        let rated: Vec<_> = weak.rates().zip(tile.rates.chunks_exact(rows.max(1))).collect();
+        let (n, d) = (self.first.len(), columns.dimension());
+        let tile = columns.rows.tile(&self.rows);
+        let (regression, weights) = (tile.columns(REGRESSION), tile.weights());
+        let rated: Vec<_> = weak.rates().zip(rates(&tile)).collect();
         self.values.clear();
         self.values.resize(n * d, 0.0);
         self.weights.clear();
         for (at, (&first, &begin)) in self.first.iter().zip(&self.begins).enumerate() {
             let own = first..first + weak.rows();
             self.window.set(&wide.time[begin..begin + weak.rows()], weak.order());
-            for (j, column) in tile.regression.chunks_exact(rows).enumerate() {
+            for (j, column) in regression.iter().enumerate() {
                 self.values[j * n + at] = sum(&self.window.mean, &column[own.clone()]);
             }
             for ((target, rate), column) in &rated {
@@ -112,7 +113,7 @@ impl WindowRows {
                 };
                 self.values[(columns.regressors + target) * n + at] += change;
             }
-            if let Some(weights) = tile.weights {
+            if let Some(weights) = weights {
                 self.weights.push(weights[own].iter().fold(f64::INFINITY, |least, &weight| least.min(weight)));
             }
         }
@@ -120,7 +121,8 @@ impl WindowRows {
 
     /// The regressors and targets of the complete windows.
     pub(super) fn outputs(&self, columns: &Columns) -> Vec<&[f64]> {
-        slices(&self.values, columns.dimension())
+        let rows = self.count();
+        (0..columns.dimension()).map(|column| &self.values[column * rows..(column + 1) * rows]).collect()
     }
 
     /// The region of every complete window by those of its rows: windows over a border of regions have none.

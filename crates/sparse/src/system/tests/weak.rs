@@ -39,7 +39,7 @@ fn windows(functions: &[&str], states: &[&str], reach: usize, source: &MemorySou
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for (episode, described) in source.episodes().iter().enumerate() {
         let block = source.read(episode, 0..described.rows, columns.halo()).unwrap();
-        found.evaluate((&columns, &weak), &block, "", 0..described.rows).unwrap();
+        found.evaluate((&columns, &weak), &block, described, 0..described.rows).unwrap();
         let outputs = found.outputs(&columns);
         rows.extend((0..found.count()).map(|at| outputs.iter().map(|column| column[at]).collect::<Vec<f64>>()));
     }
