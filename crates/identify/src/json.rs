@@ -10,6 +10,9 @@ mod sparse;
 use fleetfoot_dynamics::{Basis, Estimate};
 use serde_json::{Value, json};
 
+/// Version of the keys of reports (docs/reference/reports.md): raised when one is renamed, removed or means something else.
+pub(crate) const FORMAT: u32 = 2;
+
 /// A number for JSON, which has no NaN.
 pub(crate) fn real(value: f64) -> Value {
     serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)

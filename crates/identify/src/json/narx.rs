@@ -4,7 +4,7 @@ use fleetfoot_dynamics::OutputErrors;
 use fleetfoot_sparse::narx::NarxOrder;
 use serde_json::{Value, json};
 
-use super::real;
+use super::{FORMAT, real};
 use crate::{FileRuns, NarxCandidate, NarxReport, NarxScores, NarxSearch};
 
 impl NarxReport {
@@ -27,7 +27,7 @@ impl NarxReport {
         json!({ "name": region.name, "rows": region.rows, "shared": region.shared, "equations": equations.collect::<Vec<_>>() })
     });
         let mut report = json!({
-            "rows": self.rows, "episodes": self.episodes, "at_border": self.left_out[0], "incomplete": self.left_out[1],
+            "format": FORMAT, "rows": self.rows, "episodes": self.episodes, "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1],
             "order": order(&self.order), "direct": self.direct, "candidates": self.candidates, "partition": self.partition, "choice": self.choice,
             "held_out": self.held_out.as_ref().map(candidate), "linear_of_the_same_lags": self.linear().map(candidate),
             "search": self.search.as_ref().map(search), "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),

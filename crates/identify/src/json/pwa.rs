@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use fleetfoot_pwa::Score;
 
-use super::{estimate, interval_in_words, real, reals};
+use super::{FORMAT, estimate, interval_in_words, real, reals};
 use crate::{Fitted, RolloutChoice};
 
 impl RolloutChoice {
@@ -25,7 +25,7 @@ impl Fitted {
     pub fn to_json(&self) -> Value {
         let found = &self.identification;
         let mut report = json!({
-            "hash": found.model.hash(),
+            "format": FORMAT, "hash": found.model.hash(),
             "rows": found.rows, "episodes": self.episodes, "files": self.files,
             "effective_rows": real(found.effective_rows),
             "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,

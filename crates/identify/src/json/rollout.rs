@@ -3,7 +3,7 @@
 use fleetfoot_dynamics::{Estimate, HorizonScore, RolloutSummary, StepSpan};
 use serde_json::{Value, json};
 
-use super::{estimate, interval_in_words, real};
+use super::{FORMAT, estimate, interval_in_words, real};
 use crate::RolledOut;
 
 impl RolledOut {
@@ -25,7 +25,7 @@ impl RolledOut {
             })
         };
         json!({
-            "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
+            "format": FORMAT, "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
             "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(), "ended_outside": rollouts.ended_outside(),
             "episodes": self.episodes, "in_sample_episodes": self.in_sample,
             "states": horizon.states, "replayed": rollouts.replayed,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{estimate, interval_in_words, real};
+use super::{FORMAT, estimate, interval_in_words, real};
 use crate::Scored;
 
 impl Scored {
@@ -10,7 +10,7 @@ impl Scored {
     pub fn to_json(&self) -> Value {
         let scores = &self.scores;
         json!({
-            "rows": scores.rows, "episodes": self.episodes, "in_sample_episodes": self.in_sample, "intervals": interval_in_words(&scores.basis),
+            "format": FORMAT, "rows": scores.rows, "episodes": self.episodes, "in_sample_episodes": self.in_sample, "intervals": interval_in_words(&scores.basis),
             "skipped": { "border": scores.skipped.border, "missing": scores.skipped.missing,
                          "no_region": scores.skipped.no_region, "non_finite": scores.skipped.non_finite },
             "rows_outside_region": scores.outside_region, "rows_outside_training": scores.outside_training,

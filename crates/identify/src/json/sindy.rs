@@ -2,14 +2,14 @@
 
 use serde_json::{Value, json};
 
-use super::real;
+use super::{FORMAT, real};
 use crate::{EquationReport, RolloutChoice, SindyReport};
 
 impl SindyReport {
     /// Equations, scores and terms for programs.
     pub fn to_json(&self) -> Value {
         let mut report = json!({
-            "rows": self.rows, "episodes": self.episodes,
+            "format": FORMAT, "rows": self.rows, "episodes": self.episodes,
             "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1], "rows_unassigned": self.left_out[2],
             "method": self.method, "choice": self.choice, "folds": self.folds, "fold_rule": self.fold_rule, "ensemble": self.ensemble,
             "candidates": self.candidates,

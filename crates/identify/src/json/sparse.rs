@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{real, reals};
+use super::{FORMAT, real, reals};
 use crate::{LeaveOneOutReport, SparseReport};
 
 impl SparseReport {
@@ -15,7 +15,7 @@ impl SparseReport {
             })
         });
         json!({
-            "rows": real(self.rows), "episodes": self.episodes,
+            "format": FORMAT, "rows": real(self.rows), "episodes": self.episodes,
             "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1],
             "lambda": { "value": real(self.lambda.value), "how": self.lambda.how, "largest": real(self.lambda.largest), "validation": validation },
             "selection": self.selection,

@@ -38,6 +38,7 @@ impl Entry {
 
     /// A report: the hash of its text, without that of the model.
     pub(super) fn report(&mut self, name: &str, report: &Value) {
+        told_of(report);
         let mut report = report.clone();
         if let Some(fields) = report.as_object_mut() {
             fields.remove("hash");
@@ -119,6 +120,28 @@ impl Entry {
         self.report("rollouts", &report);
         self.told("rollouts: last rmse", &report, &format!("model/rmse/{}/*", HORIZON - 1));
         self.told("rollouts: diverged", &report, "diverged");
+    }
+}
+
+/// What users are told of the keys of reports.
+const KEYS: &str = include_str!("../../../../../docs/reference/reports.md");
+/// Keys whose value has names for keys.
+const BY_NAME: [&str; 3] = ["baselines", "baseline_rmse", "better_than"];
+
+/// Every key of a report stands on the page of keys.
+fn told_of(report: &Value) {
+    match report {
+        Value::Array(all) => all.iter().for_each(told_of),
+        Value::Object(fields) => {
+            for (key, value) in fields {
+                assert!(KEYS.contains(&format!("`{key}`")), "docs/reference/reports.md does not tell of `{key}`");
+                match value {
+                    Value::Object(named) if BY_NAME.contains(&key.as_str()) => named.values().for_each(told_of),
+                    value => told_of(value),
+                }
+            }
+        }
+        _ => {}
     }
 }
 
