@@ -159,12 +159,26 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     assert!(html.contains("id=\"front-1\"") && !html.contains("id=\"validation-1\""));
     let said = run(&["report", "sparse.json", "held-out.csv", "--fit", "sparse-fit.json", "--csv", "numbers"]);
     let html = page(folder.path(), "report.html");
-    for id in ["validation-1", "selection-frequency", "excitation-1"] {
+    for id in ["validation-1", "path-1", "selection-frequency", "excitation-1"] {
         assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
     }
     assert!(!said.err.contains("of no model"), "{}", said.err);
-    // The frequencies are those of the report.
+    // The frequencies are those of the report, and so is the path, which is zero at its first lambda and the penalised fit at the chosen one.
     let told = sparse.json();
+    let path = &told["path"];
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let lambdas: Vec<f64> = path["lambdas"].as_array().expect("lambdas").iter().map(number).collect();
+    let chosen = number(&told["lambda"]["value"]);
+    assert!(lambdas.is_sorted_by(|a, b| a > b) && lambdas[0] > chosen && lambdas[lambdas.len() - 1] < chosen);
+    let drawn = page(folder.path(), "numbers/path-1.csv");
+    assert_eq!(drawn.lines().count(), lambdas.len() + 1, "{drawn}");
+    for along in path["functions"].as_array().expect("functions") {
+        assert_eq!(along["coefficients"].as_array().map(Vec::len), Some(lambdas.len()));
+        // The constant is not penalised.
+        let name = along["function"].as_str().expect("a name");
+        let first = number(&along["coefficients"][0]);
+        assert!(name.ends_with(": 1") || first == 0.0, "nothing is in at the largest lambda: {name} {first}");
+    }
     let functions = told["latents"][0]["functions"].as_array().expect("functions");
     let frequencies = page(folder.path(), "numbers/selection-frequency.csv");
     for function in functions {
@@ -178,6 +192,72 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is no JSON", "fit sparse --json"]);
     run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["this is no report of a fit", "--json"]);
+}
+
+/// Fig. 9 of the paper on piecewise-affine models of a running robot.
+#[test]
+fn errors_and_changes_of_region_are_shown_on_a_plane() {
+    let folder = models(1200);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let flags = ["--plane", "v,u", "--csv", "numbers"];
+    run(&[&["report", "model_kmeans4.json", "held-out.csv"], &flags[..]].concat()).ok();
+    let html = page(folder.path(), "report.html");
+    assert!(html.contains("id=\"plane-transitions\"") && html.contains("id=\"plane-errors\""));
+    // The cells are those of `score --plane`.
+    let flags = ["--plane", "v,u", "--bins", "24", "--json"];
+    let scored = run(&[&["score", "model_kmeans4.json", "held-out.csv"], &flags[..]].concat()).ok().json();
+    let cells = scored["plane"]["cells"].as_array().expect("cells");
+    let drawn = page(folder.path(), "numbers/plane-errors.csv");
+    let rows: Vec<Vec<&str>> = drawn.lines().skip(1).map(|line| line.split(',').skip(1).collect()).collect();
+    let mut compared = 0;
+    for (place, cell) in cells.iter().enumerate() {
+        let text = rows[23 - place % 24][place / 24];
+        match cell[4].as_f64() {
+            Some(score) => assert!((text.parse::<f64>().expect("a score") - score).abs() < 1e-12 * score.max(1.0)),
+            None => assert_eq!(text, ""),
+        }
+        compared += usize::from(!text.is_empty());
+    }
+    assert!(compared > 50, "{compared}");
+    run(&["report", "model.json", "held-out.csv", "--plane", "v"]).fails(&["--plane v", "two columns"]);
+    run(&["report", "model.json", "held-out.csv", "--plane", "v,nothing"]).fails(&["nothing", "--plane"]);
+}
+
+/// Beside messages stand layouts, so that viewers show them over the recording at once.
+#[test]
+fn layouts_stand_beside_messages() {
+    let folder = models(600);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let said = run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "-o", "rolled.mcap"]);
+    assert!(said.err.contains("rolled.foxglove.json, rolled.plotjuggler.xml"), "{}", said.err);
+    let layout: serde_json::Value = serde_json::from_str(&page(folder.path(), "rolled.foxglove.json")).expect("JSON");
+    let paths = layout["configById"]["Plot!fleetfoot0"]["paths"].as_array().expect("paths");
+    let topics: Vec<&str> = paths.iter().filter_map(|path| path["value"].as_str()).collect();
+    assert_eq!(topics[..2], ["/fleetfoot/rollout/0/measured.position[0]", "/fleetfoot/rollout/0.position[0]"]);
+    run(&["predict", "model.json", "held-out.csv", "-o", "said.mcap"]);
+    let xml = page(folder.path(), "said.plotjuggler.xml");
+    assert!(xml.contains("<curve name=\"/fleetfoot/predicted/d(v)/dt/position\""), "{xml}");
+    // What the layouts name is in the file.
+    let topics = run(&["info", "said.mcap", "--json"]).out;
+    assert!(topics.contains("/fleetfoot/measured") && topics.contains("/fleetfoot/predicted"), "{topics}");
+    run(&["predict", "model.json", "held-out.csv", "-o", "table.parquet"]);
+    assert!(!folder.path().join("table.foxglove.json").exists(), "beside tables there are none");
+}
+
+/// A log in which nothing moves: the null model has no error there, so that ratios to it are none.
+#[test]
+fn scores_that_are_none_are_told_as_such() {
+    let folder = models(600);
+    let text = robot_csv(400, 9.0);
+    let (head, rows) = text.split_once('\n').expect("a head");
+    let zeros = ",0".repeat(head.split(',').count() - 1);
+    let still = |row: &str| format!("{}{zeros}\n", row.split(',').next().expect("a time"));
+    let still = format!("{head}\n{}", rows.lines().map(still).collect::<String>());
+    fs::write(folder.path().join("still.csv"), still).expect("a file");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    run(&["report", "model.json", "still.csv", "held-out.csv"]);
+    let html = page(folder.path(), "report.html");
+    assert!(html.contains("id=\"errors-by-target\"") && !html.contains("NaN") && !html.contains("inf<"));
 }
 
 #[test]

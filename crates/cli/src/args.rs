@@ -327,8 +327,8 @@ pub(crate) struct Score {
 pub(crate) struct Predict {
     #[command(flatten)]
     pub(crate) model: ModelData,
-    /// The file to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`). A log without the targets' columns is
-    /// predicted all the same; what was not measured is empty.
+    /// The file to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`), with layouts
+    /// for Foxglove and PlotJuggler beside them. A log without the targets' columns is predicted all the same; what was not measured is empty.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
@@ -392,7 +392,7 @@ pub(crate) struct Rollout {
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
     /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
-    /// viewers (`*.mcap`) (default: none).
+    /// viewers (`*.mcap`), with layouts for Foxglove and PlotJuggler beside them (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

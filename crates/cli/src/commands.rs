@@ -52,6 +52,14 @@ impl Context {
         }
     }
 
+    /// Tells of viewers' layouts that were written beside messages.
+    pub(crate) fn layouts(&self, paths: &[PathBuf]) {
+        let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+        if !names.is_empty() {
+            self.say(format!("wrote layouts that show it over the recording: {}", names.join(", ")));
+        }
+    }
+
     /// Looks at what a command will write, before it works: no output is an input, and no two are one file. What killed commands have left beside them is
     /// told, and removed where the user forces the outputs to be replaced.
     pub(crate) fn claim(&self, outputs: &[PathBuf], inputs: &[PathBuf], force: bool) -> Result<(), Error> {

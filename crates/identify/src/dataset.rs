@@ -22,7 +22,8 @@ use crate::{
     task::{Aliases, KnownTask, Task, aliases_of_model},
 };
 
-use clock::{Clock, clock, clock_of_model};
+pub(crate) use clock::clock_of_model;
+use clock::{Clock, clock};
 pub(crate) use cost::{estimate, estimate_equations, estimate_structure};
 use selection::{full_selection, label_names, renames};
 

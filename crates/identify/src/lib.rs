@@ -78,7 +78,7 @@ pub use narx::{
     TermRule, fit_narx,
 };
 pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
-pub use output::write_model;
+pub use output::{layout_files, write_model};
 pub use project::{Projected, project};
 pub use recipe::{
     ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection,
@@ -97,9 +97,9 @@ pub use sindy::{
     SindyPlan, SindyReport, SindyRequest, TermReport, Windows, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
-    CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, Resampled,
-    SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport, file_by_value,
-    fit_sparse, is_statistic, solve_statistic, write_frequencies,
+    CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
+    PathReport, Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
+    file_by_value, fit_sparse, is_statistic, solve_statistic, write_frequencies,
 };
 pub use structure::{Moments, StructuredTask};
 pub use task::Task;

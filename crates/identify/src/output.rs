@@ -1,5 +1,6 @@
 //! Predictions and trajectories as files: tables (Parquet, CSV), or messages that viewers draw over the recording (MCAP).
 
+mod layout;
 mod model;
 mod plane;
 mod predictions;
@@ -10,6 +11,7 @@ use std::{collections::BTreeMap, path::Path};
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
+pub use layout::layout_files;
 pub(crate) use model::refuse_not_finite;
 pub use model::write_model;
 pub(crate) use plane::write_plane;

@@ -45,13 +45,10 @@ pub fn project(
     {
         return Err(Error::output(format!("{}: a plane is written as Parquet or CSV", path.display())));
     }
-    let (across, up) = (axis(model, across)?, axis(model, up)?);
+    let axes = [axis(model, across)?, axis(model, up)?];
     let logs = logs.into();
     let dataset = Dataset::for_model(model, changes, &logs, progress)?;
-    let view = dataset.view()?;
-    progress.stage("plane");
-    let axes = [Axis::of_model(model, across, &view, progress)?, Axis::of_model(model, up, &view, progress)?];
-    let plane = fleetfoot_dynamics::plane(model, &view, &axes, bins, progress)?;
+    let plane = plane_of_rows(model, &dataset, axes, bins, progress)?;
     if let Some(path) = output {
         output::write_plane(path, model, &plane, &logs)?;
     }
@@ -63,7 +60,22 @@ pub fn project(
     })
 }
 
-fn axis(model: &Model, text: &str) -> Result<Expr, Error> {
+/// Projects a model on rows that are opened.
+pub(crate) fn plane_of_rows(
+    model: &Model,
+    dataset: &Dataset,
+    [across, up]: [Expr; 2],
+    bins: usize,
+    progress: &dyn Progress,
+) -> Result<Plane, Error> {
+    let view = dataset.view()?;
+    progress.stage("plane");
+    let axes = [Axis::of_model(model, across, &view, progress)?, Axis::of_model(model, up, &view, progress)?];
+    Ok(fleetfoot_dynamics::plane(model, &view, &axes, bins, progress)?)
+}
+
+/// An axis of a plane: a column of a model, or an expression over its columns.
+pub(crate) fn axis(model: &Model, text: &str) -> Result<Expr, Error> {
     if model.column(text.trim()).is_some() {
         return Ok(Expr::column(text.trim()));
     }

@@ -7,7 +7,9 @@ mod horizons;
 mod judged;
 mod logs;
 mod models;
+mod opened;
 mod passed;
+mod plane;
 mod regions;
 mod residuals;
 mod scores;
@@ -30,6 +32,7 @@ use serde_json::{Value, json};
 use crate::{Error, Logs, Recipe};
 use fitting::Fit;
 use judged::Judged;
+use opened::Opened;
 use passed::Passed;
 
 /// What a page shows beside what its models and logs say.
@@ -44,6 +47,9 @@ pub struct ReportOptions {
     pub starts: usize,
     /// What drives the inputs of the simulations; `None`: what was recorded.
     pub controller: Option<Arc<dyn Controller>>,
+    /// Two columns, or expressions over columns: the page shows on their plane where the best model errs, and where its regions change. `None`: the angles of a model
+    /// that has two, else none.
+    pub plane: Option<[String; 2]>,
     /// Reports of fits, as `--json` of a fit tells them, each with the `hash` of its model: how it was chosen.
     pub fits: Vec<Value>,
 }
@@ -59,7 +65,7 @@ pub enum FigureFormat {
 
 impl Default for ReportOptions {
     fn default() -> Self {
-        Self { title: None, horizon: None, starts: 500, controller: None, fits: Vec::new() }
+        Self { title: None, horizon: None, starts: 500, controller: None, plane: None, fits: Vec::new() }
     }
 }
 
@@ -79,8 +85,8 @@ pub struct Report {
 
 /// Shows models, and what they are worth on logs. Without logs it shows the models alone.
 ///
-/// The rows are read once a model to score it, once more for what the best of them predicts, and where simulations start. What is shown of them is binned as it is
-/// read: the page does not grow with the rows.
+/// The logs are opened once for models of the same columns. Their rows are read once a model to score it, once more for what the best of them predicts, and where
+/// simulations start. What is shown of them is binned as it is read: the page does not grow with the rows.
 ///
 /// # Errors
 /// No model; those of [`score`](crate::score) and [`rollout`](crate::rollout) but that nothing could be scored or simulated, which the page says.
@@ -101,20 +107,27 @@ pub fn report(
         ));
     }
     let fits = fitting::read(&options.fits)?;
-    let seen = if logs.is_empty() { None } else { Some(logs::Seen::open(models, changes, &logs, progress)?) };
-    let judged = models
-        .iter()
-        .map(|(name, model)| {
-            Judged::new(name, model, changes, seen.as_ref().map(|seen| (&logs, seen)), options, progress)
-        })
-        .collect::<Result<Vec<_>, Error>>()?;
+    let first = &models[0].1;
+    let mut opened = if logs.is_empty() { None } else { Some(Opened::new(first, changes, &logs, progress)?) };
+    let seen = opened.as_ref().map(|opened| logs::Seen::of(first, &opened.dataset));
+    let mut judged = Vec::with_capacity(models.len());
+    for (name, model) in models {
+        opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
+        let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
+        judged.push(Judged::new(name, model, changes, rows, options, progress)?);
+    }
     let best = best(&judged);
     let worst = best.scored().and_then(scores::worst);
-    let passed = match (&seen, worst) {
-        (Some(seen), Some(worst)) => Passed::over(best.model, changes, &logs, worst.id, seen, progress)?,
-        _ => None,
-    };
-    let sections = sections(&judged, seen.as_ref(), passed.as_ref().map(|passed| (best.model, passed)), &fits);
+    let (mut passed, mut maps) = (None, Vec::new());
+    if let (Some(opened), Some(worst)) = (opened, worst) {
+        let opened = opened.or_for(best.model, changes, &logs, progress)?;
+        passed = Passed::over(best.model, &opened.dataset, worst.id, progress)?;
+        if let Some(axes) = plane::axes(best.model, options.plane.as_ref()) {
+            maps = plane::parts(best.model, &opened.dataset, &axes, progress)?;
+        }
+    }
+    let mut sections = sections(&judged, seen.as_ref(), passed.as_ref().map(|passed| (best.model, passed)), &fits);
+    sections.iter_mut().filter(|section| section.id == series::ID).for_each(|section| section.parts.append(&mut maps));
     let mut page = Page::new(title(models, options), lead(models, seen.as_ref()), sections);
     page.source = source(models);
     let mut notes: Vec<String> = seen.iter().flat_map(|seen| seen.notes.clone()).collect();

@@ -37,7 +37,11 @@ pub struct Scored {
 
 /// Scores one-step predictions on files.
 pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Scored, Error> {
-    let dataset = Dataset::for_model(model, changes, logs, progress)?;
+    score_rows(model, &Dataset::for_model(model, changes, logs, progress)?, progress)
+}
+
+/// Scores one-step predictions on rows that are opened.
+pub(crate) fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> Result<Scored, Error> {
     let view = dataset.view()?;
     progress.stage("score");
     let scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
@@ -47,7 +51,7 @@ pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &
     }
     Ok(Scored {
         scores,
-        free_runs: free_runs_by_file(model, &dataset, 1, progress)?,
+        free_runs: free_runs_by_file(model, dataset, 1, progress)?,
         episodes: dataset.episodes().len(),
         in_sample: dataset.in_sample(model),
         notes: dataset.notes().to_vec(),
@@ -255,20 +259,31 @@ pub fn rollout(
     let needed = |name: &str| is_needed(model, name, true);
     let dataset = Dataset::for_run(model, changes, &logs, &needed, progress)
         .map_err(|error| controller::explained(error, own))?;
-    let view = dataset.view()?;
-    progress.stage("rollout");
     let mut options = options.clone();
     options.keep |= output.is_some();
-    let rollouts = match closed_by {
-        Some(closed_by) => {
-            fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, &options, progress)?
-        }
-        None => fleetfoot_dynamics::rollout(model, &view, starts, &options, progress)?,
-    };
+    let rolled = roll_rows(model, &dataset, starts, &options, closed_by, progress)?;
     if let (Some(path), Some(kind)) = (output, kind) {
         let offset = |episode| dataset.log_offset(episode);
-        output::write_trajectories(kind, path, model, &view, &offset, &rollouts, &logs)?;
+        output::write_trajectories(kind, path, model, &dataset.view()?, &offset, &rolled.rollouts, &logs)?;
     }
+    Ok(rolled)
+}
+
+/// Simulates a model, which has the columns that a controller reads, on rows that are opened.
+pub(crate) fn roll_rows(
+    model: &Model,
+    dataset: &Dataset,
+    starts: &Starts,
+    options: &RolloutOptions,
+    closed_by: Option<&Arc<dyn Controller>>,
+    progress: &dyn Progress,
+) -> Result<RolledOut, Error> {
+    let view = dataset.view()?;
+    progress.stage("rollout");
+    let rollouts = match closed_by {
+        Some(closed_by) => fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, options, progress)?,
+        None => fleetfoot_dynamics::rollout(model, &view, starts, options, progress)?,
+    };
     Ok(RolledOut {
         rollouts,
         episodes: dataset.episodes().len(),

@@ -9,6 +9,7 @@ mod model;
 mod options;
 mod problem;
 mod report;
+mod shown_path;
 mod solve;
 mod support;
 pub(crate) mod words;
@@ -40,6 +41,7 @@ pub use lambda::LambdaChoice;
 pub use options::{Criterion, LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
 pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
+pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
 
 /// Episodes from which on they are the clusters of the standard errors, and the units of stability selection; with fewer, chunks are.

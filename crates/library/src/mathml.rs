@@ -25,7 +25,7 @@ impl Notation for MathMl {
         plus: "<mo>+</mo>",
         minus: "<mo>\u{2212}</mo>",
         negative: "<mo form=\"prefix\">\u{2212}</mo>",
-        product: ["<mspace width=\"0.17em\"></mspace>", "<mo>\u{b7}</mo>"],
+        product: ["<mspace width=\"0.17em\"/>", "<mo>\u{b7}</mo>"],
         minimum: "<mi>min</mi>",
         maximum: "<mi>max</mi>",
     };
@@ -167,7 +167,7 @@ mod tests {
             ("m1", "<msub><mi>m</mi><mrow><mn>1</mn></mrow></msub>"),
             ("Omega_motor", "<msub><mi>Ω</mi><mrow><mi>motor</mi></mrow></msub>"),
             ("`<b>&`", "<mi>&lt;b&gt;&amp;</mi>"),
-            ("2*x", "<mn>2</mn><mspace width=\"0.17em\"></mspace><mi>x</mi>"),
+            ("2*x", "<mn>2</mn><mspace width=\"0.17em\"/><mi>x</mi>"),
             ("x/2", "<mfrac><mrow><mi>x</mi></mrow><mrow><mn>2</mn></mrow></mfrac>"),
             ("x^2", "<msup><mrow><mi>x</mi></mrow><mrow><mn>2</mn></mrow></msup>"),
             ("sin(x)^2", "<msup><mi>sin</mi><mn>2</mn></msup><mrow><mo>(</mo><mi>x</mi><mo>)</mo></mrow>"),

@@ -2,6 +2,17 @@
 
 use crate::{TimeUnit, table::MISSING};
 
+/// Powers of ten, all that there are: to compute them was most of what a stamp cost.
+const POWERS: [i128; 39] = {
+    let mut powers = [1; 39];
+    let mut at = 1;
+    while at < powers.len() {
+        powers[at] = 10 * powers[at - 1];
+        at += 1;
+    }
+    powers
+};
+
 /// Decimal text in `unit` to nanoseconds, rounded to the nearest; `None` when it is not a decimal number or out of range.
 ///
 /// The digits never pass through `f64`: `1700000000.123456789` seconds keeps its last nine.
@@ -18,7 +29,7 @@ pub(crate) fn parse_decimal(text: &[u8], unit: TimeUnit) -> Option<i64> {
         match digits[at] {
             digit @ b'0'..=b'9' => {
                 seen = true;
-                if mantissa < 10i128.pow(27) {
+                if mantissa < POWERS[27] {
                     mantissa = mantissa * 10 + i128::from(digit - b'0');
                     scale -= i32::from(point);
                 } else if !point {
@@ -40,9 +51,9 @@ pub(crate) fn parse_decimal(text: &[u8], unit: TimeUnit) -> Option<i64> {
     }
     let magnitude = match scale {
         0 => mantissa,
-        1.. => mantissa.checked_mul(10i128.checked_pow(scale.unsigned_abs())?)?,
+        1.. => mantissa.checked_mul(*POWERS.get(usize::try_from(scale).ok()?)?)?,
         -38..0 => {
-            let divisor = 10i128.pow(scale.unsigned_abs());
+            let divisor = POWERS[scale.unsigned_abs() as usize];
             (mantissa + divisor / 2) / divisor
         }
         _ => 0,

@@ -41,6 +41,8 @@ pub(crate) struct ReportRequest {
     path: PathBuf,
     svg: Option<PathBuf>,
     csv: Option<PathBuf>,
+    /// Two columns or expressions.
+    plane: Option<[String; 2]>,
     /// Reports of fits (JSON).
     fits: Vec<String>,
     title: Option<String>,
@@ -68,6 +70,7 @@ pub(crate) fn report(
     run(py, progress, |progress| {
         let mut options = fleetfoot::ReportOptions::default();
         (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
+        options.plane = request.plane;
         let read =
             |text: &String| serde_json::from_str(text).map_err(|error| fleetfoot::Error::value(error.to_string()));
         options.fits = request.fits.iter().map(read).collect::<Result<_, _>>()?;

@@ -19,6 +19,8 @@
 pub struct Bins {
     most: usize,
     width: f64,
+    /// One over the width: a power of two as well, so that its products are the quotients.
+    inverse: f64,
     /// Places over the width have this index in the first bin.
     first: i64,
     /// From the first to the last that has a value.
@@ -55,7 +57,7 @@ impl Bin {
 impl Bins {
     /// So many bins at most; at least four, which the numbers of both signs need.
     pub fn new(most: usize) -> Self {
-        Self { most: most.max(4), width: FINEST, first: 0, bins: Vec::new() }
+        Self { most: most.max(4), width: FINEST, inverse: 1.0 / FINEST, first: 0, bins: Vec::new() }
     }
 
     /// Adds a value at a place; what is not finite is left out.
@@ -83,9 +85,14 @@ impl Bins {
     }
 
     fn index(&self, place: f64) -> i64 {
-        let share = place / self.width;
+        let share = place * self.inverse;
         // What is just below zero may be so small that its share is none.
-        if share == 0.0 && place < 0.0 { -1 } else { share.floor() as i64 }
+        if share == 0.0 && place < 0.0 {
+            return -1;
+        }
+        // The floor; its function is a call where the machine's instructions are the oldest.
+        let towards_zero = share as i64;
+        towards_zero.saturating_sub(i64::from((towards_zero as f64) > share))
     }
 
     fn last(&self) -> i64 {
@@ -120,7 +127,8 @@ impl Bins {
             let into = &mut bins[((self.first + at as i64).div_euclid(2) - first) as usize];
             *into = into.with(bin);
         }
-        (self.first, self.bins, self.width) = (first, bins, 2.0 * self.width);
+        (self.first, self.bins) = (first, bins);
+        (self.width, self.inverse) = (2.0 * self.width, 0.5 * self.inverse);
     }
 
     /// The same values in bins of at least a width; one that is a power of two is met.

@@ -7,13 +7,16 @@ mod bars;
 mod canvas;
 mod data;
 mod lines;
+mod map;
 mod matrix;
 mod panels;
+mod plain;
 mod scale;
 mod spans;
 
 pub use bars::{Bars, Interval, Mark};
 pub use lines::{Lines, Series, Stroke};
+pub use map::Map;
 pub use matrix::Matrix;
 pub use panels::Panels;
 pub use scale::{Axis, Scale};
@@ -54,6 +57,8 @@ pub enum Chart {
     Panels(Panels),
     /// Values by two names.
     Matrix(Matrix),
+    /// Values over a plane.
+    Map(Map),
 }
 
 impl Figure {
@@ -62,9 +67,9 @@ impl Figure {
         Self { name: name.into(), title: title.into(), caption: caption.into(), chart }
     }
 
-    /// The figure as a file of its own, with its colours.
+    /// The figure as a file of its own, on light paper, in colours that programs without style variables know too.
     pub fn to_svg(&self) -> String {
-        let style = Element::new("style").style(STYLE);
+        let style = Element::new("style").style(&plain::resolved(STYLE));
         self.drawn(WIDE, Some(style)).with("xmlns", "http://www.w3.org/2000/svg").to_text()
     }
 
@@ -81,6 +86,7 @@ impl Figure {
             Chart::Spans(spans) => data::of_spans(spans),
             Chart::Panels(panels) => data::of_panels(panels),
             Chart::Matrix(matrix) => data::of_matrix(matrix),
+            Chart::Map(map) => map.table(),
         }
     }
 
@@ -93,6 +99,7 @@ impl Figure {
             Chart::Spans(spans) => spans.draw(canvas),
             Chart::Panels(panels) => panels.draw(canvas),
             Chart::Matrix(matrix) => matrix.draw(canvas),
+            Chart::Map(map) => map.draw(canvas),
         };
         canvas.finish(&self.title, &self.alternative(), style)
     }
@@ -105,6 +112,7 @@ impl Figure {
             Chart::Spans(spans) => spans.in_words(),
             Chart::Panels(panels) => panels.in_words(),
             Chart::Matrix(matrix) => matrix.in_words(),
+            Chart::Map(map) => map.in_words(),
         };
         format!("{} {what}", self.caption)
     }

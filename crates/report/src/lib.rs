@@ -27,7 +27,7 @@ pub mod words;
 
 pub use bins::Bins;
 pub use figure::{
-    Axis, Bars, Chart, Figure, Interval, Lines, Mark, Matrix, Panels, Scale, Series, Span, Spans, Stroke,
+    Axis, Bars, Chart, Figure, Interval, Lines, Map, Mark, Matrix, Panels, Scale, Series, Span, Spans, Stroke,
 };
 pub use markup::Math;
 pub use page::{Equation, Light, Page, Part, Section, Sentence};

@@ -7,6 +7,8 @@ use std::fmt::Write;
 
 /// Elements of HTML that have no end.
 const VOID: [&str; 4] = ["br", "col", "hr", "meta"];
+/// Elements of SVG that end where they begin when nothing is in them.
+const SHAPES: [&str; 4] = ["line", "rect", "path", "circle"];
 
 /// An element with its attributes and what is in it.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,7 +103,7 @@ impl Element {
             escape(value, out);
             out.push('"');
         }
-        if VOID.contains(&self.name) {
+        if VOID.contains(&self.name) || (SHAPES.contains(&self.name) && self.children.is_empty()) {
             out.push_str("/>");
             return;
         }
@@ -141,6 +143,43 @@ fn escape(text: &str, out: &mut String) {
     }
 }
 
+/// The data of a path through places: each is told from the one before, which is half as long as to tell where it is.
+pub(crate) fn trace(points: &[[f64; 2]], closed: bool) -> String {
+    // From rounded place to rounded place, so that rounding does not add up.
+    let tenths = |value: f64| (10.0 * value).round() as i64;
+    let mut out = String::new();
+    let mut before = None;
+    for &[x, y] in points {
+        let [x, y] = [tenths(x), tenths(y)];
+        match before.replace([x, y]) {
+            None => coordinates(&mut out, "M", &[x, y]),
+            Some([from_x, from_y]) => match [x - from_x, y - from_y] {
+                [0, 0] => {}
+                [0, up] => coordinates(&mut out, "v", &[up]),
+                [across, 0] => coordinates(&mut out, "h", &[across]),
+                step => coordinates(&mut out, "l", &step),
+            },
+        }
+    }
+    if closed {
+        out.push('z');
+    }
+    out
+}
+
+/// A command with its numbers, tenths of a pixel; a sign or a letter parts as well as a space.
+fn coordinates(out: &mut String, command: &str, numbers: &[i64]) {
+    out.push_str(command);
+    for (place, &number) in numbers.iter().enumerate() {
+        let sign = if number < 0 { "-" } else { "" };
+        let (whole, tenth) = (number.abs() / 10, number.abs() % 10);
+        let whole = if whole == 0 && tenth != 0 { String::new() } else { whole.to_string() };
+        let tenth = if tenth == 0 { String::new() } else { format!(".{tenth}") };
+        let space = if place > 0 && number >= 0 { " " } else { "" };
+        let _ = write!(out, "{space}{sign}{whole}{tenth}");
+    }
+}
+
 /// Tenths of a pixel, without a tail of zeros and without a negative zero.
 pub(crate) fn place(value: f64) -> String {
     let text = format!("{value:.1}");
@@ -150,7 +189,7 @@ pub(crate) fn place(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Element, place};
+    use super::{Element, place, trace};
 
     #[test]
     fn text_and_attributes_are_escaped() {
@@ -160,6 +199,17 @@ mod tests {
             "<p title=\"&quot;a&quot; &amp; &lt;b&gt;\">&lt;script&gt;\u{fffd}alert(1)&lt;/script&gt;</p>\n"
         );
         assert_eq!(Element::new("br").to_text(), "<br/>");
+    }
+
+    #[test]
+    fn traces_are_short_and_do_not_drift() {
+        assert_eq!(trace(&[[1.0, 2.0], [3.55, 1.5], [3.55, 4.0], [3.0, 4.0]], true), "M1 2l2.6-.5v2.5h-.6z");
+        assert_eq!(trace(&[[0.0, -0.01], [0.0, 0.0]], false), "M0 0");
+        // A hundred steps of a third of a tenth end where their sum is.
+        let steps: Vec<[f64; 2]> = (0..=100).map(|k| [f64::from(k) / 30.0, 0.0]).collect();
+        let across: f64 =
+            trace(&steps, false).split('h').skip(1).map(|step| step.parse::<f64>().expect("a number")).sum();
+        assert!((across - 3.3).abs() < 1e-9, "{across}");
     }
 
     #[test]

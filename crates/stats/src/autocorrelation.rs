@@ -1,4 +1,4 @@
-//! How values hang together with those before them, in one pass.
+//! How values hang together with those before them, in one pass, which may be made in parts.
 
 /// The autocorrelation of a sequence at chosen lags, with memory of the largest lag alone. Values that are not finite are in no pair.
 ///
@@ -16,6 +16,8 @@ pub struct Autocorrelation {
     pairs: Vec<Pairs>,
     /// All values with themselves.
     own: Pairs,
+    /// The first values, as many as the largest lag: what they make pairs with may stand in the part before.
+    first: Vec<f64>,
     /// The last values, in a ring as long as the largest lag.
     recent: Vec<f64>,
     next: usize,
@@ -42,6 +44,13 @@ impl Pairs {
         }
     }
 
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.early += other.early;
+        self.late += other.late;
+        self.product += other.product;
+    }
+
     fn covariance(&self) -> f64 {
         (self.product - self.early * self.late / self.count) / self.count
     }
@@ -53,13 +62,16 @@ impl Autocorrelation {
         let lags: Vec<usize> = lags.iter().map(|&lag| lag.max(1)).collect();
         let length = lags.iter().copied().max().unwrap_or(1);
         let pairs = vec![Pairs::default(); lags.len()];
-        Self { lags, pairs, own: Pairs::default(), recent: vec![f64::NAN; length], next: 0 }
+        Self { lags, pairs, own: Pairs::default(), first: Vec::new(), recent: vec![f64::NAN; length], next: 0 }
     }
 
     /// The next value.
     pub fn push(&mut self, value: f64) {
         let length = self.recent.len();
         self.own.add(value, value);
+        if self.first.len() < length {
+            self.first.push(value);
+        }
         for (&lag, pairs) in self.lags.iter().zip(&mut self.pairs) {
             let before = self.next + length - lag;
             pairs.add(self.recent[if before >= length { before - length } else { before }], value);
@@ -70,7 +82,37 @@ impl Autocorrelation {
 
     /// Ends the sequence: what comes next makes no pairs with what was.
     pub fn interrupt(&mut self) {
+        // For a part that is appended to another one, values of no pair stand for the end.
+        let room = self.recent.len() - self.first.len();
+        self.first.extend(std::iter::repeat_n(f64::NAN, room));
         self.recent.fill(f64::NAN);
+    }
+
+    /// Takes the values that follow, with the pairs that they make over the seam. `other` has the same lags.
+    ///
+    /// # Panics
+    /// The lags differ.
+    pub fn append(&mut self, other: &Self) {
+        assert_eq!(self.lags, other.lags, "parts of one sequence have the same lags");
+        let length = self.recent.len();
+        for (&lag, (pairs, others)) in self.lags.iter().zip(self.pairs.iter_mut().zip(&other.pairs)) {
+            for (place, &late) in other.first.iter().enumerate().take(lag) {
+                pairs.add(self.recent[(self.next + length + place - lag) % length], late);
+            }
+            pairs.merge(others);
+        }
+        self.own.merge(&other.own);
+        let room = length - self.first.len();
+        self.first.extend(other.first.iter().take(room));
+        // A whole ring of the other replaces this one's; else it has all of its values among its first ones.
+        if other.first.len() == length {
+            (self.recent, self.next) = (other.recent.clone(), other.next);
+        } else {
+            for &value in &other.first {
+                self.recent[self.next] = value;
+                self.next = if self.next + 1 == length { 0 } else { self.next + 1 };
+            }
+        }
     }
 
     /// Pairs at each lag.
@@ -88,6 +130,8 @@ impl Autocorrelation {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     /// The covariance of pairs by its definition.
@@ -121,6 +165,36 @@ mod tests {
         }
         assert_eq!(seen.pairs()[..2], [89 + 87, 88 + 86], "a missing value takes two pairs, an end one");
         assert!(found[5].is_nan(), "no pairs");
+    }
+
+    proptest! {
+        #[test]
+        fn parts_are_the_whole(values in prop::collection::vec(prop_oneof![8 => -9i32..9, 1 => Just(100)], 0..60), cuts in prop::collection::vec(0usize..60, 0..4)) {
+            let lags = [1, 3, 7];
+            let of = |values: &[i32]| {
+                let mut part = Autocorrelation::new(&lags);
+                for &value in values {
+                    // A large one stands for a row after a gap, and a missing value.
+                    if value == 100 {
+                        part.interrupt();
+                    }
+                    part.push(if value == 100 { f64::NAN } else { f64::from(value) });
+                }
+                part
+            };
+            let (whole, mut joined) = (of(&values), Autocorrelation::new(&lags));
+            let mut cuts: Vec<usize> = cuts.iter().map(|&cut| cut.min(values.len())).chain([0, values.len()]).collect();
+            cuts.sort_unstable();
+            cuts.windows(2).for_each(|ends| joined.append(&of(&values[ends[0]..ends[1]])));
+            // Sums of whole numbers are exact in any order.
+            prop_assert_eq!((&joined.pairs, &joined.own), (&whole.pairs, &whole.own));
+            let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&joined.coefficients()), bits(&whole.coefficients()));
+            // What follows makes the same pairs.
+            let (mut a, mut b) = (whole, joined);
+            (0..20).for_each(|value| [&mut a, &mut b].into_iter().for_each(|one| one.push(f64::from(value))));
+            prop_assert_eq!(&a.pairs, &b.pairs);
+        }
     }
 
     #[test]

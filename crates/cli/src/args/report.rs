@@ -4,7 +4,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::Args;
 
-use super::{ControllerArgs, TimeArgs};
+use super::{ControllerArgs, List, TimeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct Report {
@@ -24,6 +24,10 @@ pub(crate) struct Report {
     pub(crate) starts: NonZeroUsize,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
+    /// Two columns or expressions, separated by a comma: show on their plane where the best model errs and where its regions change (default: the angles of
+    /// a model that has two of them, else no plane).
+    #[arg(long, value_name = "A,B")]
+    pub(crate) plane: Option<List>,
     /// Report of the fit of one of the models, as `fit sparse --json` and `fit sindy --json` tell it: the page then shows how the model was chosen (may be repeated; default: none).
     #[arg(long, value_name = "FILE")]
     pub(crate) fit: Vec<PathBuf>,

@@ -268,12 +268,16 @@ impl Demo<'_> {
         let words_of_models: Vec<String> = paths.iter().map(|path| quoted(&path.display().to_string())).collect();
         let (data, page) = (self.data("test", &logs.held_out.runs, &files), self.path(PAGE));
         let (horizon, starts) = (HORIZON, starts(logs));
-        let flags =
-            format!("{data} --horizon {horizon} --starts {starts} --controller treadmill -o {}", self.word(PAGE));
+        let flags = format!(
+            "{data} --horizon {horizon} --starts {starts} --controller treadmill --plane {} -o {}",
+            PLANE.join(","),
+            self.word(PAGE)
+        );
         self.command(&words(&["report", &words_of_models.join(" "), &flags]));
         let mut options = ReportOptions::default();
         options.horizon = Some(horizon);
         options.starts = starts;
+        options.plane = Some(PLANE.map(str::to_owned));
         options.controller = Some(fleetfoot::controller("treadmill", &[])?);
         let bar = self.context.bar();
         let made = fleetfoot::report(&named(&paths)?, &self.cached(Recipe::default()), &files, &options, &bar);

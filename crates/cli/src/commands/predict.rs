@@ -9,7 +9,9 @@ use crate::args::Predict;
 pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
-    context.claim(std::slice::from_ref(&arguments.output), &read_by(&files, [&arguments.model.model]), false)?;
+    let layouts = fleetfoot::layout_files(&arguments.output);
+    let outputs: Vec<_> = std::iter::once(&arguments.output).chain(&layouts).cloned().collect();
+    context.claim(&outputs, &read_by(&files, [&arguments.model.model]), false)?;
     let bar = context.bar();
     let written = fleetfoot::predict(&model, &time_changes(&arguments.model)?, &files, &arguments.output, &bar);
     bar.finish();
@@ -28,5 +30,6 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
             )
         },
     );
+    context.layouts(&layouts);
     Ok(())
 }

@@ -23,6 +23,7 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     options.horizon = arguments.horizon;
     options.starts = arguments.starts.get();
     options.controller = arguments.controller.read()?;
+    options.plane = arguments.plane.as_ref().map(|axes| plane(&axes.0)).transpose()?;
     options.fits = arguments.fit.iter().map(|path| told(path)).collect::<Result<_, _>>()?;
     let bar = context.bar();
     let made = fleetfoot::report(&models, &changes, &data, &options, &bar);
@@ -49,6 +50,12 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
         context.say(format!("wrote {} figures to {}", paths.len(), folder.display()));
     }
     Ok(())
+}
+
+/// The two axes of a plane.
+fn plane(axes: &[String]) -> Result<[String; 2], Error> {
+    <[String; 2]>::try_from(axes.to_vec())
+        .map_err(|axes| Error::value(format!("--plane {}: a plane has two columns", axes.join(","))))
 }
 
 /// What a fit told.

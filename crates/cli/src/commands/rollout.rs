@@ -14,7 +14,8 @@ use fleetfoot::{
 pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
-    let outputs: Vec<_> = arguments.output.iter().cloned().collect();
+    let layouts = arguments.output.as_deref().map(fleetfoot::layout_files).unwrap_or_default();
+    let outputs: Vec<_> = arguments.output.iter().chain(&layouts).cloned().collect();
     context.claim(
         &outputs,
         &read_by(&files, arguments.controller.file().iter().chain([&arguments.model.model])),
@@ -61,6 +62,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     context.print(&rolled.to_json(), || to_text(&rolled, &model, &options.position.join(", ")));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
+        context.layouts(&layouts);
     }
     Ok(())
 }

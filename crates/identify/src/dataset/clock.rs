@@ -5,7 +5,7 @@ use fleetfoot_model::{Equation, Model, Prediction};
 
 /// Whether rows must have stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Clock {
+pub(crate) enum Clock {
     /// For rates, and for whatever reads seconds.
     Needed,
     /// For what is computed of rows alone.
@@ -28,7 +28,7 @@ pub(super) fn clock<'a>(equations: &'a [Equation], expressions: impl Iterator<It
 }
 
 /// What a model needs, as [`clock`].
-pub(super) fn clock_of_model(model: &Model) -> Clock {
+pub(crate) fn clock_of_model(model: &Model) -> Clock {
     let partitions = model.partitions.iter().flat_map(|partition| &partition.columns);
     clock(&model.equations, model.libraries.iter().flatten().chain(partitions))
 }

@@ -18,6 +18,10 @@ impl SparseReport {
             "format": FORMAT, "rows": real(self.rows), "episodes": self.episodes,
             "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1],
             "lambda": { "value": real(self.lambda.value), "how": self.lambda.how, "largest": real(self.lambda.largest), "validation": validation },
+            "path": self.path.as_ref().map(|path| json!({
+                "lambdas": reals(&path.lambdas), "entered": path.entered,
+                "functions": path.functions.iter().map(|(name, along)| json!({ "function": name, "coefficients": reals(along) })).collect::<Vec<_>>(),
+            })),
             "selection": self.selection,
             "certificate": { "kkt": real(self.certificate.kkt), "gap": real(self.certificate.gap), "objective": real(self.certificate.objective) },
             "worst_replicate_kkt": self.worst_replicate.map(real),

@@ -1,12 +1,16 @@
 //! One-step predictions, row by row.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fleetfoot_dynamics::{Domain, Predicted, Predictor};
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
-use super::{Kind, mcap_options, table_options};
+use super::{
+    Kind,
+    layout::{Line, Plot, write_layouts},
+    mcap_options, table_options,
+};
 use crate::{Error, Logs};
 
 /// What is written of every fitted equation.
@@ -29,7 +33,7 @@ pub(crate) struct PredictionsWriter {
 
 enum Sink {
     Table(TableWriter),
-    Mcap { overlay: Box<Overlay>, kinds: [SeriesId; 3], region: SeriesId },
+    Mcap { overlay: Box<Overlay>, kinds: [SeriesId; 3], region: SeriesId, path: PathBuf, plots: Vec<Plot> },
 }
 
 impl PredictionsWriter {
@@ -51,7 +55,7 @@ impl PredictionsWriter {
                 let kinds = [topic(KINDS[0])?, topic(KINDS[1])?, topic(KINDS[2])?];
                 let about = ["region", "distance", "in_domain"].map(str::to_owned);
                 let region = overlay.joint_state("/fleetfoot/region", &about, "")?;
-                Sink::Mcap { overlay: Box::new(overlay), kinds, region }
+                Sink::Mcap { overlay: Box::new(overlay), kinds, region, path: path.to_owned(), plots: plots(&names) }
             }
         };
         Ok(Self { sink, equations: predictor.names().len() })
@@ -60,7 +64,7 @@ impl PredictionsWriter {
     pub(crate) fn write(&mut self, place: &Place<'_>, stamps: &[i64], predicted: &Predicted) -> Result<(), Error> {
         match &mut self.sink {
             Sink::Table(writer) => write_table(writer, place.episode, stamps, predicted, self.equations),
-            Sink::Mcap { overlay, kinds, region } => {
+            Sink::Mcap { overlay, kinds, region, .. } => {
                 write_messages(overlay, *kinds, *region, place.log_offset, stamps, predicted, self.equations)
             }
         }
@@ -69,10 +73,28 @@ impl PredictionsWriter {
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.sink {
             Sink::Table(writer) => writer.finish()?,
-            Sink::Mcap { overlay, .. } => overlay.finish()?,
+            Sink::Mcap { overlay, path, plots, .. } => {
+                overlay.finish()?;
+                write_layouts(&path, &plots)?;
+            }
         }
         Ok(())
     }
+}
+
+/// Predicted over measured, a plot a target.
+fn plots(names: &[String]) -> Vec<Plot> {
+    let line = |place: usize, name: &String, kind: &str| Line {
+        topic: format!("/fleetfoot/{kind}"),
+        name: name.clone(),
+        place,
+        label: format!("{name} {kind}"),
+    };
+    let plot = |(place, name): (usize, &String)| Plot {
+        title: name.clone(),
+        lines: KINDS[..2].iter().map(|kind| line(place, name, kind)).collect(),
+    };
+    names.iter().enumerate().map(plot).collect()
 }
 
 fn columns(model: &Model, predictor: &Predictor) -> Vec<WriteColumn> {

@@ -7,7 +7,11 @@ use fleetfoot_dynamics::{Rollouts, Trajectory};
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
-use super::{Kind, mcap_options, table_options};
+use super::{
+    Kind,
+    layout::{Line, Plot, write_layouts},
+    mcap_options, table_options,
+};
 use crate::{Error, Logs};
 
 /// Writes trajectories. `log_offset` tells what must be added to the stamps of an episode to get the times of its recording, nanoseconds.
@@ -156,7 +160,29 @@ fn write_messages(
         }
     }
     overlay.finish()?;
-    Ok(())
+    write_layouts(path, &plots(&rollouts.states, lanes.len()))
+}
+
+/// Lanes that a layout shows.
+const SHOWN: usize = 2;
+
+/// Simulated over measured, a plot a state.
+fn plots(states: &[String], lanes: usize) -> Vec<Plot> {
+    let line = |topic: String, place: usize, name: &String, what: &str| Line {
+        topic,
+        name: name.clone(),
+        place,
+        label: format!("{name} {what}"),
+    };
+    let lane = |lane: usize, place: usize, name: &String| {
+        let topic = format!("/fleetfoot/rollout/{lane}");
+        [line(format!("{topic}/measured"), place, name, "measured"), line(topic, place, name, "simulated")]
+    };
+    let plot = |(place, name): (usize, &String)| Plot {
+        title: name.clone(),
+        lines: (0..lanes.min(SHOWN)).flat_map(|at| lane(at, place, name)).collect(),
+    };
+    states.iter().enumerate().map(plot).collect()
 }
 
 /// A topic, and up to where it is taken.

@@ -14,6 +14,7 @@ const DRAWN: usize = 12;
 const LISTED: usize = 12;
 
 /// A column's values.
+#[derive(Clone)]
 pub(super) struct Coverage {
     pub(super) name: String,
     pub(super) unit: Option<String>,
@@ -70,6 +71,11 @@ impl Coverage {
         if let Some([low, high]) = self.trained {
             self.outside += values.iter().filter(|&&value| value < low || value > high).count() as u64;
         }
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.bins.merge(&other.bins);
+        self.outside += other.outside;
     }
 
     fn rows(&self) -> u64 {

@@ -16,6 +16,8 @@ const MODELS: usize = 24;
 const EQUATIONS: usize = 6;
 /// Held-out errors are drawn up to so many times the least.
 const FAR: f64 = 3.0;
+/// Functions of a path that are drawn: more lines cannot be told apart.
+const ALONG: usize = 12;
 
 /// What a page shows of the report of a fit.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -23,6 +25,7 @@ pub(super) struct Fit {
     /// The model's.
     hash: String,
     lambda: Option<Lambda>,
+    path: Option<Path>,
     #[serde(default)]
     latents: Vec<Latent>,
     #[serde(default)]
@@ -44,6 +47,19 @@ struct Validation {
     lambdas: Vec<Option<f64>>,
     error: Vec<Option<f64>>,
     standard_error: Vec<Option<f64>>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Path {
+    lambdas: Vec<Option<f64>>,
+    functions: Vec<Along>,
+    entered: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Along {
+    function: String,
+    coefficients: Vec<Option<f64>>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -109,6 +125,7 @@ pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     for (place, (name, fit)) in known.iter().enumerate() {
         let title = |what: &str| if judged.len() > 1 { format!("{what}: {name}") } else { what.to_owned() };
         figures.extend(fit.curve(place + 1, title("How lambda was chosen")));
+        figures.extend(fit.path(place + 1, title("What enters as lambda falls")));
         figures.extend(fit.fronts(place + 1, title("Error and number of terms")));
     }
     let shares: Vec<(&str, Vec<(String, f64)>)> = known.iter().map(|(name, fit)| (*name, fit.shares())).collect();
@@ -130,12 +147,15 @@ fn number(value: Option<f64>) -> f64 {
     value.unwrap_or(f64::NAN)
 }
 
+fn list(values: &[Option<f64>]) -> Vec<f64> {
+    values.iter().map(|&value| number(value)).collect()
+}
+
 impl Fit {
     /// Held-out error over lambda, with what lies between the least error and the choice.
     fn curve(&self, place: usize, title: String) -> Option<Figure> {
         let lambda = self.lambda.as_ref()?;
         let own = lambda.validation.as_ref().filter(|own| own.lambdas.len() > 1)?;
-        let list = |values: &[Option<f64>]| values.iter().map(|&value| number(value)).collect::<Vec<f64>>();
         let (lambdas, error, spread) = (list(&own.lambdas), list(&own.error), list(&own.standard_error));
         let best = (0..error.len()).filter(|&k| error[k].is_finite()).min_by(|&a, &b| error[a].total_cmp(&error[b]))?;
         // Far from the least error a curve only says that it is far.
@@ -159,6 +179,33 @@ impl Fit {
             lambda.how
         );
         Some(Figure::new(format!("validation-{place}"), title, caption, Chart::Lines(chart)))
+    }
+
+    /// Coefficients over lambda, with the one that was chosen.
+    fn path(&self, place: usize, title: String) -> Option<Figure> {
+        let path = self.path.as_ref().filter(|path| path.lambdas.len() > 1)?;
+        let chosen = number(self.lambda.as_ref()?.value);
+        // Places rise along an axis, and lambda falls along a path.
+        let rising = |values: &[Option<f64>]| list(values).into_iter().rev().collect::<Vec<f64>>();
+        let line =
+            |along: &Along| Series::line(along.function.clone(), rising(&path.lambdas), rising(&along.coefficients));
+        let lines: Vec<Series> = path.functions.iter().take(ALONG).map(line).collect();
+        let drawn = lines.len();
+        let mut x = Axis::of("lambda", "");
+        x.scale = Scale::Logarithmic;
+        let chart =
+            Lines::new(x, Axis::of("coefficient, standardised", ""), lines).shaded([chosen, chosen], "chosen lambda");
+        let more = if path.entered > drawn {
+            format!(" Drawn are the {drawn} largest of {} functions that enter.", path.entered)
+        } else {
+            String::new()
+        };
+        let caption = format!(
+            "Coefficients of the penalised fit over lambda, in the units in which the penalty compares them; lines bend where a function enters or leaves. The upright line is at the \
+             chosen lambda, {}: what has left zero to its right is in the model, what leaves it further to the left would have come next.{more}",
+            fleetfoot_report::words::number(chosen)
+        );
+        Some(Figure::new(format!("path-{place}"), title, caption, Chart::Lines(chart)))
     }
 
     /// Error over the number of terms, an equation a panel, in the first region.

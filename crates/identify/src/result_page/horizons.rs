@@ -10,8 +10,8 @@ use fleetfoot_report::{
 use super::{Judged, verdict::sentence};
 use crate::{interval_in_words, spans_in_words};
 
-/// Steps that are drawn: more cannot be told apart on a page.
-const POINTS: usize = 120;
+/// Steps that are drawn: errors grow smoothly, and a page is no wider.
+const POINTS: usize = 80;
 /// Models that a figure shows, and states that have one of their own.
 const MODELS: usize = 6;
 const STATES: usize = 6;

@@ -4,8 +4,11 @@ use fleetfoot_data::Progress;
 use fleetfoot_dynamics::{Error as DynamicsError, Estimate, Horizon, RolloutOptions, Starts};
 use fleetfoot_model::Model;
 
-use super::{ReportOptions, logs::Seen};
-use crate::{Cause, Error, Logs, Recipe, RequestError, RolledOut, Scored};
+use super::ReportOptions;
+use crate::{
+    Cause, Dataset, Error, Logs, Recipe, RequestError, RolledOut, Scored,
+    run::{roll_rows, score_rows},
+};
 
 /// Steps of a simulation where none are given, and the share of the longest episode that they are at most.
 const HORIZON: usize = 200;
@@ -26,24 +29,21 @@ impl<'a> Judged<'a> {
         name: &'a str,
         model: &'a Model,
         changes: &Recipe,
-        logs: Option<(&Logs, &Seen)>,
+        logs: Option<(&Logs, &Dataset)>,
         options: &ReportOptions,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let Some((logs, seen)) = logs else { return Ok(Self { name, model, scores: None, rollouts: None }) };
-        let scores = said(crate::score(model, changes, logs, progress))?;
-        let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(seen.longest() / SHARE).max(1));
-        let rollouts = said(crate::rollout(
-            model,
-            changes,
-            logs,
-            &Starts::Even(options.starts),
-            &RolloutOptions::new(horizon),
-            options.controller.as_ref(),
-            None,
-            progress,
-        ))?;
-        Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts) })
+        let Some((logs, dataset)) = logs else { return Ok(Self { name, model, scores: None, rollouts: None }) };
+        let scores = said(score_rows(model, dataset, progress))?;
+        let longest = dataset.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
+        let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(longest / SHARE).max(1));
+        let (starts, long) = (Starts::Even(options.starts), RolloutOptions::new(horizon));
+        let rollouts = match options.controller.as_ref() {
+            None => roll_rows(model, dataset, &starts, &long, None, progress),
+            // It may read columns that the model does not.
+            closed_by => crate::rollout(model, changes, logs, &starts, &long, closed_by, None, progress),
+        };
+        Ok(Self { name, model, scores: Some(scores), rollouts: Some(said(rollouts)?) })
     }
 
     pub(super) fn scored(&self) -> Option<&Scored> {

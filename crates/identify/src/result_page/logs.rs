@@ -1,6 +1,6 @@
 //! The logs that models are held against.
 
-use fleetfoot_data::{Episode, Progress};
+use fleetfoot_data::Episode;
 use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Part, Section, Span, Spans, Table,
@@ -8,7 +8,7 @@ use fleetfoot_report::{
 };
 
 use super::coverage::{self, Coverage};
-use crate::{Dataset, Error, Logs, Recipe, run::is_needed};
+use crate::Dataset;
 
 /// Logs that are drawn, and logs that stand unfolded in the table.
 const DRAWN: usize = 24;
@@ -25,23 +25,10 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Opens logs as the first model sees them.
-    pub(super) fn open(
-        models: &[(String, Model)],
-        changes: &Recipe,
-        logs: &Logs,
-        progress: &dyn Progress,
-    ) -> Result<Self, Error> {
-        let model = &models[0].1;
-        let needed = |name: &str| is_needed(model, name, false);
-        let dataset = Dataset::for_run(model, changes, logs, &needed, progress)?;
+    /// What is opened for the first model.
+    pub(super) fn of(model: &Model, dataset: &Dataset) -> Self {
         let trained = model.training.episodes.iter().map(|(id, _)| id.clone()).collect();
-        Ok(Self { episodes: dataset.episodes().to_vec(), notes: dataset.notes().to_vec(), trained })
-    }
-
-    /// Rows of the longest episode.
-    pub(super) fn longest(&self) -> usize {
-        self.episodes.iter().map(|episode| episode.rows).max().unwrap_or(0)
+        Self { episodes: dataset.episodes().to_vec(), notes: dataset.notes().to_vec(), trained }
     }
 
     fn rows(&self) -> usize {

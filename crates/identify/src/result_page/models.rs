@@ -13,14 +13,19 @@ use super::{
 const COLUMNS: usize = 8;
 /// Regions whose equations stand unfolded; the others are a click away.
 const UNFOLDED: usize = 1;
+/// Regions whose equations are written of each of several models; of one alone [`regions::SHOWN`].
+const OF_SEVERAL: usize = 3;
 /// Terms of an equation that are set, and equations: beyond them nobody reads.
 const TERMS: usize = 60;
 const EQUATIONS: usize = 24;
 
 pub(super) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     let one = judged.len() == 1;
+    let mut known = Vec::new();
     let parts = judged.iter().enumerate().flat_map(|(place, judged)| {
-        let parts = parts(judged.model, place + 1);
+        let mut parts = parts(judged.model, place + 1, if one { regions::SHOWN } else { OF_SEVERAL });
+        parts.extend(told_apart(judged, place + 1, &mut known));
+        parts.push(columns(judged.model));
         if one {
             return parts;
         }
@@ -32,8 +37,28 @@ pub(super) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     Section::new("model", if one { "Model" } else { "Models" }, parts)
 }
 
-/// A model; `number` tells its figures from those of the others.
-fn parts(model: &Model, number: usize) -> Vec<Part> {
+/// What the training rows of a model tell apart; where those of a model before it told the same, only that. `known` are names with what was told.
+fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, Vec<Part>)>) -> Vec<Part> {
+    let parts = excitation::parts(judged.model, number);
+    // Figures have addresses of their own, and their numbers may differ by rounding; captions have what matters of them.
+    let same = |(a, b): (&Part, &Part)| match (a, b) {
+        (Part::Figure(a), Part::Figure(b)) => a.caption == b.caption,
+        (a, b) => a == b,
+    };
+    let told = known.iter().find(|(_, told)| told.len() == parts.len() && told.iter().zip(&parts).all(same));
+    match told {
+        Some((name, _)) if !parts.is_empty() => {
+            vec![Part::Paragraph(format!("Its training rows tell the same functions apart as those of {name}."))]
+        }
+        _ => {
+            known.push((judged.name, parts.clone()));
+            parts
+        }
+    }
+}
+
+/// A model; `number` tells its figures from those of the others, and of so many regions it has the equations.
+fn parts(model: &Model, number: usize, shown: usize) -> Vec<Part> {
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())
         .filter(|equation| !is_by_region(model, equation))
@@ -46,7 +71,7 @@ fn parts(model: &Model, number: usize) -> Vec<Part> {
         .collect();
     parts.extend(capped(shared));
     for partition in 0..model.partitions.len() {
-        parts.extend(by_region(model, partition));
+        parts.extend(by_region(model, partition, shown));
         let name = format!("{number}-{}", partition + 1);
         let own = &model.partitions[partition];
         let walked = own.transitions.as_ref();
@@ -54,8 +79,6 @@ fn parts(model: &Model, number: usize) -> Vec<Part> {
             walked.and_then(|counted| transitions::figure(own, counted, model.step, &name, "the training rows"));
         parts.extend(walked.map(Part::Figure));
     }
-    parts.extend(excitation::parts(model, number));
-    parts.push(columns(model));
     parts
 }
 
@@ -114,7 +137,7 @@ fn how(equation: &ModelEquation) -> String {
 }
 
 /// The equations of the regions of a partition, and the table of regions.
-fn by_region(model: &Model, partition: usize) -> Vec<Part> {
+fn by_region(model: &Model, partition: usize, shown: usize) -> Vec<Part> {
     let own = &model.partitions[partition];
     if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
         return Vec::new();
@@ -124,7 +147,7 @@ fn by_region(model: &Model, partition: usize) -> Vec<Part> {
     }
     let mut parts = regions::tables(model, partition);
     let order = regions::by_size(own);
-    for (rank, &region) in order.iter().take(regions::SHOWN).enumerate() {
+    for (rank, &region) in order.iter().take(shown).enumerate() {
         let equations = capped(in_region(model, partition, region));
         let name = format!("Region {}", own.regions[region].name);
         if rank < UNFOLDED {
@@ -134,8 +157,8 @@ fn by_region(model: &Model, partition: usize) -> Vec<Part> {
             parts.push(Part::Fold(format!("{name}: its equations"), equations));
         }
     }
-    if order.len() > regions::SHOWN {
-        let rest = order.len() - regions::SHOWN;
+    if order.len() > shown {
+        let rest = order.len() - shown;
         parts.push(Part::Paragraph(format!("The equations of {rest} smaller regions are in the model file.")));
     }
     parts

@@ -1,20 +1,25 @@
-//! The one pass over the rows that a page is drawn of. What is kept of them is binned: it does not grow with them.
+//! The one pass over the rows that a page is drawn of: a reduction over chunks, on all threads. What is kept of the rows is binned: it does not grow with them.
 
-use fleetfoot_data::{Episode, EpisodeId, Progress};
-use fleetfoot_dynamics::Predicted;
+use std::ops::Range;
+
+use fleetfoot_data::{Block, Episode, EpisodeId, Progress, Source};
+use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
 use fleetfoot_model::{Model, Transitions};
+use fleetfoot_stats::{Chunk, Grid, reduce};
 
 use super::{
     coverage::{self, Coverage},
-    logs::Seen,
     series::{self, Target},
 };
-use crate::{Error, Logs, PredictedRows, Recipe, predict_rows};
+use crate::{Dataset, Error};
 
 /// Regions whose transitions are counted: of more there is no map that one could read.
 const REGIONS: usize = 64;
+/// Rows of a chunk.
+const CHUNK_ROWS: usize = 65_536;
 
-/// What a pass over the rows saw.
+/// What a pass over the rows saw, or over some of them.
+#[derive(Clone)]
 pub(super) struct Passed {
     /// The episode that is drawn over time.
     pub(super) episode: Episode,
@@ -22,68 +27,115 @@ pub(super) struct Passed {
     pub(super) columns: Vec<Coverage>,
     /// Which region of the first partition followed which, where there are several.
     pub(super) transitions: Option<Transitions>,
-    /// The region of the last row, and its episode.
-    last: Option<(EpisodeId, u32)>,
+    /// The regions of the first and of the last row.
+    ends: Option<[u32; 2]>,
+}
+
+/// Memory of a tile.
+#[derive(Default)]
+struct Tile {
+    workspace: PredictorWorkspace,
+    predicted: Predicted,
+    seconds: Vec<f64>,
 }
 
 impl Passed {
     /// Goes over the rows; of the episode with this identity they are drawn over time.
     pub(super) fn over(
         model: &Model,
-        changes: &Recipe,
-        logs: &Logs,
+        dataset: &Dataset,
         drawn: EpisodeId,
-        seen: &Seen,
         progress: &dyn Progress,
     ) -> Result<Option<Self>, Error> {
-        let Some(episode) = seen.episodes.iter().find(|episode| episode.id == drawn) else { return Ok(None) };
-        let regions = model.latents.first().map_or(0, |latent| model.partitions[latent.partition].rule.count());
-        let counted = (2..=REGIONS).contains(&regions);
-        let mut passed = Self {
-            episode: episode.clone(),
-            targets: series::targets(model, episode.rows),
-            columns: Vec::new(),
-            transitions: counted.then(|| Transitions { counts: vec![vec![0; regions]; regions] }),
-            last: None,
-        };
-        predict_rows(model, changes, logs, progress, |_, rows| {
-            passed.take(model, rows);
-            Ok(())
-        })?;
-        Ok(Some(passed))
+        let Some(episode) = dataset.episodes().iter().find(|episode| episode.id == drawn) else { return Ok(None) };
+        let view = dataset.view()?;
+        let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
+        let predictor = Predictor::new(model, &names)?;
+        let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
+        let nothing = Self::nothing(model, episode, coverage::columns(model, view.columns()));
+        let (mut all, mut before) = (nothing.clone(), None);
+        progress.stage("predict");
+        reduce(
+            &view,
+            &chunks,
+            predictor.halo(),
+            progress,
+            || (nothing.clone(), Tile::default()),
+            |(part, tile), chunk, block, rows| -> Result<(), Error> {
+                predictor.predict(block, rows.clone(), &mut tile.workspace, &mut tile.predicted);
+                part.take(&view.episodes()[chunk.episode], block, rows, tile);
+                Ok(())
+            },
+            |chunk: &Chunk, (part, _)| {
+                all.append(&part, before.replace(chunk.episode) == Some(chunk.episode));
+                Ok(())
+            },
+        )?;
+        Ok(Some(all))
     }
 
-    fn take(&mut self, model: &Model, rows: &PredictedRows<'_>) {
-        if self.columns.is_empty() {
-            self.columns = coverage::columns(model, rows.columns);
-            self.targets.iter_mut().for_each(|target| target.left.meet(&self.columns));
+    /// Before any row.
+    fn nothing(model: &Model, episode: &Episode, columns: Vec<Coverage>) -> Self {
+        let regions = model.latents.first().map_or(0, |latent| model.partitions[latent.partition].rule.count());
+        let counted = (2..=REGIONS).contains(&regions);
+        Self {
+            targets: series::targets(model, episode, &columns),
+            episode: episode.clone(),
+            columns,
+            transitions: counted.then(|| Transitions { counts: vec![vec![0; regions]; regions] }),
+            ends: None,
         }
-        self.columns.iter_mut().for_each(|column| column.take(rows.block.core(column.place)));
-        let goes_on = self.last.is_some_and(|(episode, _)| episode == rows.episode.id);
-        let time = (rows.episode.id == self.episode.id).then(|| seconds(rows));
+    }
+
+    /// Takes the rows of a tile that were predicted last.
+    fn take(&mut self, episode: &Episode, block: &Block, rows: Range<usize>, tile: &mut Tile) {
+        let value = |column: usize| &block.core(column)[rows.clone()];
+        self.columns.iter_mut().for_each(|column| column.take(value(column.place)));
+        let predicted = &tile.predicted;
+        let time = (episode.id == self.episode.id).then(|| {
+            let stamps = &block.stamps()[rows.clone()];
+            tile.seconds.clear();
+            tile.seconds.extend(stamps.iter().map(|&stamp| (stamp - episode.start) as f64 * 1e-9));
+            tile.seconds.as_slice()
+        });
         for (place, target) in self.targets.iter_mut().enumerate() {
-            target.take(place, rows.predicted, time.as_deref());
-            let residual = Predicted::equation(&rows.predicted.residual, rows.predicted.rows, place);
-            target.left.take(residual, target.sigma, &self.columns, rows.block, goes_on);
+            target.take(place, predicted, time);
+            let errors = Predicted::equation(&predicted.residual, predicted.rows, place);
+            target.left.take(errors, target.sigma, &self.columns, &value);
         }
-        self.follow(rows.episode.id, &rows.predicted.region);
+        self.follow(&predicted.region);
     }
 
     /// Counts which region follows which.
-    fn follow(&mut self, episode: EpisodeId, regions: &[u32]) {
+    fn follow(&mut self, regions: &[u32]) {
         for &region in regions {
-            if let (Some(counted), Some((before, from))) = (&mut self.transitions, self.last)
-                && before == episode
-                && let Some(count) = counted.counts.get_mut(from as usize).and_then(|row| row.get_mut(region as usize))
-            {
-                *count += 1;
+            if let Some([_, last]) = self.ends {
+                self.step(last, region);
             }
-            self.last = Some((episode, region));
+            self.ends = Some([self.ends.map_or(region, |[first, _]| first), region]);
         }
     }
-}
 
-/// Seconds since the start of the episode.
-fn seconds(rows: &PredictedRows<'_>) -> Vec<f64> {
-    rows.stamps.iter().map(|&stamp| (stamp - rows.episode.start) as f64 * 1e-9).collect()
+    fn step(&mut self, from: u32, to: u32) {
+        let row = self.transitions.as_mut().and_then(|counted| counted.counts.get_mut(from as usize));
+        if let Some(count) = row.and_then(|row| row.get_mut(to as usize)) {
+            *count += 1;
+        }
+    }
+
+    /// Takes the rows behind these; `goes_on` says whether they follow in the same episode.
+    fn append(&mut self, other: &Self, goes_on: bool) {
+        self.columns.iter_mut().zip(&other.columns).for_each(|(own, other)| own.merge(other));
+        self.targets.iter_mut().zip(&other.targets).for_each(|(own, other)| own.append(other, goes_on));
+        if let (Some(own), Some(others)) = (&mut self.transitions, &other.transitions) {
+            own.counts.iter_mut().flatten().zip(others.counts.iter().flatten()).for_each(|(own, other)| *own += other);
+        }
+        if let (true, Some([_, last]), Some([first, _])) = (goes_on, self.ends, other.ends) {
+            self.step(last, first);
+        }
+        self.ends = match (self.ends, other.ends) {
+            (Some([first, _]), Some([_, last])) => Some([first, last]),
+            (own, other) => other.or(own),
+        };
+    }
 }

@@ -1,6 +1,5 @@
 //! What a model leaves: whether its errors hang together over time, and whether they go with a column.
 
-use fleetfoot_data::Block;
 use fleetfoot_report::{Axis, Bins, Chart, Figure, Light, Lines, Panels, Scale, Sentence, Series, words::series};
 use fleetfoot_stats::Autocorrelation;
 
@@ -21,6 +20,7 @@ const TELLING: f64 = 0.1;
 const WORTH: f64 = 0.01;
 
 /// What is left of one target, in standard deviations of the target.
+#[derive(Clone)]
 pub(super) struct Leftover {
     time: Autocorrelation,
     /// Columns, and errors in bins of each.
@@ -28,26 +28,34 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
-    pub(super) fn new() -> Self {
-        Self { time: Autocorrelation::new(&LAGS), over: Vec::new() }
-    }
-
-    pub(super) fn meet(&mut self, columns: &[Coverage]) {
+    pub(super) fn new(columns: &[Coverage]) -> Self {
         let those = columns.iter().enumerate().filter(|(_, column)| column.explains).take(COLUMNS);
-        self.over = those.map(|(column, _)| (column, Bins::new(BINS))).collect();
+        Self { time: Autocorrelation::new(&LAGS), over: those.map(|(column, _)| (column, Bins::new(BINS))).collect() }
     }
 
-    /// Takes errors of consecutive rows; `goes_on` says whether they follow those that were taken last.
-    pub(super) fn take(&mut self, errors: &[f64], sigma: f64, columns: &[Coverage], block: &Block, goes_on: bool) {
-        if !goes_on {
-            self.time.interrupt();
-        }
+    /// Takes errors of consecutive rows, and the values of the columns there.
+    pub(super) fn take<'a>(
+        &mut self,
+        errors: &[f64],
+        sigma: f64,
+        columns: &[Coverage],
+        values: &impl Fn(usize) -> &'a [f64],
+    ) {
         errors.iter().for_each(|error| self.time.push(error / sigma));
         for (column, bins) in &mut self.over {
-            for (&error, &value) in errors.iter().zip(block.core(columns[*column].place)) {
+            for (&error, &value) in errors.iter().zip(values(columns[*column].place)) {
                 bins.add(value, error / sigma);
             }
         }
+    }
+
+    /// Takes what is left of the rows behind these; `goes_on` says whether they follow in the same episode.
+    pub(super) fn append(&mut self, other: &Self, goes_on: bool) {
+        if !goes_on {
+            self.time.interrupt();
+        }
+        self.time.append(&other.time);
+        self.over.iter_mut().zip(&other.over).for_each(|((_, own), (_, other))| own.merge(other));
     }
 
     /// Columns by how much of the errors' variance goes with them, the largest first: places among those that errors are held against, with the share.

@@ -1,34 +1,41 @@
 //! Measured and predicted over time, and how errors are spread.
 
+use fleetfoot_data::Episode;
 use fleetfoot_dynamics::Predicted;
 use fleetfoot_model::Model;
 use fleetfoot_report::{Axis, Bins, Chart, Figure, Lines, Part, Section, Series, Stroke, words::count};
 
 use super::{
+    coverage::Coverage,
     logs::Seen,
     passed::Passed,
     residuals::{self, Leftover},
     transitions,
 };
 
+/// The section's address.
+pub(super) const ID: &str = "rows";
 /// Targets that are drawn.
 const TARGETS: usize = 6;
 /// Of these, targets that stand unfolded.
 const SHOWN: usize = 2;
 /// Targets whose errors are drawn over the columns.
 const OVER: usize = 4;
-/// Bins along the time of a log, and along the errors.
-const TIMES: usize = 240;
+/// Bins along the time of a log, for targets that stand unfolded and for the others, and along the errors.
+const TIMES: [usize; 2] = [200, 100];
 const ERRORS: usize = 64;
 /// Errors are drawn up to so many standard deviations of the target.
 const REACH: f64 = 2.0;
 
 /// One target.
+#[derive(Clone)]
 pub(super) struct Target {
     pub(super) name: String,
     unit: Option<String>,
     /// Standard deviation over the training rows.
     pub(super) sigma: f64,
+    /// Bins a second.
+    spans: f64,
     measured: Bins,
     predicted: Bins,
     errors: Bins,
@@ -60,7 +67,7 @@ pub(super) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
         transitions::figure(&model.partitions[latent.partition], counted, passed.episode.period, "logs", "these logs")
     });
     parts.extend(walked.map(Part::Figure));
-    Section::new("rows", "Measured and predicted", parts)
+    Section::new(ID, "Measured and predicted", parts)
 }
 
 /// The first parts; the others a click away.
@@ -72,21 +79,25 @@ fn unfolded(mut parts: Vec<Part>, what: &str) -> Vec<Part> {
     parts
 }
 
-/// The targets of a model, before any row; the log that is drawn over time has so many rows.
-pub(super) fn targets(model: &Model, rows: usize) -> Vec<Target> {
+/// The targets of a model, before any row, and the log that is drawn over time.
+pub(super) fn targets(model: &Model, drawn: &Episode, columns: &[Coverage]) -> Vec<Target> {
     let fitted = model.fitted().take(TARGETS).enumerate();
     let one = |(place, equation): (usize, &fleetfoot_model::Equation)| {
         let variance = model.training.target_covariance.get(fleetfoot_data::packed(place, place));
         // Bins narrower than the rows are apart would be empty here and there.
-        let time = || Bins::new(TIMES.min(rows.div_ceil(2)));
+        let most = TIMES[usize::from(place >= SHOWN)].min(drawn.rows.div_ceil(2)).max(4);
+        let time = || Bins::new(most);
+        // As many bins whatever the length: the last row is just before the end of the last one.
+        let spans = (1.0 - 1e-9) * most as f64 / drawn.duration();
         Target {
             name: equation.label(),
             unit: equation.unit.clone(),
             sigma: variance.map_or(f64::NAN, |variance| variance.sqrt()),
+            spans: if spans.is_finite() { spans } else { 1.0 },
             measured: time(),
             predicted: time(),
             errors: Bins::new(ERRORS),
-            left: Leftover::new(),
+            left: Leftover::new(columns),
         }
     };
     fitted.map(one).collect()
@@ -103,14 +114,24 @@ impl Target {
         }
         let Some(time) = time else { return };
         for ((&time, &measured), &predicted) in time.iter().zip(values(&rows.measured)).zip(values(&rows.predicted)) {
-            self.measured.add(time, measured);
-            self.predicted.add(time, predicted);
+            self.measured.add(time * self.spans, measured);
+            self.predicted.add(time * self.spans, predicted);
         }
     }
 
+    /// Takes the rows behind these; `goes_on` says whether they follow in the same episode.
+    pub(super) fn append(&mut self, other: &Self, goes_on: bool) {
+        self.measured.merge(&other.measured);
+        self.predicted.merge(&other.predicted);
+        self.errors.merge(&other.errors);
+        self.left.append(&other.left, goes_on);
+    }
+
     fn in_time(&self, place: usize, log: &str) -> Figure {
-        let line =
-            |name: &str, bins: &Bins| Series::line(name, bins.places(), bins.means()).banded(bins.lows(), bins.highs());
+        let line = |name: &str, bins: &Bins| {
+            let seconds = bins.places().iter().map(|place| place / self.spans).collect();
+            Series::line(name, seconds, bins.means()).banded(bins.lows(), bins.highs())
+        };
         let series = vec![line("measured", &self.measured).looks(Stroke::Measured), line("predicted", &self.predicted)];
         let value = Axis::of(self.name.clone(), self.unit.clone().unwrap_or_default());
         let chart = Lines::new(Axis::of("time since the start of the log", "s"), value, series);

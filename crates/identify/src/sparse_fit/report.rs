@@ -2,7 +2,9 @@
 
 use fleetfoot_sparse::{Certificate, inference::confounded};
 
-use super::{LambdaChoice, LeaveOneOutReport, intervals::percentile_intervals, problem::Problem, support::Support};
+use super::{
+    LambdaChoice, LeaveOneOutReport, PathReport, intervals::percentile_intervals, problem::Problem, support::Support,
+};
 use crate::Error;
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
@@ -20,6 +22,8 @@ pub struct SparseReport {
     pub left_out: [u64; 2],
     /// Lambda, and how it was chosen.
     pub lambda: LambdaChoice,
+    /// The path of the penalised fit, from the largest lambda to beyond the chosen one; where there is a penalty.
+    pub path: Option<PathReport>,
     /// How columns were selected.
     pub selection: String,
     /// The regression's tasks.
@@ -107,6 +111,7 @@ impl SparseReport {
             rows: problem.rows(),
             episodes: problem.episodes(),
             left_out,
+            path: PathReport::of(problem, lambda.value, support.columns.len())?,
             selection: support.how.clone(),
             tasks: tasks(problem, held_out, theta),
             latents: latents(problem, support, theta, errors)?,

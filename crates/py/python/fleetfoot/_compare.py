@@ -93,6 +93,12 @@ class Comparison:
         text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
         return "\n".join(text)
 
+    def plot(self, target: str | None = None, *, ax: Any = None) -> Any:
+        """Errors of all models with their intervals, by matplotlib: :func:`fleetfoot.plot.comparison`."""
+        from ._figures import comparison
+
+        return comparison(self, target=target, ax=ax)
+
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Header and lines of the table, as texts."""
         return self._cells(" ± ")

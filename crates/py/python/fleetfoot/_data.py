@@ -68,6 +68,18 @@ class Dataset:
     def _repr_html_(self) -> str:
         return of_dataset(self)
 
+    def plot(self, columns: Sequence[str] | None = None, **options: Any) -> Any:
+        """Channels over time with their gaps, by matplotlib: :func:`fleetfoot.plot.channels`.
+
+        Returns
+        -------
+        array of matplotlib.axes.Axes
+            One a channel.
+        """
+        from ._figures import channels
+
+        return channels(self, columns=columns, **options)
+
     def __add__(self, other: Dataset) -> Dataset:
         """Both as one; they are read by one recipe."""
         if not isinstance(other, Dataset):

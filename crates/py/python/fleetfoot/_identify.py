@@ -222,6 +222,14 @@ class Identifier(Fitted, BaseEstimator):
         recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if own is None else own)
         return str(recipe.get("model", {}).get("predict", "derivative"))
 
+    def plot(self, data: Any = None, **options: Any) -> Any:
+        """The coefficients with their intervals, or with data what is measured beside what is predicted:
+        :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
+        """
+        from ._figures import coefficients, prediction
+
+        return coefficients(self, **options) if data is None else prediction(self, data, **options)
+
     def _names_columns(self, own: Mapping[str, Any]) -> bool:
         """Whether arguments or recipe give columns of tables their roles."""
         named = (self.states, self.inputs, self.known, *(own.get(name) for name in ("states", "inputs", "tasks")))

@@ -157,6 +157,14 @@ class Model(OnRecordings):
         """Number of terms: coefficients that are not zero, of all equations and regions."""
         return self.content.complexity()
 
+    def plot(self, data: Any = None, **options: Any) -> Any:
+        """The coefficients of an equation, or with data what is measured beside what is predicted, by matplotlib:
+        :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
+        """
+        from ._figures import coefficients, prediction
+
+        return coefficients(self, **options) if data is None else prediction(self, data, **options)
+
     def describe(self, regions: int = 10) -> str:
         """The model in words: columns, equations, and its ``regions`` largest regions."""
         return self._core.describe(regions)

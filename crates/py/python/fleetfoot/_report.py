@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _core
@@ -26,6 +26,7 @@ def report(
     starts: int = 500,
     controller: _Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    plane: Sequence[str] | None = None,
     svg: _Path | None = None,
     csv: _Path | None = None,
     cache: _Path | None = None,
@@ -57,8 +58,11 @@ def report(
         What drives the inputs of the simulations, as in :meth:`fleetfoot.Model.rollout`.
     settings : dict, optional
         Settings of the controller.
+    plane : two str, optional
+        Two columns, or expressions over columns: the page shows on their plane where the best model errs and where its
+        regions change. The angles of a model that has two of them when not given.
     svg : path, optional
-        Folder to write every figure to as SVG.
+        Folder to write every figure to as SVG; ``rsvg-convert``, Inkscape or a browser make PNG and PDF of them.
     csv : path, optional
         Folder to write the numbers of every figure to as CSV.
     cache : path, optional
@@ -106,11 +110,15 @@ def report(
         listed.append((model.method if name is None else str(name), model._core))
     if inner is None:
         raise ValueError("models is empty; give at least one model")
+    axes = None if plane is None else [str(axis) for axis in plane]
+    if axes is not None and len(axes) != 2:
+        raise ValueError(f"plane={plane!r}: a plane has two columns")
     opened, changes = (None, "{}") if data is None else inner._opened(data, recipe)
     request = {
         "path": os.fspath(path),
         "svg": None if svg is None else os.fspath(svg),
         "csv": None if csv is None else os.fspath(csv),
+        "plane": axes,
         "fits": fits,
         "title": title,
         "horizon": horizon,

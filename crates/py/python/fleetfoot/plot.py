@@ -12,28 +12,22 @@ import numpy as np
 
 from . import _core
 from ._data import open as open_data
+from ._figures import axes_of, channels, coefficients, comparison, prediction, short
 from ._progress import Progress, reporting
 
-__all__ = ["horizon", "path", "region_map", "selection_frequency"]
+__all__ = [
+    "channels",
+    "coefficients",
+    "comparison",
+    "horizon",
+    "path",
+    "prediction",
+    "region_map",
+    "selection_frequency",
+]
 
 #: Lines that are told by name; the rest are grey.
 _NAMED = 10
-#: Names longer than this are cut.
-_LONG = 40
-
-
-def _axes(ax: Any) -> Any:
-    if ax is not None:
-        return ax
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError as error:
-        raise ImportError("fleetfoot.plot needs matplotlib: pip install matplotlib") from error
-    return plt.subplots(layout="constrained")[1]
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= _LONG else name[: _LONG - 1] + "…"
 
 
 def path(
@@ -81,7 +75,7 @@ def path(
     """
     alphas, coefs = _path_of(estimator, target)
     names = _names(estimator, feature_names, len(coefs))
-    ax = _axes(ax)
+    ax = axes_of(ax)
     order = np.argsort(-np.abs(coefs).max(axis=1))
     positive = bool((alphas > 0).any())
     # The last knot of a whole path is zero, which a logarithm has not: it is drawn where the path would go on.
@@ -90,7 +84,7 @@ def path(
         if not coefs[feature].any():
             continue
         style: dict[str, Any] = (
-            {"label": _short(names[feature]), "lw": 1.6} if rank < _NAMED else {"color": "0.75", "lw": 0.8, "zorder": 1}
+            {"label": short(names[feature]), "lw": 1.6} if rank < _NAMED else {"color": "0.75", "lw": 0.8, "zorder": 1}
         )
         ax.plot(shown, coefs[feature], **style)
     if positive:
@@ -201,10 +195,10 @@ def selection_frequency(
         own = getattr(bolasso, "threshold", None)
         threshold = float(own) if isinstance(own, (int, float)) else None
     order = np.argsort(-shares, kind="stable")[: max(1, most)]
-    ax = _axes(ax)
+    ax = axes_of(ax)
     chosen = shares[order] >= (threshold if threshold is not None else 1.0)
     ax.barh(range(len(order)), shares[order], color=np.where(chosen, "tab:blue", "0.75"))
-    ax.set_yticks(range(len(order)), [_short(names[place]) for place in order])
+    ax.set_yticks(range(len(order)), [short(names[place]) for place in order])
     ax.set_ylim(len(order) - 0.4, -0.6)
     if threshold is not None:
         ax.axvline(threshold, color="black", lw=0.8, ls="--", label=f"threshold {threshold:g}")
@@ -270,7 +264,7 @@ def horizon(
         if state not in rollout["states"]:
             raise ValueError(f"state={state!r} is none of {', '.join(rollout['states'])}")
         place = rollout["states"].index(state)
-    ax = _axes(ax)
+    ax = axes_of(ax)
     for at, (name, score) in enumerate(curves):
         style: dict[str, Any] = (
             {"lw": 2.0, "color": "tab:blue"} if at == 0 else {"lw": 1.2, "ls": "--", "color": f"C{at}"}
@@ -355,7 +349,7 @@ def region_map(
         raise ValueError(f'value={value!r}: write "region", {", ".join(repr(name) for name in _VALUES)}')
     if not 1 <= bins <= 1000:
         raise ValueError(f"bins={bins}: give 1 to 1000")
-    ax = _axes(ax)
+    ax = axes_of(ax)
     inner = getattr(model, "model_", model)
     dataset = open_data(data, recipe=recipe)
     text = inner.to_json()

@@ -108,3 +108,82 @@ def test_matplotlib_is_imported_when_a_picture_is_drawn():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.returncode == 0 and "pip install matplotlib" in run.stdout, run.stderr
+
+
+def _swings(count=3):
+    t = np.arange(0, 5, 0.01)
+    rng = np.random.default_rng(1)
+    clean = [np.column_stack([a * np.cos(2 * t), -2 * a * np.sin(2 * t)]) for a in np.linspace(1.0, 0.4, count)]
+    return t, [x + 1e-3 * rng.normal(size=x.shape) for x in clean]
+
+
+@pytest.mark.skipif(not hasattr(ff, "SINDy"), reason="this build has no ff.SINDy")
+def test_a_fitted_model_draws_its_coefficients_with_intervals():
+    t, runs = _swings()
+    fitted = ff.SINDy().fit(runs[0], t, feature_names=["q", "v"])
+    ax = fitted.plot(target="d(v)/dt")
+    terms = fitted.report_["regions"][0]["equations"][1]["terms"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == [term["function"] for term in terms]
+    points, _, (bars,) = ax.containers[0]
+    np.testing.assert_allclose(np.asarray(points.get_xdata(), dtype=float), [term["coefficient"] for term in terms])
+    low, high = bars.get_segments()[0][:, 0]
+    assert high - low == pytest.approx(2 * 1.96 * terms[0]["standard_error"])
+    # A model alone does not know how well its coefficients are known.
+    assert fitted.model_.plot(target=1).get_xlabel() == "coefficient"
+    own = plt.figure().add_subplot()
+    assert fitted.model_.plot(ax=own) is own and own.get_title() == "d(q)/dt"
+    with pytest.raises(ValueError, match="speed"):
+        fitted.plot(target="speed")
+    with pytest.raises(ValueError, match="region=3"):
+        fitted.plot(region=3)
+
+
+@pytest.mark.skipif(not hasattr(ff, "PWA"), reason="this build has no ff.PWA")
+def test_a_model_draws_what_it_predicts_beside_what_was_measured():
+    t, runs = _swings()
+    model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
+    data = ff.open([{"q": run[:, 0], "v": run[:, 1]} for run in runs], dt=0.01)
+    ax = model.plot(data, target="d(v)/dt", episode=2)
+    found = model.predict(data)
+    rows = found["episode"] == 2
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found["measured"][rows, 1])
+    np.testing.assert_array_equal(ax.lines[1].get_ydata(), found["predicted"][rows, 1])
+    assert ax.lines[0].get_xdata()[-1] == pytest.approx(4.99) and ax.get_ylabel().startswith("d(v)/dt")
+    with pytest.raises(ValueError, match="episode=7"):
+        model.plot(data, episode=7)
+
+
+def test_data_draw_their_channels_and_gaps():
+    t = np.concatenate([np.arange(0, 1, 0.01), np.arange(3, 4, 0.01)])
+    data = ff.open({"t": t, "q": np.sin(t), "v": np.cos(t)}, t="t")
+    drawn = data.plot()
+    assert [one.get_ylabel() for one in drawn] == ["q", "v"] and drawn[-1].get_xlabel().endswith("[s]")
+    first, second = drawn[0].lines
+    np.testing.assert_allclose(np.concatenate([first.get_xdata(), second.get_xdata()]), t, atol=1e-9)
+    np.testing.assert_array_equal(second.get_ydata(), np.sin(t[100:]))
+    (gap,) = drawn[0].patches
+    assert gap.get_x() == pytest.approx(0.99) and gap.get_x() + gap.get_width() == pytest.approx(3.0)
+    (one,) = data.plot(["q*v"])
+    np.testing.assert_allclose(one.lines[0].get_ydata(), (np.sin(t) * np.cos(t))[:100])
+    own = plt.figure().subplots(3)
+    with pytest.raises(ValueError, match="3 axes for 2 channels"):
+        data.plot(ax=own)
+
+
+@pytest.mark.skipif(not hasattr(ff, "PWA"), reason="this build has no ff.PWA")
+def test_a_comparison_draws_errors_with_intervals():
+    t, runs = _swings(6)
+    model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
+    data = ff.open([{"q": run[:, 0], "v": run[:, 1]} for run in runs[2:]], dt=0.01)
+    found = ff.compare({"affine": model, "decay": lambda x, u: -x}, data)
+    ax = found.plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["d(q)/dt", "d(v)/dt"]
+    cell = {(row["model"], row["target"]): row for row in found.table}
+    values = ax.containers[0][0].get_xdata()
+    assert values[1] == pytest.approx(cell["affine", "d(v)/dt"]["rmse"] / cell["null", "d(v)/dt"]["rmse"])
+    ax = found.plot("d(v)/dt")
+    labels = [container.get_label() for container in ax.containers]
+    assert labels == ["affine", "decay", "null", "persistence"] and ax.get_xlabel().startswith("RMSE")
+    assert ax.containers[0][0].get_xdata()[0] == pytest.approx(cell["affine", "d(v)/dt"]["rmse"])
+    with pytest.raises(ValueError, match="speed"):
+        found.plot("speed")

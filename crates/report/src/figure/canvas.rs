@@ -1,7 +1,7 @@
 //! What all charts share: the drawing, its frame, its axes and its legend.
 
 use super::scale::Ruler;
-use crate::markup::Element;
+use crate::markup::{Element, trace};
 
 /// Width of a drawing for pages and paper, pixels.
 pub(crate) const WIDE: f64 = 720.0;
@@ -56,6 +56,11 @@ pub(crate) fn fitting(text: &str, width: f64) -> String {
     text.chars().take(most - 1).chain(['…']).collect()
 }
 
+/// A text of a class; where it stands is one too, but for its start, which is where texts stand.
+fn anchored(class: &str, anchor: &str) -> Element {
+    Element::new("text").class(if anchor == "start" { class.to_owned() } else { format!("{class} {anchor}") })
+}
+
 /// The class of the colour of a series.
 pub(crate) fn colour(index: usize) -> String {
     format!("s{}", index % 6)
@@ -86,14 +91,13 @@ impl Canvas {
 
     /// Text at a place; `anchor` is `start`, `middle` or `end`.
     pub(crate) fn text(&mut self, class: &str, anchor: &str, [x, y]: [f64; 2], text: &str) {
-        self.add(Element::new("text").class(class).with("text-anchor", anchor).at("x", x).at("y", y).text(text));
+        self.add(anchored(class, anchor).at("x", x).at("y", y).text(text));
     }
 
     /// Text that is cut to a width; the whole of it is its title.
     pub(crate) fn label(&mut self, anchor: &str, place: [f64; 2], text: &str, width: f64) {
         let shown = fitting(text, width);
-        let mut element = Element::new("text").class("name").with("text-anchor", anchor);
-        element = element.at("x", place[0]).at("y", place[1]).text(&shown);
+        let element = anchored("name", anchor).at("x", place[0]).at("y", place[1]).text(&shown);
         self.add(if shown == text { element } else { element.child(Element::new("title").text(text)) });
     }
 
@@ -119,7 +123,7 @@ impl Canvas {
             Sample::Line => self.line(&format!("line {class}"), [x, middle], [x + SAMPLE, middle]),
             Sample::Box => self.add(
                 Element::new("rect")
-                    .class(format!("bar {class}"))
+                    .class(if class.starts_with("cell") { class.to_owned() } else { format!("bar {class}") })
                     .at("x", x + 4.0)
                     .at("y", middle - 5.0)
                     .at("width", SAMPLE - 8.0)
@@ -141,7 +145,7 @@ impl Canvas {
     }
 
     pub(crate) fn polygon(&mut self, class: &str, points: &[[f64; 2]]) {
-        self.add(Element::new("polygon").class(class).with("points", path_of(points)));
+        self.add(Element::new("path").class(class).with("d", trace(points, true)));
     }
 
     /// The horizontal axis under a frame: grid, numbers, title.
@@ -153,16 +157,29 @@ impl Canvas {
         } else {
             2
         };
+        let mut grid = String::new();
         for (value, label) in ruler.ticks(most) {
             let Some(x) = ruler.at(value) else { continue };
-            self.line("grid", [x, frame.top], [x, frame.bottom]);
+            grid.push_str(&trace(&[[x, frame.top], [x, frame.bottom]], false));
             self.text("tick", "middle", [x, frame.bottom + LINE], &label);
         }
+        self.add(Element::new("path").class("grid").with("d", grid));
         self.line("axis", [frame.left, frame.bottom], [frame.right, frame.bottom]);
         if !title.is_empty() {
             let title = fitting(title, frame.right);
             self.text("title", "end", [frame.right, frame.bottom + 2.0 * LINE + 2.0], &title);
         }
+    }
+
+    /// The vertical axis beside a frame: grid from one place across to another, numbers.
+    pub(crate) fn up(&mut self, ruler: &Ruler, frame: &Frame, most: usize, [from, to]: [f64; 2]) {
+        let mut grid = String::new();
+        for (value, label) in ruler.ticks(most) {
+            let Some(y) = ruler.at(value) else { continue };
+            grid.push_str(&trace(&[[from, y], [to, y]], false));
+            self.text("tick", "end", [frame.left - 6.0, y + 4.0], &label);
+        }
+        self.add(Element::new("path").class("grid").with("d", grid));
     }
 
     /// A drawing of its own within this one.
@@ -191,10 +208,4 @@ impl Canvas {
             .children(style)
             .children(self.parts)
     }
-}
-
-/// Places as the text of `points`.
-pub(crate) fn path_of(points: &[[f64; 2]]) -> String {
-    let one = |[x, y]: &[f64; 2]| format!("{},{}", crate::markup::place(*x), crate::markup::place(*y));
-    points.iter().map(one).collect::<Vec<_>>().join(" ")
 }

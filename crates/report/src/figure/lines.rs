@@ -1,11 +1,11 @@
 //! Values over values: lines with bands, steps, and lines of reference.
 
 use super::{
-    canvas::{Canvas, Frame, LINE, Sample, colour, path_of, width_of},
+    canvas::{Canvas, Frame, LINE, Sample, colour, width_of},
     scale::{Axis, Ruler},
 };
 use crate::{
-    markup::Element,
+    markup::{Element, trace},
     words::{number, typeset},
 };
 
@@ -147,11 +147,7 @@ impl Lines {
         } else {
             canvas.label("start", [0.0, top - 10.0], &self.y.title(), canvas.width);
         }
-        for (value, label) in ticks {
-            let Some(y) = vertical.at(value) else { continue };
-            canvas.line("grid", [frame.left, y], [frame.right, y]);
-            canvas.text("tick", "end", [frame.left - 6.0, y + 4.0], &label);
-        }
+        canvas.up(&vertical, &frame, if panel { 4 } else { 5 }, [frame.left, frame.right]);
         canvas.across(&across, &frame, &if panel { String::new() } else { self.x.title() });
         self.curves(&mut canvas, &frame, &across, &vertical);
         for (height, words) in &self.levels {
@@ -213,7 +209,7 @@ impl Series {
                 let there = part.iter().map(|&(x, low, _)| [x, low]);
                 let back = part.iter().rev().map(|&(x, _, high)| [x, high]);
                 let points: Vec<[f64; 2]> = there.chain(back).collect();
-                elements.push(Element::new("polygon").class(format!("band {class}")).with("points", path_of(&points)));
+                elements.push(Element::new("path").class(format!("band {class}")).with("d", trace(&points, true)));
             }
         }
         let points = self.stepped(self.y.iter().copied());
@@ -223,10 +219,10 @@ impl Series {
                 [first, .., last] if self.stroke == Stroke::Area => {
                     let zero = vertical.at(0.0).unwrap_or(vertical.from);
                     let points = [&[[first[0], zero]], part.as_slice(), &[[last[0], zero]]].concat();
-                    Element::new("polygon").class(format!("area {class}")).with("points", path_of(&points))
+                    Element::new("path").class(format!("area {class}")).with("d", trace(&points, true))
                 }
                 [[x, y]] => Element::new("circle").class(format!("dot {class}")).at("cx", *x).at("cy", *y).at("r", 2.5),
-                points => Element::new("polyline").class(format!("line {class}")).with("points", path_of(points)),
+                points => Element::new("path").class(format!("line {class}")).with("d", trace(points, false)),
             });
         }
         elements

@@ -1,8 +1,8 @@
 //! Pages of all parts, with names and numbers that nobody expects.
 
 use fleetfoot_report::{
-    Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Mark, Math, Matrix, Page, Panels, Part, Scale,
-    Section, Sentence, Series, Span, Spans, Stroke, Table,
+    Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Map, Mark, Math, Matrix, Page, Panels, Part,
+    Scale, Section, Sentence, Series, Span, Spans, Stroke, Table,
 };
 use proptest::prelude::*;
 
@@ -34,6 +34,11 @@ fn matrix(name: &str, values: &[f64]) -> Chart {
     let names = |count: usize| (0..count).map(|place| format!("{name} {place}")).collect::<Vec<_>>();
     let rows = vec![values.to_vec(); 3];
     Chart::Matrix(Matrix::new(name, [name, "to"], [names(3), names(values.len())], rows))
+}
+
+fn map(name: &str, values: &[f64]) -> Chart {
+    let axis = || Axis::of(name, "rad").between(0.0, 6.0);
+    Chart::Map(Map::new(name, [axis(), axis()], vec![values.to_vec(); 2]))
 }
 
 fn bars(name: &str, values: &[f64]) -> Chart {
@@ -68,6 +73,7 @@ fn page(name: &str, x: &[f64], y: &[f64]) -> Page {
         figure("bars", bars(name, y)),
         figure("panels", panels(name, x, y)),
         figure("matrix", matrix(name, y)),
+        figure("map", map(name, y)),
         Part::Equations(vec![Equation {
             pieces: vec![Math::new("<mi>x</mi>"), Math::new("<mo>=</mo>")],
             note: name.into(),
@@ -98,7 +104,7 @@ fn names_are_text_and_nothing_else() {
         for figure in page.figures() {
             assert_eq!(strict::read(&figure.to_svg()).elements[0], "svg", "{name}");
         }
-        assert_eq!(page.figures().count(), 5, "folded figures are figures too");
+        assert_eq!(page.figures().count(), 6, "folded figures are figures too");
     }
 }
 
@@ -109,7 +115,7 @@ fn a_figure_has_a_caption_a_table_and_words() {
     let found = strict::read(&html);
     let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
     // Each is drawn twice, for wide and for narrow pages.
-    assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (5, 5, 10, 10));
+    assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (6, 6, 12, 12));
     assert!(html.contains("speed: 0.2500 at 0 to 0.5000 at 1.000"), "the text alternative has the numbers");
     assert_eq!(page.figures().next().unwrap().table().rows.len(), 2);
     assert!(!html.contains("http://") || html.matches("http://").count() == html.matches("http://www.w3.org/").count());
@@ -238,9 +244,16 @@ proptest! {
     fn any_values_make_a_page(x in prop::collection::vec(any_value(), 0..12), y in prop::collection::vec(any_value(), 0..12), name in ".{0,12}") {
         let length = x.len().min(y.len());
         let found = strict::read(&page(&name, &x[..length], &y[..length]).to_html());
-        let places = ["x", "y", "x1", "x2", "y1", "y2", "width", "height", "points", "cx", "cy", "viewBox"];
+        let places = ["x", "y", "x1", "x2", "y1", "y2", "width", "height", "d", "cx", "cy", "viewBox"];
         for (attribute, value) in found.values.iter().filter(|(attribute, _)| places.contains(&attribute.as_str())) {
-            for number in value.split([' ', ',']).filter(|number| !number.is_empty()) {
+            let numbers = value.split(|c: char| c == ' ' || (attribute == "d" && c.is_ascii_alphabetic()));
+            // A sign begins a number.
+            let numbers = numbers.flat_map(|run| {
+                let starts = run.char_indices().filter(|(at, c)| *at > 0 && *c == '-').map(|(at, _)| at);
+                let ends: Vec<usize> = std::iter::once(0).chain(starts).chain([run.len()]).collect();
+                ends.windows(2).map(|ends| &run[ends[0]..ends[1]]).collect::<Vec<_>>()
+            });
+            for number in numbers.filter(|number| !number.is_empty()) {
                 let number: f64 = number.parse().unwrap_or(f64::NAN);
                 prop_assert!(number.abs() < 1e5, "{attribute}={value}");
             }

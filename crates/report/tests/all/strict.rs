@@ -18,6 +18,9 @@ pub(crate) struct Found {
     pub(crate) values: Vec<(String, String)>,
 }
 
+/// Elements that may end where they begin: in HTML those without an end, and those of SVG and MathML.
+const CLOSED: [&str; 7] = ["meta", "line", "rect", "path", "circle", "mspace", "br"];
+
 /// Reads a page; panics with the place of what is wrong.
 pub(crate) fn read(page: &str) -> Found {
     let mut found = Found::default();
@@ -38,6 +41,7 @@ pub(crate) fn read(page: &str) -> Found {
         assert!(name.bytes().all(|c| c.is_ascii_alphanumeric()) && !name.is_empty(), "<{tag}>");
         self::attributes(attributes, tag, &mut found);
         found.elements.push(name.to_owned());
+        assert!(!closed || CLOSED.contains(&name), "<{tag}/> is no end in HTML");
         if !closed {
             open.push(name.to_owned());
         }
