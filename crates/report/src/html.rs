@@ -51,7 +51,7 @@ fn part(part: &Part) -> Element {
         Part::Equations(list) => Element::new("div")
             .class("scroll")
             .with("tabindex", "0")
-            .with("role", "region")
+            .with("role", "group")
             .with("aria-label", "Equations")
             .children(list.iter().map(equation)),
         Part::Fold(summary, parts) => {

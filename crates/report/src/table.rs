@@ -106,7 +106,7 @@ impl Table {
             .child(Element::new("thead").child(Element::new("tr").children(head)))
             .child(Element::new("tbody").children(rows));
         let label = if self.caption.is_empty() { "table" } else { &self.caption };
-        let region = Element::new("div").class("scroll").with("tabindex", "0").with("role", "region");
+        let region = Element::new("div").class("scroll").with("tabindex", "0").with("role", "group");
         let region = region.with("aria-label", label).child(table);
         let whole = Element::new("div").class("table");
         // Beside the table, as it would scroll away with it.

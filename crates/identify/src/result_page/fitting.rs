@@ -193,8 +193,7 @@ impl Fit {
         let drawn = lines.len();
         let mut x = Axis::of("lambda", "");
         x.scale = Scale::Logarithmic;
-        let chart =
-            Lines::new(x, Axis::of("coefficient, standardised", ""), lines).shaded([chosen, chosen], "chosen lambda");
+        let chart = Lines::new(x, Axis::of("coefficient, standardised", ""), lines).marked(chosen, "chosen lambda");
         let more = if path.entered > drawn {
             format!(" Drawn are the {drawn} largest of {} functions that enter.", path.entered)
         } else {

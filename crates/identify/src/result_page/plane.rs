@@ -37,14 +37,14 @@ pub(super) fn parts(
     let mut figures = Vec::new();
     if total.transitions > 0 {
         let caption = format!(
-            "Of the passages of a trajectory through each cell of {at}, the share in which the region changes. Dark cells are where the dynamics switch: borders of regions."
+            "Of the passages of a trajectory through each cell of {at}, the share in which the region changes. The stronger the colour, the larger the share: there the dynamics switch."
         );
         let chart = map(model, &plane, "share of passages", PlaneCell::transition_ratio);
         figures.push(Figure::new("plane-transitions", "Where the regions change", caption, chart));
     }
     if total.scored > 0 {
         let caption = format!(
-            "Mean Mahalanobis score of the one-step errors of the rows in each cell of {at}: dark cells are where the model errs. Cells without rows are empty."
+            "Mean Mahalanobis score of the one-step errors of the rows in each cell of {at}. The stronger the colour, the larger the errors; cells without rows are empty."
         );
         let chart = map(model, &plane, "mean Mahalanobis score", PlaneCell::mean_score);
         figures.push(Figure::new("plane-errors", "Where the errors are", caption, chart));

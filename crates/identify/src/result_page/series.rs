@@ -60,7 +60,7 @@ pub(super) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
         |(place, target): (usize, &Target)| residuals::over_columns(place, target, &passed.columns).map(Part::Figure);
     parts.extend(unfolded(
         passed.targets.iter().enumerate().take(OVER).filter_map(over).collect(),
-        "more targets over the columns",
+        "Errors over the columns",
     ));
     let walked = passed.transitions.as_ref().zip(model.latents.first());
     let walked = walked.and_then(|(counted, latent)| {

@@ -47,7 +47,7 @@ fn values(series: &Series, at: usize) -> Vec<Cell> {
 }
 
 pub(super) fn of_bars(bars: &Bars) -> Table {
-    let mut head = vec![String::new()];
+    let mut head = vec!["name".to_owned()];
     for (name, _) in &bars.bars {
         head.extend([name.clone(), format!("{name} low"), format!("{name} high")]);
     }

@@ -21,6 +21,8 @@ pub struct Lines {
     pub series: Vec<Series>,
     /// Heights of lines of reference, with their words.
     pub levels: Vec<(f64, String)>,
+    /// A place along the horizontal axis that is marked by an upright line, with its words.
+    pub upright: Option<(f64, String)>,
     /// A range along the horizontal axis that is shaded, with its words.
     pub range: Option<([f64; 2], String)>,
 }
@@ -87,12 +89,18 @@ impl Series {
 impl Lines {
     /// A chart of lines.
     pub fn new(x: Axis, y: Axis, series: Vec<Series>) -> Self {
-        Self { x, y, series, levels: Vec::new(), range: None }
+        Self { x, y, series, levels: Vec::new(), upright: None, range: None }
     }
 
     /// With a line of reference.
     pub fn level(mut self, height: f64, words: impl Into<String>) -> Self {
         self.levels.push((height, words.into()));
+        self
+    }
+
+    /// With an upright line at a place along the horizontal axis.
+    pub fn marked(mut self, place: f64, words: impl Into<String>) -> Self {
+        self.upright = Some((place, words.into()));
         self
     }
 
@@ -115,6 +123,8 @@ impl Lines {
         let at = |value: &f64| typeset(&number(*value));
         let range = self.range.iter().map(|([from, to], words)| format!(" {words}: {} to {}.", at(from), at(to)));
         let range: String = range.collect();
+        let mark = self.upright.iter().map(|(place, words)| format!(" {words}: {}.", at(place)));
+        let range = range + &mark.collect::<String>();
         format!("{} over {}. {}.{range}", self.y.title(), self.x.title(), ends.join("; "))
     }
 
@@ -154,6 +164,13 @@ impl Lines {
             let Some(y) = vertical.at(*height) else { continue };
             canvas.line("level", [frame.left, y], [frame.right, y]);
             canvas.text("note", "end", [frame.right - 4.0, y - 4.0], words);
+        }
+        if let Some((place, words)) = &self.upright
+            && let Some(x) = across.at(*place).filter(|x| (frame.left..=frame.right).contains(x))
+        {
+            let beside = if x < 0.6 * frame.right { ("start", x + 5.0) } else { ("end", x - 5.0) };
+            canvas.line("level", [x, frame.top], [x, frame.bottom]);
+            canvas.text("note", beside.0, [beside.1, frame.top + 11.0], words);
         }
         canvas
     }

@@ -1,4 +1,4 @@
-//! Values over a plane: cells that are the darker the larger their value is.
+//! Values over a plane: cells whose colour is the stronger the larger their value is.
 
 use super::{
     canvas::{Canvas, Frame, LINE, Sample, width_of},
