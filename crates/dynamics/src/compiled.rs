@@ -158,6 +158,18 @@ impl Compiled {
         self.rights.evaluate(&leaves, rows, &mut workspace.outputs, stride, &mut workspace.scratch);
     }
 
+    /// The values of the latents where they are the same at all rows: they have no functions and one region. NaN for those that nothing reads.
+    pub(crate) fn constants(&self) -> Option<Vec<f64>> {
+        let mut numbers = vec![f64::NAN; self.latents];
+        for group in &self.groups {
+            if !group.kept.is_empty() || group.constants.len() != group.width {
+                return None;
+            }
+            group.slots.iter().zip(&group.constants).for_each(|(&slot, &value)| numbers[slot] = value);
+        }
+        Some(numbers)
+    }
+
     /// The values of the latent that stands behind the columns at this index, after [`Self::evaluate`]; `None` for a column.
     pub(crate) fn latent<'a>(&self, column: usize, workspace: &'a Workspace) -> Option<&'a [f64]> {
         let slot = column.checked_sub(self.columns)?;

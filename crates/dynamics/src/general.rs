@@ -100,6 +100,11 @@ impl<'a> Batch<'a> {
                 }
             }
         }
+        for (b, run) in runs.iter().enumerate() {
+            for (state, &value) in simulator.states.iter().zip(run.beginning.unwrap_or_default()) {
+                columns.at_mut(state.column, 0)[b] = value;
+            }
+        }
         let mut drives = Vec::new();
         if let Some(driver) = &simulator.driver {
             for &(column, most) in &driver.drives {

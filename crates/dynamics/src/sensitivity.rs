@@ -84,7 +84,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct Tangents {
     /// Numbers of the coefficients that it met, ascending.
     pub(crate) active: Vec<usize>,
-    /// Active coefficients, padded.
+    /// Active coefficients and, where the beginning may move, the states, padded.
     pub(crate) width: usize,
     /// (steps + 1) x states x width.
     pub(crate) values: Vec<f64>,
@@ -94,6 +94,11 @@ impl Tangents {
     /// The tangents of a state after so many steps.
     pub(crate) fn of(&self, step: usize, state: usize, states: usize) -> &[f64] {
         &self.values[(step * states + state) * self.width..][..self.active.len()]
+    }
+
+    /// How a state after so many steps moves with the states at the beginning; of tangents that were asked for them.
+    pub(crate) fn by_beginning(&self, step: usize, state: usize, states: usize) -> &[f64] {
+        &self.values[(step * states + state) * self.width + self.active.len()..][..states]
     }
 }
 
@@ -129,20 +134,25 @@ impl Sensitivity {
         })
     }
 
-    /// The tangents along a trajectory that the simulator made of this run.
+    /// The tangents along a trajectory that the simulator made of this run; `beginning`: by the states that it began with, too (dx_0 / dx_0 = I).
     pub(crate) fn along(
         &self,
         simulator: &Simulator,
         run: &Run<'_>,
         trajectory: &Trajectory,
         method: Method,
+        beginning: bool,
     ) -> Tangents {
         let stages = self.stages(simulator, run, trajectory, method);
         let active = self.active(simulator, &stages);
         let mut local = vec![NONE; active.last().map_or(0, |last| last + 1)];
         active.iter().zip(0..).for_each(|(&number, at)| local[number] = at);
-        let (states, width) = (simulator.states.len(), padded(active.len()));
+        let states = simulator.states.len();
+        let width = padded(active.len() + if beginning { states } else { 0 });
         let mut values = vec![0.0; (trajectory.steps() + 1) * states * width];
+        if beginning {
+            (0..states).for_each(|state| values[state * width + active.len() + state] = 1.0);
+        }
         let mut stepping = Stepping {
             sensitivity: self,
             simulator,

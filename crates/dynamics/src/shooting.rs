@@ -43,7 +43,7 @@ impl ShootingOptions {
         Self { steps, method: Method::Rk4, step: Step::Median, divergence: 10.0 }
     }
 
-    fn rollout(&self) -> RolloutOptions {
+    pub(crate) fn rollout(&self) -> RolloutOptions {
         let mut options = RolloutOptions::new(self.steps);
         (options.method, options.step, options.divergence) = (self.method, self.step, self.divergence);
         options
@@ -143,7 +143,7 @@ impl<'a> Shooting<'a> {
 
     fn segment(&self, window: &Window<'_>, trajectory: &Trajectory) -> Segment {
         let run = Run::new(self.source, window, &self.options);
-        let tangents = self.sensitivity.along(&self.simulator, &run, trajectory, self.options.method);
+        let tangents = self.sensitivity.along(&self.simulator, &run, trajectory, self.options.method, false);
         let cells = self.cells(window);
         let mut segment = Segment { ended: trajectory.end != End::Horizon, ..Segment::default() };
         for &(step, state, measured) in &cells {

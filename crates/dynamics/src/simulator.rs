@@ -393,6 +393,8 @@ pub(crate) struct Run<'a> {
     pub(crate) divergence: f64,
     /// Whether it ends where it leaves the training domain.
     pub(crate) ends_outside: bool,
+    /// The states where it begins, in the order of [`Simulator::states`]; the recorded ones where none are given.
+    pub(crate) beginning: Option<&'a [f64]>,
     /// Whether all steps are `time[1]` long.
     uniform: bool,
 }
@@ -412,7 +414,7 @@ impl<'a> Run<'a> {
         let uniform = options.step != Step::Stamps;
         let (horizon, divergence, ends_outside) =
             (options.horizon, options.divergence, options.outside == Outside::End);
-        Self { window, time, start, horizon, divergence, ends_outside, uniform }
+        Self { window, time, start, horizon, divergence, ends_outside, beginning: None, uniform }
     }
 
     /// Length of a step, seconds.

@@ -41,6 +41,13 @@ impl Inverse {
         Mat::from_fn(p, p, |a, b| variance * entry(a.min(b), a.max(b)))
     }
 
+    /// `variance H^-1 middle H^-1` (p x p).
+    pub(crate) fn sandwich(&self, middle: &Mat<f64>, variance: f64) -> Mat<f64> {
+        let inner = self.root.transpose() * middle * &self.root;
+        let outer = &self.root * inner * self.root.transpose();
+        Mat::from_fn(outer.nrows(), outer.ncols(), |a, b| variance * outer[(a.min(b), a.max(b))])
+    }
+
     /// `H^-1 (sum_c g_c g_c') H^-1 C/(C - 1)` over the scores g of C chunks: errors may be correlated within a chunk (Liang and Zeger 1986). `None`
     /// for one chunk, and where there are no more chunks of positive weight than parameters: their scores sum to zero and say nothing.
     pub(crate) fn clustered(&self, scores: &[Vec<f64>]) -> Option<Mat<f64>> {

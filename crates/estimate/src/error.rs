@@ -82,6 +82,32 @@ pub enum EstimateError {
         /// Parameters.
         parameters: usize,
     },
+    /// A simulation that diverges where the iteration begins.
+    #[error(
+        "the simulation from row {row} of episode {episode} diverges at the initial values: choose others, or shorter segments"
+    )]
+    Diverges {
+        /// The episode's name.
+        episode: String,
+        /// The first row of the segment.
+        row: usize,
+    },
+    /// Segments whose rows lack values.
+    #[error(
+        "all {segments} segments miss a value that they need, of a state where they begin or of an input: prepare the logs, or choose shorter segments"
+    )]
+    NoSegment {
+        /// How many.
+        segments: usize,
+    },
+    /// An output that is no state.
+    #[error("`{name}` is to be compared and is no state that the equations advance: the states are {states}")]
+    NoState {
+        /// What was named.
+        name: String,
+        /// The states.
+        states: String,
+    },
     /// A delay that may take any time.
     #[error(
         "how long `{filter}` may last is not bounded: give its parameters finite bounds, which say what rows have a past"

@@ -48,6 +48,8 @@ pub(crate) struct Evaluation {
     pub(crate) scores: Vec<Vec<f64>>,
     /// What was solved for on the way, one a residual.
     pub(crate) linear: Vec<LinearPart>,
+    /// What each residual, or output, has of the cost; empty where nobody asks.
+    pub(crate) shares: Vec<f64>,
     /// Simulations that ended early.
     pub(crate) ended: u64,
 }
@@ -76,21 +78,21 @@ impl<'a> Nonlinear<'a> {
         Self { problem, rows: Rows::new(&problem.layout, source, chunk_rows, progress) }
     }
 
-    /// Compressed rows of all residuals.
-    fn stack(&self, factors: &[Factor]) -> (Mat<f64>, Vec<f64>, f64) {
+    /// Compressed rows of all residuals, and the squares that each has of the cost, in them and beyond.
+    fn stack(&self, factors: &[Factor]) -> (Mat<f64>, Vec<f64>, Vec<[f64; 2]>) {
         let slopes = &self.problem.slopes;
         let mut jacobian = Mat::zeros(slopes.iter().map(|of| of.len() + 1).sum(), self.problem.bounds.len());
-        let (mut rhs, mut beyond) = (Vec::with_capacity(jacobian.nrows()), 0.0);
+        let (mut rhs, mut shares) = (Vec::with_capacity(jacobian.nrows()), Vec::with_capacity(factors.len()));
         for (parameters, factor) in slopes.iter().zip(factors) {
             let part = unfold(factor);
             for (column, &j) in parameters.iter().enumerate() {
                 let values = part.columns.col_as_slice(column);
                 jacobian.col_as_slice_mut(j)[rhs.len()..rhs.len() + values.len()].copy_from_slice(values);
             }
+            shares.push([part.rhs.iter().map(|r| r * r).sum(), part.beyond]);
             rhs.extend(part.rhs);
-            beyond += part.beyond;
         }
-        (jacobian, rhs, beyond)
+        (jacobian, rhs, shares)
     }
 
     fn score(&self, factors: &[Factor]) -> Vec<f64> {
@@ -118,9 +120,20 @@ impl Objective for Nonlinear<'_> {
             Scan::Complete(sums) => sums,
             Scan::Refused(error) => return Ok(Pass::Refused(error)),
         };
-        let (jacobian, rhs, beyond) = self.stack(&sums.factors);
-        let cost = rhs.iter().map(|r| r * r).sum::<f64>() + beyond;
+        let (jacobian, rhs, shares) = self.stack(&sums.factors);
+        let cost = rhs.iter().map(|r| r * r).sum::<f64>() + shares.iter().map(|share| share[1]).sum::<f64>();
+        let shares = shares.iter().map(|[within, beyond]| within + beyond).collect();
         let (targets, rows) = (sums.targets.iter().sum(), sums.rows);
-        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows, scores, linear: Vec::new(), ended: 0 }))
+        Ok(Pass::Finite(Evaluation {
+            jacobian,
+            rhs,
+            cost,
+            targets,
+            rows,
+            scores,
+            linear: Vec::new(),
+            shares,
+            ended: 0,
+        }))
     }
 }

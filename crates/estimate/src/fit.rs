@@ -23,6 +23,8 @@ pub struct Estimate {
     pub values: Vec<f64>,
     /// The weighted sum of squared residuals.
     pub cost: f64,
+    /// What each residual of positive weight has of the cost.
+    pub shares: Vec<f64>,
     /// Rows with all values.
     pub rows: u64,
     /// Cost over degrees of freedom (residuals of all rows less the free parameters); NaN without any.
@@ -125,6 +127,7 @@ impl Estimate {
         Ok(Estimate {
             names: objective.problem.layout.names.clone(),
             cost: descent.at.cost,
+            shares: descent.at.shares.clone(),
             rows: descent.at.rows,
             variance,
             covariance: inverse.covariance(variance),

@@ -13,6 +13,9 @@
 //! [`separable`] does the same for models that are linear in most of what is unknown, `sum_j c_kj phi_kj(x_i, theta)`: it searches over theta
 //! alone. Both take filters, such as a motor's first-order lag, with their constants among the parameters, and answer with standard errors.
 //!
+//! [`output_error`] estimates the parameters of a model's given equations so that its simulations stay nearest to what was measured, with noise in the
+//! measurements and initial states among the unknowns; [`equation_error`] so that the equations hold row by row.
+//!
 //! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
 //!
 //! ```
@@ -34,10 +37,13 @@
 
 mod covariance;
 mod descent;
+mod equation_error;
 mod error;
 mod evaluate;
 mod fit;
+mod output_error;
 mod problem;
+mod products;
 mod reads;
 mod rows;
 mod separable;
@@ -46,8 +52,10 @@ mod step;
 mod uncertain;
 
 pub use descent::{Options, Status};
+pub use equation_error::{EquationError, equation_error};
 pub use error::EstimateError;
 pub use fit::{Estimate, nonlinear_least_squares};
+pub use output_error::{Begun, OutputError, OutputErrorOptions, output_error};
 pub use problem::{Parameter, Residual};
 pub use separable::{LinearFit, LinearTarget, Separable, SeparableOptions, Start, separable};
 pub use simulation::{MOST_COEFFICIENTS, Simulated, SimulationOptions, simulation_error};

@@ -119,7 +119,17 @@ impl Objective for Projected<'_> {
         }
         let jacobian = Mat::from_fn(rhs.len(), q, |i, j| columns[j][i]);
         let rows = sums.rows;
-        Ok(Pass::Finite(Evaluation { jacobian, rhs, cost, targets, rows, scores: Vec::new(), linear, ended: 0 }))
+        Ok(Pass::Finite(Evaluation {
+            jacobian,
+            rhs,
+            cost,
+            targets,
+            rows,
+            scores: Vec::new(),
+            linear,
+            shares: Vec::new(),
+            ended: 0,
+        }))
     }
 }
 

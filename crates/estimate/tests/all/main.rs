@@ -6,4 +6,5 @@ mod outside;
 mod aircraft;
 mod least_squares;
 mod nist;
+mod output_error;
 mod simulation;

@@ -12,7 +12,7 @@ use fleetfoot_stats::{Factor, least_squares};
 use crate::outside;
 
 /// Noise of standard deviation one that is the same everywhere (the sum of twelve uniform numbers).
-fn noise(key: usize) -> f64 {
+pub(crate) fn noise(key: usize) -> f64 {
     let uniform = |i: u64| {
         let mut z = (key as u64 * 12 + i).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -22,7 +22,7 @@ fn noise(key: usize) -> f64 {
     (0..12).map(uniform).sum::<f64>() - 6.0
 }
 
-fn expression(text: &str) -> Expr {
+pub(crate) fn expression(text: &str) -> Expr {
     Expr::parse(text, &Scope::open()).expect("an expression")
 }
 
@@ -98,7 +98,7 @@ fn region(index: usize, functions: usize, residual_covariance: Vec<f64>) -> Regi
     }
 }
 
-fn source(names: &[&str], period: f64, episodes: Vec<Vec<Vec<f64>>>) -> MemorySource {
+pub(crate) fn source(names: &[&str], period: f64, episodes: Vec<Vec<Vec<f64>>>) -> MemorySource {
     let mut source = MemorySource::new(names.iter().map(|name| DataColumn::float(*name)).collect());
     for (number, columns) in episodes.into_iter().enumerate() {
         source.push_uniform(format!("run{number}"), period, columns);

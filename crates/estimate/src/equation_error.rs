@@ -1,0 +1,53 @@
+//! Equation error: parameters with which the equations hold row by row, every equation by its own noise.
+
+use fleetfoot_data::{Progress, Source};
+
+use crate::{Estimate, EstimateError, Options, Parameter, Residual, nonlinear_least_squares};
+
+/// Rounds of the alternation, at most.
+const ROUNDS: usize = 50;
+/// Relative change of the deviations at which it ends.
+const SAME: f64 = 1e-9;
+
+/// Parameters of equations that hold row by row.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct EquationError {
+    /// The parameters, each equation weighing by its own noise.
+    pub estimate: Estimate,
+    /// Standard deviation of what each equation leaves, in its own unit.
+    pub deviations: Vec<f64>,
+    /// Whether the alternation came to rest.
+    pub settled: bool,
+}
+
+/// Maximum likelihood of normal errors in the equations, independent from row to row: least squares and the variances of the errors in turn, until both stay
+/// (the weights of `residuals` are where it begins).
+///
+/// # Errors
+/// Those of [`nonlinear_least_squares`].
+pub fn equation_error(
+    residuals: &[Residual],
+    parameters: &[Parameter],
+    source: &dyn Source,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<EquationError, EstimateError> {
+    let (mut residuals, mut parameters) = (residuals.to_vec(), parameters.to_vec());
+    let mut round = 0;
+    loop {
+        round += 1;
+        let estimate = nonlinear_least_squares(&residuals, &parameters, source, options, progress)?;
+        let deviation = |(share, residual): (&f64, &Residual)| (share / residual.weight / estimate.rows as f64).sqrt();
+        let deviations: Vec<f64> = estimate.shares.iter().zip(&residuals).map(deviation).collect();
+        let stays = |(residual, deviation): (&Residual, &f64)| (residual.weight.sqrt() * deviation - 1.0).abs() < SAME;
+        let settled = residuals.len() < 2
+            || residuals.iter().zip(&deviations).all(stays)
+            || deviations.iter().any(|&deviation| deviation <= 0.0);
+        if settled || round == ROUNDS {
+            return Ok(EquationError { estimate, deviations, settled });
+        }
+        residuals.iter_mut().zip(&deviations).for_each(|(residual, deviation)| residual.weight = deviation.powi(-2));
+        parameters.iter_mut().zip(&estimate.values).for_each(|(parameter, &value)| parameter.initial = value);
+    }
+}
