@@ -14,6 +14,7 @@ mod narx;
 mod narx_search;
 mod objective;
 mod outside;
+mod parameters;
 mod prepare;
 mod real_data;
 mod replayed;

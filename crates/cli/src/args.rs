@@ -3,6 +3,7 @@
 mod examples;
 mod export;
 mod narx;
+mod parameters;
 mod prepare;
 mod report;
 mod sindy;
@@ -16,6 +17,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
+pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
 pub(crate) use report::Report;
 pub(crate) use sindy::{EquationArgs, FitSindy};
@@ -114,6 +116,10 @@ pub(crate) enum Fit {
     // What these three say is settled by the method: they are refused, with the options that say it.
     #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)))]
     Narx(Box<FitNarx>),
+    /// Parameters of given equations, by output error or equation error, with intervals.
+    // The equations say what is predicted from what: these are refused.
+    #[command(after_help = examples::FIT_PARAMETERS, mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)))]
+    Parameters(Box<FitParameters>),
 }
 
 #[derive(Debug, Args)]

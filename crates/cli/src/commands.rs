@@ -6,6 +6,7 @@ pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod fit_known;
 pub(crate) mod fit_narx;
+pub(crate) mod fit_parameters;
 pub(crate) mod fit_sindy;
 pub(crate) mod fit_sparse;
 pub(crate) mod generate;

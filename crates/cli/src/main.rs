@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Command::Init(arguments) => commands::init::init(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit::pwa(arguments, &context),
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
+        Command::Fit(Fit::Parameters(arguments)) => commands::fit_parameters::parameters(arguments, &context),
         Command::Fit(Fit::Narx(arguments)) => commands::fit_narx::narx(arguments, &context),
         Command::Fit(Fit::Sindy(arguments)) => commands::fit_sindy::sindy(arguments, &context),
         Command::Prepare(arguments) => commands::prepare::prepare(arguments, &context),

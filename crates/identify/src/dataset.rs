@@ -15,6 +15,7 @@ use crate::{
     Error, Logs, Recipe,
     clocks::{self, AlignedClock, Clocks},
     labels::Labelled,
+    parameters::ParametersTask,
     period,
     sindy::EquationTask,
     statistic::EquationStatistic,
@@ -149,6 +150,19 @@ impl Dataset {
         let recipe = &recipe.expand(&fields)?;
         let task = KnownTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
         let dataset = Self::open(recipe, &task.columns, &task.aliases, Clock::Needed, logs, progress)?;
+        Ok((dataset, task))
+    }
+
+    /// Opens files for a recipe whose given equations have parameters.
+    pub(crate) fn for_parameters(
+        recipe: &Recipe,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Self, ParametersTask), Error> {
+        let (fields, info) = fields(recipe, logs)?;
+        let recipe = &recipe.expand(&fields)?;
+        let task = ParametersTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let dataset = Self::open(recipe, &task.known.columns, &task.known.aliases, Clock::Needed, logs, progress)?;
         Ok((dataset, task))
     }
 

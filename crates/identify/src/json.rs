@@ -1,6 +1,7 @@
 //! Reports for programs, as JSON. A number that is none is `null`.
 
 mod narx;
+mod parameters;
 mod pwa;
 mod rollout;
 mod score;

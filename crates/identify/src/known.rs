@@ -1,10 +1,11 @@
 //! A model whose equations are all given: what is known of the physics, as a baseline for what is fitted.
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_model::{Model, Role, Training};
 use fleetfoot_stats::{Gram, Grid, reduce};
 
-use crate::{Dataset, Error, Logs, Recipe};
+use crate::{Dataset, Error, Logs, Recipe, task::KnownTask};
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
@@ -39,14 +40,28 @@ pub fn is_known(recipe: &Recipe) -> bool {
 pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<KnownModel, Error> {
     let logs = &logs.into();
     let (dataset, task) = Dataset::for_known(recipe, logs, progress)?;
+    let model = given("known", recipe, task, &dataset, progress)?;
+    Ok(KnownModel {
+        rows: model.training.rows,
+        episodes: dataset.episodes().len(),
+        files: logs.len(),
+        notes: dataset.notes().to_vec(),
+        model,
+    })
+}
+
+/// A model of given equations on an opened recording, which tells how far its states spread.
+pub(crate) fn given(
+    method: &str,
+    recipe: &Recipe,
+    task: KnownTask,
+    dataset: &Dataset,
+    progress: &dyn Progress,
+) -> Result<Model, Error> {
     let view = dataset.view()?;
-    let states: Vec<usize> = task
-        .columns
-        .iter()
-        .filter(|column| column.role == Role::State)
-        .filter_map(|column| view.column_index(&column.name))
-        .collect();
-    let spread = spread(&view, &states, progress)?;
+    let states = task.columns.iter().filter(|column| column.role == Role::State);
+    let states: Vec<Expr> = states.map(|column| Expr::column(column.name.as_str())).collect();
+    let spread = moments(&view, &states, progress)?;
     if spread.rows == 0 {
         return Err(Error::too_few_rows(
             0,
@@ -54,52 +69,55 @@ pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progre
             "no row has a value of every state: how far the states spread is not known; give other files".into(),
         ));
     }
-    let covariance = |i: usize| (0..=i).map(move |j| (i, j));
+    let targets: Vec<Expr> = task.equations.iter().filter_map(|equation| equation.target.clone()).collect();
+    let measured = moments(&view, &targets, progress)?;
     let training = Training {
         version: env!("CARGO_PKG_VERSION").into(),
         recipe: recipe.to_toml(),
         rows: spread.rows,
         episodes: view.episodes().iter().map(|episode| (episode.id.to_string(), episode.name.clone())).collect(),
-        state_covariance: (0..states.len())
-            .flat_map(covariance)
-            .map(|(i, j)| spread.get(i, j) / spread.weight)
-            .collect(),
+        target_mean: measured.mean.clone(),
+        target_covariance: covariance(&measured),
+        target_deviation: vec![f64::NAN; targets.len()],
+        state_covariance: covariance(&spread),
         ..Training::default()
     };
-    let mut model = Model::new("known", task.columns, dataset.step(), training);
+    let mut model = Model::new(method, task.columns, dataset.step(), training);
     model.equations = task.equations;
-    Ok(KnownModel {
-        model,
-        rows: spread.rows,
-        episodes: dataset.episodes().len(),
-        files: logs.len(),
-        notes: dataset.notes().to_vec(),
-    })
+    Ok(model)
 }
 
-/// Moments of some columns over the rows that have them all.
-fn spread(view: &dyn Source, columns: &[usize], progress: &dyn Progress) -> Result<Gram, Error> {
+/// The covariance of what was summed, packed.
+fn covariance(sums: &Gram) -> Vec<f64> {
+    let entries = (0..sums.mean.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+    entries.map(|(i, j)| sums.get(i, j) / sums.weight).collect()
+}
+
+/// Moments of some expressions over the rows that have them all.
+fn moments(view: &dyn Source, expressions: &[Expr], progress: &dyn Progress) -> Result<Gram, Error> {
     progress.stage("scan");
+    let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
+    let design = Design::compile(expressions, &names).map_err(fleetfoot_dynamics::Error::from)?;
     let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
-    let mut total = Gram::new(columns.len());
+    let mut total = Gram::new(expressions.len());
+    if expressions.is_empty() {
+        return Ok(total);
+    }
     reduce(
         view,
         &chunks,
-        fleetfoot_data::Halo::default(),
+        design.halo(),
         progress,
-        || Gram::new(columns.len()),
-        |sum, _, block, rows| -> Result<(), Error> {
-            let there = |row: &usize| columns.iter().all(|&column| block.core(column)[*row].is_finite());
-            let complete: Vec<usize> = rows.filter(there).collect();
-            let values = |column: &usize| complete.iter().map(|&row| block.core(*column)[row]).collect();
-            let values: Vec<Vec<f64>> = columns.iter().map(values).collect();
-            if !complete.is_empty() {
-                let columns: Vec<&[f64]> = values.iter().map(Vec::as_slice).collect();
+        || (Gram::new(expressions.len()), DesignRows::default()),
+        |(sum, found), _, block, rows| -> Result<(), Error> {
+            design.evaluate(block, rows, found);
+            if found.rows() > 0 {
+                let columns: Vec<&[f64]> = (0..expressions.len()).map(|j| found.output(j)).collect();
                 sum.merge(&Gram::of_columns(&columns, None));
             }
             Ok(())
         },
-        |_, sum| {
+        |_, (sum, _)| {
             if sum.rows > 0 {
                 total.merge(&sum);
             }

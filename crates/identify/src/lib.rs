@@ -1,7 +1,7 @@
 //! From recipe to model: the problem that a recipe and its logs are, and the pipelines of every method. No numerics.
 //!
 //! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. Every method has a request (what is asked), a
-//! plan (what it would cost), a fit and a report: [`fit_pwa`], [`fit_sparse`], [`fit_sindy`], [`fit_narx`]. [`statistic`] scans logs to the file from
+//! plan (what it would cost), a fit and a report: [`fit_pwa`], [`fit_sparse`], [`fit_sindy`], [`fit_narx`], [`fit_parameters`]. [`statistic`] scans logs to the file from
 //! which fits need no logs; [`prepare`] cleans raw channels; [`score`], [`predict`] and [`rollout`] run a model on files, and [`report()`] draws
 //! what it is worth.
 //!
@@ -43,6 +43,7 @@ mod narx;
 mod not_finite;
 mod objective;
 mod output;
+mod parameters;
 mod period;
 pub mod prepare;
 mod project;
@@ -79,12 +80,15 @@ pub use narx::{
 };
 pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::{layout_files, write_model};
+pub use parameters::{
+    ConfoundedPair, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport, fit_parameters,
+};
 pub use project::{Projected, project};
 pub use recipe::{
-    ClockSection, Derivative, EpisodeRule, Gap, Input, InputTable, Join, JoinTable, Kind, LatentSection,
-    LibrarySection, Limits, ModelSection, NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice,
-    PrepareMethod, PrepareSection, PwaSection, Recipe, Settings, SindySection, SpanDerivative, SparseSection, State,
-    TaskSection, Time, Tunable, UnseenLabels,
+    ClockSection, Derivative, EpisodeRule, EstimateMethod, EstimateSection, Gap, Input, InputTable, Join, JoinTable,
+    Kind, LatentSection, LibrarySection, Limits, ModelSection, NarxSection, NarxTerms, Normalize, Over,
+    ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, Settings, SindySection,
+    SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};

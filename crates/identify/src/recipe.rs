@@ -11,6 +11,7 @@ use crate::Error;
 
 mod clocks;
 mod derivative;
+mod estimate;
 mod narx;
 mod prepare;
 mod pwa;
@@ -20,6 +21,7 @@ mod sparse;
 
 pub use clocks::ClockSection;
 pub use derivative::{Derivative, Over, SpanDerivative};
+pub use estimate::{EstimateMethod, EstimateSection};
 pub use narx::{NarxSection, NarxTerms};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
 pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
@@ -59,6 +61,9 @@ pub struct Recipe {
     /// Numbers inside expressions that are not known.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub parameters: IndexMap<String, ParameterSection>,
+    /// How parameters of given equations are estimated: what the flags of `fit parameters` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub estimate: EstimateSection,
     /// How equations are found: what the flags of `fit sindy` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub sindy: SindySection,

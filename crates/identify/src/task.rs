@@ -205,6 +205,7 @@ impl Task {
 }
 
 /// Given equations alone, and the columns that they speak of.
+#[derive(Default)]
 pub(crate) struct KnownTask {
     /// The model's columns.
     pub(crate) columns: Vec<Column>,
@@ -217,7 +218,11 @@ pub(crate) struct KnownTask {
 impl KnownTask {
     /// Resolves a recipe in which every state is given.
     pub(crate) fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
-        let mut aliases = Aliases::of_recipe(recipe, fields)?;
+        Self::over(recipe, Aliases::of_recipe(recipe, fields)?)
+    }
+
+    /// The equations over what the aliases know.
+    pub(crate) fn over(recipe: &Recipe, mut aliases: Aliases<'_>) -> Result<Self, Error> {
         let mut equations = Vec::new();
         for (name, state) in &recipe.states {
             equations.push(state_equation(name, state, Prediction::Derivative, None, &mut aliases)?);

@@ -13,8 +13,8 @@ use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule, Training,
-    Transitions, UnseenLabel,
+    Column, Equation, Estimated, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule,
+    Training, Transitions, UnseenLabel,
 };
 
 /// Version of the file format that this version writes and reads.
@@ -287,6 +287,11 @@ struct TrainingText {
     target_covariance: Reals,
     target_deviation: Reals,
     state_covariance: Reals,
+    /// Name, value, half the width of the 95 % interval; of models whose parameters were estimated.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    parameters: Vec<(String, Real, Real)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    parameter_covariance: Reals,
 }
 
 const ROLES: [(Role, &str); 3] = [(Role::State, "state"), (Role::Input, "input"), (Role::Auxiliary, "auxiliary")];
@@ -572,6 +577,8 @@ impl From<&Training> for TrainingText {
             target_covariance: reals(&t.target_covariance),
             target_deviation: reals(&t.target_deviation),
             state_covariance: reals(&t.state_covariance),
+            parameters: t.parameters.iter().map(|p| (p.name.clone(), Real(p.value), Real(p.half_width))).collect(),
+            parameter_covariance: reals(&t.parameter_covariance),
         }
     }
 }
@@ -588,6 +595,10 @@ impl TrainingText {
             target_covariance: floats(self.target_covariance),
             target_deviation: floats(self.target_deviation),
             state_covariance: floats(self.state_covariance),
+            parameters: (self.parameters.into_iter())
+                .map(|(name, value, half_width)| Estimated { name, value: value.0, half_width: half_width.0 })
+                .collect(),
+            parameter_covariance: floats(self.parameter_covariance),
         }
     }
 }

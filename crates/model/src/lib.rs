@@ -55,7 +55,7 @@ pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};
 pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use print::{describe, describe_transitions, factor};
-pub use region::{Region, Training};
+pub use region::{Estimated, Region, Training};
 pub use transitions::Transitions;
 pub use typeset::SetEquation;
 

@@ -47,4 +47,19 @@ pub struct Training {
     pub target_deviation: Vec<f64>,
     /// Covariance of the states (divisor: rows), packed lower triangle, in the order of the columns with role State.
     pub state_covariance: Vec<f64>,
+    /// Numbers inside the equations that were estimated, with what is known of them; none of most methods.
+    pub parameters: Vec<Estimated>,
+    /// Covariance of these numbers, packed lower triangle; NaN where the data do not determine one.
+    pub parameter_covariance: Vec<f64>,
+}
+
+/// A number inside the equations that was estimated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimated {
+    /// What the recipe calls it.
+    pub name: String,
+    /// Its value, which stands in the equations.
+    pub value: f64,
+    /// Half the width of its 95 % interval; infinite where the data do not determine it, 0 where it was given.
+    pub half_width: f64,
 }

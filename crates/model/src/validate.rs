@@ -48,6 +48,7 @@ impl Model {
             ("target means", t.target_mean.len(), fitted),
             ("target covariances", t.target_covariance.len(), triangle(fitted)),
             ("target deviations", t.target_deviation.len(), fitted),
+            ("covariances of parameters", t.parameter_covariance.len(), triangle(t.parameters.len())),
             ("state covariances", t.state_covariance.len(), triangle(states)),
         ] {
             if length != expected {

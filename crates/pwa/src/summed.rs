@@ -226,6 +226,7 @@ impl<'a> Sums<'a> {
             // An absolute error, which sums do not know.
             target_deviation: vec![f64::NAN; q],
             state_covariance: rows.scales.covariance(q..d),
+            ..Training::default()
         };
         assembled(problem, partition, library, &order.full, training)
     }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest, SindySection,
-    SparseRequest, SparseSection, log::Cache,
+    EstimateSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest,
+    SindySection, SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -51,7 +51,14 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
     fn of<S: Settings>() -> (&'static str, Vec<&'static str>) {
         (S::SECTION, S::ENTRIES.to_vec())
     }
-    vec![of::<PwaSection>(), of::<SparseSection>(), of::<SindySection>(), of::<NarxSection>(), of::<PrepareSection>()]
+    vec![
+        of::<PwaSection>(),
+        of::<SparseSection>(),
+        of::<SindySection>(),
+        of::<NarxSection>(),
+        of::<EstimateSection>(),
+        of::<PrepareSection>(),
+    ]
 }
 
 /// A piecewise-affine model: the chosen one, its report, and with `keep_all` the models of all candidates.
@@ -108,6 +115,21 @@ pub(crate) fn fit_narx(
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let request = NarxRequest { free_run: other.map(|other| other.logs.clone()).unwrap_or_default() };
     let fitted = run(py, progress, |progress| fleetfoot::fit_narx(&recipe, &request, &data.logs, progress))?;
+    Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string()))
+}
+
+/// Given equations with estimated parameters.
+#[pyfunction]
+#[pyo3(signature = (data, recipe_text, cache=None, progress=None))]
+pub(crate) fn fit_parameters(
+    py: Python<'_>,
+    data: &Data,
+    recipe_text: &str,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Model, String)> {
+    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let fitted = run(py, progress, |progress| fleetfoot::fit_parameters(&recipe, &data.logs, progress))?;
     Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string()))
 }
 

@@ -79,7 +79,7 @@ mod _core {
 
     // -- identification
     #[pymodule_export]
-    use crate::fit::{fit_narx, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
+    use crate::fit::{fit_narx, fit_parameters, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]

@@ -83,6 +83,12 @@ Examples:
   fleetfoot fit narx log.csv --outputs y --inputs u --partition average,kmeans:5,20 --partition-on 'y,y - lag(y, 1),u'
   fleetfoot fit narx run.stats --select bic --free-run test.csv";
 
+pub(crate) const FIT_PARAMETERS: &str = "\
+Examples:
+  fleetfoot fit parameters -c robot.toml runs/
+  fleetfoot fit parameters -c robot.toml runs/ --method equation-error
+  fleetfoot fit parameters -c robot.toml runs/ --segment 500 --compare q --parameter 'mass=90 in 50..150'";
+
 pub(crate) const SCORE: &str = "\
 Examples:
   fleetfoot score model.json held-out.mcap --episodes

@@ -1,7 +1,9 @@
 //! Options, settings and their words: one meaning each, the same in flags and recipes.
 
 use clap::{CommandFactory, Parser};
-use fleetfoot::{ModelSection, NarxSection, PwaSection, Recipe, Settings, SindySection, SparseSection};
+use fleetfoot::{
+    EstimateSection, ModelSection, NarxSection, PwaSection, Recipe, Settings, SindySection, SparseSection,
+};
 
 use super::{Cli, Command, Fit, List};
 
@@ -22,14 +24,14 @@ fn values(argument: &clap::Arg) -> [String; 2] {
 }
 
 /// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
-fn walk<S: Settings>(of: fn(&Fit) -> Option<&S>) {
+fn walk<S: Settings>(command: &str, of: fn(&Fit) -> Option<&S>) {
     let told = S::augment_args(clap::Command::new("settings"));
     let mut found = Vec::new();
     for argument in told.get_arguments() {
         let entry = argument.get_id().as_str();
         let flag = |value: &str| -> S {
             let flag = format!("--{}={value}", entry.replace('_', "-"));
-            let cli = Cli::try_parse_from(["fleetfoot", "fit", S::SECTION, "log.csv", &flag]);
+            let cli = Cli::try_parse_from(["fleetfoot", "fit", command, "log.csv", &flag]);
             let cli = cli.unwrap_or_else(|problem| panic!("{flag}: {problem}"));
             let Command::Fit(fit) = cli.command else { panic!("{flag}: no fit") };
             of(&fit).unwrap_or_else(|| panic!("{flag}: another method")).clone()
@@ -52,20 +54,24 @@ fn walk<S: Settings>(of: fn(&Fit) -> Option<&S>) {
 
 #[test]
 fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
-    walk::<PwaSection>(|fit| match fit {
+    walk::<PwaSection>("pwa", |fit| match fit {
         Fit::Pwa(own) => Some(&own.pwa),
         _ => None,
     });
-    walk::<SparseSection>(|fit| match fit {
+    walk::<SparseSection>("sparse", |fit| match fit {
         Fit::Sparse(own) => Some(&own.sparse),
         _ => None,
     });
-    walk::<SindySection>(|fit| match fit {
+    walk::<SindySection>("sindy", |fit| match fit {
         Fit::Sindy(own) => Some(&own.sindy),
         _ => None,
     });
-    walk::<NarxSection>(|fit| match fit {
+    walk::<NarxSection>("narx", |fit| match fit {
         Fit::Narx(own) => Some(&own.narx),
+        _ => None,
+    });
+    walk::<EstimateSection>("parameters", |fit| match fit {
+        Fit::Parameters(own) => Some(&own.estimate),
         _ => None,
     });
 }

@@ -87,7 +87,7 @@ fn state<'a>(recipe: &'a mut Recipe, flag: &str, name: &str) -> Result<&'a mut f
 }
 
 /// `tau=0.05`, `tau=0.05 in 0.01..0.3`.
-fn parameter(text: &str) -> Result<(String, ParameterSection), Error> {
+pub(super) fn parameter(text: &str) -> Result<(String, ParameterSection), Error> {
     let refused = || {
         Error::value(format!(
             "--parameter {text}: write NAME=VALUE, or NAME=VALUE in LEAST..GREATEST: `tau=0.05 in 0.01..0.3`"
@@ -100,7 +100,7 @@ fn parameter(text: &str) -> Result<(String, ParameterSection), Error> {
     };
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| refused());
     let bounds = bounds.map(|(least, most)| Ok::<_, Error>([number(least)?, number(most)?])).transpose()?;
-    Ok((name, ParameterSection { initial: number(initial)?, bounds, unit: None }))
+    Ok((name, ParameterSection { initial: number(initial)?, bounds, ..ParameterSection::default() }))
 }
 
 fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), Error> {

@@ -38,6 +38,7 @@ impl Recipe {
         self.say(said.sparse.clone());
         self.say(said.sindy.clone());
         self.say(said.narx.clone());
+        self.say(said.estimate.clone());
         self.say(said.prepare.clone());
     }
 }

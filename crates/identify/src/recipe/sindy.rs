@@ -26,6 +26,9 @@ pub struct ParameterSection {
     /// Least and greatest value; no bounds when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 2]>,
+    /// Whether it stays where it is; of `fit parameters`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed: Option<bool>,
     /// Unit, for people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,

@@ -157,5 +157,6 @@ fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Proven
         // An absolute error is no quadratic question: a statistic does not know it.
         target_deviation: vec![f64::NAN; fitted],
         state_covariance: also.covariance(fitted..fitted + states),
+        ..Training::default()
     }
 }

@@ -14,11 +14,13 @@ pub struct Parameter {
     pub bounds: [f64; 2],
     /// Unit, when known.
     pub unit: Option<String>,
+    /// Whether it stays where it is.
+    pub fixed: bool,
 }
 
 impl Parameter {
     /// Those of a recipe.
-    pub(super) fn all(recipe: &Recipe, aliases: &Aliases<'_>) -> Result<Vec<Self>, Error> {
+    pub(crate) fn all(recipe: &Recipe, aliases: &Aliases<'_>) -> Result<Vec<Self>, Error> {
         let parameter = |(name, section): (&String, &crate::ParameterSection)| {
             let place = format!("[parameters] {name}");
             if aliases.has(name) {
@@ -42,7 +44,13 @@ impl Parameter {
                     section.initial, bounds[0], bounds[1]
                 )));
             }
-            Ok(Self { name: name.clone(), initial: section.initial, bounds, unit: section.unit.clone() })
+            Ok(Self {
+                name: name.clone(),
+                initial: section.initial,
+                bounds,
+                unit: section.unit.clone(),
+                fixed: section.fixed == Some(true),
+            })
         };
         recipe.parameters.iter().map(parameter).collect()
     }

@@ -94,6 +94,12 @@ impl EquationTask {
         refuse_other_sections(recipe)?;
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let parameters = Parameter::all(recipe, &aliases)?;
+        if let Some(fixed) = parameters.iter().find(|parameter| parameter.fixed) {
+            return Err(Error::conflict(format!(
+                "[parameters] {} fixed = true: only `fit parameters` keeps a parameter; write its number into the expressions",
+                fixed.name
+            )));
+        }
         let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
         aliases.hide(&names);
         let labels: Vec<String> =

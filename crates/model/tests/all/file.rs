@@ -2,8 +2,8 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column, Equation, FileError, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule,
-    Training, Transitions, UnseenLabel,
+    Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role,
+    Rule, Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -26,6 +26,11 @@ fn model(numbers: &[f64; 12]) -> Model {
         target_covariance: vec![n(1)],
         target_deviation: vec![n(2)],
         state_covariance: vec![n(3), n(4), n(5)],
+        parameters: vec![
+            Estimated { name: "mass".into(), value: n(3), half_width: n(4) },
+            Estimated { name: "a \"b\"".into(), value: n(5), half_width: n(6) },
+        ],
+        parameter_covariance: vec![n(7), n(8), n(9)],
     };
     let columns = vec![column("x", Role::State), column("a", Role::State), column("ground", Role::Auxiliary)];
     let mut model = Model::new("pwa labels:ground+kmeans:2", columns, 0.01, training);

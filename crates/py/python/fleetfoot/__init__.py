@@ -27,6 +27,7 @@ from ._stlsq import STLSQ
 from ._block_sparse import BlockSparse
 from ._model import Model, load
 from ._narx import NARX
+from ._parameters import Parameters
 from ._pwa import PWA
 from ._sindy import SINDy
 from ._warnings import FleetfootWarning
@@ -82,6 +83,7 @@ __all__ = [
     "BlockSparse",
     "FleetfootWarning",
     "Model",
+    "Parameters",
     "SINDy",
     "load",
     # -- statistics

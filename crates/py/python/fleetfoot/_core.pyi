@@ -326,6 +326,12 @@ def fit_narx(
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
 ) -> tuple[Model, str]: ...
+def fit_parameters(
+    data: Data,
+    recipe_text: str,
+    cache: str | PathLike[str] | None = None,
+    progress: _Progress = None,
+) -> tuple[Model, str]: ...
 def fit_sparse(
     data: Data,
     recipe_text: str,

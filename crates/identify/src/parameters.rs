@@ -1,0 +1,167 @@
+//! Parameters of given equations, from logs: `fit parameters`.
+
+mod held_out;
+mod report;
+mod task;
+
+pub use report::{ConfoundedPair, ParameterInterval, ParametersHeldOut, ParametersReport};
+pub(crate) use task::ParametersTask;
+
+use faer::Mat;
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_estimate::{
+    EquationError, EstimateError, Options, OutputError, OutputErrorOptions, equation_error, output_error,
+};
+use fleetfoot_model::{Estimated, Model};
+
+use crate::{Dataset, Error, EstimateMethod, Logs, Recipe, folds::smoothed_rows, known::given};
+use report::{Found, report};
+
+/// A model whose equations were given and whose parameters were estimated.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ParametersFitted {
+    /// The model: the parameters' values stand in its equations.
+    pub model: Model,
+    /// What is known of the parameters.
+    pub report: ParametersReport,
+}
+
+/// Chunks of rows that the standard errors of equation error take for independent, about.
+const CHUNKS: usize = 64;
+
+/// What `[estimate]` says, checked.
+pub(crate) struct EstimateOptions {
+    pub(crate) method: EstimateMethod,
+    pub(crate) segment: Option<usize>,
+    pub(crate) compare: Vec<String>,
+    pub(crate) folds: usize,
+    /// Seconds over which the logs were smoothed before, where they were.
+    smoothed: Option<f64>,
+}
+
+impl EstimateOptions {
+    fn new(recipe: &Recipe) -> Result<Self, Error> {
+        let said = &recipe.estimate;
+        let method = said.method.unwrap_or_default();
+        let compare: Vec<String> = said.compare.as_deref().map(crate::items).unwrap_or_default();
+        let compare: Vec<String> = compare.iter().map(|name| name.trim().trim_matches('`').to_owned()).collect();
+        if let Some(rows) = said.segment.filter(|&rows| rows < 2) {
+            return Err(Error::value(format!("segment = {rows}: a segment has two rows at least")));
+        }
+        if method == EstimateMethod::EquationError && (said.segment.is_some() || said.compare.is_some()) {
+            return Err(Error::conflict(
+                "segment and compare speak of simulations, and method = \"equation-error\" makes none: leave them away"
+                    .into(),
+            ));
+        }
+        if let Some(name) = compare.iter().find(|name| !recipe.states.contains_key(name.as_str())) {
+            let near = fleetfoot_data::nearest(name, recipe.states.keys().map(String::as_str));
+            let near = fleetfoot_data::did_you_mean(&near);
+            return Err(Error::unknown(name, format!("compare: `{name}` is not a state{near}")));
+        }
+        Ok(Self {
+            method,
+            segment: said.segment,
+            compare,
+            folds: said.folds.unwrap_or(5),
+            smoothed: recipe.time.smoothed,
+        })
+    }
+}
+
+/// Estimates the parameters of a recipe whose states are all given by equations.
+///
+/// # Errors
+/// Those of the recipe, of reading and of the estimate; a state without an equation; a parameter that no equation uses.
+pub fn fit_parameters(
+    recipe: &Recipe,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<ParametersFitted, Error> {
+    let logs = &logs.into();
+    if logs.is_statistic() {
+        return Err(Error::needs_rows(
+            "fit parameters goes over the rows of logs, and a statistic has none: give the logs".into(),
+        ));
+    }
+    let options = EstimateOptions::new(recipe)?;
+    let (dataset, mut task) = Dataset::for_parameters(recipe, logs, progress)?;
+    let method = format!("parameters {}", report::word(options.method));
+    let known = std::mem::take(&mut task.known);
+    // With the names of parameters in its equations.
+    let open = given(&method, recipe, known, &dataset, progress)?;
+    let view = dataset.view()?;
+    let found = estimate(&task, &open, &view, &options, progress)?;
+    let model = closed(&open, &task, &found);
+    let mut notes = dataset.notes().to_vec();
+    let rows = (&view as &dyn Source, smoothed_rows(options.smoothed, dataset.step()));
+    let held_out = held_out::held_out(&task, &open, &found, rows, &options, &mut notes, progress)?;
+    let provenance = (dataset.episodes().len(), logs.len());
+    let report = report(&task, &open, &found, held_out, provenance, notes);
+    Ok(ParametersFitted { model, report })
+}
+
+/// Estimates on the rows of a source.
+fn estimate(
+    task: &ParametersTask,
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    progress: &dyn Progress,
+) -> Result<Found, Error> {
+    match options.method {
+        EstimateMethod::EquationError => Ok(Found::Equation(by_equations(task, source, progress)?)),
+        EstimateMethod::OutputError => {
+            // What the rows say one by one is a second place to begin; where they say nothing, there is one.
+            let start = match by_equations(task, source, progress) {
+                Ok(found) => vec![found.estimate.values],
+                Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
+                Err(_) => Vec::new(),
+            };
+            Ok(Found::Output(by_outputs(task, open, source, options, start, progress)?))
+        }
+    }
+}
+
+fn by_equations(
+    task: &ParametersTask,
+    source: &dyn Source,
+    progress: &dyn Progress,
+) -> Result<EquationError, EstimateError> {
+    let chunk_rows = (source.rows() / CHUNKS).clamp(256, 65_536);
+    let options = Options { chunk_rows, ..Options::default() };
+    equation_error(&task.residuals, &task.bounded(), source, &options, progress)
+}
+
+fn by_outputs(
+    task: &ParametersTask,
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    starts: Vec<Vec<f64>>,
+    progress: &dyn Progress,
+) -> Result<OutputError, EstimateError> {
+    let mut own = OutputErrorOptions::default();
+    (own.rows, own.outputs, own.starts) = (options.segment, options.compare.clone(), starts);
+    output_error(open, &task.bounded(), source, &own, progress)
+}
+
+/// The model with values in place of the parameters.
+fn closed(open: &Model, task: &ParametersTask, found: &Found) -> Model {
+    let mut model = open.clone();
+    let values = found.values();
+    for equation in &mut model.equations {
+        equation.right = task.insert(&equation.right, values);
+    }
+    let names = task.parameters.iter().map(|parameter| parameter.name.clone());
+    let described = names.zip(values).zip(found.half_widths());
+    model.training.parameters =
+        described.map(|((name, &value), half_width)| Estimated { name, value, half_width }).collect();
+    model.training.parameter_covariance = packed(&found.covariance());
+    model
+}
+
+fn packed(covariance: &Mat<f64>) -> Vec<f64> {
+    (0..covariance.nrows()).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance[(i, j)]).collect()
+}

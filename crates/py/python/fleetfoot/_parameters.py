@@ -1,0 +1,110 @@
+"""Parameters of given equations."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from . import _core, _recipe
+from ._identify import AnyRecipe, Derivative, Identifier, States, documented, number
+from ._model import Model
+from ._progress import Progress
+
+
+@documented
+class Parameters(Identifier):
+    """Numbers inside equations that are known: by output error (maximum likelihood) or equation error.
+
+    The equation of every state is given by ``known``, over columns and parameters.
+
+    Parameters
+    ----------
+    parameters : dict
+        For each name where the search begins, or a dict with ``initial`` and, if wanted, ``bounds``, ``fixed`` and
+        ``unit``.
+    method : {"output-error", "equation-error"}, default="output-error"
+        What parameters are fitted to: simulations from estimated beginnings, or the derivatives row by row.
+    segment : int, optional
+        Rows of a segment at most, each with a beginning of its own; whole episodes when not given.
+    compare : list of str, optional
+        States that are compared with their measurements; all when not given.
+    folds : int, default=5
+        Folds whose rows are held out in turn and simulated; 0 for none.
+    COMMON
+
+    Attributes
+    ----------
+    model_ : Model
+        The equations with the values of the parameters.
+    report_ : dict
+        ``parameters`` with ``value``, ``standard_error`` and ``interval`` (95 %), ``confounded``, ``noise``,
+        ``correlated_rows``, ``held_out``, ``warnings``, ``notes``.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(0.0, 10.0, 0.05)
+    >>> x = np.column_stack([np.cos(1.5 * t), -1.5 * np.sin(1.5 * t)])
+    >>> x += 0.01 * np.random.default_rng(0).normal(size=x.shape)
+    >>> known = {"q": "v", "v": "-k*q"}
+    >>> found = ff.Parameters({"k": 1.0}, known=known).fit(x, t, feature_names=["q", "v"])
+    >>> low, high = found.report_["parameters"][0]["interval"]
+    >>> bool(low < 2.25 < high and high - low < 0.02)
+    True
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        method: str = "output-error",
+        segment: int | None = None,
+        compare: Sequence[str] | None = None,
+        folds: int = 5,
+        states: States = None,
+        inputs: States = None,
+        angles: Sequence[str] = (),
+        derivative: Derivative = "auto",
+        known: Mapping[str, str] | None = None,
+        weight: str | None = None,
+        dt: float | None = None,
+        recipe: AnyRecipe = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> None:
+        self.parameters = parameters
+        self.method = method
+        self.segment = segment
+        self.compare = compare
+        self.folds = folds
+        self.states = states
+        self.inputs = inputs
+        self.angles = angles
+        self.derivative = derivative
+        self.known = known
+        self.weight = weight
+        self.dt = dt
+        self.recipe = recipe
+        self.cache = cache
+        self.progress = progress
+
+    def _own_recipe(self) -> dict[str, Any]:
+        compare = self._list("compare")
+        estimate = _recipe.said(
+            method=self._said("method"),
+            segment=self._whole("segment", 2),
+            compare=None if compare is None else ",".join(f"`{name}`" for name in compare),
+            folds=self._whole("folds", 0),
+        )
+        given = (self.parameters or {}).items()
+        parameters = {
+            name: dict(one) if isinstance(one, Mapping) else {"initial": number(name, one)} for name, one in given
+        }
+        sections = (("estimate", estimate), ("parameters", parameters))
+        return {name: section for name, section in sections if section}
+
+    def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
+        model, report = _core.fit_parameters(data, recipe, self.cache, progress)
+        return Model(model), json.loads(report)

@@ -1,0 +1,61 @@
+"""Parameters of given equations."""
+
+import numpy as np
+import pytest
+
+import fleetfoot as ff
+
+KNOWN = {"x": "v", "v": "mu*(1 - x^2)*v - k*x"}
+NAMES = {"feature_names": ["x", "v"]}
+
+
+def oscillator(seed, rows=300, dt=0.05):
+    """Van der Pol with mu = 1.2, k = 1, and noise of 0.02 on both states."""
+    path, state = [], np.array([1.0, 0.0])
+
+    def slope(z):
+        return np.array([z[1], 1.2 * (1 - z[0] ** 2) * z[1] - z[0]])
+
+    for _ in range(rows):
+        path.append(state)
+        one = slope(state)
+        two = slope(state + 0.5 * dt * one)
+        three = slope(state + 0.5 * dt * two)
+        state = state + dt / 6 * (one + 2 * two + 2 * three + slope(state + dt * three))
+    noisy = np.array(path) + 0.02 * np.random.default_rng(seed).normal(size=(rows, 2))
+    return noisy, dt * np.arange(rows)
+
+
+def test_parameters_lie_in_their_intervals_and_stand_in_the_model():
+    runs = [oscillator(seed) for seed in range(5)]
+    found = ff.Parameters({"mu": 1.0, "k": {"initial": 0.8, "bounds": [0.1, 5.0]}}, known=KNOWN)
+    found.fit([x for x, _ in runs], [t for _, t in runs], **NAMES)
+    values = {one["name"]: one for one in found.report_["parameters"]}
+    for name, truth in (("mu", 1.2), ("k", 1.0)):
+        low, high = values[name]["interval"]
+        assert low < values[name]["value"] < high and abs(values[name]["value"] - truth) < high - low < 0.1
+    assert found.report_["converged"] and found.report_["segments"] == 5
+    assert found.report_["held_out"]["over_persistence"] < 0.2
+
+
+def test_what_is_said_reaches_the_recipe():
+    given = ff.Parameters({"k": 1.0}, method="equation-error", segment=20, compare=["x"], folds=0)._own_recipe()
+    assert given == {
+        "estimate": {"method": "equation-error", "segment": 20, "compare": "`x`", "folds": 0},
+        "parameters": {"k": {"initial": 1.0}},
+    }
+    assert ff.Parameters()._own_recipe() == {}
+
+
+def test_equation_error_is_pulled_by_noise_and_fixed_stays():
+    x, t = oscillator(1)
+    found = ff.Parameters({"mu": 1.0, "k": {"initial": 1.0, "fixed": True}}, known=KNOWN, method="equation-error", folds=0)
+    found.fit(x, t, **NAMES)
+    mu, k = found.report_["parameters"]
+    assert k["value"] == 1.0 and k["fixed"] and abs(mu["value"] - 1.2) < 0.3
+
+
+def test_a_state_without_an_equation_is_told():
+    x, t = oscillator(1)
+    with pytest.raises(ff.exceptions.RequestError, match="known"):
+        ff.Parameters({"mu": 1.0}, known={"x": "v"}).fit(x, t, **NAMES)
