@@ -1,36 +1,16 @@
 //! k-means: rows made ready once, started and iterated as often as wanted; labels and distances.
 
-use std::ops::Range;
-
-use fleetfoot::{
-    data::ScalarBuffer,
-    pwa::{
-        KMeansError, KMeansOptions, KMeansRows, KMeansStep, Points, Units, assign_rows, distances_to, kmeans_from,
-        starting_centroids,
-    },
+use fleetfoot::pwa::{
+    KMeansError, KMeansOptions, KMeansStep, Points, Units, assign_rows, distances_to, kmeans_from, starting_centroids,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::{
-    array::Array,
     error::Kind,
+    matrix::Matrix,
     run::{Failure, run_any},
 };
-
-impl KMeansRows for Array {
-    fn rows(&self) -> usize {
-        self.rows()
-    }
-
-    fn dimensions(&self) -> usize {
-        self.columns()
-    }
-
-    fn read(&self, rows: Range<usize>) -> Vec<ScalarBuffer<f64>> {
-        self.values(&(0..self.columns()).collect::<Vec<_>>(), rows)
-    }
-}
 
 impl From<KMeansError> for Failure {
     fn from(error: KMeansError) -> Self {
@@ -54,7 +34,7 @@ type Run<'py> = (Bound<'py, PyArray2<f64>>, f64, usize, bool, f64, Vec<(f64, usi
 
 #[pymethods]
 impl KMeansPoints {
-    /// Reads X (n x d) and row weights (n).
+    /// Reads X (n x d; an array or scipy's compressed rows) and row weights (n).
     #[new]
     #[pyo3(signature = (x, weights=None, progress=None))]
     fn new(
@@ -62,7 +42,7 @@ impl KMeansPoints {
         weights: Option<PyReadonlyArray1<'_, f64>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let rows = Array::of(x, "X")?;
+        let rows = Matrix::of(x, "X")?;
         let weights = weights.map(|weights| weights.as_array().to_vec());
         run_any(x.py(), progress, |progress| {
             let units = Units::of_rows(&rows, progress)?;
@@ -141,7 +121,7 @@ pub(crate) fn kmeans_assign<'py>(
     weights: Option<PyReadonlyArray1<'py, f64>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Nearest<'py>> {
-    let rows = Array::of(x, "X")?;
+    let rows = Matrix::of(x, "X")?;
     let centroids = of_width(&rows, &centroids)?;
     let weights = weights.map(|weights| weights.as_array().to_vec());
     let found =
@@ -158,7 +138,7 @@ pub(crate) fn kmeans_distances<'py>(
     centroids: PyReadonlyArray2<'py, f64>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let rows = Array::of(x, "X")?;
+    let rows = Matrix::of(x, "X")?;
     let k = centroids.as_array().nrows();
     let centroids = of_width(&rows, &centroids)?;
     let found = run_any(x.py(), progress, |progress| {
@@ -170,7 +150,7 @@ pub(crate) fn kmeans_distances<'py>(
 }
 
 /// Centroids row by row, as wide as the rows.
-fn of_width(rows: &Array, centroids: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<f64>> {
+fn of_width(rows: &Matrix, centroids: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<f64>> {
     let centroids = centroids.as_array();
     if centroids.ncols() != rows.columns() {
         let (found, needed) = (centroids.ncols(), rows.columns());

@@ -23,66 +23,21 @@ use pyo3::prelude::*;
 use crate::{
     array::Array,
     error::Kind,
+    matrix::Matrix,
     run::{Failure, run_any},
-    sparse_array::SparseRows,
 };
-
-/// Regressors, borrowed from Python.
-#[derive(Debug)]
-enum Regressors {
-    Dense(Array),
-    Sparse(SparseRows),
-}
-
-impl Regressors {
-    fn of(object: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(match SparseRows::of(object, "X")? {
-            Some(sparse) => Self::Sparse(sparse),
-            None => Self::Dense(Array::of(object, "X")?),
-        })
-    }
-
-    fn rows(&self) -> usize {
-        match self {
-            Self::Dense(array) => array.rows(),
-            Self::Sparse(rows) => rows.rows(),
-        }
-    }
-
-    fn columns(&self) -> usize {
-        match self {
-            Self::Dense(array) => array.columns(),
-            Self::Sparse(rows) => rows.columns(),
-        }
-    }
-
-    fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
-        match self {
-            Self::Dense(array) => read_dense(array, rows, out),
-            Self::Sparse(sparse) => sparse.read(rows, out),
-        }
-    }
-}
-
-/// Appends some neighbouring rows to `out`, column after column.
-fn read_dense(array: &Array, rows: Range<usize>, out: &mut Vec<f64>) {
-    let columns: Vec<usize> = (0..array.columns()).collect();
-    for values in array.values(&columns, rows) {
-        out.extend_from_slice(&values);
-    }
-}
 
 /// X and y, borrowed from Python.
 #[derive(Debug)]
 pub(crate) struct Borrowed {
-    x: Regressors,
-    y: Array,
+    x: Matrix,
+    y: Matrix,
 }
 
 impl Borrowed {
     /// An array X (n x p) and y (n, or n x q).
     pub(crate) fn dense(x: Array, y: Array) -> Self {
-        Self { x: Regressors::Dense(x), y }
+        Self { x: Matrix::Dense(x), y: Matrix::Dense(y) }
     }
 }
 
@@ -101,7 +56,7 @@ impl DenseRows for Borrowed {
 
     fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
         self.x.read(rows.clone(), out);
-        read_dense(&self.y, rows, out);
+        self.y.read(rows, out);
     }
 }
 
@@ -152,7 +107,7 @@ impl Design {
         few: bool,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let rows = Borrowed { x: Regressors::of(x)?, y: Array::of(y, "y")? };
+        let rows = Borrowed { x: Matrix::of(x, "X")?, y: Matrix::Dense(Array::of(y, "y")?) };
         if rows.x.rows() != rows.y.rows() {
             let (found, needed) = (rows.y.rows(), rows.x.rows());
             return Err(Kind::Data.error(format!("y has {found} rows and X has {needed}: give one target a row")));
@@ -164,7 +119,7 @@ impl Design {
         let labels = labels.map_or_else(Vec::new, |labels| labels.as_array().to_vec());
         let of = run_any(x.py(), progress, |progress| {
             // Sparse rows would become dense as a whole.
-            let few = few && labels.is_empty() && matches!(rows.x, Regressors::Dense(_));
+            let few = few && labels.is_empty() && matches!(rows.x, Matrix::Dense(_));
             Ok(match few {
                 true => DenseDesign::for_few(Arc::new(rows), weights, progress)?,
                 false => DenseDesign::new(Arc::new(rows), weights, labels, groups, progress)?,

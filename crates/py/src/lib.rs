@@ -11,6 +11,7 @@ mod run;
 // -- lars
 mod design;
 mod lars;
+mod matrix;
 
 // -- lasso
 mod array_source;

@@ -118,11 +118,9 @@ class FROLS(Optimizer):
         super()._check()
         check_ridge(self.ridge_kw, "FROLS")
 
-    def _solve(
-        self, design: Design, X: NDArray[Any], weight: NDArray[np.float64] | None, targets: int
-    ) -> SparseModels:
+    def _solve(self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None) -> SparseModels:
         return frols(
-            design,
+            Design(X, y, weight),
             {
                 "max_terms": int(self.max_iter),
                 "alpha": float(self.alpha),

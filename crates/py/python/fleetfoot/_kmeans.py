@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._base import (
+    HAS_SKLEARN,
     BaseEstimator,
     ClusterMixin,
     ConvergenceWarning,
@@ -16,6 +17,7 @@ from ._base import (
     check_is_fitted,
     check_weight,
     check_x,
+    is_sparse,
 )
 from ._core import KMeansPoints, kmeans_assign, kmeans_distances, kmeans_draws
 from ._params import ARRAY, BOOLEAN, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
@@ -35,7 +37,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
     the same centres there and here, to rounding.
 
     The rows are kept once more while `fit` runs, in an order that suits the iterations: 8 bytes a value, for `float32`
-    input too. Sparse matrices are not supported.
+    input too. Sparse rows are read block by block, and kept as dense ones are.
 
     Parameters
     ----------
@@ -137,12 +139,20 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         self.copy_x = copy_x
         self.algorithm = algorithm
 
+    if HAS_SKLEARN:
+
+        def __sklearn_tags__(self) -> Any:
+            """scikit-learn's description of the estimator."""
+            tags = super().__sklearn_tags__()  # type: ignore[misc, unused-ignore]
+            tags.input_tags.sparse = True
+            return tags
+
     def fit(self, X: Any, y: Any = None, sample_weight: Any = None) -> KMeans:
         """Finds the centres.
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Rows, finite. `float32` and `float64` are read as they lie, without a copy of the array as a whole.
         y : None
             Not used.
@@ -161,9 +171,9 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
             finite.
         """
         check_params(self, self._rules)
-        X = check_x(self, X, reset=True)
-        weight = check_weight(sample_weight, len(X))
-        self._n_init = self._starts(len(X))
+        X = check_x(self, X, reset=True, sparse=True)
+        weight = check_weight(sample_weight, X.shape[0])
+        self._n_init = self._starts(X.shape[0])
         given = None if isinstance(self.init, str) or callable(self.init) else self._checked_centers(X, self.init)
         random = _Random(self.random_state)
         points = KMeansPoints(X, weight)
@@ -205,7 +215,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Rows.
 
         Returns
@@ -214,14 +224,14 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
             Numbers of the centres, from 0.
         """
         check_is_fitted(self)
-        return kmeans_assign(check_x(self, X, reset=False), self._centers())[0]
+        return kmeans_assign(check_x(self, X, reset=False, sparse=True), self._centers())[0]
 
     def transform(self, X: Any) -> NDArray[Any]:
         """Distances of each row to all centres.
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Rows.
 
         Returns
@@ -230,7 +240,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
             Euclidean distances, in the type of X.
         """
         check_is_fitted(self)
-        X = check_x(self, X, reset=False)
+        X = check_x(self, X, reset=False, sparse=True)
         return kmeans_distances(X, self._centers()).astype(X.dtype, copy=False)
 
     def score(self, X: Any, y: Any = None, sample_weight: Any = None) -> float:
@@ -238,7 +248,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n_samples, n_features)
+        X : array-like or sparse matrix of shape (n_samples, n_features)
             Rows.
         y : None
             Not used.
@@ -251,8 +261,8 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
             At most 0.
         """
         check_is_fitted(self)
-        X = check_x(self, X, reset=False)
-        return -kmeans_assign(X, self._centers(), check_weight(sample_weight, len(X)))[2]
+        X = check_x(self, X, reset=False, sparse=True)
+        return -kmeans_assign(X, self._centers(), check_weight(sample_weight, X.shape[0]))[2]
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Names of the columns of `transform`: 'kmeans0', 'kmeans1' and so on. `input_features` is not used."""
@@ -310,9 +320,10 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         if callable(self.init):
             return self._checked_centers(X, self.init(X, self.n_clusters, random_state=random.state))
         if self.init == "random":
-            share = np.full(len(X), 1.0 / len(X)) if weight is None else weight / weight.sum()
-            rows = random.state.choice(len(X), size=self.n_clusters, replace=False, p=share)
-            return np.asarray(X[rows], dtype=np.float64)
+            count = X.shape[0]
+            share = np.full(count, 1.0 / count) if weight is None else weight / weight.sum()
+            rows = X[random.state.choice(count, size=self.n_clusters, replace=False, p=share)]
+            return np.asarray(rows.toarray() if is_sparse(rows) else rows, dtype=np.float64)
         return points.plus_plus(self.n_clusters, random.uniform(kmeans_draws(self.n_clusters)))
 
     def _run(self, points: KMeansPoints, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, int]:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._base import BaseEstimator, MultiOutputMixin, RegressorMixin, check_is_fitted, check_weight, check_x, check_xy
-from ._core import Design, SparseModels
 from ._params import Rule, check_params, real
 
 #: Options of pysindy's iterative ridge solvers: the ridge here is solved directly, and more exactly than any of them.
@@ -61,8 +60,8 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X, y = check_xy(self, X, y, multi_output=True)
         weight = check_weight(sample_weight, len(X))
         self._flat = y.ndim == 1
-        targets = 1 if self._flat else y.shape[1]
-        models = self._solve(Design(X, y, weight), X, weight, targets)
+        y = y.reshape(len(X), -1)
+        models = self._solve(X, y, weight)
         self.coef_ = models.coefficients
         self.ind_ = models.decided != 0.0
         self.history_ = list(models.history)
@@ -70,7 +69,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.n_iter_ = max(models.iterations, 1)
         self._told(models)
         if getattr(self, "verbose", False):
-            self._print(X, y.reshape(len(X), targets))
+            self._print(X, y)
         return self
 
     def predict(self, X: Any) -> NDArray[Any]:
@@ -102,12 +101,11 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return int(np.count_nonzero(self.coef_)) + int(np.count_nonzero(self.intercept_))
 
-    def _solve(
-        self, design: Design, X: NDArray[Any], weight: NDArray[np.float64] | None, targets: int
-    ) -> SparseModels:
+    def _solve(self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None) -> Any:
+        """Models of targets (n_samples, n_targets)."""
         raise NotImplementedError
 
-    def _told(self, models: SparseModels) -> None:
+    def _told(self, models: Any) -> None:
         """Warnings and attributes of the optimizer's own."""
 
     def _all_coefficients(self) -> NDArray[np.float64]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._base import ConvergenceWarning
-from ._core import Design, SparseModels, sr3
+from ._core import Design, sr3
 from ._optimizer import Optimizer, checked_guess, lengths
 from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, integer, real
+from ._trimming import Trimmed, trimmed
 
 
 class SR3(Optimizer):
@@ -33,9 +35,9 @@ class SR3(Optimizer):
     tol : float, default=1e-5
         The iteration ends when the step of v over `relax_coeff_nu` is shorter.
     trimming_fraction : float, default=0.0
-        Not supported but for 0: trimming weighs single rows, which the statistic that is iterated here does not know.
+        The share of the rows that are given up, those that fit worst: each iteration weighs them anew, and reads them.
     trimming_step_size : float, default=1.0
-        Without effect.
+        Length of the step of the rows' weights.
     max_iter : int, default=30
         Iterations at most.
     copy_X : bool, default=True
@@ -59,6 +61,8 @@ class SR3(Optimizer):
         The terms that are left.
     history_ : list of ndarray of shape (n_targets, n_features)
         v at the start and after each iteration.
+    trimming_array : ndarray of shape (n_samples,)
+        Shares that the rows kept, where some are given up.
     intercept_ : float
         0: a column of ones is a feature like the others.
     n_iter_, iters : int
@@ -81,8 +85,8 @@ class SR3(Optimizer):
         "regularizer": (Rule("a str", lambda value: isinstance(value, str)),),
         "relax_coeff_nu": (Rule("a number: relax_coeff_nu must be positive", real(0.0, closed="neither").holds),),
         "tol": (Rule("a number: tol must be positive", real(0.0, closed="neither").holds),),
-        "trimming_fraction": (real(0.0, 1.0, "both"),),
-        "trimming_step_size": (real(),),
+        "trimming_fraction": (real(0.0, 1.0, "left"),),
+        "trimming_step_size": (real(0.0, closed="neither"),),
         "max_iter": (integer(1),),
         "copy_X": (BOOLEAN,),
         "initial_guess": (ARRAY, NONE),
@@ -92,6 +96,7 @@ class SR3(Optimizer):
     }
 
     coef_full_: NDArray[np.float64]
+    trimming_array: NDArray[np.float64]
 
     def __init__(
         self,
@@ -128,20 +133,23 @@ class SR3(Optimizer):
         return threshold**2 / (2 * relax_coeff_nu)
 
     def enable_trimming(self, trimming_fraction: float) -> None:
-        """Not supported: see `trimming_fraction`."""
-        raise NotImplementedError(f"trimming_fraction={trimming_fraction}: SR3 here does not trim rows")
+        """The same as setting `trimming_fraction`."""
+        self.trimming_fraction = trimming_fraction
+        self._check()
 
     def disable_trimming(self) -> None:
-        """Nothing is trimmed anyway."""
+        """Keeps all rows in the next fit."""
+        self.trimming_fraction = 0.0
 
     def _check(self) -> None:
         super()._check()
         kinds = ("l0", "l1", "l2", "weighted_l0", "weighted_l1", "weighted_l2")
         if self.regularizer.lower() not in kinds:
             raise NotImplementedError(f"regularizer={self.regularizer!r} is none of {', '.join(kinds)}")
-        if self.trimming_fraction != 0.0:
-            raise NotImplementedError(
-                f"trimming_fraction={self.trimming_fraction}: SR3 here does not trim rows; give sample_weight, or 0"
+        if self.trimming_fraction > 0.0 and self.unbias:
+            raise ValueError(
+                f"trimming_fraction={self.trimming_fraction} with unbias=True: a refit would take the rows back in that were "
+                "given up; choose one"
             )
         weights = np.asarray(self.reg_weight_lam)
         if not np.issubdtype(weights.dtype, np.number) or weights.ndim not in (0, 2):
@@ -151,32 +159,47 @@ class SR3(Optimizer):
         if self.regularizer.lower().startswith("weighted") and weights.ndim != 2:
             raise ValueError("weighted regularization requires the reg_weight_lam parameter to be a 2d array")
 
-    def _solve(
-        self, design: Design, X: NDArray[Any], weight: NDArray[np.float64] | None, targets: int
-    ) -> SparseModels:
-        shape = (targets, X.shape[1])
+    def _solve(self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None) -> Any:
+        shape = (y.shape[1], X.shape[1])
         weights = np.asarray(self.reg_weight_lam, dtype=np.float64)
         if weights.ndim == 2 and weights.shape != shape:
             raise ValueError(f"reg_weight_lam has the shape {weights.shape}, expected {shape}: (n_targets, n_features)")
+        weights = np.ascontiguousarray(np.broadcast_to(weights, shape))
         guess = checked_guess(self.initial_guess, shape)
+        request = {
+            "regularizer": self.regularizer.lower()[-2:],
+            "nu": float(self.relax_coeff_nu),
+            "tol": float(self.tol),
+            "max_iter": int(self.max_iter),
+            "normalize": bool(self.normalize_columns),
+            "unbias": bool(self.unbias),
+        }
+        if self.trimming_fraction > 0.0:
+            return self._trim(X, y, weight, (request, weights, guess))
         if guess is not None and self.normalize_columns:
             guess = guess / lengths(X, weight)
-        return sr3(
-            design,
-            {
-                "regularizer": self.regularizer.lower()[-2:],
-                "nu": float(self.relax_coeff_nu),
-                "tol": float(self.tol),
-                "max_iter": int(self.max_iter),
-                "normalize": bool(self.normalize_columns),
-                "unbias": bool(self.unbias),
-            },
-            np.ascontiguousarray(np.broadcast_to(weights, shape)),
-            guess,
-        )
+        return sr3(Design(X, y, weight), request, weights, guess)
 
-    def _told(self, models: SparseModels) -> None:
+    def _trim(
+        self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None, given: tuple[Any, Any, Any]
+    ) -> Trimmed:
+        """Models in units of normalised columns, where they are normalised, and back."""
+        request, weights, start = given
+        size = lengths(X, weight) if self.normalize_columns else np.ones(X.shape[1])
+        root = np.ones((len(X), 1)) if weight is None else np.sqrt(weight)[:, None]
+        X, y = root * X / size, root * y
+        if start is None:
+            start = np.linalg.lstsq(X, y)[0].T
+        found = trimmed(
+            X, y, request, weights, np.ascontiguousarray(start), self.trimming_fraction, self.trimming_step_size
+        )
+        raw = {name: getattr(found, name) / size for name in ("coefficients", "decided", "history", "relaxed")}
+        return replace(found, **raw)
+
+    def _told(self, models: Any) -> None:
         self.coef_full_ = models.relaxed
+        if isinstance(models, Trimmed):
+            self.trimming_array = models.shares
         self._iters = models.iterations
         if not models.converged:
             warnings.warn(f"SR3 did not converge after {self.max_iter} iterations.", ConvergenceWarning, stacklevel=3)

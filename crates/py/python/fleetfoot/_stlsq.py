@@ -143,14 +143,12 @@ class STLSQ(Optimizer):
             raise ValueError(f"sparse_ind names columns beyond 0 to {features - 1}")
         return np.setdiff1d(np.arange(features), chosen)
 
-    def _solve(
-        self, design: Design, X: NDArray[Any], weight: NDArray[np.float64] | None, targets: int
-    ) -> SparseModels:
-        guess = checked_guess(self.initial_guess, (targets, X.shape[1]))
+    def _solve(self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None) -> SparseModels:
+        guess = checked_guess(self.initial_guess, (y.shape[1], X.shape[1]))
         if guess is not None and self.normalize_columns:
             guess = guess / lengths(X, weight)
         return stlsq(
-            design,
+            Design(X, y, weight),
             {
                 "threshold": float(self.threshold),
                 "alpha": float(self.alpha),

@@ -136,6 +136,21 @@ def test_a_model_survives_pickling_and_names_its_features() -> None:
     assert (ff.KMeans(3, random_state=1).fit_predict(X) == model.labels_).all()
 
 
+@pytest.mark.parametrize("init", ["k-means++", "random"])
+def test_sparse_rows_are_those_of_the_dense_matrix(init: str) -> None:
+    sparse = pytest.importorskip("scipy.sparse", reason="scipy is not installed")
+    dense = np.where(np.random.RandomState(1).uniform(size=(5000, 7)) < 0.6, 0.0, _rows(11, 5000, 7))
+    expected = ff.KMeans(4, init=init, n_init=2, random_state=0).fit(dense)
+    for make in (sparse.csr_array, sparse.csc_matrix):
+        X = make(dense)
+        model = ff.KMeans(4, init=init, n_init=2, random_state=0).fit(X)
+        np.testing.assert_array_equal(model.cluster_centers_, expected.cluster_centers_)
+        np.testing.assert_array_equal(model.labels_, expected.labels_)
+        np.testing.assert_array_equal(model.predict(X), expected.labels_)
+        np.testing.assert_array_equal(model.transform(X), expected.transform(dense))
+        assert model.score(X) == expected.score(dense) == -model.inertia_
+
+
 def test_iterations_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     model = ff.KMeans(4, random_state=0, tol=0.0, verbose=1).fit(_rows(9))
     lines = capsys.readouterr().out.splitlines()

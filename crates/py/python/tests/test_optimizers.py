@@ -177,10 +177,42 @@ def test_models_of_pysindy_are_the_same_with_ours_inside(name: str, options: dic
     np.testing.assert_allclose(ours.predict(x), theirs.predict(x), rtol=1e-7, atol=1e-8)
 
 
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("normalize", [False, True])
+def test_rows_that_fit_worst_are_given_up_as_there(normalize: bool, weighted: bool) -> None:
+    X, y = _library()
+    y = y.copy()
+    y[[5, 50, 120]] += 30.0
+    weight = np.random.RandomState(1).uniform(0.5, 2.0, len(X)) if weighted else None
+    for options in ({}, {"regularizer": "l1"}, {"trimming_step_size": 0.1, "max_iter": 12}):
+        options = {"trimming_fraction": 0.05, "normalize_columns": normalize, **options}
+        ours, theirs = _both("SR3", options, X, y, weight)
+        np.testing.assert_allclose(ours.trimming_array, theirs.trimming_array, atol=1e-8, err_msg=str(options))
+        np.testing.assert_allclose(ours.coef_, theirs.coef_, rtol=1e-7, atol=1e-8, err_msg=str(options))
+        assert ours.iters == theirs.iters
+        assert not ours.trimming_array[[5, 50, 120]].any() and ours.trimming_array.sum() == pytest.approx(0.95 * len(X))
+
+
+def test_shares_of_rows_are_the_nearest() -> None:
+    from fleetfoot._trimming import on_capped_simplex
+
+    random = np.random.default_rng(3)
+    for count, fraction in [(1, 0.5), (7, 0.3), (40, 0.0), (40, 0.95), (200, 0.1)]:
+        values = random.normal(0.5, 1.5, count)
+        found = on_capped_simplex(values, fraction)
+        assert found.min() >= 0.0 and found.max() <= 1.0
+        assert found.sum() == pytest.approx((1.0 - fraction) * count)
+        # The optimality conditions: one shift for all that are between the bounds, more of it below, less above.
+        shift = values - found
+        between = (found > 0.0) & (found < 1.0)
+        if between.any():
+            level = shift[between]
+            assert np.ptp(level) < 1e-12
+            assert (shift[found == 0.0] <= level[0] + 1e-12).all() and (shift[found == 1.0] >= level[0] - 1e-12).all()
+
+
 def test_what_is_not_supported_names_itself() -> None:
     X, y = _library()
-    with pytest.raises(NotImplementedError, match="trimming_fraction"):
-        ff.SR3(trimming_fraction=0.1)
     with pytest.raises(NotImplementedError, match="regularizer"):
         ff.SR3(regularizer="l7")
     with pytest.raises(NotImplementedError, match="positive"):
@@ -194,6 +226,8 @@ def test_what_is_not_supported_names_itself() -> None:
         lambda: ff.SR3(tol=0.0),
         lambda: ff.SR3(reg_weight_lam=-1.0),
         lambda: ff.SR3(regularizer="weighted_l0"),
+        lambda: ff.SR3(trimming_fraction=1.0),
+        lambda: ff.SR3(trimming_fraction=0.1, unbias=True),
         lambda: ff.FROLS(max_iter=0),
         lambda: ff.STLSQ(sparse_ind=[0, 99]).fit(X, y),
     ):
