@@ -1,10 +1,11 @@
 """Every estimator beside its peer: the same arrays, the same answer, time and memory.
 
-    python side_by_side.py [--rows 1000000] [--only KMeans,Lars] [--repeat 3]
+    python side_by_side.py [--rows 1000000] [--only KMeans,Lars] [--repeat 3] [--minutes 90] [--limit 300]
 
 Each fit runs in a process of its own, ours and the peer's by turns. Time is the least of the repetitions, of `fit` (or the call) alone. Memory is the peak of
 the process during the fits above what it held before them, with the arrays loaded: 0 means that nothing of the size of the input was made. The
-answers are compared in the same run, relative to the largest number of the peer's.
+answers are compared in the same run, relative to the largest number of the peer's. A case whose side takes longer than the limit is told as such, and no case begins
+after so many minutes: what was left out is listed at the end.
 
 Bias: the peers run with the threads that they choose (BLAS, OpenMP); data are Gaussian and well conditioned; the first fit of ours is not warmed up
 either.
@@ -268,6 +269,21 @@ def of_shape(rows: int, columns: int, order: str) -> Callable[[int], dict[str, n
     return make
 
 
+#: Rows and columns from small to large, tall and wide; the largest hold 2.4 GB.
+SHAPES = [
+    (50, 5),
+    (1_000, 20),
+    (20_000, 50),
+    (100_000, 30),
+    (300, 1_000),
+    (5_000, 2_000),
+    (100_000, 300),
+    (5_000, 10_000),
+    (1_000_000, 100),
+    (1_000_000, 300),
+]
+
+
 def shape_cases() -> dict[str, Case]:
     """The cross-validated estimators from small to large, tall and wide, in both orders of memory.
 
@@ -290,11 +306,10 @@ def shape_cases() -> dict[str, Case]:
         return run
 
     found = {}
-    for rows, columns in [(50, 5), (1_000, 20), (20_000, 50), (100_000, 30), (300, 1_000), (5_000, 2_000), (100_000, 300), (1_000_000, 100)]:
-        # The largest in the order of rows stands above.
-        for order in "CF" if rows < 1_000_000 else "F":
+    for rows, columns in SHAPES:
+        for order in "CF":
             for name in options:
-                folds = 3 if columns >= 1_000 else 10
+                folds = 3 if columns >= 1_000 or rows * columns >= 100_000_000 else 10
                 found[f"{name} {rows}x{columns} {order}"] = Case(
                     f"scikit-learn `{name}`, {folds} folds",
                     of_shape(rows, columns, order),
@@ -315,11 +330,12 @@ def wide_cases() -> dict[str, Case]:
         "Lars": ({"n_nonzero_coefs": 100}, 1e-8),
     }
     found = {}
-    for rows, columns in [(300, 1_000), (5_000, 2_000)]:
+    for rows, columns in [(300, 1_000), (5_000, 2_000), (5_000, 10_000)]:
         for order in "CF":
             data = of_shape(rows, columns, order)
             for name, (arguments, tolerance) in fits.items():
                 found[f"{name} {rows}x{columns} {order}"] = sklearn_case(name, arguments, data, ("coef_", "intercept_"), tolerance)
+    found["STLSQ 5000x2000 C"] = wide_threshold()
     few = {"n_estimators": 4, "alpha": 0.1}
     found["Bolasso 5000x2000 C"] = Case(
         "4 times scikit-learn `LassoLars`",
@@ -330,6 +346,17 @@ def wide_cases() -> dict[str, Case]:
         "other draws",
     )
     return found
+
+
+def wide_threshold() -> Case:
+    """Thresholding of thousands of candidates."""
+
+    def data(_: int) -> dict[str, np.ndarray]:
+        made = of_shape(5_000, 2_000, "C")(0)
+        return {"X": made["X"], "Y": made["y"][:, None]}
+
+    case = optimizer_case("STLSQ", {"threshold": 0.1, "alpha": 0.05}, 1e-6)
+    return Case(case.peer, data, case.ours, case.theirs, case.tolerance)
 
 
 CASES.update(shape_cases())
@@ -384,11 +411,41 @@ def difference(ours: Answer, theirs: Answer) -> float:
     return worst
 
 
+def compared(name: str, arguments: argparse.Namespace) -> tuple[str, float | None]:
+    """Both sides of a case: a line of the table, and the difference of the answers where both have one."""
+    case = CASES[name]
+    found: dict[str, Any] = {}
+    off = None
+    with tempfile.TemporaryDirectory() as folder:
+        arrays = case.data(arguments.rows)
+        np.savez(Path(folder) / f"{name}.npz", **arrays)
+        size = " + ".join("x".join(map(str, value.shape)) for value in arrays.values() if value.ndim)
+        del arrays
+        for who in ("ours", "theirs"):
+            command = [sys.executable, __file__, "--child", name, who, folder, "--repeat", str(arguments.repeat)]
+            try:
+                done = subprocess.run(command, capture_output=True, text=True, timeout=arguments.limit)
+            except subprocess.TimeoutExpired:
+                continue
+            if done.returncode != 0:
+                raise SystemExit(done.stderr)
+            found[who] = json.loads(done.stdout.splitlines()[-1])
+        if len(found) == 2:
+            off = difference(*(dict(np.load(Path(folder) / f"{name}.{who}.npz")) for who in ("ours", "theirs")))
+    times = [f"{found[who]['seconds']:.3f}" if who in found else f"> {arguments.limit:g}" for who in ("ours", "theirs")]
+    sizes = [f"{found[who]['bytes'] / 2**20:.0f}" if who in found else "-" for who in ("ours", "theirs")]
+    faster = f"{found['theirs']['seconds'] / found['ours']['seconds']:.1f}" if len(found) == 2 else "-"
+    told = "-" if off is None else f"{off:.1e}"
+    return f"| `{name}` | {case.peer} | {size} | {' | '.join(times)} | {faster} | {' | '.join(sizes)} | {told} |", off
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--only", default="")
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--minutes", type=float, default=90.0, help="after which no case begins")
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds that one side of a case may take, imports and all")
     parser.add_argument("--child", nargs=3, metavar=("NAME", "WHO", "FOLDER"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
@@ -397,31 +454,16 @@ def main() -> int:
     wanted = [name for name in arguments.only.split(",") if name] or list(CASES)
     print("| estimator | peer | input | ours, s | peer, s | faster | ours, MiB | peer, MiB | difference |")
     print("|---|---|---|---:|---:|---:|---:|---:|---:|")
-    wrong = []
-    for name in wanted:
-        case = CASES[name]
-        with tempfile.TemporaryDirectory() as folder:
-            arrays = case.data(arguments.rows)
-            np.savez(Path(folder) / f"{name}.npz", **arrays)
-            size = " + ".join("x".join(map(str, value.shape)) for value in arrays.values() if value.ndim)
-            del arrays
-            found: dict[str, Any] = {}
-            for who in ("ours", "theirs"):
-                command = [sys.executable, __file__, "--child", name, who, folder, "--repeat", str(arguments.repeat)]
-                done = subprocess.run(command, capture_output=True, text=True)
-                if done.returncode != 0:
-                    print(done.stderr, file=sys.stderr)
-                    return 1
-                found[who] = json.loads(done.stdout.splitlines()[-1])
-            off = difference(*(dict(np.load(Path(folder) / f"{name}.{who}.npz")) for who in ("ours", "theirs")))
-        ours, theirs = found["ours"], found["theirs"]
-        print(
-            f"| `{name}` | {case.peer} | {size} | {ours['seconds']:.3f} | {theirs['seconds']:.3f} | "
-            f"{theirs['seconds'] / ours['seconds']:.1f} | {ours['bytes'] / 2**20:.0f} | {theirs['bytes'] / 2**20:.0f} | {off:.1e} |",
-            flush=True,
-        )
-        if not off <= case.tolerance:
-            wrong.append(f"{name}: {off:.1e}, more than {case.tolerance:.1e} ({case.reason})")
+    wrong: list[str] = []
+    begun = time.monotonic()
+    for place, name in enumerate(wanted):
+        if time.monotonic() - begun > 60.0 * arguments.minutes:
+            print(f"LEFT OUT after {arguments.minutes:g} minutes: {', '.join(wanted[place:])}", file=sys.stderr)
+            break
+        line, off = compared(name, arguments)
+        print(line, flush=True)
+        if off is not None and not off <= CASES[name].tolerance:
+            wrong.append(f"{name}: {off:.1e}, more than {CASES[name].tolerance:.1e} ({CASES[name].reason})")
     for line in wrong:
         print(f"DIFFERS {line}", file=sys.stderr)
     return 1 if wrong else 0
