@@ -1,15 +1,16 @@
 //! Solves with a positive semidefinite matrix, whose columns may depend on each other.
 
 use faer::{
-    Mat, MatRef, Side,
-    linalg::solvers::{Llt, Solve},
+    Mat, Par,
+    dyn_stack::{MemBuffer, MemStack},
+    linalg::cholesky::llt::{factor, solve},
 };
 use fleetfoot_data::checkpoint;
 
 /// A solution of `M x = b`, M symmetric (k x k, both triangles): by Cholesky, and where the square of a pivot would be below `level` of the diagonal,
 /// by one that passes over the columns that depend on the ones before; they get 0.
 pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
-    match Factor::new(matrix, level) {
+    match Factor::of(matrix.clone(), level) {
         Some(factor) => factor.solve(b),
         None => solve_dependent(matrix, b, level),
     }
@@ -18,30 +19,41 @@ pub(crate) fn solve(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f64> {
 /// Trace of `M^-1 A` (k x k both), M as in [`solve`].
 pub(crate) fn trace_of_ratio(a: &Mat<f64>, matrix: &Mat<f64>, level: f64) -> f64 {
     let k = matrix.nrows();
-    match Factor::new(matrix, level) {
-        Some(Factor(factor)) => {
-            let ratio = factor.solve(a);
+    match Factor::of(matrix.clone(), level) {
+        Some(factor) => {
+            let ratio = factor.solve_all(a.clone());
             (0..k).map(|i| ratio[(i, i)]).sum()
         }
         None => (0..k).map(|i| solve_dependent(matrix, a.col_as_slice(i), level)[i]).sum(),
     }
 }
 
-/// The Cholesky factor of a matrix whose columns do not depend on each other.
-pub(crate) struct Factor(Llt<f64>);
+/// The Cholesky factor of a matrix whose columns do not depend on each other, in its lower triangle.
+pub(crate) struct Factor(Mat<f64>);
 
 impl Factor {
-    /// `None` where the square of a pivot would be below `level` of the diagonal.
-    pub(crate) fn new(matrix: &Mat<f64>, level: f64) -> Option<Self> {
-        let pivots =
-            |factor: MatRef<'_, f64>| (0..factor.nrows()).all(|i| factor[(i, i)].powi(2) > level * matrix[(i, i)]);
-        matrix.llt(Side::Lower).ok().filter(|factor| pivots(factor.L())).map(Self)
+    /// Factors in place; only the lower triangle is read. `None` where the square of a pivot would be below `level` of the diagonal.
+    pub(crate) fn of(mut matrix: Mat<f64>, level: f64) -> Option<Self> {
+        let k = matrix.nrows();
+        let diagonal: Vec<f64> = (0..k).map(|i| matrix[(i, i)]).collect();
+        let scratch = factor::cholesky_in_place_scratch::<f64>(k, Par::Seq, Default::default());
+        let mut memory = MemBuffer::new(scratch);
+        let stack = MemStack::new(&mut memory);
+        factor::cholesky_in_place(matrix.as_mut(), Default::default(), Par::Seq, stack, Default::default()).ok()?;
+        let pivots = diagonal.iter().enumerate().all(|(i, diagonal)| matrix[(i, i)].powi(2) > level * diagonal);
+        pivots.then_some(Self(matrix))
     }
 
     /// The solution of `M x = b`.
     pub(crate) fn solve(&self, b: &[f64]) -> Vec<f64> {
-        let solution = self.0.solve(Mat::from_fn(b.len(), 1, |i, _| b[i]));
-        (0..b.len()).map(|i| solution[(i, 0)]).collect()
+        let solution = self.solve_all(Mat::from_fn(b.len(), 1, |i, _| b[i]));
+        solution.col_as_slice(0).to_vec()
+    }
+
+    /// The solutions of `M X = B`, in the place of B (k x m).
+    fn solve_all(&self, mut right: Mat<f64>) -> Mat<f64> {
+        solve::solve_in_place(self.0.as_ref(), right.as_mut(), Par::Seq, MemStack::new(&mut []));
+        right
     }
 }
 

@@ -101,19 +101,27 @@ impl Small {
         self.limit[j] > 0.0 || self.signs[j] != Sign::Free
     }
 
+    /// M in some columns, both triangles.
+    fn matrix_of(&self, support: &[usize]) -> Mat<f64> {
+        let mut matrix = Mat::zeros(support.len(), support.len());
+        for (k, &j) in support.iter().enumerate() {
+            let column = self.matrix.column(j);
+            matrix.col_as_slice_mut(k).iter_mut().zip(support).for_each(|(entry, &i)| *entry = column[i]);
+        }
+        matrix
+    }
+
     /// Newton steps on the support, each to the first coefficient that reaches zero, until none does.
     fn polish(&self, delta: &mut [f64]) {
         loop {
             checkpoint();
             let support: Vec<usize> = (0..self.columns()).filter(|&j| delta[j] != 0.0 || !self.watched(j)).collect();
-            let gradient = self.gradient(delta);
-            let wanted: Vec<f64> = support.iter().map(|&j| gradient[j] - self.limit[j] * sign_of(delta[j])).collect();
-            let matrix = Mat::from_fn(support.len(), support.len(), |i, k| self.matrix.column(support[k])[support[i]]);
+            let wanted = self.wanted(delta, &support);
             let level = 8.0 * f64::EPSILON * (self.columns() + 1) as f64;
-            let factor = Factor::new(&matrix, level);
+            let factor = Factor::of(self.matrix_of(&support), level);
             let step = match &factor {
                 Some(factor) => factor.solve(&wanted),
-                None => solve_dependent(&matrix, &wanted, level),
+                None => solve_dependent(&self.matrix_of(&support), &wanted, level),
             };
             let factor = factor.filter(|_| support.len() > FEW);
             let mut walk = Walk { problem: self, support: &support, factor, dropped: Vec::new() };
@@ -121,6 +129,12 @@ impl Small {
                 return;
             }
         }
+    }
+
+    /// What is left of the optimality conditions in the columns of the support.
+    fn wanted(&self, delta: &[f64], support: &[usize]) -> Vec<f64> {
+        let gradient = self.gradient(delta);
+        support.iter().map(|&j| gradient[j] - self.limit[j] * sign_of(delta[j])).collect()
     }
 }
 
@@ -135,7 +149,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Goes by `step` (of the support), and from where a coefficient reaches zero on to the solution without that one; whether none did.
+    /// Goes by `step` (of the support), and from where a coefficient reaches zero on to the solution without that one; whether it got there.
     fn go(&mut self, delta: &mut [f64], step: &[f64]) -> bool {
         let mut goal: Vec<f64> = self.support.iter().zip(step).map(|(&j, step)| delta[j] + step).collect();
         let most = self.support.len() / SHARE;
@@ -152,7 +166,10 @@ impl Walk<'_> {
                 let left = if self.dropped.is_empty() { step[place] } else { goal[place] - delta[j] };
                 delta[j] += share * left;
             }
-            let Some((place, _)) = first else { return self.dropped.is_empty() };
+            let Some((place, _)) = first else {
+                self.refine(delta);
+                return true;
+            };
             delta[self.support[place]] = 0.0;
             match &self.factor {
                 Some(factor) if self.dropped.len() < most => {
@@ -163,6 +180,20 @@ impl Walk<'_> {
                 }
                 _ => return false,
             }
+        }
+    }
+
+    /// Takes out what rounding of the drops has left, by the same factor.
+    fn refine(&self, delta: &mut [f64]) {
+        let Some(factor) = self.factor.as_ref().filter(|_| !self.dropped.is_empty()) else { return };
+        let mut step = factor.solve(&self.problem.wanted(delta, self.support));
+        for (place, u) in &self.dropped {
+            let share = step[*place] / u[*place];
+            step.iter_mut().zip(u).for_each(|(step, u)| *step -= share * u);
+        }
+        let kept = |place: usize| self.dropped.iter().all(|(dropped, _)| *dropped != place);
+        for (place, &j) in self.support.iter().enumerate().filter(|(place, _)| kept(*place)) {
+            delta[j] += step[place];
         }
     }
 

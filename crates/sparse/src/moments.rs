@@ -9,6 +9,9 @@ use crate::{
     quadratic::{Form, Means, Quadratic},
 };
 
+/// Side of the squares in which a matrix is mirrored.
+const SQUARE: usize = 32;
+
 impl Quadratic {
     /// One target of a square-root form, intercept free.
     ///
@@ -83,11 +86,10 @@ impl Quadratic {
         if let Some(&target) = columns.iter().chain([&target]).find(|&&column| column >= d) {
             return Err(SparseError::NoSuchTarget { target, targets: d });
         }
-        let entry = |i: usize, j: usize| gram.get(columns[i], columns[j]);
-        let moments = Slab::from_fn(columns.len(), columns.len(), entry);
+        let moments = scatter(gram, columns);
         let xy = columns.iter().map(|&column| gram.get(column, target)).collect();
         let means = Means { x: columns.iter().map(|&column| gram.mean[column]).collect(), y: gram.mean[target] };
-        Self::of_moments(gram.weight, Some(means), moments, xy, gram.get(target, target))
+        Self::of_moments(gram.weight, Some(means), moments, xy, gram.get(target, target), true)
     }
 
     /// As [`Quadratic::from_gram`], without an intercept: the means return to the products.
@@ -100,9 +102,13 @@ impl Quadratic {
             return Err(SparseError::NoSuchTarget { target, targets: d });
         }
         let product = |i: usize, j: usize| gram.get(i, j) + gram.weight * gram.mean[i] * gram.mean[j];
-        let moments = Slab::from_fn(columns.len(), columns.len(), |i, j| product(columns[i], columns[j]));
+        let mut moments = scatter(gram, columns);
+        for (j, &column) in columns.iter().enumerate() {
+            let values = moments.column_mut(j).iter_mut().zip(columns);
+            values.for_each(|(value, &other)| *value += gram.weight * gram.mean[other] * gram.mean[column]);
+        }
         let xy = columns.iter().map(|&column| product(column, target)).collect();
-        Self::of_moments(gram.weight, None, moments, xy, product(target, target))
+        Self::of_moments(gram.weight, None, moments, xy, product(target, target), true)
     }
 
     /// As [`Quadratic::from_products`], the Gram matrix column after column (p x p), where `y'y` need not be known: then solutions are right, but
@@ -132,15 +138,17 @@ impl Quadratic {
                 return Err(SparseError::Length { what: "the Gram matrix", found, expected: p });
             }
         }
-        Self::of_moments(n, None, Slab::from_fn(p, p, |i, j| gram[(i, j)]), xy.to_vec(), yy)
+        Self::of_moments(n, None, Slab::from_fn(p, p, |i, j| gram[(i, j)]), xy.to_vec(), yy, false)
     }
 
+    /// `symmetric`: the products are so by how they were made, and nobody needs to look.
     fn of_moments(
         weight: f64,
         means: Option<Means>,
         mut g: Slab,
         mut c: Vec<f64>,
         yy: f64,
+        symmetric: bool,
     ) -> Result<Self, SparseError> {
         let p = c.len();
         if !(weight > 0.0 && weight.is_finite()) {
@@ -163,15 +171,15 @@ impl Quadratic {
         let length: Vec<f64> = (0..p).map(|j| varies(g.column(j)[j], mean(j))).collect();
         let size = varies(yy, means.as_ref().map_or(0.0, |means| means.y));
         for j in 0..p {
-            for (i, value) in g.column_mut(j)[..p].iter_mut().enumerate() {
-                *value = unit(*value, length[i], length[j]);
-            }
+            let values = g.column_mut(j)[..p].iter_mut().zip(&length);
+            values.for_each(|(value, &other)| *value = unit(*value, other, length[j]));
             c[j] = unit(c[j], length[j], size);
         }
         let slack = 1.0 + 1e-9;
         for j in 0..p {
-            let asymmetric = |i: usize| (g.column(j)[i] - g.column(i)[j]).abs() > 1e-9;
-            if let Some(other) = (0..p).find(|&i| g.column(j)[i].abs() > slack || asymmetric(i)) {
+            let column = &g.column(j)[..p];
+            let asymmetric = |i: usize| !symmetric && (column[i] - g.column(i)[j]).abs() > 1e-9;
+            if let Some(other) = (0..p).find(|&i| column[i].abs() > slack || asymmetric(i)) {
                 return Err(SparseError::NotMoments { column: j, other, targets: p });
             }
             if c[j].abs() > slack {
@@ -181,6 +189,36 @@ impl Quadratic {
         c.resize(padded(p).max(8), 0.0);
         let noise = vec![0.0; p];
         Ok(Self { weight, length, size, means, noise, form: Form::Gram { g, c } })
+    }
+}
+
+/// Centred second moments of some columns with each other.
+fn scatter(gram: &Gram, columns: &[usize]) -> Slab {
+    let mut moments = Slab::zeros(columns.len(), columns.len());
+    for (k, &column) in columns.iter().enumerate() {
+        let values = moments.column_mut(k)[..=k].iter_mut().zip(columns);
+        values.for_each(|(value, &other)| *value = gram.get(column, other));
+    }
+    mirror(&mut moments);
+    moments
+}
+
+/// Copies what is above the diagonal below it, in squares that stay in cache.
+fn mirror(matrix: &mut Slab) {
+    let p = matrix.columns();
+    let mut square = [[0.0; SQUARE]; SQUARE];
+    for top in (0..p).step_by(SQUARE) {
+        let rows = top..(top + SQUARE).min(p);
+        for left in (top..p).step_by(SQUARE) {
+            let columns = left..(left + SQUARE).min(p);
+            for (line, j) in square.iter_mut().zip(columns.clone()) {
+                line[..rows.len()].copy_from_slice(&matrix.column(j)[rows.clone()]);
+            }
+            for (at, i) in rows.clone().enumerate() {
+                let target = matrix.column_mut(i);
+                columns.clone().zip(&square).filter(|(j, _)| *j > i).for_each(|(j, line)| target[j] = line[at]);
+            }
+        }
     }
 }
 

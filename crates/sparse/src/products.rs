@@ -63,7 +63,14 @@ impl<'a> Products<'a> {
 
     /// The products of some columns with column j; all of them were formed.
     pub(crate) fn with(&self, j: usize, columns: &[usize], out: &mut [f64]) {
-        out.iter_mut().zip(columns).for_each(|(out, &i)| *out = self.pair(i, j));
+        let gather = |out: &mut [f64], column: &[f64]| {
+            out.iter_mut().zip(columns).for_each(|(out, &i)| *out = column[i]);
+        };
+        match self {
+            Self::Gram(g) => gather(out, g.column(j)),
+            Self::Columns { formed, .. } => gather(out, formed[j].as_deref().unwrap_or(&[])),
+            Self::Pairs { pairs, .. } => out.iter_mut().zip(columns).for_each(|(out, &i)| *out = pairs.get(i, j)),
+        }
     }
 
     /// The product of two columns that were formed.

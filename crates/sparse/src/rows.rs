@@ -1,6 +1,9 @@
 //! Problems from dense rows: for small data, and for tests.
 
+use std::borrow::Cow;
+
 use faer::MatRef;
+use fleetfoot_data::checkpoint;
 use fleetfoot_stats::householder::reduce_columns;
 
 use crate::{
@@ -58,25 +61,36 @@ impl Quadratic {
         if used.is_empty() {
             return Err(SparseError::NoRows);
         }
-        if let Some(column) = (0..p).find(|&j| used.iter().any(|&row| !x[(row, j)].is_finite())) {
+        let column = |j: usize| picked(x, j, &used);
+        if let Some(column) = (0..p).find(|&j| column(j).iter().any(|value| !value.is_finite())) {
             return Err(SparseError::ColumnNotFinite { column });
         }
         if used.iter().any(|&row| !y[row].is_finite()) {
             return Err(SparseError::TargetNotFinite);
         }
-        let centre = |value: &dyn Fn(usize) -> f64| {
+        let shares: Vec<f64> = used.iter().map(|&row| weight(row) / total).collect();
+        let centre = |values: &[f64]| {
             if !intercept {
                 return 0.0;
             }
             // The second pass takes out what the first one rounded.
-            let first: f64 = used.iter().map(|&row| weight(row) / total * value(row)).sum();
-            first + used.iter().map(|&row| weight(row) / total * (value(row) - first)).sum::<f64>()
+            let first: f64 = shares.iter().zip(values).map(|(share, value)| share * value).sum();
+            first + shares.iter().zip(values).map(|(share, value)| share * (value - first)).sum::<f64>()
         };
-        let mean_x: Vec<f64> = (0..p).map(|j| centre(&|row| x[(row, j)])).collect();
-        let mean_y = centre(&|row| y[row]);
         let roots: Vec<f64> = used.iter().map(|&row| weight(row).sqrt()).collect();
-        let mut rows = Slab::from_fn(used.len(), p, |i, j| roots[i] * (x[(used[i], j)] - mean_x[j]));
-        let mut z: Vec<f64> = used.iter().zip(&roots).map(|(&row, root)| root * (y[row] - mean_y)).collect();
+        let mut rows = Slab::zeros(used.len(), p);
+        let mut mean_x = Vec::with_capacity(p);
+        for j in 0..p {
+            checkpoint();
+            let values = column(j);
+            let mean = centre(&values);
+            let scaled = rows.column_mut(j).iter_mut().zip(&roots).zip(values.iter());
+            scaled.for_each(|((entry, root), value)| *entry = root * (value - mean));
+            mean_x.push(mean);
+        }
+        let target: Vec<f64> = used.iter().map(|&row| y[row]).collect();
+        let mean_y = centre(&target);
+        let mut z: Vec<f64> = target.iter().zip(&roots).map(|(value, root)| root * (value - mean_y)).collect();
         z.resize(rows.stride(), 0.0);
         let level = 16.0 * f64::EPSILON * ((p + 1) as f64).sqrt();
         let size = norm(z.iter().copied());
@@ -87,6 +101,14 @@ impl Quadratic {
         let means = intercept.then_some(Means { x: mean_x, y: mean_y });
         z.truncate(rows.rows());
         Ok(Self::of_compressed(total, means, rows, z, beyond, (size, least), noise_x))
+    }
+}
+
+/// The values of a column in some rows, ascending; where they lie, if these are all.
+fn picked<'a>(x: MatRef<'a, f64>, column: usize, used: &[usize]) -> Cow<'a, [f64]> {
+    match x.col(column).try_as_col_major() {
+        Some(values) if used.len() == x.nrows() => Cow::Borrowed(values.as_slice()),
+        _ => used.iter().map(|&row| x[(row, column)]).collect(),
     }
 }
 

@@ -13,6 +13,7 @@ from ._base import ConvergenceWarning
 from ._core import Design, sr3
 from ._optimizer import Optimizer, checked_guess, lengths
 from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, integer, real
+from ._requests import Sr3Request
 from ._trimming import Trimmed, trimmed
 
 
@@ -166,7 +167,7 @@ class SR3(Optimizer):
             raise ValueError(f"reg_weight_lam has the shape {weights.shape}, expected {shape}: (n_targets, n_features)")
         weights = np.ascontiguousarray(np.broadcast_to(weights, shape))
         guess = checked_guess(self.initial_guess, shape)
-        request = {
+        request: Sr3Request = {
             "regularizer": self.regularizer.lower()[-2:],
             "nu": float(self.relax_coeff_nu),
             "tol": float(self.tol),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._core import Design, sr3
+from ._requests import Sr3Request
 
 __all__ = ["Trimmed", "on_capped_simplex", "trimmed"]
 
@@ -29,7 +29,7 @@ class Trimmed:
 def trimmed(
     X: NDArray[np.float64],
     y: NDArray[np.float64],
-    request: dict[str, Any],
+    request: Sr3Request,
     weights: NDArray[np.float64],
     start: NDArray[np.float64],
     fraction: float,
@@ -42,7 +42,7 @@ def trimmed(
     Aravkin, Brunton, Kutz 2020, section III.B). X (n_samples, n_features) and y (n_samples, n_targets) with the roots
     of the rows' weights in them, penalties `weights` and `start` (n_targets, n_features). Every iteration reads the rows.
     """
-    once = {**request, "max_iter": 1, "normalize": False, "unbias": False}
+    once: Sr3Request = {**request, "max_iter": 1, "normalize": False, "unbias": False}
     shares = np.full(len(X), 1.0 - fraction)
     sparse = relaxed = start
     history = [start]
@@ -71,7 +71,14 @@ def on_capped_simplex(values: NDArray[np.float64], fraction: float) -> NDArray[n
     # Entries strictly between 0 and 1 behind each end.
     between = np.cumsum(np.where(order < len(values), 1, -1))
     sums = len(values) - np.concatenate([[0.0], np.cumsum(between[:-1] * np.diff(ends))])
-    at = min(max(int(np.searchsorted(-sums, -wanted, side="right")) - 1, 0), len(ends) - 1)
-    shift = ends[at] + ((sums[at] - wanted) / between[at] if between[at] > 0 else 0.0)
+    rounding = 1e-12 * len(values)
+    at = int(np.argmax(sums <= wanted + rounding))
+    if sums[at] < wanted - rounding:
+        shift = ends[at - 1] + (sums[at - 1] - wanted) / between[at - 1]
+    elif between[at] == 0 and at + 1 < len(ends):
+        # Level: anywhere in the piece whole rows are kept, and whole ones given up.
+        shift = 0.5 * (ends[at] + ends[at + 1])
+    else:
+        shift = ends[at]
     found: NDArray[np.float64] = np.clip(values - shift, 0.0, 1.0)
     return found

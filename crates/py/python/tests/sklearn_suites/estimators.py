@@ -27,7 +27,10 @@ EXPECTED: dict[str, dict[str, str]] = {
     "SINDy": {**_IDENTIFIER, **_FEW},
     # -- clusters and thresholds
     "FROLS": _OPTIMIZER,
-    "KMeans": {"check_sample_weight_equivalence_on_dense_data": _REGIONS},
+    "KMeans": {
+        "check_sample_weight_equivalence_on_dense_data": _REGIONS,
+        "check_sample_weight_equivalence_on_sparse_data": _REGIONS,
+    },
     "PWARegressor": {
         "check_regressor_multioutput": "refuses fewer rows than features + 2: 11 rows of 10 features",
         "check_sample_weight_equivalence_on_dense_data": _REGIONS,
