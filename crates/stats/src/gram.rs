@@ -174,7 +174,9 @@ impl Gram {
             tile.multiply(design, part.clone());
             // The tile was centred on a rounded mean; what remained is moved from the products to the mean.
             let (weight, remainder) = (tile.weight, &tile.remainder);
-            let scatter = |i: usize, j: usize| tile.product(i, j) - weight * remainder[i] * remainder[j];
+            let moved = |i: usize, j: usize| tile.product(i, j) - weight * remainder[i] * remainder[j];
+            // Rounding may leave a square below zero where nothing varies.
+            let scatter = |i: usize, j: usize| if i == j && moved(i, j) < 0.0 { 0.0 } else { moved(i, j) };
             let mean = |i: usize| tile.centre[i] + remainder[i];
             self.add(part.len() as u64, weight, mean, scatter);
         }
