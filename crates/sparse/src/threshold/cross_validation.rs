@@ -31,7 +31,7 @@ pub struct FoldScores {
     pub mean: Vec<f64>,
     /// Standard error of the mean (steps).
     pub standard_error: Vec<f64>,
-    /// Index of the step with the least mean error; of several, the one with the fewest terms.
+    /// Index of the step with the least mean error; of several, up to a hundred-thousandth of it, the one with the fewest terms.
     pub best: usize,
     /// Index of the step with the fewest terms (of several, with the least error) whose mean error is at most the least one plus the standard error there
     /// (Breiman, Friedman, Olshen, Stone 1984, section 3.4.3).
@@ -82,12 +82,15 @@ pub fn score_supports(
     })
 }
 
+/// Relative difference of held-out errors that counts as none.
+const SAME: f64 = 1e-5;
+
 /// The least mean error, and the fewest terms within a standard error of it.
 fn choose(steps: &[Step], compared: &CrossValidation) -> (usize, usize) {
     let mean = &compared.mean;
-    // What is equal up to rounding is equal: the fewest terms then.
+    // What differs by less is no evidence, in exact data rounding: the fewest terms then.
     let least = mean.iter().copied().fold(f64::INFINITY, f64::min);
-    let equal = |k: &usize| mean[*k] <= least * (1.0 + 1e-12);
+    let equal = |k: &usize| mean[*k] <= least * (1.0 + SAME);
     let fewest = |k: &usize| (steps[*k].terms(), mean[*k]);
     let by = |a: &usize, b: &usize| {
         let ((terms, error), (others, other)) = (fewest(a), fewest(b));

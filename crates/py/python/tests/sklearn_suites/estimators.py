@@ -48,5 +48,6 @@ MAKE: dict[str, Callable[[Any], Any]] = {
 
 #: Estimators to which the checks do not apply, with the reason.
 OTHERS: dict[str, str] = {
+    "Parameters": "estimates numbers of equations that are given: without `known` there is nothing to fit to any X",
     "NARX": "predicts the next value of every column of X from its past: rows depend on their neighbours, and y on all columns",
 }
