@@ -93,9 +93,7 @@ pub enum EstimateError {
         row: usize,
     },
     /// Segments whose rows lack values.
-    #[error(
-        "all {segments} segments miss a value that they need, of a state where they begin or of an input: prepare the logs, or choose shorter segments"
-    )]
+    #[error("{}", no_segment(*segments))]
     NoSegment {
         /// How many.
         segments: usize,
@@ -150,4 +148,14 @@ pub enum EstimateError {
     /// The user stopped it.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+fn no_segment(segments: usize) -> String {
+    match segments {
+        0 => "no episode has two rows, so that nothing can be simulated: give longer logs, or look at their stamps (fleetfoot info)".to_owned(),
+        1 => "the only segment misses a value that it needs, of a state where it begins or of an input: prepare the logs, or choose shorter segments".to_owned(),
+        segments => format!(
+            "all {segments} segments miss a value that they need, of a state where they begin or of an input: prepare the logs, or choose shorter segments"
+        ),
+    }
 }

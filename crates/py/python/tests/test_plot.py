@@ -66,7 +66,6 @@ def test_horizon_draws_model_and_baselines():
         ff.plot.horizon({"rmse": 1.0})
 
 
-@pytest.mark.skipif(not hasattr(ff, "PWA"), reason="this build has no ff.PWA")
 def test_region_map_shows_the_regions_of_the_rows():
     rng = np.random.default_rng(3)
     runs = []
@@ -117,7 +116,6 @@ def _swings(count=3):
     return t, [x + 1e-3 * rng.normal(size=x.shape) for x in clean]
 
 
-@pytest.mark.skipif(not hasattr(ff, "SINDy"), reason="this build has no ff.SINDy")
 def test_a_fitted_model_draws_its_coefficients_with_intervals():
     t, runs = _swings()
     fitted = ff.SINDy().fit(runs[0], t, feature_names=["q", "v"])
@@ -138,7 +136,6 @@ def test_a_fitted_model_draws_its_coefficients_with_intervals():
         fitted.plot(region=3)
 
 
-@pytest.mark.skipif(not hasattr(ff, "PWA"), reason="this build has no ff.PWA")
 def test_a_model_draws_what_it_predicts_beside_what_was_measured():
     t, runs = _swings()
     model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
@@ -170,7 +167,6 @@ def test_data_draw_their_channels_and_gaps():
         data.plot(ax=own)
 
 
-@pytest.mark.skipif(not hasattr(ff, "PWA"), reason="this build has no ff.PWA")
 def test_a_comparison_draws_errors_with_intervals():
     t, runs = _swings(6)
     model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
