@@ -499,6 +499,21 @@ fn a_path_of_groups_is_chosen_from_like_any_other() {
     assert!(apart(&found.dense(12), &knot) < 1e-9 && short.knots.len() == 1);
 }
 
+/// With fewer rows than columns the first supports hold columns that depend on each other: along some directions only the penalty changes.
+#[test]
+fn supports_beyond_the_rank_end_where_coefficients_become_zero() {
+    let mut solutions = 0;
+    for seed in (0..150).chain([8747]) {
+        for rows in [random(seed, 4, 6), integers(seed, 5, 9)] {
+            for ratio in RATIOS {
+                let lasso = lasso(rows.p(), ratio);
+                solutions += check(&rows, Form::Root, "standardised", &Penalty::standardised(), &lasso);
+            }
+        }
+    }
+    assert_eq!(solutions, 151 * 2 * RATIOS.len() * 5);
+}
+
 #[test]
 fn what_is_out_of_range_is_refused() {
     let rows = random(1, 20, 4);
