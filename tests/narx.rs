@@ -23,7 +23,7 @@ pub(crate) fn noise(seed: u64, row: u64) -> f64 {
 }
 
 /// `y(k) = 0.1 + 0.6 y(k-1) - 0.3 y(k-2) + 0.8 u(k-1) - 0.2 y(k-1)^2` where y(k-1) < 0.4, and `y(k) = 0.5 y(k-1) + 0.3 u(k-1)` above, with `piecewise`.
-fn csv(rows: usize, seed: u64, piecewise: bool, size: f64) -> String {
+pub(crate) fn csv(rows: usize, seed: u64, piecewise: bool, size: f64) -> String {
     let mut text = String::from("t,y,u\n");
     let (mut before, mut y) = (0.0, 0.1);
     for row in 0..rows {

@@ -26,6 +26,7 @@ mod sindy;
 mod sparse;
 mod stats_files;
 mod to_the_end;
+mod trained;
 mod ulog;
 #[path = "../crates/log/tests/all/ulog_writer.rs"]
 mod ulog_writer;

@@ -137,7 +137,7 @@ pub(crate) fn in_sample(context: &Context, names: &[String], episodes: usize) {
         let some: Vec<&str> = names.iter().take(3).map(String::as_str).collect();
         let more = if names.len() > 3 { ", ..." } else { "" };
         context.say(format!(
-            "warning: {} of {episodes} episodes were used in training ({}{more}): these scores are in-sample and flatter the model",
+            "warning: {} of {episodes} episodes were used in training, as a whole or in part ({}{more}): these scores are in-sample and flatter the model",
             names.len(),
             some.join(", ")
         ));

@@ -1,8 +1,8 @@
 //! Episodes: one uninterrupted recording each, with an identity that follows the data and not the file.
 
-use std::{collections::BTreeMap, fmt, path::PathBuf, str::FromStr};
+use std::{collections::BTreeMap, fmt, ops::Range, path::PathBuf, str::FromStr};
 
-use crate::{Block, Column};
+use crate::{Block, Column, Mark};
 
 /// One uninterrupted recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +23,8 @@ pub struct Episode {
     pub end: i64,
     /// Median sampling period, seconds; 0 for a single row.
     pub period: f64,
+    /// What its rows are recognised by in other logs.
+    pub marks: Vec<Mark>,
 }
 
 impl Episode {
@@ -93,6 +95,31 @@ impl Fingerprint {
         }
     }
 
+    /// The identity and the marks of an episode of `rows` rows, whose stamps have gone in. `read` gives some of them.
+    ///
+    /// # Errors
+    /// Those of `read`.
+    pub fn identify<E>(
+        mut self,
+        columns: &[Column],
+        rows: usize,
+        read: impl Fn(Range<usize>) -> Result<Block, E>,
+    ) -> Result<(EpisodeId, Vec<Mark>), E> {
+        let mut marks = Vec::new();
+        let mut places = Mark::places(rows);
+        for sampled in Self::sampled_rows(rows) {
+            let block = read(sampled.clone())?;
+            self.sample(columns, &block);
+            let within = |place: &mut Range<usize>| sampled.start <= place.start && place.end <= sampled.end;
+            marks.extend(places.extract_if(.., within).flat_map(|place| Mark::of(columns, &block, place)));
+        }
+        for place in places {
+            marks.extend(Mark::of(columns, &read(place.clone())?, place));
+        }
+        marks.sort_unstable();
+        Ok((self.finish(), marks))
+    }
+
     /// The identity.
     pub fn finish(mut self) -> EpisodeId {
         self.hasher.update(&self.rows.to_le_bytes());
@@ -102,7 +129,7 @@ impl Fingerprint {
     }
 
     /// The row ranges to sample of an episode of `rows` rows: its beginning, its middle and its end.
-    pub fn sampled_rows(rows: usize) -> Vec<std::ops::Range<usize>> {
+    pub fn sampled_rows(rows: usize) -> Vec<Range<usize>> {
         const RUN: usize = 512;
         if rows <= 3 * RUN {
             return std::iter::once(0..rows).collect();

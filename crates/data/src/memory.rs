@@ -1,6 +1,6 @@
 //! A source whose rows are already in memory.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeMap, convert::Infallible, ops::Range};
 
 use arrow_buffer::ScalarBuffer;
 
@@ -32,11 +32,10 @@ impl MemorySource {
         steps.sort_unstable();
         let mut fingerprint = Fingerprint::new();
         fingerprint.stamps(&time);
-        for range in Fingerprint::sampled_rows(rows) {
-            fingerprint.sample(&self.columns, &cut(&time, &values, range, Halo::default()));
-        }
+        let read = |rows| Ok::<_, Infallible>(cut(&time, &values, rows, Halo::default()));
+        let Ok((id, marks)) = fingerprint.identify(&self.columns, rows, read);
         self.episodes.push(Episode {
-            id: fingerprint.finish(),
+            id,
             name: name.into(),
             file: None,
             labels: BTreeMap::new(),
@@ -44,6 +43,7 @@ impl MemorySource {
             start: time.first().copied().unwrap_or(0),
             end: time.last().copied().unwrap_or(0),
             period: steps.get(steps.len() / 2).map_or(0.0, |&step| step as f64 * 1e-9),
+            marks,
         });
         self.data.push((time, values));
     }

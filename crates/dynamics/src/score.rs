@@ -334,7 +334,7 @@ fn episode_score(model: &Model, source: &dyn Source, episode: usize, sums: &Sums
         episode,
         id: info.id,
         name: info.name.clone(),
-        in_training: model.training.episodes.iter().any(|(known, _)| *known == id),
+        in_training: model.training.episodes.iter().any(|known| known.id == id),
         rows: sums.rows,
         mae: sums.targets.iter().map(ErrorSum::mean_absolute).collect(),
         mae_over_null: (sums.targets.iter().enumerate())

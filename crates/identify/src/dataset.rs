@@ -4,10 +4,13 @@ mod clock;
 mod cost;
 mod selection;
 
-use std::path::Path;
+use std::{
+    collections::{BTreeSet, HashSet},
+    path::Path,
+};
 
-use fleetfoot_data::{Column, Episode, Progress, Source};
-use fleetfoot_library::{Expr, Filtered, ParseErrorKind, View};
+use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
+use fleetfoot_library::{Expr, Filter, Filtered, ParseErrorKind, View};
 use fleetfoot_log::{ColumnInfo, FileInfo, Log, Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Equation, Model, Role, Rule, auxiliary_columns};
 
@@ -35,6 +38,8 @@ pub struct Dataset {
     recodings: Vec<(String, Vec<f64>)>,
     clocks: Vec<AlignedClock>,
     notes: Vec<String>,
+    /// Looks for rows that trained the model which the logs were opened for.
+    watch: Option<Watch>,
 }
 
 /// Files opened for a structured regression.
@@ -421,6 +426,7 @@ impl Dataset {
             dataset.notes.push(note);
         }
         dataset.recode(model);
+        dataset.watch = Watch::new(&fleetfoot_model::known(&model.training.episodes), dataset.source.columns());
         if !dataset.source.inner().without_clock() {
             let note = period::check(model, &dataset, every)?;
             dataset.notes.extend(note);
@@ -481,7 +487,7 @@ impl Dataset {
         }
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
-        Ok(Self { source, aliases, recodings: Vec::new(), clocks: clocks.reports, notes })
+        Ok(Self { source, aliases, recodings: Vec::new(), clocks: clocks.reports, notes, watch: None })
     }
 
     /// Gives category columns the codes that the model's labels had in training.
@@ -506,11 +512,12 @@ impl Dataset {
     /// An alias reads what is not there, or a filter's constant is out of its range.
     pub fn view(&self) -> Result<View<'_>, Error> {
         let expressions: Vec<Expr> = self.aliases.iter().map(|(_, expression)| expression.clone()).collect();
-        let mut view = if expressions.iter().any(|expression| !expression.filters().is_empty()) {
-            View::over(Box::new(Filtered::of(&self.source, &expressions)?), &self.aliases)?
-        } else {
-            View::new(&self.source, &self.aliases)?
-        };
+        let filters: Vec<Filter> = expressions.iter().flat_map(Expr::filters).collect();
+        let mut rows: Box<dyn Source> = Box::new(Watched::new(&self.source, self.watch.as_ref()));
+        if !filters.is_empty() {
+            rows = Box::new(Filtered::over(rows, &filters)?);
+        }
+        let mut view = View::over(rows, &self.aliases)?;
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }
@@ -575,10 +582,17 @@ impl Dataset {
         period::of_most(self.episodes())
     }
 
-    /// Names of the episodes that the model was trained on.
+    /// The episodes, by number, that the model was trained on, as a whole or in part. Parts are known once the rows have been read through
+    /// [`Dataset::view`].
+    pub(crate) fn trained(&self, model: &Model) -> BTreeSet<usize> {
+        let trained: HashSet<&str> = model.training.episodes.iter().map(|known| known.id.as_str()).collect();
+        let whole = |episode: &usize| trained.contains(self.episodes()[*episode].id.to_string().as_str());
+        let parts = self.watch.iter().flat_map(Watch::found);
+        (0..self.episodes().len()).filter(whole).chain(parts).collect()
+    }
+
+    /// Names of the episodes that the model was trained on, as a whole or in part ([`Dataset::trained`]).
     pub fn in_sample(&self, model: &Model) -> Vec<String> {
-        let trained: std::collections::HashSet<&str> =
-            model.training.episodes.iter().map(|(id, _)| id.as_str()).collect();
-        self.episodes().iter().filter(|e| trained.contains(e.id.to_string().as_str())).map(|e| e.name.clone()).collect()
+        self.trained(model).into_iter().map(|episode| self.episodes()[episode].name.clone()).collect()
     }
 }

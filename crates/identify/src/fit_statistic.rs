@@ -11,7 +11,7 @@ use crate::{
     folds::reached,
     output::refuse_not_finite,
     sindy::{beneath, keys},
-    statistic::{StatisticFile, piecewise},
+    statistic::{EpisodeRecord, StatisticFile, piecewise},
 };
 
 /// Fits the sums of a statistic, in the regions that were frozen with its plan.
@@ -143,7 +143,7 @@ impl Part {
             complete: counts.complete,
             at_border: counts.at_border,
             incomplete: counts.incomplete,
-            episodes: file.episodes.iter().map(|episode| (episode.id.to_string(), episode.name.clone())).collect(),
+            episodes: file.episodes.iter().map(EpisodeRecord::trained).collect(),
             folds: self.folds.as_ref().map_or(0, |folds| folds.len() as u16),
             fold_rule: self.folds.as_ref().map(|folds| folds.rule().to_owned()),
         }

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_model::{Model, Role, Training};
+use fleetfoot_model::{Model, Role, TrainedEpisode, Training};
 use fleetfoot_stats::{Gram, Grid, reduce};
 
 use crate::{Dataset, Error, Logs, Recipe, task::KnownTask};
@@ -75,7 +75,7 @@ pub(crate) fn given(
         version: env!("CARGO_PKG_VERSION").into(),
         recipe: recipe.to_toml(),
         rows: spread.rows,
-        episodes: view.episodes().iter().map(|episode| (episode.id.to_string(), episode.name.clone())).collect(),
+        episodes: view.episodes().iter().map(TrainedEpisode::from).collect(),
         target_mean: measured.mean.clone(),
         target_covariance: covariance(&measured),
         target_deviation: vec![f64::NAN; targets.len()],

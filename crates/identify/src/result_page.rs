@@ -109,12 +109,15 @@ pub fn report(
     let fits = fitting::read(&options.fits)?;
     let first = &models[0].1;
     let mut opened = if logs.is_empty() { None } else { Some(Opened::new(first, changes, &logs, progress)?) };
-    let seen = opened.as_ref().map(|opened| logs::Seen::of(first, &opened.dataset));
+    let mut seen = opened.as_ref().map(|opened| logs::Seen::of(first, &opened.dataset));
     let mut judged = Vec::with_capacity(models.len());
     for (name, model) in models {
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
         let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
         judged.push(Judged::new(name, model, changes, rows, options, progress)?);
+    }
+    if let (Some(seen), Some(scored)) = (&mut seen, judged[0].scored()) {
+        seen.learn(&scored.in_sample);
     }
     let best = best(&judged);
     let worst = best.scored().and_then(scores::worst);

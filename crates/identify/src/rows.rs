@@ -100,7 +100,7 @@ pub fn model_rows(
         measured: vec![Vec::new(); targets.len()],
         predicted: vec![Vec::new(); targets.len()],
         region: Vec::new(),
-        in_sample: dataset.in_sample(model),
+        in_sample: Vec::new(),
         targets,
     };
     out.rows.columns = view.columns().iter().map(|column| (column.clone(), Vec::new())).collect();
@@ -127,6 +127,7 @@ pub fn model_rows(
             Ok(())
         },
     )?;
+    out.in_sample = dataset.in_sample(model);
     Ok(out)
 }
 

@@ -44,7 +44,9 @@ pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &
 pub(crate) fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> Result<Scored, Error> {
     let view = dataset.view()?;
     progress.stage("score");
-    let scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    let mut scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    let trained = dataset.trained(model);
+    scores.episodes.iter_mut().for_each(|score| score.in_training |= trained.contains(&score.episode));
     refuse_unseen_labels(model, scores.skipped.no_region, scores.rows)?;
     if scores.rows == 0 {
         return Err(nothing_to_score(&scores));

@@ -9,7 +9,7 @@ use std::{
 
 use arrow_buffer::ArrowNativeType;
 use fleetfoot_data::{
-    Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Progress, ScalarBuffer, Silent, Source,
+    Block, Column, ColumnKind, Episode, EpisodeId, Fingerprint, Halo, Mark, Progress, ScalarBuffer, Silent, Source,
     parallel_map,
 };
 
@@ -362,35 +362,35 @@ impl Recording {
                 start: span.start,
                 end: span.end,
                 period: span.period,
+                marks: Vec::new(),
             });
             fingerprints.push(span.fingerprint);
         }
         progress.stage("identifying episodes");
         let texts: Vec<Option<Vec<f64>>> = self.columns.iter().map(|column| category_digests(&column.kind)).collect();
         let ids = parallel_map(fingerprints.len(), progress, |e| self.identify(e, fingerprints[e].clone(), &texts))?;
-        for (episode, id) in self.episodes.iter_mut().zip(ids) {
-            episode.id = id;
+        for (episode, (id, marks)) in self.episodes.iter_mut().zip(ids) {
+            (episode.id, episode.marks) = (id, marks);
         }
         Ok(())
     }
 
-    /// Finishes an episode's fingerprint with samples of its values. Categories go in by name: their codes depend on the other files.
+    /// Finishes an episode's fingerprint with samples of its values, and marks some of its rows. Categories go in by name: their codes depend on the other files.
     fn identify(
         &self,
         episode: usize,
-        mut fingerprint: Fingerprint,
+        fingerprint: Fingerprint,
         texts: &[Option<Vec<f64>>],
-    ) -> Result<EpisodeId, Error> {
-        for rows in Fingerprint::sampled_rows(self.episodes[episode].rows) {
+    ) -> Result<(EpisodeId, Vec<Mark>), Error> {
+        fingerprint.identify(&self.columns, self.episodes[episode].rows, |rows| {
             let mut block = self.read_block(episode, rows, Halo::default())?;
             for (column, digests) in block.columns.iter_mut().zip(texts) {
                 if let Some(digests) = digests {
                     *column = recode(column, digests);
                 }
             }
-            fingerprint.sample(&self.columns, &block);
-        }
-        Ok(fingerprint.finish())
+            Ok(block)
+        })
     }
 
     pub(crate) fn read_block(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {

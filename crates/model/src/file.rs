@@ -4,6 +4,8 @@
 //! the shortest form that reads back to the same bits, and NaN and the infinities (which JSON lacks) as strings. The checksum covers the canonical
 //! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
 
+mod marks;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -16,6 +18,7 @@ use crate::{
     Column, Equation, Estimated, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule,
     Training, Transitions, UnseenLabel,
 };
+use marks::MarksText;
 
 /// Version of the file format that this version writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -283,6 +286,9 @@ struct TrainingText {
     seed: u64,
     rows: u64,
     episodes: Vec<(String, String)>,
+    /// By the identity of an episode: for some fields, hashes of some rows.
+    #[serde(default, skip_serializing_if = "MarksText::is_empty")]
+    marks: MarksText,
     target_mean: Reals,
     target_covariance: Reals,
     target_deviation: Reals,
@@ -385,7 +391,7 @@ impl ModelText {
             })
             .collect::<Result<Vec<_>, String>>()?;
         let latents = self.latents.into_iter().map(LatentText::into_latent).collect();
-        let training = self.training.into_training();
+        let training = self.training.into_training()?;
         Ok(Model {
             method: self.method,
             columns,
@@ -572,7 +578,8 @@ impl From<&Training> for TrainingText {
             recipe: t.recipe.clone(),
             seed: t.seed,
             rows: t.rows,
-            episodes: t.episodes.clone(),
+            episodes: t.episodes.iter().map(|episode| (episode.id.clone(), episode.name.clone())).collect(),
+            marks: marks::of(&t.episodes),
             target_mean: reals(&t.target_mean),
             target_covariance: reals(&t.target_covariance),
             target_deviation: reals(&t.target_deviation),
@@ -584,13 +591,14 @@ impl From<&Training> for TrainingText {
 }
 
 impl TrainingText {
-    fn into_training(self) -> Training {
-        Training {
+    fn into_training(self) -> Result<Training, String> {
+        let problem = "marks of an episode that is not there, or that are no hexadecimal numbers";
+        Ok(Training {
             version: self.version,
             recipe: self.recipe,
             seed: self.seed,
             rows: self.rows,
-            episodes: self.episodes,
+            episodes: marks::joined(self.episodes, self.marks).ok_or(problem)?,
             target_mean: floats(self.target_mean),
             target_covariance: floats(self.target_covariance),
             target_deviation: floats(self.target_deviation),
@@ -599,6 +607,6 @@ impl TrainingText {
                 .map(|(name, value, half_width)| Estimated { name, value: value.0, half_width: half_width.0 })
                 .collect(),
             parameter_covariance: floats(self.parameter_covariance),
-        }
+        })
     }
 }

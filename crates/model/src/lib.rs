@@ -38,6 +38,7 @@ mod lattice;
 mod partition;
 mod print;
 mod region;
+mod trained;
 mod transitions;
 mod typeset;
 mod validate;
@@ -56,6 +57,7 @@ pub use lattice::{Join, Lattice, Level};
 pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use print::{describe, describe_transitions, factor};
 pub use region::{Estimated, Region, Training};
+pub use trained::{TrainedEpisode, known};
 pub use transitions::Transitions;
 pub use typeset::SetEquation;
 
@@ -85,7 +87,10 @@ pub struct Model {
 
 impl Model {
     /// A model without latents and equations; the fields are public, [`Model::validate`] checks them.
-    pub fn new(method: impl Into<String>, columns: Vec<Column>, step: f64, training: Training) -> Self {
+    ///
+    /// Of the marks of the training's episodes those stay that are needed to recognise their rows.
+    pub fn new(method: impl Into<String>, columns: Vec<Column>, step: f64, mut training: Training) -> Self {
+        trained::keep_marks(&mut training.episodes, &columns);
         Self {
             method: method.into(),
             columns,

@@ -1,5 +1,7 @@
 //! What the training data looked like: in each region, and over all.
 
+use crate::TrainedEpisode;
+
 /// What a region saw in training, so that a filter can use it and extrapolation is noticed.
 ///
 /// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
@@ -37,8 +39,8 @@ pub struct Training {
     pub seed: u64,
     /// Rows used.
     pub rows: u64,
-    /// Identities and names of the episodes used.
-    pub episodes: Vec<(String, String)>,
+    /// The episodes used.
+    pub episodes: Vec<TrainedEpisode>,
     /// Mean of each fitted target.
     pub target_mean: Vec<f64>,
     /// Covariance of the fitted targets (divisor: rows), packed lower triangle.

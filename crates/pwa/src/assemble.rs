@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Source, packed, packed_row};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Latent, Model, Partition, Region, Training};
+use fleetfoot_model::{Latent, Model, Partition, Region, TrainedEpisode, Training};
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
@@ -51,7 +51,7 @@ impl Fit<'_> {
             recipe: String::new(),
             seed: self.options.seed,
             rows: self.survey.counts.complete,
-            episodes: source.episodes().iter().map(|e| (e.id.to_string(), e.name.clone())).collect(),
+            episodes: source.episodes().iter().map(TrainedEpisode::from).collect(),
             target_mean: self.survey.scales.mean[..q].to_vec(),
             target_covariance: self.survey.scales.covariance(0..q),
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use faer::MatRef;
-use fleetfoot_model::{Partition, Training};
+use fleetfoot_model::{Partition, TrainedEpisode, Training};
 use fleetfoot_stats::{Basis, Estimate, Gram, SquareRoot};
 
 use crate::{
@@ -57,8 +57,8 @@ pub struct SummedRows {
     pub at_border: u64,
     /// Rows with a missing value.
     pub incomplete: u64,
-    /// Identities and names of the episodes.
-    pub episodes: Vec<(String, String)>,
+    /// The episodes.
+    pub episodes: Vec<TrainedEpisode>,
     /// Folds; 0 without cross-validation.
     pub folds: u16,
     /// Which rows they hold out, for people.

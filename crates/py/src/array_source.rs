@@ -42,6 +42,7 @@ impl ArraySource {
             start: 0,
             end: rows.saturating_sub(1) as i64,
             period: 1e-9,
+            marks: Vec::new(),
         };
         Ok(Self { episodes: lengths.iter().enumerate().map(episode).collect(), arrays, first })
     }

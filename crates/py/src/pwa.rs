@@ -1,6 +1,6 @@
 //! Piecewise-affine regression of arrays.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeMap, convert::Infallible, ops::Range};
 
 use fleetfoot::{
     Column, Episode, Halo, Source,
@@ -38,11 +38,10 @@ impl Table {
             let stamps: Vec<i64> = (0..rows as i64).map(|row| row * SECOND).collect();
             let mut fingerprint = Fingerprint::new();
             fingerprint.stamps(&stamps);
-            for range in Fingerprint::sampled_rows(rows) {
-                fingerprint.sample(&table.columns, &table.block(first, range));
-            }
+            let read = |rows| Ok::<_, Infallible>(table.block(first, rows));
+            let Ok((id, marks)) = fingerprint.identify(&table.columns, rows, read);
             table.episodes.push(Episode {
-                id: fingerprint.finish(),
+                id,
                 name: group.to_string(),
                 file: None,
                 labels: BTreeMap::new(),
@@ -50,6 +49,7 @@ impl Table {
                 start: 0,
                 end: stamps.last().copied().unwrap_or(0),
                 period: 1.0,
+                marks,
             });
             table.first.push(first);
             first += rows;

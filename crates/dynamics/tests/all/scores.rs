@@ -6,7 +6,7 @@ use fleetfoot_dynamics::{
     Baseline, Basis, Domain, Error, Predicted, Predictor, PredictorWorkspace, RowStatus, ScoreOptions, Scores, score,
     student_t_95,
 };
-use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, UnseenLabel};
+use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, TrainedEpisode, UnseenLabel};
 
 fn scores(model: &Model, source: &MemorySource) -> Scores {
     score(model, source, &ScoreOptions::default(), &Silent).unwrap()
@@ -115,7 +115,7 @@ fn scores_equal_a_naive_computation() {
 #[test]
 fn training_episodes_are_recognised() {
     let (mut model, source, _) = next_value();
-    model.training.episodes.push((source.episodes()[1].id.to_string(), "renamed".into()));
+    model.training.episodes.push(TrainedEpisode { name: "renamed".into(), ..(&source.episodes()[1]).into() });
     let scores = scores(&model, &source);
     let known: Vec<bool> = scores.episodes.iter().map(|episode| episode.in_training).collect();
     assert_eq!(known, [false, true, false]);

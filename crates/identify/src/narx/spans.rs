@@ -39,6 +39,10 @@ impl<'a> Spans<'a> {
                 start: stamp(rows.start)?,
                 end: stamp(last)?,
                 period: whole.period * every as f64,
+                marks: (whole.marks.iter())
+                    .filter(|mark| rows.start <= mark.row && mark.rows().end <= rows.end)
+                    .cloned()
+                    .collect(),
                 ..whole.clone()
             });
         }

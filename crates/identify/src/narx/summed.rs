@@ -5,7 +5,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 use faer::MatRef;
 use fleetfoot_data::{EpisodeId, Source};
 use fleetfoot_library::Expr;
-use fleetfoot_model::Partition;
+use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_pwa::Problem;
 use fleetfoot_sparse::{
     narx::{NarxFold, NarxOrder},
@@ -171,13 +171,13 @@ impl Evidence<'_> {
         }
     }
 
-    /// Identity and name of every episode that trains, by identity: a merged statistic knows no order of logs.
-    pub(super) fn episodes(&self) -> Vec<(String, String)> {
-        let named: BTreeMap<EpisodeId, &str> = match self {
-            Self::Rows(source) => source.episodes().iter().map(|e| (e.id, e.name.as_str())).collect(),
-            Self::Sums(sums) => sums.file.episodes.iter().map(|e| (e.id, e.name.as_str())).collect(),
+    /// Every episode that trains, by identity: a merged statistic knows no order of logs.
+    pub(super) fn episodes(&self) -> Vec<TrainedEpisode> {
+        let known: BTreeMap<EpisodeId, TrainedEpisode> = match self {
+            Self::Rows(source) => source.episodes().iter().map(|episode| (episode.id, episode.into())).collect(),
+            Self::Sums(sums) => sums.file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect(),
         };
-        named.into_iter().map(|(id, name)| (id.to_string(), name.to_owned())).collect()
+        known.into_values().collect()
     }
 
     /// The candidates of some orders: all that were summed, where there is a statistic.

@@ -20,15 +20,23 @@ const NAMES: usize = 4;
 pub(super) struct Seen {
     pub(super) episodes: Vec<Episode>,
     pub(super) notes: Vec<String>,
-    /// Identities of the episodes that trained the first model.
+    /// Names of the episodes that trained the first model, as a whole or in part.
     trained: Vec<String>,
 }
 
 impl Seen {
     /// What is opened for the first model.
     pub(super) fn of(model: &Model, dataset: &Dataset) -> Self {
-        let trained = model.training.episodes.iter().map(|(id, _)| id.clone()).collect();
-        Self { episodes: dataset.episodes().to_vec(), notes: dataset.notes().to_vec(), trained }
+        Self {
+            episodes: dataset.episodes().to_vec(),
+            notes: dataset.notes().to_vec(),
+            trained: dataset.in_sample(model),
+        }
+    }
+
+    /// Parts of logs that trained it are known once their rows have been read.
+    pub(super) fn learn(&mut self, trained: &[String]) {
+        self.trained = trained.to_vec();
     }
 
     fn rows(&self) -> usize {
@@ -46,7 +54,7 @@ impl Seen {
     }
 
     fn is_trained(&self, episode: &Episode) -> bool {
-        self.trained.contains(&episode.id.to_string())
+        self.trained.contains(&episode.name)
     }
 
     /// The logs in time and as a table, and how far the columns of their rows reach.
@@ -68,7 +76,9 @@ impl Seen {
         let total: f64 = self.episodes.iter().map(Episode::duration).sum();
         let held = match trained {
             0 => "none of them trained the model".to_owned(),
-            trained => format!("{trained} of them trained the model, so scores on them are in-sample"),
+            trained => {
+                format!("{trained} of them trained the model, as a whole or in part, so scores on them are in-sample")
+            }
         };
         format!(
             "{} of {} rows, {} together; {held}. An episode is an uninterrupted stretch of a log: gaps end it.",

@@ -68,7 +68,7 @@ fn sentence_of(message: &str) -> String {
 /// What was fitted to what.
 pub(super) fn fitted(judged: &Judged<'_>) -> Sentence {
     let (model, training) = (judged.model, &judged.model.training);
-    let names: Vec<String> = training.episodes.iter().map(|(_, name)| name.clone()).collect();
+    let names: Vec<String> = training.episodes.iter().map(|episode| episode.name.clone()).collect();
     let logs = match names.as_slice() {
         [] => String::new(),
         names => format!(" of {} ({})", count(names.len(), "episode"), series(names, NAMES)),

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_model::Partition;
+use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
@@ -35,8 +35,8 @@ pub struct Evidence {
     pub step: f64,
     /// Neighbours on either side that are made of the same samples as a row: lags, differences and smoothing reach over them.
     pub shared_rows: usize,
-    /// Identities and names of the episodes that have rows, in the order of the identities.
-    pub episodes: Vec<(String, String)>,
+    /// The episodes that have rows, in the order of the identities.
+    pub episodes: Vec<TrainedEpisode>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -78,8 +78,8 @@ impl Evidence {
         progress.stage("scan");
         let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
-        let names = view.episodes().iter().map(|episode| (episode.id, episode.name.clone())).collect();
-        let found = Self::new(frozen, plan.system, scan, step, (&names, notes));
+        let known = view.episodes().iter().map(|episode| (episode.id, TrainedEpisode::from(episode))).collect();
+        let found = Self::new(frozen, plan.system, scan, step, (&known, notes));
         Ok(found.smoothed_over(recipe.time.smoothed))
     }
 
@@ -89,21 +89,20 @@ impl Evidence {
         self
     }
 
-    /// What was frozen, and the statistic of its rows; `names` are those of the episodes.
+    /// What was frozen, and the statistic of its rows, and the episodes that these may be of.
     pub(super) fn new(
         frozen: Frozen,
         system: System,
         scan: SystemScan,
         step: f64,
-        (names, notes): (&BTreeMap<EpisodeId, String>, Vec<String>),
+        (known, notes): (&BTreeMap<EpisodeId, TrainedEpisode>, Vec<String>),
     ) -> Self {
         let shared_rows = reached(system.expressions());
         let System { partition, weak, .. } = system;
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
-        let name = |id: &EpisodeId| (id.to_string(), names.get(id).cloned().unwrap_or_default());
         let Frozen { task, parameters } = frozen;
         let mut found = Self {
-            episodes: used.iter().map(name).collect(),
+            episodes: used.iter().filter_map(|id| known.get(id).cloned()).collect(),
             resolution: Vec::new(),
             task,
             partition,

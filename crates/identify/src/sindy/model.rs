@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use faer::Mat;
-use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, Training, auxiliary_columns};
+use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns};
 use fleetfoot_sparse::{structured::Spread, system::SystemScan};
 
 use super::EquationTask;
@@ -19,8 +19,8 @@ pub struct Provenance {
     pub seed: u64,
     /// Sampling period, seconds.
     pub step: f64,
-    /// Identities and names of the episodes used.
-    pub episodes: Vec<(String, String)>,
+    /// The episodes used.
+    pub episodes: Vec<TrainedEpisode>,
 }
 
 impl EquationTask {

@@ -28,12 +28,12 @@ impl Evidence {
         let group = equations.of(&recipe, &task.partition_columns)?;
         let task = task.over(&group.plan.system)?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
-        let names: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.name.clone())).collect();
+        let known: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect();
         WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
         let system = group.plan.system.clone();
         let notes = notes(&task, group);
         let frozen = Frozen { task, parameters: Vec::new() };
-        let found = Self::new(frozen, system, scan, file.step(), (&names, notes)).smoothed_over(own.time.smoothed);
+        let found = Self::new(frozen, system, scan, file.step(), (&known, notes)).smoothed_over(own.time.smoothed);
         found.check()?;
         Ok((found, recipe))
     }

@@ -9,7 +9,10 @@ use fleetfoot_sparse::structured::{Spread, Structure};
 use fleetfoot_stats::{Gram, Key};
 
 use super::problem::Problem;
-use crate::{Moments, StructuredTask, statistic::StatisticFile};
+use crate::{
+    Moments, StructuredTask,
+    statistic::{EpisodeRecord, StatisticFile},
+};
 
 /// The model with the coefficients `theta` (p).
 pub(super) fn model(
@@ -30,10 +33,7 @@ pub(super) fn model(
         recipe: recipe.to_owned(),
         seed,
         rows: problem.roots.first().map_or(0, |root| root.rows),
-        episodes: episodes
-            .iter()
-            .map(|id| (id.to_string(), file.episode(*id).map_or_else(String::new, |episode| episode.name.clone())))
-            .collect(),
+        episodes: episodes.iter().filter_map(|id| file.episode(*id).map(EpisodeRecord::trained)).collect(),
         target_mean: also.mean[..targets].to_vec(),
         target_covariance: also.covariance(0..targets),
         // An absolute error is no quadratic question: a statistic does not know it.

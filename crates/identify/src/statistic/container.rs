@@ -17,8 +17,8 @@ use super::StatisticError;
 
 /// The first bytes. The first is no text, the last is changed by transfers that think it is.
 const MAGIC: [u8; 8] = *b"\x8fFFSTAT\n";
-/// 2: the sums of equations.
-pub(super) const VERSION: u32 = 2;
+/// 2: the sums of equations. 3: the marks of episodes.
+pub(super) const VERSION: u32 = 3;
 const HEAD: usize = 16;
 const SECTION_HEAD: usize = 20;
 const HASH: usize = 32;

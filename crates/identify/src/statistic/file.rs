@@ -8,6 +8,7 @@ use std::{
 
 use fleetfoot_data::{Column, Episode, EpisodeId};
 use fleetfoot_log::AtomicFile;
+use fleetfoot_model::TrainedEpisode;
 use fleetfoot_sparse::structured::{Plan, Scanned, TaskStats};
 use fleetfoot_stats::Stats;
 use fleetfoot_stats::scan::RowCounts;
@@ -53,6 +54,15 @@ pub struct EpisodeRecord {
     pub end: i64,
     /// Median sampling period, seconds; 0 for a single row.
     pub period: f64,
+    /// What its rows are recognised by in other logs ([`TrainedEpisode::marks`]).
+    pub marks: BTreeMap<String, Vec<u64>>,
+}
+
+impl EpisodeRecord {
+    /// The episode as one that trains a model.
+    pub fn trained(&self) -> TrainedEpisode {
+        TrainedEpisode { id: self.id.to_string(), name: self.name.clone(), marks: self.marks.clone() }
+    }
 }
 
 /// A column of the regression.
@@ -251,6 +261,7 @@ impl StatisticFile {
             start: episode.start,
             end: episode.end,
             period: episode.period,
+            marks: TrainedEpisode::from(episode).marks,
         });
     }
 
@@ -324,6 +335,7 @@ impl StatisticFile {
                 start: episode.start,
                 end: episode.end,
                 period: episode.period,
+                marks: episode.marks.clone(),
                 counts: self.scanned.rows.get(&episode.id).map(|c| [c.complete, c.at_border, c.incomplete]),
                 ranges: self.scanned.ranges.get(&episode.id).cloned(),
             })
@@ -427,6 +439,7 @@ impl StatisticFile {
             start: entry.start,
             end: entry.end,
             period: entry.period,
+            marks: entry.marks,
         });
         Ok(())
     }

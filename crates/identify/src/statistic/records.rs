@@ -83,6 +83,7 @@ pub(super) struct EpisodeEntry {
     pub(super) start: i64,
     pub(super) end: i64,
     pub(super) period: f64,
+    pub(super) marks: BTreeMap<String, Vec<u64>>,
     /// Complete, at the border, incomplete; `None` where the scan met no row.
     pub(super) counts: Option<[u64; 3]>,
     pub(super) ranges: Option<Vec<[f64; 2]>>,

@@ -3,7 +3,7 @@
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
     Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role,
-    Rule, Training, Transitions, UnseenLabel,
+    Rule, TrainedEpisode, Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -21,7 +21,11 @@ fn model(numbers: &[f64; 12]) -> Model {
         recipe: "[states]\nx = {}\n".into(),
         seed: u64::MAX,
         rows: 7,
-        episodes: vec![("00ff".into(), "a \"quoted\" name".into())],
+        episodes: vec![TrainedEpisode {
+            id: "00ff".into(),
+            name: "a \"quoted\" name".into(),
+            marks: [("x".to_owned(), vec![0, u64::MAX])].into(),
+        }],
         target_mean: vec![n(0)],
         target_covariance: vec![n(1)],
         target_deviation: vec![n(2)],

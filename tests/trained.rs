@@ -1,0 +1,77 @@
+//! Rows that trained a model are known as such, in whatever file they stand.
+
+use std::{fs, path::Path};
+
+use crate::{narx, runner::*};
+
+/// The lines of a log whose numbers (the header is 0) are in a range, with the header.
+fn lines(text: &str, range: std::ops::Range<usize>) -> String {
+    let wanted = |(number, _): &(usize, &str)| *number == 0 || range.contains(number);
+    text.lines().enumerate().filter(wanted).map(|(_, line)| format!("{line}\n")).collect()
+}
+
+/// Whether scores on a file are said to flatter.
+#[track_caller]
+fn flatters(folder: &Path, model: &str, log: &str) -> bool {
+    let said = fleetfoot(folder, &["score", model, log, "--json"]).ok();
+    let told = said.err.contains("used in training, as a whole or in part");
+    let scored = said.json();
+    assert_eq!(scored["in_sample_episodes"].as_array().is_some_and(|names| !names.is_empty()), told, "{scored:#}");
+    let in_training = |episode: &serde_json::Value| episode["in_training"] == true;
+    assert_eq!(
+        scored["by_episode"].as_array().is_some_and(|episodes| episodes.iter().any(in_training)),
+        told,
+        "{scored:#}"
+    );
+    told
+}
+
+#[test]
+fn parts_of_training_logs_are_recognised_in_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    let whole = robot_csv(3000, 1.0);
+    write("whole.csv", &whole);
+    write("middle.csv", &lines(&whole, 700..1700));
+    write("tail.csv", &lines(&whole, 2200..3001));
+    write("longer.csv", &robot_csv(4000, 1.0));
+    write("other.csv", &robot_csv(3000, 5.0));
+    write(
+        "robot.toml",
+        "[columns]\nv = \"`v [m/s]`\"\n[states]\nv = { derivative = \"forward\" }\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n",
+    );
+    run(&["scan", "-c", "robot.toml", "whole.csv", "-o", "whole.stats"]);
+    run(&["fit", "pwa", "-c", "robot.toml", "whole.csv", "--partition", "kmeans:2", "-o", "pwa.json"]);
+    run(&["fit", "sindy", "-c", "robot.toml", "whole.csv", "-o", "sindy.json"]);
+    run(&["fit", "sindy", "whole.stats", "-o", "sums.json"]);
+    for model in ["pwa.json", "sindy.json", "sums.json"] {
+        let told: Vec<bool> = ["whole.csv", "middle.csv", "tail.csv", "longer.csv", "other.csv"]
+            .map(|log| flatters(folder.path(), model, log))
+            .into();
+        assert_eq!(told, [true, true, true, true, false], "{model}");
+    }
+    // What simulations start from has trained as well; a page says so of its data.
+    let rolled = run(&["rollout", "sindy.json", "middle.csv", "--horizon", "20", "--starts", "50"]);
+    assert!(rolled.err.contains("in part (middle.csv)"), "{}", rolled.err);
+    run(&["report", "sindy.json", "middle.csv", "-o", "page.html"]);
+    let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert!(
+        page.contains("These scores flatter") && page.contains("1 of them trained the model, as a whole or in part")
+    );
+}
+
+/// An autoregression holds out the end of its log: what trained is an episode of its own.
+#[test]
+fn the_log_of_an_autoregression_is_recognised_as_a_whole_and_its_end_is_not() {
+    let log = narx::csv(2000, 3, false, 0.01);
+    let folder = narx::folder(&[("log.csv", log.clone()), ("end.csv", lines(&log, 1700..2001))]);
+    fs::write(
+        folder.path().join("r.toml"),
+        "[states]\ny = {}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n[narx]\nlags_out = 2\nlags_in = 1\n",
+    )
+    .unwrap();
+    narx::fit(folder.path(), &["-c", "r.toml", "log.csv", "--test-share", "0.2", "-o", "narx.json"]).ok();
+    assert!(flatters(folder.path(), "narx.json", "log.csv"));
+    assert!(!flatters(folder.path(), "narx.json", "end.csv"));
+}
