@@ -6,9 +6,6 @@ import fleetfoot as ff
 import numpy as np
 import pytest
 
-if not hasattr(ff, "PWA"):
-    pytest.skip("this build has no ff.PWA", allow_module_level=True)
-
 DT = 0.01
 A = np.array([[0.0, 1.0], [-4.0, -0.4]])
 B = np.array([[0.0], [1.0]])

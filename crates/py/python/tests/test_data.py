@@ -143,8 +143,6 @@ def test_matrices_of_any_order(order, kind):
 
 
 def test_models_of_tables_and_files_are_the_same_bits(tmp_path):
-    if not hasattr(ff, "PWA"):
-        pytest.skip("this build has no ff.PWA")
     data = {name: values for name, values in columns().items() if name in ("t", "single", "count", "small")}
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(data), path)
