@@ -266,3 +266,67 @@ fn discrete_models_lags_and_plain_regression() {
     assert!(plain["candidates"][0]["mae_over_null"][0].as_f64().unwrap() < 1e-9);
     fleetfoot(folder.path(), &["rollout", "plain.json", "held-out.csv"]).fails(&["advances a state"]);
 }
+
+/// Rows that a condition leaves out are in no fit, and a model uses such rows only, unless another condition is given.
+#[test]
+fn a_condition_says_which_rows_are_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    let all = robot_csv(3000, 1.0);
+    write("all.csv", &all);
+    let rows: Vec<&str> = all.lines().collect();
+    // Stamps in (5, 12]: rows 502 to 1201 of the file.
+    write("part.csv", &format!("{}\n{}\n", rows[0], rows[502..1202].join("\n")));
+    let recipe = |condition: &str| {
+        format!(
+            "[columns]\nv = \"`v [m/s]`\"\n[states]\nv = {{ derivative = \"forward\" }}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n{condition}"
+        )
+    };
+    write("robot.toml", &recipe(""));
+    write("where.toml", &recipe("where = \"5 < t <= 12\"\n"));
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let part = run(&["fit", "pwa", "-c", "robot.toml", "part.csv", "--partition", "average", "-o", "part.json"]);
+    let by_recipe = run(&["fit", "pwa", "-c", "where.toml", "all.csv", "--partition", "average", "-o", "where.json"]);
+    run(&[
+        "fit",
+        "pwa",
+        "-c",
+        "robot.toml",
+        "all.csv",
+        "--where",
+        "5 < t and t <= 12",
+        "--partition",
+        "average",
+        "-o",
+        "flag.json",
+    ]);
+    assert_eq!(part.out.replace("part.json", ""), by_recipe.out.replace("where.json", ""));
+    assert!(by_recipe.err.contains("where 5 < t <= 12: 700 of 3000 rows, in one stretch"), "{}", by_recipe.err);
+    let equations = |model: &str| {
+        let shown = run(&["show", model]).out;
+        shown[shown.find("equations").unwrap()..].to_owned()
+    };
+    assert_eq!(equations("part.json"), equations("where.json"));
+    assert_eq!(equations("part.json"), equations("flag.json"));
+
+    let rows = |condition: &[&str]| {
+        run(&[&["score", "where.json", "all.csv", "--json"], condition].concat()).json()["rows"].as_u64()
+    };
+    assert_eq!(
+        [rows(&[]), rows(&["--where", "all"]), rows(&["--where", "mode == 'slip'"])].map(|rows| rows.is_some()),
+        [true; 3]
+    );
+    assert_eq!((rows(&[]), rows(&["--where", "all"])), (Some(699), Some(2999)));
+    let slip = all.lines().filter(|line| line.contains(",slip,")).count() as u64;
+    assert!(rows(&["--where", "mode == 'slip'"]).is_some_and(|rows| rows < slip && rows + 200 > slip), "{slip}");
+    // The bytes do not depend on threads; a statistic is of the same rows.
+    run(&["--threads", "1", "fit", "pwa", "-c", "where.toml", "all.csv", "--partition", "average", "-o", "one.json"]);
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("one.json") == bytes("where.json"));
+    run(&["scan", "-c", "where.toml", "all.csv", "-o", "where.stats"]);
+    assert!(run(&["stats", "info", "where.stats"]).out.contains("699"));
+    fleetfoot(folder.path(), &["fit", "pwa", "-c", "robot.toml", "all.csv", "--where", "t > 1e9"])
+        .fails(&["no row of 3000 is used"]);
+    fleetfoot(folder.path(), &["fit", "pwa", "-c", "robot.toml", "all.csv", "--where", "velocity > 0"])
+        .fails(&["velocity", "[time] where"]);
+}

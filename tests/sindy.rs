@@ -474,3 +474,36 @@ fn units_are_checked_and_printed() {
     let said = fit(folder.path(), &with(&base, &["--library", "poly(1),sin(x),x - v"])).ok();
     assert!(said.err.contains("sin(x)") && said.err.contains("x - v"), "{}", said.err);
 }
+
+/// A collision in a few rows holds most of the variance: what is fitted to it is said, with the rows, and without them it is not.
+#[test]
+fn few_rows_that_hold_most_of_the_variance_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = String::from("t,v,u\n");
+    let (mut v, dt) = (0.0_f64, 0.01);
+    for row in 0..5000 {
+        let (t, u) = (f64::from(row) * dt, (f64::from(row) * 0.013).sin());
+        text.push_str(&format!("{t},{v},{u}\n"));
+        v += dt * (2.0 * u - v);
+        if row == 3210 {
+            v -= 40.0;
+        }
+        if row == 3214 {
+            v += 40.0;
+        }
+    }
+    fs::write(folder.path().join("log.csv"), text).unwrap();
+    let fit = |more: &[&str]| {
+        let fixed = ["fit", "sindy", "--states", "v", "--inputs", "u", "log.csv", "-o", "m.json"];
+        fleetfoot(folder.path(), &[&fixed, more].concat()).ok()
+    };
+    let words = "of its variance (the heaviest: rows ";
+    let told = fit(&[]).err;
+    let at = told.find(words).unwrap_or_else(|| panic!("{told}")) + words.len();
+    let numbers: Vec<usize> = told[at..].split([' ', ';']).filter_map(|word| word.parse().ok()).take(2).collect();
+    assert!(numbers[0] <= 3211 && 3214 <= numbers[1] && numbers[1] - numbers[0] < 100, "{told}");
+    assert!(told.contains("d(v)/dt: 0.") && told.contains("log.csv") && told.contains("--where"), "{told}");
+    let without = fit(&["--where", "abs(v) < 20"]);
+    assert!(!without.err.contains(words), "{}", without.err);
+    assert!(without.out.contains("d(v)/dt = -0.99") && without.out.contains("*v + 2.000"), "{}", without.out);
+}

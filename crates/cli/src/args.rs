@@ -228,6 +228,10 @@ pub(crate) struct TimeArgs {
     /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none (default: auto).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) max_gap: Option<String>,
+    /// Use only rows of which this holds, as in 'armed > 0 and 2 < time() < 60' or "mode == 'auto'"; others end an
+    /// episode (default: all; of a model, what its recipe says).
+    #[arg(long = "where", value_name = "CONDITION")]
+    pub(crate) only: Option<String>,
     #[command(flatten)]
     pub(crate) channels: ChannelArgs,
 }

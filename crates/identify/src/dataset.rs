@@ -17,6 +17,7 @@ use fleetfoot_model::{Column as ModelColumn, Equation, Model, Role, Rule, auxili
 use crate::{
     Error, Logs, Recipe,
     clocks::{self, AlignedClock, Clocks},
+    condition::Condition,
     labels::Labelled,
     parameters::ParametersTask,
     period,
@@ -114,6 +115,17 @@ fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     };
     let place = info.path.display();
     Error::undetermined(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
+}
+
+/// Rows seen through aliases. Filters in them are computed from the fields.
+///
+/// # Errors
+/// An alias reads what is not there, or a filter's constant is out of its range.
+pub(crate) fn seen_through<'a>(rows: Box<dyn Source + 'a>, aliases: &[(Column, Expr)]) -> Result<View<'a>, Error> {
+    let filters: Vec<Filter> = aliases.iter().flat_map(|(_, expression)| expression.filters()).collect();
+    let filtered: Box<dyn Source + 'a> =
+        if filters.is_empty() { rows } else { Box::new(Filtered::over(rows, &filters)?) };
+    Ok(View::over(filtered, aliases)?)
 }
 
 /// Aliases, each with what its numbers stand for, which is known once all files are open.
@@ -271,7 +283,7 @@ impl Dataset {
     ) -> Result<Self, Error> {
         let mut recipe = recipe.clone();
         recipe.clocks.clear();
-        (recipe.time.base, recipe.time.rate) = (None, None);
+        (recipe.time.base, recipe.time.rate, recipe.time.only) = (None, None, None);
         let Named { recipe, columns, expressions } = Self::named(&recipe, Some(std::slice::from_ref(channel)), logs)?;
         let clocks = Clocks { topics: known.to_vec(), ..Clocks::default() };
         Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
@@ -393,6 +405,7 @@ impl Dataset {
             recipe.time.dt = changes.time.dt;
         }
         recipe.time.max_gap = changes.time.max_gap.clone().or(recipe.time.max_gap);
+        recipe.time.only = changes.time.only.clone().or(recipe.time.only);
         recipe.time.stamp = changes.time.stamp.clone().or(recipe.time.stamp);
         recipe.time.reorder = changes.time.reorder.or(recipe.time.reorder);
         if changes.time.base.is_some() || changes.time.rate.is_some() {
@@ -465,6 +478,14 @@ impl Dataset {
         let labels = label_names(recipe);
         progress.stage("open");
         let mut selection = full_selection(recipe, model, aliases)?;
+        let condition = match recipe.time.only {
+            Some(_) => Condition::of(recipe, &fields(recipe, logs)?.0)?,
+            None => None,
+        };
+        let labelled = |field: &String| labels.contains(field);
+        selection.columns.extend(condition.iter().flat_map(Condition::sources).filter(|field| !labelled(field)));
+        selection.columns.sort();
+        selection.columns.dedup();
         let timed = aliases.iter().any(|(_, expression)| expression.reads_clock());
         if let Clock::Dispensable { ordered } = clock
             && !timed
@@ -481,6 +502,14 @@ impl Dataset {
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();
         notes.extend(clocks.notes);
+        let recording = match condition {
+            Some(condition) => {
+                let (runs, told) = condition.runs(&recording, progress)?;
+                notes.push(told);
+                recording.parts(&runs, &selection.label_rules, progress)?
+            }
+            None => recording,
+        };
         if recording.without_clock() {
             notes
                 .push("the rows have no time stamps: they are taken in their order, which only lags would need".into());
@@ -511,13 +540,7 @@ impl Dataset {
     /// # Errors
     /// An alias reads what is not there, or a filter's constant is out of its range.
     pub fn view(&self) -> Result<View<'_>, Error> {
-        let expressions: Vec<Expr> = self.aliases.iter().map(|(_, expression)| expression.clone()).collect();
-        let filters: Vec<Filter> = expressions.iter().flat_map(Expr::filters).collect();
-        let mut rows: Box<dyn Source> = Box::new(Watched::new(&self.source, self.watch.as_ref()));
-        if !filters.is_empty() {
-            rows = Box::new(Filtered::over(rows, &filters)?);
-        }
-        let mut view = View::over(rows, &self.aliases)?;
+        let mut view = seen_through(Box::new(Watched::new(&self.source, self.watch.as_ref())), &self.aliases)?;
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }

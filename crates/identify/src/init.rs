@@ -133,7 +133,8 @@ fn states_heading(out: &mut String) {
 fn model_section(out: &mut String) {
     let _ = writeln!(
         out,
-        "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n"
+        "# max_gap = 0.5            # seconds; a longer gap begins an episode (default: five median periods)\n\
+         # where = \"time() > 2\"   # the rows to use: comparisons, joined by and (default: all)\n"
     );
     let _ = writeln!(out, "[model]");
     let _ = writeln!(out, "# predict = \"derivative\"   # or next, delta, or a column (plain regression)");

@@ -21,6 +21,8 @@
 extern crate self as fleetfoot;
 
 pub mod clocks;
+mod concentrated;
+mod condition;
 mod controller;
 mod dataset;
 mod error;

@@ -194,6 +194,9 @@ pub struct Time {
     /// The gap that ends an episode: seconds, `auto` (five median periods) or `none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_gap: Option<Gap>,
+    /// Comparisons that hold of every row that is used, joined by `and`; `all` (or nothing) for all rows.
+    #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
+    pub only: Option<String>,
     /// The clock of robot logs: `header`, `log` or `publish`; the headers' where every channel has one, else the log's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<String>,

@@ -25,11 +25,12 @@ use fleetfoot_sparse::{
     bolasso::refit,
     inference::{Clusters, clustered_covariance},
     select::held_out_refit,
+    structured::Plan,
 };
-use fleetfoot_stats::Key;
+use fleetfoot_stats::{Concentration, Key};
 
 use crate::{
-    Dataset, Error, Logs, Recipe, RequestError, StructuredTask,
+    Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
     dataset::OpenedStructure,
     folds::smoothed_rows,
     output::refuse_not_finite,
@@ -211,6 +212,7 @@ impl Evidence {
         let wanted = |key: &Key| episodes.contains(&key.episode);
         let problem = Problem::new(&self.task, &self.file, options, wanted)?;
         let mut notes = self.notes.clone();
+        notes.extend(self.concentrated());
         let view = self.rows.as_ref().map(Dataset::view).transpose()?;
         // A log that was given twice is in the statistic once.
         let subset = view.as_ref().map(|view| {
@@ -263,6 +265,19 @@ impl Evidence {
         let errors = (errors.as_deref(), held_out.as_deref());
         let report = SparseReport::new(&problem, lambda, &support, &theta, errors, [at_border, incomplete], notes)?;
         Ok(SparseFitted { value, model, report: SparseReport { influence, ..report } })
+    }
+}
+
+impl Evidence {
+    /// What to say of tasks whose targets' variance few rows hold.
+    fn concentrated(&self) -> Vec<String> {
+        let Plan { regression, chunk_rows, .. } = &self.file.plan;
+        let found: Vec<Option<Concentration>> = (0..regression.tasks.len())
+            .map(|task| Concentration::of(&self.file.scanned.also, task, *chunk_rows))
+            .collect();
+        let labels = regression.tasks.iter().map(|task| task.name.clone());
+        let name = |id| self.file.episode(id).map(|episode| episode.name.clone());
+        concentrated::notes(labels.zip(found.iter().map(Option::as_ref)), name)
     }
 }
 

@@ -95,7 +95,7 @@ impl<'a> Aliases<'a> {
         Ok(())
     }
 
-    fn parse(&self, text: &str, place: &str) -> Result<Expr, Error> {
+    pub(crate) fn parse(&self, text: &str, place: &str) -> Result<Expr, Error> {
         if self.fields.iter().any(|field| field.name == text.trim()) {
             return Ok(Expr::column(text.trim()));
         }

@@ -49,6 +49,7 @@ mod naming;
 mod notes;
 mod overlay;
 mod parquet;
+mod parts;
 mod paths;
 mod recording;
 mod rosbag2;

@@ -37,11 +37,11 @@ use crate::{
 /// stamp are left out and counted in [`Recording::notes`].
 pub struct Recording {
     columns: Vec<Column>,
-    episodes: Vec<Episode>,
-    places: Vec<Place>,
+    pub(crate) episodes: Vec<Episode>,
+    pub(crate) places: Vec<Place>,
     files: Vec<RecordedFile>,
     notes: Vec<String>,
-    dt: Option<f64>,
+    pub(crate) dt: Option<f64>,
     without_clock: bool,
 }
 
@@ -58,10 +58,10 @@ impl std::fmt::Debug for Recording {
 
 /// Where an episode's rows are.
 #[derive(Debug, Clone, Copy)]
-struct Place {
-    file: usize,
+pub(crate) struct Place {
+    pub(crate) file: usize,
     /// Its first row, counted over the used rows of the file.
-    first: usize,
+    pub(crate) first: usize,
 }
 
 struct RecordedFile {
@@ -340,7 +340,7 @@ impl Recording {
         &self.files[self.places[episode].file].path
     }
 
-    fn add_episodes(
+    pub(crate) fn add_episodes(
         &mut self,
         spans: Vec<(usize, Span)>,
         rules: &[LabelRule],

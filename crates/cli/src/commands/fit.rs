@@ -266,6 +266,7 @@ pub(crate) fn apply_time(recipe: &mut Recipe, time: &TimeArgs) -> Result<(), Err
     if let Some(gap) = &time.max_gap {
         recipe.time.max_gap = Some(gap.parse().map_or_else(|_| Gap::Word(gap.clone()), Gap::Seconds));
     }
+    recipe.time.only = time.only.clone().or(recipe.time.only.take());
     apply_channels(recipe, &time.channels)
 }
 

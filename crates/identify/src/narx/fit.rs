@@ -1,7 +1,7 @@
 //! The pipeline: rows, partitions, choice, terms, model, scores.
 
 use faer::Mat;
-use fleetfoot_data::{Progress, Source};
+use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
 use fleetfoot_pwa::Specification;
@@ -19,7 +19,7 @@ use super::{
     terms::{EquationTerms, coefficients},
 };
 use crate::{
-    Dataset, EquationTask, Error, Logs, Objective, Provenance, Recipe, Refinement,
+    Dataset, EquationTask, Error, Logs, Objective, Provenance, Recipe, Refinement, concentrated,
     folds::smoothed_rows,
     left_out::left_out,
     not_finite,
@@ -202,6 +202,10 @@ impl Fit<'_> {
             Evidence::Rows(source) => Some(scores(&model, source, progress)?.ok_or_else(|| too_short(source))?),
             Evidence::Sums(_) => None,
         };
+        let labels = chosen.task.fitted.iter().map(|equation| equation.label.clone());
+        let known = self.evidence.episodes();
+        let name = |id: EpisodeId| known.iter().find(|own| own.id == id.to_string()).map(|own| own.name.clone());
+        notes.extend(concentrated::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
         let counts = chosen.whole.counts();
         let regions = regions(&chosen, &model, scan, partition, &mut notes);
         let how = chosen.how;

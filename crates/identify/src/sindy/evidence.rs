@@ -9,7 +9,7 @@ use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
 use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen, weak::WeakForm};
 use crate::{
-    Dataset, Error, Logs, Recipe,
+    Dataset, Error, Logs, Recipe, concentrated,
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
@@ -114,6 +114,10 @@ impl Evidence {
             notes,
         };
         found.resolution = found.resolution_of(|_| 1.0);
+        let labels = found.task.fitted.iter().map(|equation| equation.label.clone());
+        let told = labels.zip(found.scan.concentrated().iter().map(Option::as_ref));
+        let told = concentrated::notes(told, |id| known.get(&id).map(|episode| episode.name.clone()));
+        found.notes.extend(told);
         found
     }
 

@@ -6,8 +6,8 @@ use faer::{Mat, MatRef};
 use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
 use fleetfoot_model::Region as ModelRegion;
 use fleetfoot_stats::{
-    Bank, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot, Stats,
-    scan::RowCounts,
+    Bank, Concentration, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot,
+    Stats, scan::RowCounts,
 };
 
 use crate::structured::Spread;
@@ -25,6 +25,8 @@ pub struct SystemScan {
     regions: Vec<Region>,
     preconditioner: Preconditioner,
     also: Gram,
+    /// Of every target: few rows that hold most of its variance.
+    concentrated: Vec<Option<Concentration>>,
     /// Of every unit: the sampled rows, and the sums of the squares of every sampled expression over them.
     sampled: Vec<(f64, Vec<f64>)>,
     counts: RowCounts,
@@ -107,6 +109,9 @@ impl SystemScan {
             units: units.0,
             regions,
             preconditioner: plan.coordinates.preconditioner().clone(),
+            concentrated: (0..system.targets.len())
+                .map(|target| Concentration::of(&sums.also, target, plan.chunk_rows))
+                .collect(),
             also: sums.also.total(|_| true).unwrap_or_else(|| Gram::new(system.also.len())),
             counts: told.counts,
             unassigned: told.unassigned,
@@ -166,6 +171,11 @@ impl SystemScan {
     /// Raw moments of the further columns over all complete rows.
     pub fn also(&self) -> &Gram {
         &self.also
+    }
+
+    /// Of every target: few rows that hold most of its variance, where it is so.
+    pub fn concentrated(&self) -> &[Option<Concentration>] {
+        &self.concentrated
     }
 
     /// The mean square of every sampled expression over the sampled rows of the units of positive weight, over those of all units where none of them has any; 0

@@ -84,9 +84,9 @@ fn foreign_and_newer_files_are_told() {
     assert!(matches!(read(b"{\"model\": 1}"), Err(StatisticError::Foreign { .. })));
     assert!(matches!(read(b""), Err(StatisticError::Foreign { .. })));
     let mut bytes = small();
-    bytes[8] = 3;
+    bytes[8] = 4;
     let message = read(&sealed(bytes)).unwrap_err().to_string();
-    assert!(message.contains("its format is 3") && message.contains("newer fleetfoot"), "{message}");
+    assert!(message.contains("its format is 4") && message.contains("newer fleetfoot"), "{message}");
     let missing = StatisticFile::read(Path::new("no/such.stats")).unwrap_err().to_string();
     assert!(missing.contains("no/such.stats"), "{missing}");
 }

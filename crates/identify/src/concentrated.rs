@@ -1,0 +1,24 @@
+//! What is fitted to few rows: a fall, a collision or a gross error may hold most of what least squares look at.
+
+use fleetfoot_data::EpisodeId;
+use fleetfoot_stats::Concentration;
+
+/// What to say of targets whose variance few rows hold, by their labels and the names of episodes.
+pub(crate) fn notes<'a>(
+    targets: impl IntoIterator<Item = (String, Option<&'a Concentration>)>,
+    name: impl Fn(EpisodeId) -> Option<String>,
+) -> Vec<String> {
+    let told = |(target, found): (String, Option<&Concentration>)| {
+        let Concentration { rows, squares, place: (episode, stretch) } = found?;
+        Some(format!(
+            "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: rows {} to {} of {}); least squares fit these. If it was a fall, a collision or a gross error, leave \
+             them out (--where, fleetfoot prepare)",
+            100.0 * rows,
+            100.0 * squares,
+            stretch.start + 1,
+            stretch.end,
+            name(*episode)?
+        ))
+    };
+    targets.into_iter().filter_map(told).collect()
+}
