@@ -4,6 +4,7 @@ mod coverage;
 mod excitation;
 mod fitting;
 mod horizons;
+mod intervals;
 mod judged;
 mod logs;
 mod models;

@@ -201,8 +201,7 @@ fn report(
         let problem = scan.root(region).compressed(task.constant);
         let equations = solved.iter().enumerate().map(|(target, found)| {
             let error = |j: usize| errors.as_ref().map_or(f64::NAN, |errors| errors[(j, target)]);
-            let moments = [problem.weight, problem.total[target]];
-            report::equation(task, target, found, moments, error)
+            report::equation(task, target, found, &problem, error)
         });
         RegionReport { name: evidence.region_name(region), rows: scan.rows(region), equations: equations.collect() }
     });

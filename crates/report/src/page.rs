@@ -84,7 +84,8 @@ impl Light {
         }
     }
 
-    pub(crate) fn sign(self) -> &'static str {
+    /// The sign.
+    pub fn sign(self) -> &'static str {
         match self {
             Self::Good => "\u{25cf}",
             Self::Doubtful => "\u{25b2}",

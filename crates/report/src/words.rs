@@ -7,6 +7,11 @@ pub fn count(number: usize, thing: &str) -> String {
 
 /// Four significant digits.
 pub fn number(value: f64) -> String {
+    significant(value, 4)
+}
+
+/// A number with so many significant digits, one at least.
+fn significant(value: f64, digits: i32) -> String {
     if value.is_nan() {
         return "-".into();
     }
@@ -15,9 +20,9 @@ pub fn number(value: f64) -> String {
     }
     let magnitude = value.abs().log10().floor() as i32;
     if (-4..6).contains(&magnitude) {
-        format!("{value:.*}", (3 - magnitude).max(0) as usize)
+        format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
     } else {
-        format!("{value:.3e}")
+        format!("{value:.*e}", (digits - 1) as usize)
     }
 }
 
@@ -62,6 +67,12 @@ pub fn thousands(value: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// A value with half the width of its interval, that to two significant digits: `\u{2212}1.994 \u{b1} 0.012`; without it where that is not known.
+pub fn within(value: f64, half_width: f64) -> String {
+    let value = typeset(&number(value));
+    if half_width.is_finite() { format!("{value} \u{b1} {}", typeset(&significant(half_width, 2))) } else { value }
 }
 
 /// Things in a row: `a`, `a and b`, `a, b and c`; of more than `most` the first ones and how many more.
@@ -113,7 +124,7 @@ fn raised(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{series, thousands, typeset, unit};
+    use super::{series, thousands, typeset, unit, within};
 
     #[test]
     fn units_are_typeset() {
@@ -133,6 +144,17 @@ mod tests {
         assert_eq!(thousands(999), "999");
         assert_eq!(thousands(9999), "9999");
         assert_eq!(thousands(1_234_567), "1\u{202f}234\u{202f}567");
+    }
+
+    #[test]
+    fn values_have_their_intervals() {
+        for (value, half, text) in [
+            (-1.99419, 0.012_345, "\u{2212}1.994 \u{b1} 0.012"),
+            (1.2e-7, 3e-8, "1.200\u{b7}10\u{207b}\u{2077} \u{b1} 3.0\u{b7}10\u{207b}\u{2078}"),
+            (2.0, f64::INFINITY, "2.000"),
+        ] {
+            assert_eq!(within(value, half), text);
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{FORMAT, real};
+use super::{FORMAT, real, reals};
 use crate::{EquationReport, RolloutChoice, SindyReport};
 
 impl SindyReport {
@@ -21,6 +21,9 @@ impl SindyReport {
                 "name": region.name, "rows": region.rows,
                 "equations": region.equations.iter().map(equation_json).collect::<Vec<_>>(),
             })).collect::<Vec<_>>(),
+            "path": self.regions.iter().flat_map(|region| {
+                region.equations.iter().map(|equation| path(&region.name, equation))
+            }).collect::<Vec<_>>(),
             "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
             "notes": self.notes,
         });
@@ -32,6 +35,17 @@ impl SindyReport {
         }
         report
     }
+}
+
+/// What the functions of an equation contribute to its models of so many terms.
+fn path(region: &str, equation: &EquationReport) -> Value {
+    json!({
+        "name": region, "label": equation.label, "entered": equation.entered,
+        "terms": equation.front.iter().map(|point| point.terms).collect::<Vec<_>>(),
+        "functions": equation.along.iter().map(|(function, along)| json!({
+            "function": function, "coefficients": reals(along),
+        })).collect::<Vec<_>>(),
+    })
 }
 
 fn equation_json(equation: &EquationReport) -> Value {

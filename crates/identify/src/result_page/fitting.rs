@@ -1,6 +1,7 @@
 //! How models were chosen: held-out errors over lambda or over numbers of terms, and how often resamples select a function. A model does not carry that; the report
 //! of its fit does, and tells by the model's hash whose it is.
 
+use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Bars, Chart, Figure, Interval, Lines, Matrix, Panels, Part, Scale, Series, Stroke, words::count,
 };
@@ -24,8 +25,10 @@ const ALONG: usize = 12;
 pub(super) struct Fit {
     /// The model's.
     hash: String,
+    rows: Option<f64>,
+    effective_rows: Option<f64>,
     lambda: Option<Lambda>,
-    path: Option<Path>,
+    path: Option<Paths>,
     #[serde(default)]
     latents: Vec<Latent>,
     #[serde(default)]
@@ -47,6 +50,24 @@ struct Validation {
     lambdas: Vec<Option<f64>>,
     error: Vec<Option<f64>>,
     standard_error: Vec<Option<f64>>,
+}
+
+/// Coefficients along what made them fewer: a penalty, or the number of terms of each equation.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+enum Paths {
+    Lambda(Path),
+    Terms(Vec<TermsPath>),
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct TermsPath {
+    /// The region's.
+    name: String,
+    label: String,
+    terms: Vec<usize>,
+    functions: Vec<Along>,
+    entered: usize,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -72,6 +93,7 @@ struct Latent {
 struct Function {
     function: String,
     frequency: Option<f64>,
+    standard_error: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -83,6 +105,8 @@ struct Region {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 struct Equation {
     label: String,
+    #[serde(default)]
+    terms: Vec<Function>,
     inclusion: Option<Vec<Option<f64>>>,
     #[serde(default)]
     front: Vec<Point>,
@@ -117,16 +141,15 @@ pub(super) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
 
 /// What there is to show of all models; nothing where no report is that of a model here.
 pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
-    let known: Vec<(&str, &Fit)> = judged
-        .iter()
-        .filter_map(|one| Some((one.name, fits.iter().find(|fit| fit.hash == one.model.hash())?)))
-        .collect();
+    let known: Vec<(&str, &Fit)> =
+        judged.iter().filter_map(|one| Some((one.name, Fit::of(fits, one.model)?))).collect();
     let mut figures = Vec::new();
     for (place, (name, fit)) in known.iter().enumerate() {
         let title = |what: &str| if judged.len() > 1 { format!("{what}: {name}") } else { what.to_owned() };
         figures.extend(fit.curve(place + 1, title("How lambda was chosen")));
         figures.extend(fit.path(place + 1, title("What enters as lambda falls")));
         figures.extend(fit.fronts(place + 1, title("Error and number of terms")));
+        figures.extend(fit.along_terms(place + 1, &title("What enters with more terms")));
     }
     let shares: Vec<(&str, Vec<(String, f64)>)> = known.iter().map(|(name, fit)| (*name, fit.shares())).collect();
     figures.extend(frequencies(&shares));
@@ -183,7 +206,10 @@ impl Fit {
 
     /// Coefficients over lambda, with the one that was chosen.
     fn path(&self, place: usize, title: String) -> Option<Figure> {
-        let path = self.path.as_ref().filter(|path| path.lambdas.len() > 1)?;
+        let Some(Paths::Lambda(path)) = &self.path else { return None };
+        if path.lambdas.len() < 2 {
+            return None;
+        }
         let chosen = number(self.lambda.as_ref()?.value);
         // Places rise along an axis, and lambda falls along a path.
         let rising = |values: &[Option<f64>]| list(values).into_iter().rev().collect::<Vec<f64>>();
@@ -228,6 +254,38 @@ impl Fit {
         Some(Figure::new(format!("front-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
     }
 
+    /// What each function contributes over the number of terms, an equation a figure, in the first region.
+    fn along_terms(&self, place: usize, title: &str) -> Vec<Figure> {
+        let (Some(Paths::Terms(paths)), Some(region)) = (&self.path, self.regions.first()) else { return Vec::new() };
+        let own = paths.iter().filter(|path| path.name == region.name && path.terms.len() > 1).take(EQUATIONS);
+        let figure = |(number, path): (usize, &TermsPath)| {
+            let chosen = region.equations.iter().find(|equation| equation.label == path.label);
+            let chosen = chosen.and_then(|equation| equation.front.iter().find(|point| point.chosen));
+            let name = format!("terms-{place}-{}", number + 1);
+            path.figure(name, format!("{title}: {}", path.label), chosen.map(|point| point.terms))
+        };
+        own.enumerate().map(figure).collect()
+    }
+
+    /// The standard errors of the coefficients of an equation, or of a function that equations share, in a region: functions by name, `1` for the constant.
+    pub(super) fn standard_errors(&self, label: &str, latent: &str, region: usize) -> Vec<(&str, f64)> {
+        let own = self.regions.get(region).into_iter().flat_map(|region| &region.equations);
+        let terms = own.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);
+        let shared = self.latents.iter().filter(|own| own.name == latent).flat_map(|own| &own.functions);
+        terms.chain(shared).filter_map(|term| Some((term.function.as_str(), term.standard_error?))).collect()
+    }
+
+    /// Rows, and how many of them count as independent.
+    pub(super) fn independent(&self) -> Option<[f64; 2]> {
+        Some([self.rows?, self.effective_rows?])
+            .filter(|[rows, independent]| *independent >= 1.0 && rows >= independent)
+    }
+
+    /// The report of a model's fit, if it is among these.
+    pub(super) fn of<'a>(fits: &'a [Self], model: &Model) -> Option<&'a Self> {
+        fits.iter().find(|fit| fit.hash == model.hash())
+    }
+
     /// Functions with the share of resamples that select them.
     fn shares(&self) -> Vec<(String, f64)> {
         let latents = self.latents.iter().flat_map(|latent| {
@@ -244,6 +302,31 @@ impl Fit {
             names.iter().zip(shares).map(move |(name, &share)| (format!("{}: {name}", equation.label), number(share)))
         });
         latents.chain(members).filter(|(_, share)| share.is_finite()).collect()
+    }
+}
+
+impl TermsPath {
+    fn figure(&self, name: String, title: String, chosen: Option<usize>) -> Figure {
+        let terms: Vec<f64> = self.terms.iter().map(|&terms| terms as f64).collect();
+        let line = |along: &Along| Series::line(along.function.clone(), terms.clone(), list(&along.coefficients));
+        let lines: Vec<Series> = self.functions.iter().take(ALONG).map(line).collect();
+        let drawn = lines.len();
+        let y = Axis::of("coefficient times the function\u{2019}s root mean square", "");
+        let mut chart = Lines::new(Axis::of("terms", ""), y, lines);
+        if let Some(chosen) = chosen {
+            chart = chart.marked(chosen as f64, "taken");
+        }
+        let more = if self.entered > drawn {
+            format!(" Drawn are the {drawn} largest of {} functions.", self.entered)
+        } else {
+            String::new()
+        };
+        let caption = format!(
+            "What each function contributes to {} in the best model of so many terms, in the unit of the left side: zero where it is not in. A coefficient that \
+             goes on changing behind the upright line is traded for others.{more}",
+            self.label
+        );
+        Figure::new(name, title, caption, Chart::Lines(chart))
     }
 }
 

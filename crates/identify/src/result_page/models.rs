@@ -6,7 +6,7 @@ use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
 use super::{
     Judged, excitation,
     fitting::{self, Fit},
-    regions, transitions, verdict,
+    intervals, regions, transitions, verdict,
 };
 
 /// Columns that stand unfolded.
@@ -14,7 +14,7 @@ const COLUMNS: usize = 8;
 /// Regions whose equations stand unfolded; the others are a click away.
 const UNFOLDED: usize = 1;
 /// Regions whose equations are written of each of several models; of one alone [`regions::SHOWN`].
-const OF_SEVERAL: usize = 3;
+const OF_SEVERAL: usize = 2;
 /// Terms of an equation that are set, and equations: beyond them nobody reads.
 const TERMS: usize = 60;
 const EQUATIONS: usize = 24;
@@ -23,7 +23,8 @@ pub(super) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     let one = judged.len() == 1;
     let mut known = Vec::new();
     let parts = judged.iter().enumerate().flat_map(|(place, judged)| {
-        let mut parts = parts(judged.model, place + 1, if one { regions::SHOWN } else { OF_SEVERAL });
+        let shown = if one { regions::SHOWN } else { OF_SEVERAL };
+        let mut parts = parts(judged.model, place + 1, shown, Fit::of(fits, judged.model));
         parts.extend(told_apart(judged, place + 1, &mut known));
         parts.push(columns(judged.model));
         if one {
@@ -57,8 +58,8 @@ fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, 
     }
 }
 
-/// A model; `number` tells its figures from those of the others, and of so many regions it has the equations.
-fn parts(model: &Model, number: usize, shown: usize) -> Vec<Part> {
+/// A model; `number` tells its figures from those of the others, and of so many regions it has the equations. `fit` is the report of its fit.
+fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<Part> {
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())
         .filter(|equation| !is_by_region(model, equation))
@@ -70,8 +71,9 @@ fn parts(model: &Model, number: usize, shown: usize) -> Vec<Part> {
         .map(|latent| set(model.set_latent(latent, 0), String::new()))
         .collect();
     parts.extend(capped(shared));
+    parts.extend(intervals::parameters(model));
     for partition in 0..model.partitions.len() {
-        parts.extend(by_region(model, partition, shown));
+        parts.extend(by_region(model, partition, shown, fit));
         let name = format!("{number}-{}", partition + 1);
         let own = &model.partitions[partition];
         let walked = own.transitions.as_ref();
@@ -137,18 +139,20 @@ fn how(equation: &ModelEquation) -> String {
 }
 
 /// The equations of the regions of a partition, and the table of regions.
-fn by_region(model: &Model, partition: usize, shown: usize) -> Vec<Part> {
+fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>) -> Vec<Part> {
     let own = &model.partitions[partition];
     if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
         return Vec::new();
     }
     if own.regions.len() < 2 {
-        return vec![Part::Paragraph(regions::alone(model, partition))];
+        let known = intervals::parts(model, partition, 0, fit);
+        return std::iter::once(Part::Paragraph(regions::alone(model, partition))).chain(known).collect();
     }
     let mut parts = regions::tables(model, partition);
     let order = regions::by_size(own);
     for (rank, &region) in order.iter().take(shown).enumerate() {
-        let equations = capped(in_region(model, partition, region));
+        let mut equations = capped(in_region(model, partition, region));
+        equations.extend(intervals::parts(model, partition, region, fit));
         let name = format!("Region {}", own.regions[region].name);
         if rank < UNFOLDED {
             parts.push(Part::Heading(format!("{name}, the largest")));

@@ -1,7 +1,7 @@
 //! What a fit of equations found, for people and for programs.
 
 use fleetfoot_model::factor;
-use fleetfoot_stats::explained_share;
+use fleetfoot_stats::{Compressed, explained_share};
 
 use super::{DifferenceErrors, EquationTask, solve::Solved};
 use crate::{Refinement, RolloutChoice};
@@ -96,6 +96,11 @@ pub struct EquationReport {
     pub correlation: f64,
     /// Error against number of terms, ascending by terms.
     pub front: Vec<FrontPoint>,
+    /// Functions of any model of [`Self::front`], the largest first, with what they contribute to each: their coefficient times their root mean square over the rows, in the
+    /// unit of the left side. Of very many functions those with the largest contributions.
+    pub along: Vec<(String, Vec<f64>)>,
+    /// How many functions any model of [`Self::front`] has.
+    pub entered: usize,
     /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
     pub inclusion: Option<Vec<f64>>,
     /// Groups of terms that the rows cannot tell apart.
@@ -140,17 +145,20 @@ pub struct FrontPoint {
     pub functions: Vec<String>,
 }
 
-/// The report of a fitted equation. `moments`: the weight of the rows, and the squares of the target about its mean; `error`: the standard error of a candidate.
+/// Functions that are told along the front of an equation.
+const ALONG: usize = 24;
+
+/// The report of a fitted equation. `problem`: the moments of the region's rows; `error`: the standard error of a candidate.
 pub(super) fn equation(
     task: &EquationTask,
     target: usize,
     found: &Solved,
-    moments: [f64; 2],
+    problem: &Compressed,
     error: impl Fn(usize) -> f64,
 ) -> EquationReport {
     let own = &task.fitted[target];
     let step = &found.step;
-    let [weight, total] = moments;
+    let (weight, total) = (problem.weight, problem.total[target]);
     let rms = |rss: f64| (rss / weight).sqrt();
     let terms: Vec<TermReport> = step
         .support
@@ -182,6 +190,7 @@ pub(super) fn equation(
             functions: names(&step.support),
         }
     };
+    let (along, entered) = along(task, found, problem, &shown);
     EquationReport {
         label: own.label.clone(),
         right: right(task, target, &terms),
@@ -193,11 +202,34 @@ pub(super) fn equation(
         parameter: step.parameter,
         correlation: step.certificate.correlation,
         front: shown.iter().map(point).collect(),
+        along,
+        entered,
         inclusion: found.inclusion.clone(),
         confounded: step.confounded.iter().map(|group| names(group)).collect(),
         difference: own.central.as_ref().and_then(|central| central.errors),
         terms,
     }
+}
+
+/// What each function contributes to the models of a front, the largest first, and how many functions there are.
+fn along(
+    task: &EquationTask,
+    found: &Solved,
+    problem: &Compressed,
+    front: &[usize],
+) -> (Vec<(String, Vec<f64>)>, usize) {
+    let steps = || front.iter().map(|&k| &found.sweep.trail.steps[k]);
+    let rms = |j: usize| (problem.r.col_as_slice(j)[..=j].iter().map(|v| v * v).sum::<f64>() / problem.weight).sqrt();
+    let members: std::collections::BTreeSet<usize> = steps().flat_map(|step| step.support.iter().copied()).collect();
+    let contributions = |&j: &usize| {
+        let scale = rms(j);
+        (j, steps().map(|step| scale * step.coefficients[j]).collect::<Vec<f64>>())
+    };
+    let mut all: Vec<(usize, Vec<f64>)> = members.iter().map(contributions).collect();
+    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    all.sort_by(|a, b| largest(&b.1).total_cmp(&largest(&a.1)).then(a.0.cmp(&b.0)));
+    all.truncate(ALONG);
+    (all.into_iter().map(|(j, values)| (task.candidate(j), values)).collect(), members.len())
 }
 
 /// The right side with what was learnt written out behind the nominal part.
