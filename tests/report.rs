@@ -2,6 +2,8 @@
 
 use std::{fs, path::PathBuf};
 
+use fleetfoot::report::words::within;
+
 use crate::runner::*;
 
 /// A folder with logs, models of two partitions, and a held-out log of so many rows.
@@ -53,6 +55,9 @@ fn a_page_says_what_models_are_worth() {
     let figures = [
         "errors-by-target",
         "score-by-horizon",
+        "simulated-in-time-1",
+        "simulated-in-time-2",
+        "simulated-regions",
         "error-autocorrelation",
         "error-over-columns-1",
         "transitions-logs",
@@ -80,6 +85,9 @@ fn a_page_says_what_models_are_worth() {
         rows.map(|line| line.split(',').nth(2).and_then(|share| share.parse::<f64>().ok()).expect("a share")).sum();
     assert!((shares - 100.0).abs() < 1e-9, "{shares}");
 
+    simulations_are_drawn_over_what_was_recorded(folder.path());
+    assert!(html.contains("95 % intervals of least squares") && html.contains("told from zero"), "intervals");
+
     let said =
         run(&["report", "model_average.json", "model_kmeans4.json", "one.csv", "held-out.csv", "-o", "both.html"]);
     assert!(said.out.contains("One step ahead pwa kmeans:4 is best."), "{}", said.out);
@@ -89,6 +97,37 @@ fn a_page_says_what_models_are_worth() {
     let alone = run(&["report", "model.json", "-o", "alone.html"]).out;
     assert!(alone.contains("fact: What was fitted."), "{alone}");
     assert!(page(folder.path(), "alone.html").contains("No log was given"));
+}
+
+/// Fig. 7 of the paper on piecewise-affine models of a running robot: the recording is that of the log, every simulation begins on it, and goes on as `rollout` says.
+fn simulations_are_drawn_over_what_was_recorded(folder: &Path) {
+    let drawn = page(folder, "numbers/simulated-in-time-1.csv");
+    assert!(drawn.starts_with("time since the start of the log [s],recorded,simulated"), "{drawn}");
+    let log = page(folder, "held-out.csv");
+    let head: Vec<&str> = log.lines().next().expect("a head").split(',').collect();
+    let column = |name: &str| head.iter().position(|own| *own == name).expect("a column");
+    let (time, speed) = (column("t"), column("v [m/s]"));
+    let number = |text: &str| text.parse::<f64>().expect("a number");
+    let recorded: Vec<[f64; 2]> = log
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').collect::<Vec<_>>())
+        .map(|cells| [number(cells[time]), number(cells[speed])])
+        .collect();
+    let mut begun = Vec::new();
+    let mut before = "";
+    for cells in drawn.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>()) {
+        let since = number(cells[0]);
+        let row = recorded.iter().position(|row| (row[0] - recorded[0][0] - since).abs() < 1e-6).expect("a row");
+        assert_eq!(number(cells[1]), recorded[row][1], "row {row}");
+        if before.is_empty() && !cells[2].is_empty() {
+            assert_eq!(cells[1], cells[2], "a simulation begins at what was recorded");
+            begun.push(row);
+        }
+        before = cells[2];
+    }
+    // Of 40 steps every second one is drawn, and a row between one simulation and the next.
+    assert!(begun.len() == 4 && begun.windows(2).all(|pair| pair[1] - pair[0] == 44), "{begun:?}");
 }
 
 /// Three hundred logs of twelve rows each.
@@ -152,11 +191,14 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
         "sindy-fit.json",
         "--fit",
         "sparse-fit.json",
+        "--csv",
+        "sindy",
         "-o",
         "sindy.html",
     ]);
     let html = page(folder.path(), "sindy.html");
     assert!(html.contains("id=\"front-1\"") && !html.contains("id=\"validation-1\""));
+    what_enters_with_more_terms(&sindy.json(), &html, &page(folder.path(), "sindy/terms-1-1.csv"));
     let said = run(&["report", "sparse.json", "held-out.csv", "--fit", "sparse-fit.json", "--csv", "numbers"]);
     let html = page(folder.path(), "report.html");
     for id in ["validation-1", "path-1", "selection-frequency", "excitation-1"] {
@@ -192,6 +234,36 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is no JSON", "fit sparse --json"]);
     run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["this is no report of a fit", "--json"]);
+}
+
+/// A function contributes its coefficient times its root mean square to the models that have it, and nothing to the others; intervals are those of the report.
+fn what_enters_with_more_terms(told: &serde_json::Value, html: &str, drawn: &str) {
+    let equation = &told["regions"][0]["equations"][0];
+    let front = equation["front"].as_array().expect("a front");
+    let mut lines = drawn.lines();
+    let names: Vec<&str> = lines.next().expect("a head").split(',').skip(1).collect();
+    assert_eq!(drawn.lines().count(), front.len() + 1, "{drawn}");
+    for (line, point) in lines.zip(front) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        assert_eq!(point["terms"].as_f64(), Some(cells[0]));
+        let functions: Vec<&str> =
+            point["functions"].as_array().expect("names").iter().filter_map(|name| name.as_str()).collect();
+        for (name, &value) in names.iter().zip(&cells[1..]) {
+            assert_eq!(functions.contains(name), value != 0.0, "{name}: {line}");
+            // The root mean square of the constant is 1.
+            let constant = equation["terms"].as_array().expect("terms").iter().find(|term| term["function"] == "1");
+            if let (true, "1", Some(term)) = (point["chosen"] == true, *name, constant) {
+                assert!((value - term["coefficient"].as_f64().expect("a number")).abs() < 1e-12, "{line}");
+            }
+        }
+    }
+    assert!(html.contains("by the spread between parts of the logs, as the report of the fit has them"));
+    for term in equation["terms"].as_array().expect("terms") {
+        let half = 1.959_963_984_540_054 * term["standard_error"].as_f64().expect("a number");
+        let value = term["coefficient"].as_f64().expect("a number");
+        let shown = within(value, half);
+        assert!(html.contains(&format!(">{shown}<")), "{shown}");
+    }
 }
 
 /// Fig. 9 of the paper on piecewise-affine models of a running robot.

@@ -13,6 +13,7 @@ mod passed;
 mod plane;
 mod regions;
 mod residuals;
+mod rolled_on;
 mod scores;
 mod series;
 mod transitions;
@@ -115,7 +116,9 @@ pub fn report(
     for (name, model) in models {
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
         let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
-        judged.push(Judged::new(name, model, changes, rows, options, progress)?);
+        let stretch = judged.iter().find_map(|one: &Judged<'_>| Some(&one.on_stretch.as_ref()?.stretch));
+        let next = Judged::new(name, model, changes, rows, stretch, options, progress)?;
+        judged.push(next);
     }
     if let (Some(seen), Some(scored)) = (&mut seen, judged[0].scored()) {
         seen.learn(&scored.in_sample);

@@ -253,22 +253,33 @@ pub fn rollout(
 ) -> Result<RolledOut, Error> {
     let kind = output.map(output::kind).transpose()?;
     let logs = logs.into();
-    let own = model;
-    let model = &match closed_by {
-        Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
-        None => own.clone(),
-    };
-    let needed = |name: &str| is_needed(model, name, true);
-    let dataset = Dataset::for_run(model, changes, &logs, &needed, progress)
-        .map_err(|error| controller::explained(error, own))?;
+    let (model, dataset) = &opened_to_roll(model, changes, &logs, closed_by, progress)?;
     let mut options = options.clone();
     options.keep |= output.is_some();
-    let rolled = roll_rows(model, &dataset, starts, &options, closed_by, progress)?;
+    let rolled = roll_rows(model, dataset, starts, &options, closed_by, progress)?;
     if let (Some(path), Some(kind)) = (output, kind) {
         let offset = |episode| dataset.log_offset(episode);
         output::write_trajectories(kind, path, model, &dataset.view()?, &offset, &rolled.rollouts, &logs)?;
     }
     Ok(rolled)
+}
+
+/// A model with the columns that a controller reads, and the rows that it is simulated on.
+pub(crate) fn opened_to_roll(
+    own: &Model,
+    changes: &Recipe,
+    logs: &Logs,
+    closed_by: Option<&Arc<dyn Controller>>,
+    progress: &dyn Progress,
+) -> Result<(Model, Dataset), Error> {
+    let model = match closed_by {
+        Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
+        None => own.clone(),
+    };
+    let needed = |name: &str| is_needed(&model, name, true);
+    let dataset = Dataset::for_run(&model, changes, logs, &needed, progress)
+        .map_err(|error| controller::explained(error, own))?;
+    Ok((model, dataset))
 }
 
 /// Simulates a model, which has the columns that a controller reads, on rows that are opened.

@@ -7,11 +7,11 @@ use fleetfoot_report::{
     words::{count, number, seconds},
 };
 
-use super::{Judged, verdict::sentence};
+use super::{Judged, rolled_on, verdict::sentence};
 use crate::{interval_in_words, spans_in_words};
 
 /// Steps that are drawn: errors grow smoothly, and a page is no wider.
-const POINTS: usize = 80;
+const POINTS: usize = 60;
 /// Models that a figure shows, and states that have one of their own.
 const MODELS: usize = 6;
 const STATES: usize = 6;
@@ -27,6 +27,7 @@ pub(super) fn section(judged: &[Judged<'_>]) -> Option<Section> {
         .take(STATES)
         .map(|state| Part::Figure(by_state(judged, &curves, first, state)))
         .collect();
+    parts.extend(rolled_on::parts(judged));
     if !states.is_empty() {
         parts.push(Part::Fold("Error of each state against the horizon".into(), states));
     }

@@ -4,10 +4,13 @@ use fleetfoot_data::Progress;
 use fleetfoot_dynamics::{Error as DynamicsError, Estimate, Horizon, RolloutOptions, Starts};
 use fleetfoot_model::Model;
 
-use super::ReportOptions;
+use super::{
+    ReportOptions,
+    rolled_on::{RolledOn, Stretch},
+};
 use crate::{
     Cause, Dataset, Error, Logs, Recipe, RequestError, RolledOut, Scored,
-    run::{roll_rows, score_rows},
+    run::{opened_to_roll, roll_rows, score_rows},
 };
 
 /// Steps of a simulation where none are given, and the share of the longest episode that they are at most.
@@ -22,28 +25,41 @@ pub(super) struct Judged<'a> {
     pub(super) scores: Option<Result<Scored, String>>,
     /// `None` without logs.
     pub(super) rollouts: Option<Result<RolledOut, String>>,
+    /// A stretch of a recording with the simulations on it; `None` where nothing could be simulated.
+    pub(super) on_stretch: Option<RolledOn>,
 }
 
 impl<'a> Judged<'a> {
+    /// `stretch` is that on which the models before it were simulated.
     pub(super) fn new(
         name: &'a str,
         model: &'a Model,
         changes: &Recipe,
         logs: Option<(&Logs, &Dataset)>,
+        stretch: Option<&Stretch>,
         options: &ReportOptions,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let Some((logs, dataset)) = logs else { return Ok(Self { name, model, scores: None, rollouts: None }) };
+        let Some((logs, dataset)) = logs else {
+            return Ok(Self { name, model, scores: None, rollouts: None, on_stretch: None });
+        };
         let scores = said(score_rows(model, dataset, progress))?;
         let longest = dataset.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
         let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(longest / SHARE).max(1));
         let (starts, long) = (Starts::Even(options.starts), RolloutOptions::new(horizon));
-        let rollouts = match options.controller.as_ref() {
-            None => roll_rows(model, dataset, &starts, &long, None, progress),
-            // It may read columns that the model does not.
-            closed_by => crate::rollout(model, changes, logs, &starts, &long, closed_by, None, progress),
+        let closed_by = options.controller.as_ref();
+        // A controller may read columns that the model does not.
+        let opened = closed_by.map(|_| opened_to_roll(model, changes, logs, closed_by, progress)).transpose()?;
+        let (simulated, rows) = opened.as_ref().map_or((model, dataset), |(model, rows)| (model, rows));
+        let roll = |starts: &Starts, long: &RolloutOptions| {
+            said(roll_rows(simulated, rows, starts, long, closed_by, progress))
         };
-        Ok(Self { name, model, scores: Some(scores), rollouts: Some(said(rollouts)?) })
+        let rollouts = roll(&starts, &long)?;
+        let on_stretch = match &rollouts {
+            Ok(rolled) => RolledOn::of(simulated, rows, rolled, stretch, &long, roll)?,
+            Err(_) => None,
+        };
+        Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts), on_stretch })
     }
 
     pub(super) fn scored(&self) -> Option<&Scored> {

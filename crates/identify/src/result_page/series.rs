@@ -22,7 +22,7 @@ const SHOWN: usize = 2;
 /// Targets whose errors are drawn over the columns.
 const OVER: usize = 4;
 /// Bins along the time of a log, for targets that stand unfolded and for the others, and along the errors.
-const TIMES: [usize; 2] = [200, 100];
+const TIMES: [usize; 2] = [160, 80];
 const ERRORS: usize = 64;
 /// Errors are drawn up to so many standard deviations of the target.
 const REACH: f64 = 2.0;

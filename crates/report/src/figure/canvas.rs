@@ -61,6 +61,15 @@ fn anchored(class: &str, anchor: &str) -> Element {
     Element::new("text").class(if anchor == "start" { class.to_owned() } else { format!("{class} {anchor}") })
 }
 
+fn polygon(class: &str, points: &[[f64; 2]]) -> Element {
+    Element::new("path").class(class).with("d", trace(points, true))
+}
+
+/// A mark at a place.
+pub(crate) fn diamond(class: &str, [x, y]: [f64; 2]) -> Element {
+    polygon(&format!("mark {class}"), &[[x, y - 4.5], [x + 4.5, y], [x, y + 4.5], [x - 4.5, y]])
+}
+
 /// The class of the colour of a series.
 pub(crate) fn colour(index: usize) -> String {
     format!("s{}", index % 6)
@@ -134,18 +143,13 @@ impl Canvas {
     }
 
     /// A mark at a place.
-    pub(crate) fn diamond(&mut self, class: &str, [x, y]: [f64; 2]) {
-        let path = [[x, y - 4.5], [x + 4.5, y], [x, y + 4.5], [x - 4.5, y]];
-        self.polygon(&format!("mark {class}"), &path);
+    pub(crate) fn diamond(&mut self, class: &str, place: [f64; 2]) {
+        self.add(diamond(class, place));
     }
 
     /// A mark at the end of an axis for what is beyond it.
     pub(crate) fn beyond(&mut self, class: &str, [x, y]: [f64; 2]) {
-        self.polygon(&format!("mark {class}"), &[[x - 3.0, y - 4.5], [x + 4.0, y], [x - 3.0, y + 4.5]]);
-    }
-
-    pub(crate) fn polygon(&mut self, class: &str, points: &[[f64; 2]]) {
-        self.add(Element::new("path").class(class).with("d", trace(points, true)));
+        self.add(polygon(&format!("mark {class}"), &[[x - 3.0, y - 4.5], [x + 4.0, y], [x - 3.0, y + 4.5]]));
     }
 
     /// The horizontal axis under a frame: grid, numbers, title.

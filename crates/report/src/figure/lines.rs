@@ -1,7 +1,7 @@
 //! Values over values: lines with bands, steps, and lines of reference.
 
 use super::{
-    canvas::{Canvas, Frame, LINE, Sample, colour, width_of},
+    canvas::{Canvas, Frame, LINE, Sample, colour, diamond, width_of},
     scale::{Axis, Ruler},
 };
 use crate::{
@@ -65,6 +65,10 @@ pub enum Stroke {
     Steps,
     /// Such steps, and the area between them and zero.
     Area,
+    /// Marks at the places, in the colour of the line before it.
+    Marks,
+    /// The same, hollow.
+    HollowMarks,
 }
 
 impl Series {
@@ -113,6 +117,11 @@ impl Lines {
     /// Where the lines begin and end.
     pub(super) fn in_words(&self) -> String {
         let ends = |series: &Series| {
+            if series.is_marks() {
+                let places = series.x.iter().zip(&series.y).filter(|(_, y)| y.is_finite());
+                let places: Vec<String> = places.map(|(x, _)| typeset(&number(*x))).collect();
+                return Some(format!("{}: at {}", series.name, places.join(", ")));
+            }
             let mut known = series.x.iter().zip(&series.y).filter(|(_, y)| y.is_finite());
             let first = known.clone().next()?;
             let last = known.next_back()?;
@@ -188,8 +197,11 @@ impl Lines {
             let shade = Element::new("rect").class("range").at("x", from).at("y", frame.top);
             group = group.child(shade.at("width", (to - from).max(1.0)).at("height", frame.bottom - frame.top));
         }
-        for (index, series) in self.series.iter().enumerate() {
-            group = group.children(series.elements(&self.class(index), across, vertical));
+        // Marks lie over all lines.
+        let (marks, lines): (Vec<usize>, Vec<usize>) =
+            (0..self.series.len()).partition(|&index| self.series[index].is_marks());
+        for index in lines.into_iter().chain(marks) {
+            group = group.children(self.series[index].elements(&self.class(index), across, vertical));
         }
         canvas.add(group);
     }
@@ -204,12 +216,17 @@ impl Lines {
             }
             Stroke::Reference => format!("reference r{}", before(&[Stroke::Reference]) % 3),
             Stroke::Measured => "measured".to_owned(),
+            Stroke::Marks | Stroke::HollowMarks => {
+                let own = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]).max(1) - 1;
+                format!("{} r{}", colour(own), u8::from(self.series[index].stroke == Stroke::HollowMarks))
+            }
         }
     }
 
     /// What the legend says; nothing where there is nothing to tell apart.
     pub(super) fn entries(&self) -> Vec<(Sample, String, String)> {
-        let entry = |(index, series): (usize, &Series)| (Sample::Line, self.class(index), series.name.clone());
+        let sample = |series: &Series| if series.is_marks() { Sample::Mark } else { Sample::Line };
+        let entry = |(index, series): (usize, &Series)| (sample(series), self.class(index), series.name.clone());
         let shade = self.range.iter().map(|(_, words)| (Sample::Box, "range".to_owned(), words.clone()));
         let entries: Vec<_> = self.series.iter().enumerate().map(entry).chain(shade).collect();
         if entries.len() < 2 { Vec::new() } else { entries }
@@ -217,8 +234,16 @@ impl Lines {
 }
 
 impl Series {
+    fn is_marks(&self) -> bool {
+        matches!(self.stroke, Stroke::Marks | Stroke::HollowMarks)
+    }
+
     fn elements(&self, class: &str, across: &Ruler, vertical: &Ruler) -> Vec<Element> {
         let mut elements = Vec::new();
+        if self.is_marks() {
+            let places = self.x.iter().zip(&self.y).filter_map(|(&x, &y)| Some([across.at(x)?, vertical.at(y)?]));
+            return places.map(|place| diamond(class, place)).collect();
+        }
         if let Some([low, high]) = &self.band {
             let ends = self.stepped(low.iter().copied().zip(high.iter().copied()));
             for part in runs(ends.map(|(x, (low, high))| Some((across.at(x)?, vertical.at(low)?, vertical.at(high)?))))

@@ -17,6 +17,8 @@ fn lines(name: &str, x: &[f64], y: &[f64]) -> Chart {
         series("steps").looks(Stroke::Steps),
         series("reference").looks(Stroke::Reference),
         series("measured").looks(Stroke::Measured),
+        series("marks").looks(Stroke::Marks),
+        series("hollow marks").looks(Stroke::HollowMarks),
     ];
     let range = [x.first().copied().unwrap_or(f64::NAN), x.last().copied().unwrap_or(f64::NAN)];
     Chart::Lines(
