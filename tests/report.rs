@@ -316,6 +316,43 @@ fn layouts_stand_beside_messages() {
     assert!(!folder.path().join("table.foxglove.json").exists(), "beside tables there are none");
 }
 
+/// What `prepare` rejects, or a channel does not tell, stands in a log as an empty value.
+#[test]
+fn missing_values_are_shown_where_they_are() {
+    let folder = models(600);
+    let text = robot_csv(1200, 9.0);
+    let without = |(row, line): (usize, &str)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if (301..421).contains(&row) {
+            cells[2] = "";
+        }
+        format!("{}\n", cells.join(","))
+    };
+    let gaps: String = text.lines().enumerate().map(without).collect();
+    fs::write(folder.path().join("gaps.csv"), gaps).expect("a file");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    run(&["report", "model.json", "gaps.csv", "held-out.csv", "--horizon", "20", "--csv", "numbers"]);
+    let html = page(folder.path(), "report.html");
+    assert!(html.contains("Stamps are those of t."), "the clock is told");
+    // The row before the first missing value lacks a neighbour for its derivative.
+    let table = html.split("<p class=\"caption\">Episodes.</p>").nth(1).expect("the table of episodes");
+    let row = table.split("gaps.csv</th>").nth(1).and_then(|rest| rest.split("</tr>").next()).expect("its row");
+    assert!(row.ends_with("<td class=\"n\">121</td>"), "{row}");
+    let drawn = page(folder.path(), "numbers/missing-in-time.csv");
+    let gaps: Vec<Vec<&str>> = drawn.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(gaps[0], ["row", "what", "from [s]", "to [s]"]);
+    let number = |text: &str| text.parse::<f64>().expect("a number");
+    let gaps: Vec<&Vec<&str>> = gaps.iter().filter(|row| row[1] == "values are missing" && row[0] == "v").collect();
+    // Episodes stand in the order of their identities.
+    let before = if number(gaps[0][2]) > 5.0 { 5.99 } else { 0.0 };
+    let (from, to) = (number(gaps[0][2]) - before, number(gaps[gaps.len() - 1][3]) - before);
+    assert!((from - 3.0).abs() < 0.02 && (to - 4.2).abs() < 0.02 && gaps.len() == 1, "{gaps:?}");
+    let lost = page(folder.path(), "numbers/logs-in-time.csv");
+    assert_eq!(lost.matches("gaps.csv,rows are lost to missing values,").count(), 1, "{lost}");
+    let whole = run(&["report", "model.json", "held-out.csv", "-o", "whole.html"]);
+    assert!(!page(folder.path(), "whole.html").contains("rows lost"), "{}", whole.out);
+}
+
 /// A log in which nothing moves: the null model has no error there, so that ratios to it are none.
 #[test]
 fn scores_that_are_none_are_told_as_such() {

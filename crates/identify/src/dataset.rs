@@ -389,14 +389,8 @@ impl Dataset {
         Self::with_model(model, changes, &logs.into(), (needed, 1), progress)
     }
 
-    /// Which columns must be there, and which row is used.
-    fn with_model(
-        model: &Model,
-        changes: &Recipe,
-        logs: &Logs,
-        (needed, every): (&dyn Fn(&str) -> bool, usize),
-        progress: &dyn Progress,
-    ) -> Result<Self, Error> {
+    /// The recipe by which a model reads logs: its own, with what is said of these logs.
+    pub(crate) fn recipe_of_run(model: &Model, changes: &Recipe) -> Result<Recipe, Error> {
         let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
         // What the caller says about the clock of these files replaces what training said.
         if changes.time.column.is_some() || changes.time.dt.is_some() {
@@ -421,6 +415,18 @@ impl Dataset {
         if !changes.episodes.is_empty() {
             recipe.episodes = changes.episodes.clone();
         }
+        Ok(recipe)
+    }
+
+    /// Which columns must be there, and which row is used.
+    fn with_model(
+        model: &Model,
+        changes: &Recipe,
+        logs: &Logs,
+        (needed, every): (&dyn Fn(&str) -> bool, usize),
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let recipe = Self::recipe_of_run(model, changes)?;
         let (fields, info) = fields(&recipe, logs)?;
         let (columns, absent): (Vec<ModelColumn>, Vec<ModelColumn>) =
             model.columns.iter().cloned().partition(|column| {

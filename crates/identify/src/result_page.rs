@@ -7,6 +7,7 @@ mod horizons;
 mod intervals;
 mod judged;
 mod logs;
+mod missing;
 mod models;
 mod opened;
 mod passed;
@@ -111,7 +112,7 @@ pub fn report(
     let fits = fitting::read(&options.fits)?;
     let first = &models[0].1;
     let mut opened = if logs.is_empty() { None } else { Some(Opened::new(first, changes, &logs, progress)?) };
-    let mut seen = opened.as_ref().map(|opened| logs::Seen::of(first, &opened.dataset));
+    let mut seen = opened.as_ref().map(|opened| logs::Seen::of(first, changes, &opened.dataset)).transpose()?;
     let mut judged = Vec::with_capacity(models.len());
     for (name, model) in models {
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
@@ -169,7 +170,7 @@ fn sections(
         sections.push(series::section(model, passed, seen));
     }
     sections.push(models::section(judged, fits));
-    sections.extend(seen.map(|seen| seen.section(passed.map_or(&[], |(_, passed)| &passed.columns))));
+    sections.extend(seen.map(|seen| seen.section(passed.map(|(_, passed)| passed))));
     sections
 }
 

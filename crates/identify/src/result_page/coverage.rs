@@ -8,6 +8,8 @@ use fleetfoot_report::{
 };
 use fleetfoot_stats::nonuniformity;
 
+use super::missing;
+
 /// Bins of a column, columns that are drawn, and columns that stand unfolded in the table.
 const BINS: usize = 32;
 const DRAWN: usize = 12;
@@ -26,6 +28,8 @@ pub(super) struct Coverage {
     /// What the training rows saw of it, where the model knows; and values outside of it.
     trained: Option<[f64; 2]>,
     outside: u64,
+    /// Rows without a value, by the time since the first log's start, logs one behind the other.
+    pub(super) missing: Bins,
 }
 
 /// The columns that a model speaks of, among those that are read.
@@ -39,6 +43,7 @@ pub(super) fn columns(model: &Model, read: &[Column]) -> Vec<Coverage> {
         bins: Bins::new(BINS),
         trained: trained(model, &column.name),
         outside: 0,
+        missing: Bins::new(missing::BINS),
     };
     known.map(one).collect()
 }
@@ -64,9 +69,13 @@ fn trained(model: &Model, name: &str) -> Option<[f64; 2]> {
 }
 
 impl Coverage {
-    pub(super) fn take(&mut self, values: &[f64]) {
-        for &value in values {
+    /// Takes the values of rows; `seconds` is the time of one of them.
+    pub(super) fn take(&mut self, values: &[f64], seconds: impl Fn(usize) -> f64) {
+        for (row, &value) in values.iter().enumerate() {
             self.bins.add(value, value);
+            if !value.is_finite() {
+                self.missing.add(seconds(row), 1.0);
+            }
         }
         if let Some([low, high]) = self.trained {
             self.outside += values.iter().filter(|&&value| value < low || value > high).count() as u64;
@@ -76,6 +85,12 @@ impl Coverage {
     pub(super) fn merge(&mut self, other: &Self) {
         self.bins.merge(&other.bins);
         self.outside += other.outside;
+        self.missing.merge(&other.missing);
+    }
+
+    /// Rows without a value.
+    pub(super) fn without(&self) -> u64 {
+        self.missing.counts().iter().sum()
     }
 
     fn rows(&self) -> u64 {
@@ -94,7 +109,8 @@ impl Coverage {
         }
     }
 
-    fn row(&self) -> Vec<Cell> {
+    /// Its row in the table; `gaps` says whether the table has a column for missing values.
+    fn row(&self, gaps: bool) -> Vec<Cell> {
         let all = self.rows() as f64;
         let least = self.bins.lows().into_iter().fold(f64::NAN, f64::min);
         let most = self.bins.highs().into_iter().fold(f64::NAN, f64::max);
@@ -114,6 +130,9 @@ impl Coverage {
             .into_iter()
             .chain(numbers)
             .chain([Cell::Number(trained), Cell::Number(outside), Cell::of(uneven)])
+            .chain(gaps.then(|| {
+                Cell::Number(format!("{:.1} %", 100.0 * self.without() as f64 / (all + self.without() as f64)))
+            }))
             .collect()
     }
 }
@@ -123,11 +142,13 @@ pub(super) fn parts(columns: &[Coverage]) -> Vec<Part> {
     if columns.iter().all(|column| column.rows() == 0) {
         return Vec::new();
     }
+    let gaps = columns.iter().any(|column| column.without() > 0);
     let table = |columns: &[Coverage]| {
         let head = ["column", "unit", "least", "mean", "largest", "in training", "outside of it", "unevenness"];
+        let head = head.into_iter().chain(gaps.then_some("missing"));
         let caption = "What the rows reach, and how unevenly they are spread over the bins between: 0 is even, 1 is all in one bin.";
         let mut table = Table::new(caption, head);
-        columns.iter().for_each(|column| table = std::mem::take(&mut table).row(column.row()));
+        columns.iter().for_each(|column| table = std::mem::take(&mut table).row(column.row(gaps)));
         Part::Table(table)
     };
     let mut parts = vec![Part::Figure(figure(columns)), table(&columns[..columns.len().min(LISTED)])];

@@ -39,8 +39,16 @@ enum Basis {
 }
 
 /// The coefficients of the equations of a region with their intervals; nothing where neither the report of the fit nor the model knows them.
-pub(super) fn parts(model: &Model, partition: usize, region: usize, fit: Option<&Fit>) -> Vec<Part> {
-    let own = model.latents.iter().filter(|latent| latent.partition == partition);
+/// `said` is what intervals are made of, where it was said before.
+pub(super) fn parts(
+    model: &Model,
+    partition: usize,
+    region: usize,
+    fit: Option<&Fit>,
+    said: &mut Option<String>,
+) -> Vec<Part> {
+    let has_terms = |latent: &&Latent| !terms(model, latent, region).is_empty();
+    let own = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
     let mut known: Vec<Known> = Vec::new();
     let mut basis = Basis::Report;
     let mut inverses = Inverses::new(&model.partitions[partition].regions[region]);
@@ -70,7 +78,10 @@ pub(super) fn parts(model: &Model, partition: usize, region: usize, fit: Option<
     if total == 0 {
         return Vec::new();
     }
-    let mut parts = vec![Part::Paragraph(basis.in_words())];
+    let words = basis.in_words();
+    let mut parts: Vec<Part> =
+        if said.as_ref() == Some(&words) { Vec::new() } else { vec![Part::Paragraph(words.clone())] };
+    *said = Some(words);
     if known.len() > BELOW {
         parts.push(Part::Table(side_by_side(&known)));
     } else {

@@ -1,18 +1,22 @@
 //! The logs that models are held against.
 
+use std::ops::Range;
+
 use fleetfoot_data::Episode;
 use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Part, Section, Span, Spans, Table,
-    words::{count, number, seconds, series, thousands},
+    words::{count, number, seconds, series, thousands, within},
 };
 
-use super::coverage::{self, Coverage};
-use crate::Dataset;
+use super::{coverage, missing, passed::Passed};
+use crate::{Dataset, Error, Recipe, clocks::AlignedClock};
 
 /// Logs that are drawn, and logs that stand unfolded in the table.
 const DRAWN: usize = 24;
 const LISTED: usize = 12;
+/// The kind of spans in which rows are lost.
+const LOST: usize = 2;
 /// Names that are written out.
 const NAMES: usize = 4;
 
@@ -22,16 +26,21 @@ pub(super) struct Seen {
     pub(super) notes: Vec<String>,
     /// Names of the episodes that trained the first model, as a whole or in part.
     trained: Vec<String>,
+    /// Where stamps are from, and the clocks of other computers.
+    stamps: String,
+    clocks: Vec<AlignedClock>,
 }
 
 impl Seen {
     /// What is opened for the first model.
-    pub(super) fn of(model: &Model, dataset: &Dataset) -> Self {
-        Self {
+    pub(super) fn of(model: &Model, changes: &Recipe, dataset: &Dataset) -> Result<Self, Error> {
+        Ok(Self {
             episodes: dataset.episodes().to_vec(),
             notes: dataset.notes().to_vec(),
             trained: dataset.in_sample(model),
-        }
+            stamps: stamps(&Dataset::recipe_of_run(model, changes)?),
+            clocks: dataset.clocks().to_vec(),
+        })
     }
 
     /// Parts of logs that trained it are known once their rows have been read.
@@ -58,12 +67,16 @@ impl Seen {
     }
 
     /// The logs in time and as a table, and how far the columns of their rows reach.
-    pub(super) fn section(&self, columns: &[Coverage]) -> Section {
+    pub(super) fn section(&self, passed: Option<&Passed>) -> Section {
+        let columns = passed.map_or(&[][..], |passed| &passed.columns);
         let mut parts = vec![Part::Paragraph(self.about())];
-        parts.extend(self.drawn().map(Part::Figure));
-        parts.push(Part::Table(self.table(&self.episodes[..self.episodes.len().min(LISTED)])));
+        parts.extend((!self.stamps.is_empty()).then(|| Part::Paragraph(self.stamps.clone())));
+        parts.extend(self.drawn(passed).map(Part::Figure));
+        parts.extend(missing::columns(columns, &self.episodes).map(Part::Figure));
+        parts.push(Part::Table(self.table(0..self.episodes.len().min(LISTED), passed)));
+        parts.extend((!self.clocks.is_empty()).then(|| Part::Table(clocks(&self.clocks))));
         if self.episodes.len() > LISTED {
-            let rest = self.table(&self.episodes[LISTED..]);
+            let rest = self.table(LISTED..self.episodes.len(), passed);
             parts.push(Part::Fold(format!("{} more episodes", self.episodes.len() - LISTED), vec![Part::Table(rest)]));
         }
         parts.extend(coverage::parts(columns));
@@ -89,30 +102,44 @@ impl Seen {
     }
 
     /// Where each log has rows, from its own start on: episodes of one file stand in one row, with the gaps between them.
-    fn drawn(&self) -> Option<Figure> {
+    fn drawn(&self, passed: Option<&Passed>) -> Option<Figure> {
         let mut rows: Vec<(String, i64, Vec<Span>)> = Vec::new();
-        for episode in &self.episodes {
+        let mut lost: Vec<Vec<Span>> = Vec::new();
+        for (index, episode) in self.episodes.iter().enumerate() {
             let name = file_of(&episode.name);
             if rows.last().is_none_or(|(last, _, _)| *last != name) {
                 rows.push((name, episode.start, Vec::new()));
+                lost.push(Vec::new());
             }
-            if let Some((_, start, spans)) = rows.last_mut() {
+            if let (Some((_, start, spans)), Some(lost)) = (rows.last_mut(), lost.last_mut()) {
                 let at = |stamp: i64| (stamp - *start) as f64 * 1e-9;
                 let kind = usize::from(self.is_trained(episode));
                 spans.push(Span { from: at(episode.start), to: at(episode.end), kind });
+                let own = passed.map_or_else(Vec::new, |passed| passed.lost.spans(index));
+                lost.extend(own.into_iter().map(|[from, to]| {
+                    let ends = [from, to].map(|since| at(episode.start) + since.min(episode.duration()));
+                    Span { from: ends[0], to: ends[1], kind: LOST }
+                }));
             }
         }
         let total = rows.len();
-        let rows: Vec<(String, Vec<Span>)> =
-            rows.into_iter().take(DRAWN).map(|(name, _, spans)| (name, merged(spans))).collect();
+        // What is lost lies over the rows.
+        let over = |(name, spans, lost): (String, Vec<Span>, Vec<Span>)| {
+            (name, merged(spans).into_iter().chain(merged(lost)).collect::<Vec<Span>>())
+        };
+        let rows = rows.into_iter().zip(lost).take(DRAWN).map(|((name, _, spans), lost)| over((name, spans, lost)));
+        let rows: Vec<(String, Vec<Span>)> = rows.collect();
         if rows.iter().all(|(_, spans)| spans.iter().all(|span| span.to <= span.from)) {
             return None;
         }
-        let kinds = if self.episodes.iter().any(|episode| self.is_trained(episode)) {
-            vec!["did not train the model".to_owned(), "trained the model".to_owned()]
-        } else {
-            vec!["rows".to_owned()]
+        let is_lost = rows.iter().flat_map(|(_, spans)| spans).any(|span| span.kind == LOST);
+        let is_trained = self.episodes.iter().any(|episode| self.is_trained(episode));
+        let mut kinds = match (is_trained, is_lost) {
+            (false, false) => vec!["rows"],
+            _ => vec!["did not train the model", "trained the model"],
         };
+        kinds.extend(is_lost.then_some("rows are lost to missing values"));
+        let kinds: Vec<String> = kinds.into_iter().map(str::to_owned).collect();
         let more = if total > DRAWN { format!(" Shown are {DRAWN} of {total} logs.") } else { String::new() };
         let caption =
             format!("Where each log has rows, from its first one on; what is empty between them is a gap.{more}");
@@ -120,21 +147,68 @@ impl Seen {
         Some(Figure::new("logs-in-time", "Rows in time", caption, Chart::Spans(chart)))
     }
 
-    fn table(&self, episodes: &[Episode]) -> Table {
-        let mut table = Table::new("Episodes.", ["episode", "rows", "length", "rate [Hz]", "in training"]);
-        for episode in episodes {
+    fn table(&self, episodes: Range<usize>, passed: Option<&Passed>) -> Table {
+        let lost = passed.filter(|passed| passed.lost.any());
+        let head = ["episode", "rows", "length", "rate [Hz]", "in training"];
+        let mut table = Table::new("Episodes.", head.into_iter().chain(lost.map(|_| "rows lost")));
+        for index in episodes {
+            let episode = &self.episodes[index];
             let rate = if episode.period > 0.0 { number(1.0 / episode.period) } else { "-".to_owned() };
             let seen = if self.is_trained(episode) { "yes" } else { "no" };
-            table = table.row([
-                Cell::Text(episode.name.clone()),
-                Cell::Number(thousands(episode.rows as u64)),
-                Cell::Number(seconds(episode.duration())),
-                Cell::Number(rate),
-                Cell::Text(seen.to_owned()),
-            ]);
+            table = table.row(
+                [
+                    Cell::Text(episode.name.clone()),
+                    Cell::Number(thousands(episode.rows as u64)),
+                    Cell::Number(seconds(episode.duration())),
+                    Cell::Number(rate),
+                    Cell::Text(seen.to_owned()),
+                ]
+                .into_iter()
+                .chain(lost.map(|passed| Cell::Number(thousands(passed.lost.rows(index))))),
+            );
         }
         table
     }
+}
+
+/// Where the stamps of rows are from, as far as the recipe says it.
+fn stamps(recipe: &Recipe) -> String {
+    let time = &recipe.time;
+    let unit = time.unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"));
+    let of_logs = |stamp: &String| match stamp.as_str() {
+        "header" => "Stamps are those of the messages\u{2019} headers.".to_owned(),
+        "log" => "Stamps are the times at which messages were recorded.".to_owned(),
+        "publish" => "Stamps are the times at which messages were sent.".to_owned(),
+        other => format!("Stamps are those of {other}."),
+    };
+    let said = [
+        time.column.as_ref().map(|column| format!("Stamps are those of {column}{unit}.")),
+        time.dt.map(|dt| format!("Rows are {} apart by what the recipe says.", seconds(dt))),
+        time.stamp.as_ref().map(of_logs),
+        time.base.as_ref().map(|base| format!("The messages of {base} make the rows.")),
+        time.rate.map(|rate| {
+            format!("There are {} rows a second, made of the channels between their samples.", number(rate))
+        }),
+        time.smoothed.map(|over| format!("Rows were smoothed over {}.", seconds(over))),
+    ];
+    said.into_iter().flatten().collect::<Vec<_>>().join(" ")
+}
+
+/// What the clocks of other computers show more.
+fn clocks(clocks: &[AlignedClock]) -> Table {
+    let caption = "Clocks of other computers, and what they show more than the first one, with 95 % intervals.";
+    let head = ["clock", "log", "by", "offset [ms]", "skew [ppm]"];
+    clocks.iter().take(DRAWN).fold(Table::new(caption, head), |table, own| {
+        let half = |[low, high]: [f64; 2]| 0.5 * (high - low);
+        let within = |value: f64, interval, factor: f64| Cell::Number(within(factor * value, factor * half(interval)));
+        table.row([
+            Cell::Text(own.clock.clone()),
+            Cell::Text(own.log.clone()),
+            Cell::Text(own.by.clone()),
+            within(own.offset, own.offset_interval, 1e3),
+            within(own.skew, own.skew_interval, 1e6),
+        ])
+    })
 }
 
 /// The log that an episode is of.

@@ -72,8 +72,9 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
         .collect();
     parts.extend(capped(shared));
     parts.extend(intervals::parameters(model));
+    let mut said = None;
     for partition in 0..model.partitions.len() {
-        parts.extend(by_region(model, partition, shown, fit));
+        parts.extend(by_region(model, partition, shown, fit, &mut said));
         let name = format!("{number}-{}", partition + 1);
         let own = &model.partitions[partition];
         let walked = own.transitions.as_ref();
@@ -139,20 +140,20 @@ fn how(equation: &ModelEquation) -> String {
 }
 
 /// The equations of the regions of a partition, and the table of regions.
-fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>) -> Vec<Part> {
+fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>, said: &mut Option<String>) -> Vec<Part> {
     let own = &model.partitions[partition];
     if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
         return Vec::new();
     }
     if own.regions.len() < 2 {
-        let known = intervals::parts(model, partition, 0, fit);
+        let known = intervals::parts(model, partition, 0, fit, said);
         return std::iter::once(Part::Paragraph(regions::alone(model, partition))).chain(known).collect();
     }
     let mut parts = regions::tables(model, partition);
     let order = regions::by_size(own);
     for (rank, &region) in order.iter().take(shown).enumerate() {
         let mut equations = capped(in_region(model, partition, region));
-        equations.extend(intervals::parts(model, partition, region, fit));
+        equations.extend(intervals::parts(model, partition, region, fit, said));
         let name = format!("Region {}", own.regions[region].name);
         if rank < UNFOLDED {
             parts.push(Part::Heading(format!("{name}, the largest")));

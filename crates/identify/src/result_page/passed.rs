@@ -3,12 +3,13 @@
 use std::ops::Range;
 
 use fleetfoot_data::{Block, Episode, EpisodeId, Progress, Source};
-use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
+use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace, RowStatus};
 use fleetfoot_model::{Model, Transitions};
 use fleetfoot_stats::{Chunk, Grid, reduce};
 
 use super::{
     coverage::{self, Coverage},
+    missing::Lost,
     series::{self, Target},
 };
 use crate::{Dataset, Error};
@@ -25,6 +26,8 @@ pub(super) struct Passed {
     pub(super) episode: Episode,
     pub(super) targets: Vec<Target>,
     pub(super) columns: Vec<Coverage>,
+    /// Rows that a missing value takes from the scores.
+    pub(super) lost: Lost,
     /// Which region of the first partition followed which, where there are several.
     pub(super) transitions: Option<Transitions>,
     /// The regions of the first and of the last row.
@@ -52,7 +55,8 @@ impl Passed {
         let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
         let predictor = Predictor::new(model, &names)?;
         let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
-        let nothing = Self::nothing(model, episode, coverage::columns(model, view.columns()));
+        let columns = coverage::columns(model, view.columns());
+        let nothing = Self::nothing(model, episode, columns, Lost::new(view.episodes()));
         let (mut all, mut before) = (nothing.clone(), None);
         progress.stage("predict");
         reduce(
@@ -63,7 +67,7 @@ impl Passed {
             || (nothing.clone(), Tile::default()),
             |(part, tile), chunk, block, rows| -> Result<(), Error> {
                 predictor.predict(block, rows.clone(), &mut tile.workspace, &mut tile.predicted);
-                part.take(&view.episodes()[chunk.episode], block, rows, tile);
+                part.take(chunk.episode, &view.episodes()[chunk.episode], block, rows, tile);
                 Ok(())
             },
             |chunk: &Chunk, (part, _)| {
@@ -75,23 +79,29 @@ impl Passed {
     }
 
     /// Before any row.
-    fn nothing(model: &Model, episode: &Episode, columns: Vec<Coverage>) -> Self {
+    fn nothing(model: &Model, episode: &Episode, columns: Vec<Coverage>, lost: Lost) -> Self {
         let regions = model.latents.first().map_or(0, |latent| model.partitions[latent.partition].rule.count());
         let counted = (2..=REGIONS).contains(&regions);
         Self {
             targets: series::targets(model, episode, &columns),
             episode: episode.clone(),
             columns,
+            lost,
             transitions: counted.then(|| Transitions { counts: vec![vec![0; regions]; regions] }),
             ends: None,
         }
     }
 
     /// Takes the rows of a tile that were predicted last.
-    fn take(&mut self, episode: &Episode, block: &Block, rows: Range<usize>, tile: &mut Tile) {
+    fn take(&mut self, index: usize, episode: &Episode, block: &Block, rows: Range<usize>, tile: &mut Tile) {
         let value = |column: usize| &block.core(column)[rows.clone()];
-        self.columns.iter_mut().for_each(|column| column.take(value(column.place)));
+        let seconds = |row: usize| (block.stamps()[rows.start + row] - episode.start) as f64 * 1e-9;
+        let before = self.lost.before(index);
+        self.columns.iter_mut().for_each(|column| column.take(value(column.place), |row| before + seconds(row)));
         let predicted = &tile.predicted;
+        for row in (0..predicted.rows).filter(|&row| predicted.status[row] == RowStatus::Missing) {
+            self.lost.add(index, seconds(row));
+        }
         let time = (episode.id == self.episode.id).then(|| {
             let stamps = &block.stamps()[rows.clone()];
             tile.seconds.clear();
@@ -127,6 +137,7 @@ impl Passed {
     fn append(&mut self, other: &Self, goes_on: bool) {
         self.columns.iter_mut().zip(&other.columns).for_each(|(own, other)| own.merge(other));
         self.targets.iter_mut().zip(&other.targets).for_each(|(own, other)| own.append(other, goes_on));
+        self.lost.merge(&other.lost);
         if let (Some(own), Some(others)) = (&mut self.transitions, &other.transitions) {
             own.counts.iter_mut().flatten().zip(others.counts.iter().flatten()).for_each(|(own, other)| *own += other);
         }

@@ -46,16 +46,19 @@ impl Spans {
 
     pub(super) fn in_words(&self) -> String {
         let of = |(name, spans): &(String, Vec<Span>)| {
-            let total: f64 = spans.iter().map(|span| span.to - span.from).sum();
-            format!("{name} {}", typeset(&number(total)))
+            let total = |kind: usize| spans.iter().filter(|s| s.kind == kind).map(|s| s.to - s.from).sum::<f64>();
+            let kinds = self.kinds.iter().enumerate().filter(|(kind, _)| spans.iter().any(|span| span.kind == *kind));
+            let told = kinds.map(|(kind, what)| format!("{what} {}", typeset(&number(total(kind)))));
+            format!("{name}: {}", told.collect::<Vec<_>>().join(", "))
         };
         let told: Vec<String> = self.rows.iter().take(12).map(of).collect();
-        format!("{} rows along {}, their lengths: {}.", self.rows.len(), self.axis.title(), told.join(", "))
+        format!("{} rows along {}, their lengths: {}.", self.rows.len(), self.axis.title(), told.join("; "))
     }
 
     pub(super) fn draw(&self, mut canvas: Canvas) -> Canvas {
-        let entries: Vec<_> =
-            self.kinds.iter().enumerate().map(|(kind, name)| (Sample::Box, format!("k{kind}"), name.clone())).collect();
+        let is_there = |kind: usize| self.rows.iter().flat_map(|(_, spans)| spans).any(|span| span.kind == kind);
+        let kinds = self.kinds.iter().enumerate().filter(|(kind, _)| is_there(*kind));
+        let entries: Vec<_> = kinds.map(|(kind, name)| (Sample::Box, format!("k{kind}"), name.clone())).collect();
         let top = if entries.len() < 2 { 0.0 } else { canvas.legend(&entries, 0.0) } + 6.0;
         let beside = canvas.is_wide();
         let widest = self.rows.iter().map(|(name, _)| width_of(name)).fold(0.0, f64::max).min(NAME);
