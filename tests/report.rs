@@ -401,29 +401,32 @@ fn what_cannot_be_shown_is_said() {
 #[test]
 fn names_are_text_and_many_columns_have_room() {
     let folder = tempfile::tempdir().expect("a folder");
-    let names: Vec<String> = (0..80).map(|column| format!("<script>{column} & ' it")).collect();
+    let names: Vec<String> = (0..500).map(|column| format!("<script>{column} & ' it")).collect();
     for (file, phase) in [("seen.csv", 0.0), ("<i>held & out.csv", 1.0)] {
         let mut text = format!("t,{}\n", names.join(","));
-        for row in 0..400 {
+        for row in 0..520 {
             let t = 0.01 * f64::from(row);
             let value = |column: u32| ((1.0 + 0.1 * f64::from(column)) * t + f64::from(column) + phase).sin();
-            let values: Vec<String> = (0..80).map(|column| value(column).to_string()).collect();
+            let values: Vec<String> = (0..500).map(|column| value(column).to_string()).collect();
             text.push_str(&format!("{t},{}\n", values.join(",")));
         }
         fs::write(folder.path().join(file), text).expect("a file");
     }
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    run(&["fit", "pwa", "seen.csv", "--states", &names.join(","), "--time", "t", "-o", "model.json"]);
+    let (states, inputs) = (names[..80].join(","), names[80..].join(","));
+    let fit = ["fit", "pwa", "seen.csv", "--states", &states, "--inputs", &inputs, "--time", "t", "-o", "model.json"];
+    run(&[&fit[..], &["--partition", "average", "--select", "bic", "--folds", "0"]].concat());
     run(&["report", "model.json", "<i>held & out.csv", "--starts", "5", "--title", "</title><b>"]);
     let html = page(folder.path(), "report.html");
     assert!(!html.contains("<script") && !html.contains("<i>") && !html.contains("</title><b>"));
     assert!(html.contains("&lt;script&gt;29 &amp; ' it") && html.contains("&lt;i&gt;held &amp; out.csv"));
     assert!(html.contains("Shown are the 24 largest errors of 80 targets."), "figures have room for so many");
     assert!(
-        html.contains("and 21 more terms, which are in the model file"),
+        html.contains("and 441 more terms, which are in the model file"),
         "of very long equations the beginning is set"
     );
-    assert!(html.contains("56 more equations are in the model file.") && html.contains("Shown are 12 of 80 columns."));
+    assert!(html.contains("Shown are 60 of 501 terms. Shown are 24 of 80 equations."), "of their intervals too");
+    assert!(html.contains("56 more equations are in the model file.") && html.contains("Shown are 12 of 500 columns."));
     assert!(html.len() < 1_500_000, "{} bytes", html.len());
 }
 
@@ -434,14 +437,25 @@ fn chromium() -> Option<PathBuf> {
     std::env::split_paths(&paths).flat_map(|path| names.map(|name| path.join(name))).find(|path| path.is_file())
 }
 
-/// Opens a page in a frame of a width and tells what the browser made of it: whether its content fits, and how many figures have a size.
-fn opened(browser: &Path, folder: &Path, name: &str, width: u32) -> String {
+/// Opens a page in a frame of a width, folds and all, and tells what the browser made of it: whether its content fits, how many figures have a size, links that lead nowhere, and
+/// the least contrast of the texts with the paper.
+fn opened(browser: &Path, folder: &Path, name: &str, width: u32, dark: bool) -> String {
     let frame = format!(
-        "<!DOCTYPE html><title>waiting</title><iframe id=\"page\" src=\"{name}\" width=\"{width}\" height=\"900\"></iframe><script>\
+        "<!DOCTYPE html><meta name=\"color-scheme\" content=\"light dark\"><title>waiting</title><iframe id=\"page\" src=\"{name}\" width=\"{width}\" height=\"900\"></iframe><script>\
          onload = () => {{ const page = document.getElementById('page').contentDocument; \
+         page.querySelectorAll('details').forEach(one => one.open = true); \
          const figures = [...page.querySelectorAll('svg')].filter(svg => svg.checkVisibility()); \
          const sized = figures.filter(svg => {{ const box = svg.getBoundingClientRect(); return box.width > 200 && box.height > 20 && box.right <= {width}; }}); \
-         document.title = `${{page.documentElement.scrollWidth <= page.documentElement.clientWidth ? 'fits' : 'overflows'}} figures ${{sized.length}} of ${{figures.length}} sections ${{page.querySelectorAll('h2').length}}`; }}\
+         const broken = [...page.querySelectorAll('a')].filter(a => !page.getElementById(a.getAttribute('href').slice(1))); \
+         const light = colour => {{ const [r, g, b] = colour.match(/[\\d.]+/g).map(v => v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); \
+         return 0.2126 * r + 0.7152 * g + 0.0722 * b; }}; \
+         const paper = light(page.defaultView.getComputedStyle(page.documentElement).backgroundColor); \
+         const ratio = colour => {{ const own = light(colour); return (Math.max(own, paper) + 0.05) / (Math.min(own, paper) + 0.05); }}; \
+         const texts = [...page.querySelectorAll('p, td, th, figcaption, summary')].map(e => page.defaultView.getComputedStyle(e).color); \
+         const drawn = [...page.querySelectorAll('svg text')].map(e => page.defaultView.getComputedStyle(e).fill); \
+         const least = Math.min(...[...new Set([...texts, ...drawn])].map(ratio)); \
+         document.title = `${{page.documentElement.scrollWidth <= page.documentElement.clientWidth ? 'fits' : 'overflows'}} figures ${{sized.length}} of ${{figures.length}} sections ${{page.querySelectorAll('h2').length}} \
+         broken ${{broken.length}} paper ${{paper.toFixed(3)}} contrast ${{least.toFixed(2)}}`; }}\
          </script>"
     );
     fs::write(folder.join("frame.html"), frame).expect("a file");
@@ -455,6 +469,7 @@ fn opened(browser: &Path, folder: &Path, name: &str, width: u32) -> String {
             "--virtual-time-budget=5000",
             "--enable-logging=stderr",
         ])
+        .args(dark.then_some("--blink-settings=preferredColorScheme=0"))
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg("--dump-dom")
         .arg(format!("file://{}", folder.join("frame.html").display()))
@@ -475,11 +490,15 @@ fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
     };
     let folder = models(1200);
     fleetfoot(folder.path(), &["report", "model.json", "held-out.csv", "--horizon", "40"]).ok();
-    // Four figures stand unfolded.
-    for width in [375, 1440] {
-        let told = opened(&browser, folder.path(), "report.html", width);
-        assert!(told.starts_with("fits figures") && told.ends_with("sections 6"), "{width}: {told}");
-        let words: Vec<&str> = told.split(' ').collect();
-        assert!(words[2] == words[4] && words[2].parse::<usize>().is_ok_and(|figures| figures >= 4), "{told}");
+    for (width, dark) in [(375, false), (1440, true)] {
+        let told = opened(&browser, folder.path(), "report.html", width, dark);
+        assert!(told.starts_with("fits figures"), "{width}: {told}");
+        let words: Vec<&str> = told.split_whitespace().collect();
+        assert!(words[2] == words[4] && words[2].parse::<usize>().is_ok_and(|figures| figures >= 12), "{told}");
+        let number = |place: usize| words[place].parse::<f64>().expect("a number");
+        assert_eq!((words[6], number(8)), ("6", 0.0), "{told}");
+        // Light paper or dark, and texts that WCAG 2.1 (1.4.3) calls readable.
+        assert!(if dark { number(10) < 0.05 } else { number(10) > 0.9 }, "{told}");
+        assert!(number(12) >= 4.5, "{told}");
     }
 }
