@@ -316,6 +316,29 @@ fn layouts_stand_beside_messages() {
     assert!(!folder.path().join("table.foxglove.json").exists(), "beside tables there are none");
 }
 
+/// Of messages the page tells the clock, and what each channel that the model reads has by itself.
+#[test]
+fn channels_and_clocks_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    run(&["generate", "diffdrive", "--seconds", "2", "--runs", "2", "-o", "runs"]);
+    let logs = ["runs/diffdrive_00.mcap", "runs/diffdrive_01.mcap"];
+    run(&["fit", "pwa", "-c", "runs/robot.toml", logs[0], "--partition", "average", "-o", "model.json"]);
+    run(&["report", "model.json", logs[1], "--horizon", "20"]);
+    let html = page(folder.path(), "report.html");
+    assert!(html.contains("Stamps are those of the messages\u{2019} headers."), "the clock");
+    let info = run(&["info", logs[1], "--json"]).json();
+    let topics = info[0]["topics"].as_array().expect("topics");
+    let told = |topic: &&serde_json::Value| {
+        let name = topic["name"].as_str().expect("a name");
+        let messages = topic["messages"].as_u64().expect("a number");
+        html.contains(&format!("<th scope=\"row\">{name}</th><td class=\"n\">{messages}</td>"))
+    };
+    let shown: Vec<&str> = topics.iter().filter(told).filter_map(|topic| topic["name"].as_str()).collect();
+    // The recipe names the voltages too, and the model has no use for them.
+    assert_eq!(shown, ["/truth/cmd_vel", "/truth/odometry", "/truth/wheels"]);
+}
+
 /// What `prepare` rejects, or a channel does not tell, stands in a log as an empty value.
 #[test]
 fn missing_values_are_shown_where_they_are() {

@@ -3,6 +3,7 @@
 mod clock;
 mod cost;
 mod selection;
+mod topics;
 
 use std::{
     collections::{BTreeSet, HashSet},
@@ -38,6 +39,8 @@ pub struct Dataset {
     aliases: Vec<(Column, Expr)>,
     recodings: Vec<(String, Vec<f64>)>,
     clocks: Vec<AlignedClock>,
+    /// Of the first log, where a model opened it.
+    topics: Vec<TopicInfo>,
     notes: Vec<String>,
     /// Looks for rows that trained the model which the logs were opened for.
     watch: Option<Watch>,
@@ -438,6 +441,7 @@ impl Dataset {
         let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();
         let aliases = aliases_of_model(&columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
         let mut dataset = Self::open(&recipe, &columns, &aliases, clock_of_model(model), logs, progress)?;
+        dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         if !absent.is_empty() {
             let names: Vec<&str> = absent.iter().map(|column| column.name.as_str()).collect();
             let note =
@@ -522,7 +526,15 @@ impl Dataset {
         }
         let source = Labelled::new(recording, &labels);
         let aliases = described(&source, aliases);
-        Ok(Self { source, aliases, recodings: Vec::new(), clocks: clocks.reports, notes, watch: None })
+        Ok(Self {
+            source,
+            aliases,
+            recodings: Vec::new(),
+            clocks: clocks.reports,
+            topics: Vec::new(),
+            notes,
+            watch: None,
+        })
     }
 
     /// Gives category columns the codes that the model's labels had in training.

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use fleetfoot_data::Episode;
+use fleetfoot_log::TopicInfo;
 use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Part, Section, Span, Spans, Table,
@@ -15,6 +16,8 @@ use crate::{Dataset, Error, Recipe, clocks::AlignedClock};
 /// Logs that are drawn, and logs that stand unfolded in the table.
 const DRAWN: usize = 24;
 const LISTED: usize = 12;
+/// Clocks that are farther apart, seconds, are not set to the same time: simulated ones, for example.
+const DAY: f64 = 86_400.0;
 /// The kind of spans in which rows are lost.
 const LOST: usize = 2;
 /// Names that are written out.
@@ -29,6 +32,8 @@ pub(super) struct Seen {
     /// Where stamps are from, and the clocks of other computers.
     stamps: String,
     clocks: Vec<AlignedClock>,
+    /// The channels that rows are made of, in the first log.
+    topics: Vec<TopicInfo>,
 }
 
 impl Seen {
@@ -40,6 +45,7 @@ impl Seen {
             trained: dataset.in_sample(model),
             stamps: stamps(&Dataset::recipe_of_run(model, changes)?),
             clocks: dataset.clocks().to_vec(),
+            topics: dataset.topics().cloned().collect(),
         })
     }
 
@@ -74,6 +80,7 @@ impl Seen {
         parts.extend(self.drawn(passed).map(Part::Figure));
         parts.extend(missing::columns(columns, &self.episodes).map(Part::Figure));
         parts.push(Part::Table(self.table(0..self.episodes.len().min(LISTED), passed)));
+        parts.extend((!self.topics.is_empty()).then(|| Part::Table(channels(&self.topics))));
         parts.extend((!self.clocks.is_empty()).then(|| Part::Table(clocks(&self.clocks))));
         if self.episodes.len() > LISTED {
             let rest = self.table(LISTED..self.episodes.len(), passed);
@@ -192,6 +199,29 @@ fn stamps(recipe: &Recipe) -> String {
         time.smoothed.map(|over| format!("Rows were smoothed over {}.", seconds(over))),
     ];
     said.into_iter().flatten().collect::<Vec<_>>().join(" ")
+}
+
+/// What channels tell before they are joined to rows.
+fn channels(topics: &[TopicInfo]) -> Table {
+    let caption = "Channels that the model reads, in the first log, before they are joined to rows. A gap is longer than five median periods; headers are compared with the times at which messages \
+                   were recorded.";
+    let head = ["channel", "messages", "rate [Hz]", "gaps", "longest gap", "headers are behind by"];
+    let known = |text: Option<String>| Cell::Number(text.unwrap_or_else(|| "-".to_owned()));
+    topics.iter().take(DRAWN).fold(Table::new(caption, head), |table, topic| {
+        let behind = topic.header_offset.map(|offset| match [offset.first, offset.last] {
+            _ if offset.zero => "headers are zero".to_owned(),
+            [first, _] if first.abs() > DAY => "another clock".to_owned(),
+            [first, last] => format!("{} to {} ms", number(1e3 * first), number(1e3 * last)),
+        });
+        table.row([
+            Cell::Text(topic.name.clone()),
+            known(topic.messages.map(thousands)),
+            known(topic.rate.map(number)),
+            known(topic.gaps.map(|gaps| gaps.to_string())),
+            known(topic.largest_gap.map(seconds)),
+            known(behind),
+        ])
+    })
 }
 
 /// What the clocks of other computers show more.
