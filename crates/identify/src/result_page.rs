@@ -37,6 +37,7 @@ use fitting::Fit;
 use judged::Judged;
 use opened::Opened;
 use passed::Passed;
+use rolled_on::Wanted;
 
 /// What a page shows beside what its models and logs say.
 #[derive(Clone)]
@@ -118,7 +119,8 @@ pub fn report(
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
         let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
         let stretch = judged.iter().find_map(|one: &Judged<'_>| Some(&one.on_stretch.as_ref()?.stretch));
-        let next = Judged::new(name, model, changes, rows, stretch, options, progress)?;
+        let wanted = Wanted { stretch, several: models.len() > 1 };
+        let next = Judged::new(name, model, changes, rows, &wanted, options, progress)?;
         judged.push(next);
     }
     if let (Some(seen), Some(scored)) = (&mut seen, judged[0].scored()) {

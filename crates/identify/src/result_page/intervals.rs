@@ -93,7 +93,8 @@ pub(super) fn parts(
 /// Estimated numbers inside the equations; nothing where there are none.
 pub(super) fn parameters(model: &Model) -> Option<Part> {
     let estimated = &model.training.parameters;
-    let mut table = Table::new("Parameters that were estimated, with their 95 % intervals.", HEAD);
+    let mut table =
+        Table::new("Parameters that were estimated, with their 95 % intervals.", ["parameter", "value", HEAD[2]]);
     for own in estimated {
         let given = own.half_width == 0.0;
         let (light, words) = if given { (Light::Plain, "given") } else { told(own.value, own.half_width) };

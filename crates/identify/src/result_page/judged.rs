@@ -6,7 +6,7 @@ use fleetfoot_model::Model;
 
 use super::{
     ReportOptions,
-    rolled_on::{RolledOn, Stretch},
+    rolled_on::{RolledOn, Wanted},
 };
 use crate::{
     Cause, Dataset, Error, Logs, Recipe, RequestError, RolledOut, Scored,
@@ -30,13 +30,12 @@ pub(super) struct Judged<'a> {
 }
 
 impl<'a> Judged<'a> {
-    /// `stretch` is that on which the models before it were simulated.
     pub(super) fn new(
         name: &'a str,
         model: &'a Model,
         changes: &Recipe,
         logs: Option<(&Logs, &Dataset)>,
-        stretch: Option<&Stretch>,
+        wanted: &Wanted<'_>,
         options: &ReportOptions,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
@@ -56,7 +55,7 @@ impl<'a> Judged<'a> {
         };
         let rollouts = roll(&starts, &long)?;
         let on_stretch = match &rollouts {
-            Ok(rolled) => RolledOn::of(simulated, rows, rolled, stretch, &long, roll)?,
+            Ok(rolled) => RolledOn::of(simulated, rows, rolled, wanted, &long, roll)?,
             Err(_) => None,
         };
         Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts), on_stretch })

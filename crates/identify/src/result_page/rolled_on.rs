@@ -15,13 +15,21 @@ use fleetfoot_report::{
 use super::Judged;
 use crate::{Dataset, Error, RolledOut};
 
-/// Simulations that are drawn one behind the other, and steps of each that are.
+/// Simulations that are drawn one behind the other, and steps of each that are: of one model, and of each of several.
 const SIMULATIONS: usize = 4;
-const DRAWN: usize = 25;
+const DRAWN: [usize; 2] = [60, 25];
 /// Models that a figure shows, states that have one, and figures that stand unfolded.
 const MODELS: usize = 4;
 const STATES: usize = 3;
 const SHOWN: usize = 2;
+
+/// What simulations are asked for.
+pub(super) struct Wanted<'a> {
+    /// That of the models before this one.
+    pub(super) stretch: Option<&'a Stretch>,
+    /// Whether there are several models on the page.
+    pub(super) several: bool,
+}
 
 /// Where simulations are begun, in the rows of an episode.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,7 +73,7 @@ fn every(horizon: usize, stride: usize) -> usize {
 
 impl Stretch {
     /// About the middle one of the starts that were simulated on logs which did not train the model, or on any where all did: chosen before anybody has seen how good they are.
-    fn of(model: &Model, rows: &Dataset, rolled: &RolledOut, horizon: usize) -> Option<Self> {
+    fn of(model: &Model, rows: &Dataset, rolled: &RolledOut, horizon: usize, several: bool) -> Option<Self> {
         let outcomes = || rolled.rollouts.outcomes.iter().map(|outcome| outcome.start);
         let trained = rows.trained(model);
         let held: Vec<Start> = outcomes().filter(|start| !trained.contains(&start.episode)).collect();
@@ -73,7 +81,7 @@ impl Stretch {
         let middle = own.get(own.len() / 2)?;
         // Between two starts that could be simulated there is room for others.
         let here = || own.iter().filter(|start| start.episode == middle.episode).map(|start| start.row);
-        let stride = horizon.div_ceil(DRAWN);
+        let stride = horizon.div_ceil(DRAWN[usize::from(several)]);
         let apart = every(horizon, stride);
         let before = (middle.row - here().min()?) / apart;
         let after = (here().max()? - middle.row) / apart;
@@ -105,15 +113,15 @@ impl RolledOn {
         model: &Model,
         rows: &Dataset,
         rolled: &RolledOut,
-        wanted: Option<&Stretch>,
+        wanted: &Wanted<'_>,
         long: &RolloutOptions,
         roll: impl Fn(&Starts, &RolloutOptions) -> Result<Result<RolledOut, String>, Error>,
     ) -> Result<Option<Self>, Error> {
         let there = |stretch: &&Stretch| {
             stretch.horizon == long.horizon && rows.episodes().iter().any(|episode| episode.id == stretch.episode)
         };
-        let own = || Stretch::of(model, rows, rolled, long.horizon);
-        let Some(stretch) = wanted.filter(there).cloned().or_else(own) else { return Ok(None) };
+        let own = || Stretch::of(model, rows, rolled, long.horizon, wanted.several);
+        let Some(stretch) = wanted.stretch.filter(there).cloned().or_else(own) else { return Ok(None) };
         let Some(episode) = rows.episodes().iter().position(|episode| episode.id == stretch.episode) else {
             return Ok(None);
         };
