@@ -2,12 +2,15 @@
 
 use super::{
     canvas::{Canvas, Frame, LINE, Sample, colour, diamond, width_of},
-    scale::{Axis, Ruler},
+    scale::{Axis, Ruler, Scale, extent},
 };
 use crate::{
     markup::{Element, trace},
     words::{number, typeset},
 };
+
+/// Of a band on a logarithmic axis that much below the least value of a line is shown, as a factor.
+const FAR: f64 = 3.0;
 
 /// A chart of lines.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,6 +143,10 @@ impl Lines {
     pub(super) fn heights(&self) -> impl Iterator<Item = f64> {
         let bands = self.series.iter().filter_map(|series| series.band.as_ref()).flatten().flatten();
         let values = self.series.iter().flat_map(|series| &series.y);
+        // Of bands that reach to zero a logarithmic axis shows what is near the lines.
+        let [least, _] = extent(self.series.iter().flat_map(|series| &series.y).copied().filter(|value| *value > 0.0));
+        let far = if self.y.scale == Scale::Logarithmic { least / FAR } else { f64::NEG_INFINITY };
+        let bands = bands.filter(move |value| **value >= far);
         values.chain(bands).copied().chain(self.levels.iter().map(|(height, _)| *height))
     }
 
@@ -246,8 +253,9 @@ impl Series {
         }
         if let Some([low, high]) = &self.band {
             let ends = self.stepped(low.iter().copied().zip(high.iter().copied()));
-            for part in runs(ends.map(|(x, (low, high))| Some((across.at(x)?, vertical.at(low)?, vertical.at(high)?))))
-            {
+            // What is not above zero lies below all of a logarithmic axis.
+            let low_end = |low: f64| vertical.at(low).or((low <= 0.0).then_some(vertical.from));
+            for part in runs(ends.map(|(x, (low, high))| Some((across.at(x)?, low_end(low)?, vertical.at(high)?)))) {
                 let there = part.iter().map(|&(x, low, _)| [x, low]);
                 let back = part.iter().rev().map(|&(x, _, high)| [x, high]);
                 let points: Vec<[f64; 2]> = there.chain(back).collect();

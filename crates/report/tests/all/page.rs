@@ -268,3 +268,26 @@ proptest! {
         }
     }
 }
+
+/// A band that reaches below zero is drawn whole on a logarithmic axis, and does not decide what the axis shows.
+#[test]
+fn bands_below_zero_are_drawn_to_the_foot_of_a_logarithmic_axis() {
+    let mut axis = Axis::of("score", "");
+    axis.scale = Scale::Logarithmic;
+    let band = |low: [f64; 4]| {
+        let line = Series::line("model", vec![0.0, 1.0, 2.0, 3.0], vec![1.0, 2.0, 20.0, 300.0]);
+        let line = line.banded(low.to_vec(), vec![2.0, 4.0, 40.0, 600.0]);
+        let chart = Lines::new(Axis::of("time", "s"), axis.clone(), vec![line]);
+        Figure::new("log", "log", "A band.", Chart::Lines(chart)).to_svg()
+    };
+    let (whole, above) = (band([0.5, -1.0, 1e-9, 100.0]), band([0.5, 1.0, 1.0, 100.0]));
+    assert_eq!(whole.matches("class=\"band").count(), 1, "{whole}");
+    let ticks = |svg: &str| {
+        svg.split("class=\"tick end\"")
+            .skip(1)
+            .filter_map(|rest| rest.split('<').next())
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(ticks(&whole), ticks(&above));
+}
