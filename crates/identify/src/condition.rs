@@ -38,10 +38,13 @@ impl Comparison {
             Self::Above => difference > 0.0,
             Self::AtLeast => difference >= 0.0,
             Self::Equal => difference == 0.0,
-            Self::Other => difference < 0.0 || difference > 0.0,
+            Self::Other => difference.abs() > 0.0,
         }
     }
 }
+
+/// Runs of rows: an episode by number, and rows of it.
+type Runs = Vec<(usize, Range<usize>)>;
 
 /// Comparisons that must all hold of a row.
 pub(crate) struct Condition {
@@ -85,11 +88,7 @@ impl Condition {
     ///
     /// # Errors
     /// Those of reading; a word that no row has; no row at all.
-    pub(crate) fn runs(
-        &self,
-        source: &dyn Source,
-        progress: &dyn Progress,
-    ) -> Result<(Vec<(usize, Range<usize>)>, String), Error> {
+    pub(crate) fn runs(&self, source: &dyn Source, progress: &dyn Progress) -> Result<(Runs, String), Error> {
         let name = |at: usize| Column::float(format!("side {at}"));
         let columns: Vec<(Column, Expr)> =
             self.comparisons.iter().enumerate().map(|(at, (expression, ..))| (name(at), expression.clone())).collect();
@@ -100,7 +99,7 @@ impl Condition {
                 (0..info.rows).step_by(ROWS).map(move |from| (episode, from..(from + ROWS).min(info.rows)))
             })
             .collect();
-        let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
+        let mut runs = Runs::new();
         progress.stage("rows in use");
         parallel_fold(
             pieces.len(),

@@ -5,11 +5,11 @@ use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
 
-/// A recipe as TOML, checked, with the clock that is given beside it: the name of its column and the unit of its numbers, or a period in seconds.
+/// A recipe as TOML, checked, with what is given beside it: the name of the clock's column and the unit of its numbers, or a period in seconds; the rows in use.
 ///
 /// `text` is TOML, or JSON of the same shape; `origin` names it in messages. TOML that is not changed comes back as it is.
 #[pyfunction]
-#[pyo3(signature = (text, origin = "the recipe", is_json = false, clock = None, unit = None, dt = None))]
+#[pyo3(signature = (text, origin = "the recipe", is_json = false, clock = None, unit = None, dt = None, only = None))]
 pub(crate) fn recipe(
     text: &str,
     origin: &str,
@@ -17,6 +17,7 @@ pub(crate) fn recipe(
     clock: Option<String>,
     unit: Option<String>,
     dt: Option<f64>,
+    only: Option<String>,
 ) -> PyResult<String> {
     let mut recipe =
         if is_json { Recipe::from_json(text, origin) } else { Recipe::parse(text, origin) }.map_err(of_engine)?;
@@ -25,10 +26,12 @@ pub(crate) fn recipe(
     {
         return Err(Kind::Option.error(format!("dt = {dt}: the sampling period must be positive")));
     }
-    if clock.is_some() || dt.is_some() {
-        recipe.time = Time { column: clock, unit, dt, ..recipe.time };
-    } else if !is_json {
+    if !is_json && clock.is_none() && dt.is_none() && only.is_none() {
         return Ok(text.to_owned());
     }
+    if clock.is_some() || dt.is_some() {
+        recipe.time = Time { column: clock, unit, dt, ..recipe.time };
+    }
+    recipe.time.only = only.or(recipe.time.only);
     Ok(recipe.to_toml())
 }

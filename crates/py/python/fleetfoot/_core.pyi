@@ -432,6 +432,7 @@ def recipe(
     clock: str | None = None,
     unit: str | None = None,
     dt: float | None = None,
+    only: str | None = None,
 ) -> str: ...
 @final
 class Table:

@@ -106,6 +106,7 @@ def open(  # noqa: A001
     name: str | Sequence[str] | None = None,
     t: Any = None,
     dt: float | None = None,
+    where: str | None = None,
 ) -> Dataset:
     """Opens files, tables or arrays for reading.
 
@@ -133,6 +134,9 @@ def open(  # noqa: A001
         ``datetime64``).
     dt : float, optional
         Seconds from row to row, for recordings without a clock.
+    where : str, optional
+        The rows to use: comparisons between expressions over columns and fields, joined by ``and``, as in
+        ``"armed > 0 and 2 < time() < 60"``; all rows when not given. Models carry it; ``"all"`` takes it back.
 
     Returns
     -------
@@ -157,7 +161,7 @@ def open(  # noqa: A001
     """
     if t is not None and dt is not None:
         raise ValueError("t and dt are both given; the stamps come from one of them")
-    given = {"recipe": recipe, "name": name, "t": t, "dt": dt}
+    given = {"recipe": recipe, "name": name, "t": t, "dt": dt, "where": where}
     added: tuple[str, str | None] | None = None
     if isinstance(source, Dataset):
         core = source._core
@@ -169,7 +173,7 @@ def open(  # noqa: A001
     else:
         core, added = _memory(source, name, t, has_clock=dt is not None or _says_clock(recipe))
     clock, unit = (t, None) if isinstance(t, str) else added or (None, None)
-    return Dataset(core, _recipe(recipe, clock, unit, dt), (source, given))
+    return Dataset(core, _recipe(recipe, clock, unit, dt, where), (source, given))
 
 
 def _says_clock(recipe: Any) -> bool:
@@ -324,8 +328,10 @@ def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:
     return parts
 
 
-def _recipe(recipe: Any, clock: str | None, unit: str | None, dt: float | None) -> str:
-    """A recipe as TOML, with the clock that is given beside it; checked."""
+def _recipe(
+    recipe: Any, clock: str | None, unit: str | None, dt: float | None, where: str | None = None
+) -> str:
+    """A recipe as TOML, with the clock and the condition that are given beside it; checked."""
     if recipe is None:
         text, origin, is_json = "", "the recipe", False
     elif isinstance(recipe, Mapping):
@@ -345,7 +351,7 @@ def _recipe(recipe: Any, clock: str | None, unit: str | None, dt: float | None) 
             ) from error
     else:
         raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
-    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else float(dt))
+    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else float(dt), where)
 
 
 def _plain(value: Any) -> Any:

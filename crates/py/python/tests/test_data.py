@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import gc
 import os
+import pickle
 import subprocess
 import sys
 from decimal import Decimal
@@ -140,6 +141,21 @@ def test_matrices_of_any_order(order, kind):
     for place in range(4):
         np.testing.assert_array_equal(found[f"x{place}"], x[:, place].astype(np.float64))
     np.testing.assert_array_equal(found["stamp"].astype(np.int64), np.arange(300) * 10_000_000)
+
+
+def test_where_says_which_rows_are_used():
+    t = np.arange(300) * 0.01
+    mode = np.where(np.arange(300) % 100 < 60, "walk", "stand")
+    log = {"t": t, "x": np.cos(3 * t), "armed": (t > 1).astype(np.int8), "mode": mode.tolist()}
+    table = pa.table(log)
+    rows = ff.read(ff.open(table, t="t", where="armed > 0 and t < 2.5"), columns=["x", "t"])
+    np.testing.assert_array_equal(rows["t"], t[(t > 1) & (t < 2.5)])
+    walking = ff.open(table, t="t", where="mode == 'walk'")
+    assert len(ff.read(walking, columns=["x"])["x"]) == 180
+    assert len(ff.read(pickle.loads(pickle.dumps(walking)), columns=["x"])["x"]) == 180
+    assert len(ff.read(ff.open(walking, where="all"), columns=["x"])["x"]) == 300
+    with pytest.raises(ff.exceptions.FleetfootError, match="no row of 300 is used"):
+        ff.read(ff.open(table, t="t", where="t > 9"), columns=["x"])
 
 
 def test_models_of_tables_and_files_are_the_same_bits(tmp_path):
