@@ -76,6 +76,20 @@ pub enum SignalError {
         /// How many it takes, and one more.
         needed: usize,
     },
+    /// An attitude that is no rotation.
+    #[error(
+        "the attitude of row {row} is zero: a quaternion of norm 1 is wanted; leave out rows at which the body was not seen"
+    )]
+    Attitude {
+        /// The row.
+        row: usize,
+    },
+    /// Sensors that cannot be fused.
+    #[error("{problem}")]
+    NotFused {
+        /// Why, and what to do.
+        problem: &'static str,
+    },
     /// Two records that share too little time, or too little motion, to be aligned.
     #[error("{problem}: give records that share more of it")]
     NotAligned {

@@ -2,7 +2,7 @@
 //!
 //! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
 //! [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
-//! [`align`] and [`align_edges`] are for clocks.
+//! [`align`] and [`align_edges`] are for clocks. [`fuse`] makes one motion of an inertial sensor and measured poses.
 //!
 //! ```
 //! use fleetfoot_signal::{Lambda, Spline, smooth};
@@ -19,6 +19,7 @@ mod clock;
 mod clock_line;
 mod edges;
 mod error;
+pub mod fuse;
 mod least;
 mod outliers;
 mod savitzky_golay;

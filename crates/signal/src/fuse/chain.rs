@@ -1,0 +1,265 @@
+//! Least squares over a chain of nodes with a border: unknowns x_0 ... x_(n-1) of which each row of the problem sees two neighbours at most, and a few theta that every row may see.
+//!
+//! A node is eliminated by reflectors from the rows that see it, so that R x_i + U x_(i+1) + V theta = z is left of it, and rows on x_(i+1) and theta are carried on (a square-root information
+//! filter: Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapter VI). The rows on theta that the last node leaves are the square root of the Schur complement of the
+//! whole chain: those of several chains are stacked. No normal matrix is formed. The way back keeps the carried rows of every 256th node and eliminates again between them, so that memory is some
+//! hundred bytes a node.
+
+use nalgebra::SMatrix;
+
+use super::state::{BORDER, BorderError, STATE, StateError};
+
+/// Where the columns of a row begin: a node, the next node, theta, the right side.
+pub(super) const NEXT_AT: usize = STATE;
+pub(super) const BORDER_AT: usize = 2 * STATE;
+pub(super) const RIGHT: usize = BORDER_AT + BORDER;
+pub(super) const WIDTH: usize = RIGHT + 1;
+
+/// The share of a constant's column that is left when the others have explained what they can, below which rounding is all that is left.
+const DETERMINED: f64 = 1e-9;
+
+/// A row of the problem.
+pub(super) type Row = [f64; WIDTH];
+
+/// Nodes between two that are kept.
+const KEPT: usize = 256;
+
+/// A chain: how many nodes it has, and what pushes the rows whose first node is `node`.
+pub(super) struct Chain<'a> {
+    pub(super) nodes: usize,
+    pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
+    /// Levenberg and Marquardt's damping, in squares of the columns' norms.
+    pub(super) damping: f64,
+}
+
+/// A chain whose nodes are eliminated.
+pub(super) struct Eliminated {
+    /// The carried rows at every 256th node.
+    kept: Vec<Vec<Row>>,
+    /// What is left on theta.
+    pub(super) border: Vec<Row>,
+    /// Squares of the columns of theta before elimination.
+    pub(super) squares: BorderError,
+}
+
+/// Some direction of the unknowns is seen by no row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Undetermined;
+
+/// Covariances of a node with all else.
+#[derive(Debug, Clone)]
+pub(super) struct Joint {
+    pub(super) own: SMatrix<f64, STATE, STATE>,
+    pub(super) with_border: SMatrix<f64, STATE, BORDER>,
+    /// With the next node; zero of the last one.
+    pub(super) with_next: SMatrix<f64, STATE, STATE>,
+}
+
+/// Reflects the rows from `first` on, so that each of these columns is zero below a row of its own; the row after the last of these is handed back. A column without entries gets no row.
+///
+/// The greatest entry of a column is its pivot, and rows that have none in it are left alone, which spares most of the work on rows that are triangular already.
+fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize) -> usize {
+    for c in columns {
+        let size = |row: &Row| row[c].abs();
+        let Some(pivot) = (first..rows.len()).reduce(|a, b| if size(&rows[b]) > size(&rows[a]) { b } else { a }) else {
+            return first;
+        };
+        if rows[pivot][c] == 0.0 {
+            continue;
+        }
+        rows.swap(first, pivot);
+        let (done, below) = rows.split_at_mut(first + 1);
+        let head = &mut done[first];
+        let tail: f64 = below.iter().map(|row| row[c] * row[c]).sum();
+        first += 1;
+        if tail == 0.0 {
+            continue;
+        }
+        let norm = (head[c] * head[c] + tail).sqrt();
+        let diagonal = if head[c] > 0.0 { -norm } else { norm };
+        let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
+        let mut dots = [0.0; WIDTH];
+        for j in c + 1..WIDTH {
+            dots[j] = own * head[j];
+        }
+        for row in below.iter().filter(|row| row[c] != 0.0) {
+            let factor = row[c];
+            for j in c + 1..WIDTH {
+                dots[j] += factor * row[j];
+            }
+        }
+        for j in c + 1..WIDTH {
+            dots[j] *= beta;
+            head[j] -= own * dots[j];
+        }
+        for row in below.iter_mut().filter(|row| row[c] != 0.0) {
+            let factor = row[c];
+            for j in c + 1..WIDTH {
+                row[j] -= factor * dots[j];
+            }
+            row[c] = 0.0;
+        }
+        head[c] = diagonal;
+    }
+    first
+}
+
+impl Chain<'_> {
+    /// Eliminates a node: `rows` are those that were carried to it; the node's own come first afterwards, and those that are carried on are handed back.
+    fn eliminate(&self, node: usize, rows: &mut Vec<Row>, squares: &mut BorderError) -> Result<Vec<Row>, Undetermined> {
+        let carried = rows.len();
+        (self.rows)(node, rows);
+        for row in &rows[carried..] {
+            for j in 0..BORDER {
+                squares[j] += row[BORDER_AT + j] * row[BORDER_AT + j];
+            }
+        }
+        if self.damping > 0.0 {
+            damp(rows, 0..STATE, self.damping);
+        }
+        if reduce(rows, 0..STATE, 0) < STATE || (0..STATE).any(|c| rows[c][c] == 0.0) {
+            return Err(Undetermined);
+        }
+        let left = reduce(rows, NEXT_AT..RIGHT, STATE);
+        let carried = rows[STATE..left].iter().map(|row| {
+            let mut shifted = [0.0; WIDTH];
+            shifted[..STATE].copy_from_slice(&row[NEXT_AT..BORDER_AT]);
+            shifted[BORDER_AT..].copy_from_slice(&row[BORDER_AT..]);
+            shifted
+        });
+        Ok(carried.collect())
+    }
+
+    /// Eliminates all nodes.
+    pub(super) fn eliminated(&self) -> Result<Eliminated, Undetermined> {
+        let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), BorderError::zeros());
+        for node in 0..self.nodes {
+            if node % KEPT == 0 {
+                kept.push(rows.clone());
+            }
+            rows = self.eliminate(node, &mut rows, &mut squares)?;
+        }
+        Ok(Eliminated { kept, border: rows, squares })
+    }
+
+    /// The nodes' errors from the last to the first, given those of theta; with `covariance`, that of theta, also theirs.
+    pub(super) fn back(
+        &self,
+        eliminated: &Eliminated,
+        theta: &BorderError,
+        covariance: Option<&SMatrix<f64, BORDER, BORDER>>,
+        each: &mut dyn FnMut(usize, &StateError, Option<&Joint>),
+    ) -> Result<(), Undetermined> {
+        let mut next: Option<(StateError, Option<Joint>)> = None;
+        for (at, start) in eliminated.kept.iter().enumerate().rev() {
+            let first = at * KEPT;
+            let (mut rows, mut heads) = (start.clone(), Vec::with_capacity(KEPT));
+            for node in first..(first + KEPT).min(self.nodes) {
+                let carried = self.eliminate(node, &mut rows, &mut BorderError::zeros())?;
+                heads.push(Head::new(&rows));
+                rows = carried;
+            }
+            for (at, head) in heads.iter().enumerate().rev() {
+                let node = first + at;
+                let error = head.error(next.as_ref().map(|(error, _)| error), theta);
+                let joint = covariance.map(|own| head.joint(next.as_ref().and_then(|(_, joint)| joint.as_ref()), own));
+                each(node, &error, joint.as_ref());
+                next = Some((error, joint));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds rows that hold back the unknowns of these columns, each by its norm.
+fn damp(rows: &mut Vec<Row>, columns: std::ops::Range<usize>, damping: f64) {
+    for c in columns {
+        let norm = (damping * rows.iter().map(|row| row[c] * row[c]).sum::<f64>()).sqrt();
+        let mut row = [0.0; WIDTH];
+        row[c] = norm;
+        rows.push(row);
+    }
+}
+
+/// R x + U x_next + V theta = z.
+struct Head {
+    r: SMatrix<f64, STATE, STATE>,
+    u: SMatrix<f64, STATE, STATE>,
+    v: SMatrix<f64, STATE, BORDER>,
+    z: StateError,
+}
+
+impl Head {
+    fn new(rows: &[Row]) -> Self {
+        Self {
+            r: SMatrix::from_fn(|i, j| rows[i][j]),
+            u: SMatrix::from_fn(|i, j| rows[i][NEXT_AT + j]),
+            v: SMatrix::from_fn(|i, j| rows[i][BORDER_AT + j]),
+            z: StateError::from_fn(|i, _| rows[i][RIGHT]),
+        }
+    }
+
+    /// R^-1 B.
+    fn solve<const N: usize>(&self, b: &SMatrix<f64, STATE, N>) -> SMatrix<f64, STATE, N> {
+        let mut x = *b;
+        for i in (0..STATE).rev() {
+            for k in i + 1..STATE {
+                let factor = self.r[(i, k)];
+                for j in 0..N {
+                    x[(i, j)] -= factor * x[(k, j)];
+                }
+            }
+            for j in 0..N {
+                x[(i, j)] /= self.r[(i, i)];
+            }
+        }
+        x
+    }
+
+    fn error(&self, next: Option<&StateError>, theta: &BorderError) -> StateError {
+        let mut right = self.z - self.v * theta;
+        if let Some(next) = next {
+            right -= self.u * next;
+        }
+        self.solve(&right)
+    }
+
+    /// x = A x_next + B theta + C e, e of variance one and independent of all that comes later.
+    fn joint(&self, next: Option<&Joint>, theta: &SMatrix<f64, BORDER, BORDER>) -> Joint {
+        let b = -self.solve(&self.v);
+        let c = self.solve(&SMatrix::<f64, STATE, STATE>::identity());
+        let mut own = b * theta * b.transpose() + c * c.transpose();
+        let (mut with_border, mut with_next) = (b * theta, SMatrix::zeros());
+        if let Some(next) = next {
+            let a = -self.solve(&self.u);
+            let crossed = a * next.with_border * b.transpose();
+            own += a * next.own * a.transpose() + crossed + crossed.transpose();
+            with_border += a * next.with_border;
+            with_next = a * next.own + b * next.with_border.transpose();
+        }
+        Joint { own: 0.5 * (own + own.transpose()), with_border, with_next }
+    }
+}
+
+/// Theta and its covariance from rows on it alone, those of several chains and of what is known beforehand; `squares` are those of its columns before elimination.
+pub(super) fn solve_border(
+    mut rows: Vec<Row>,
+    squares: &BorderError,
+    damping: f64,
+) -> Result<(BorderError, SMatrix<f64, BORDER, BORDER>), Undetermined> {
+    if damping > 0.0 {
+        damp(&mut rows, BORDER_AT..RIGHT, damping);
+    }
+    if reduce(&mut rows, BORDER_AT..RIGHT, 0) < BORDER {
+        return Err(Undetermined);
+    }
+    let r = SMatrix::<f64, BORDER, BORDER>::from_fn(|i, j| rows[i][BORDER_AT + j]);
+    let z = BorderError::from_fn(|i, _| rows[i][RIGHT]);
+    if (0..BORDER).any(|i| r[(i, i)].abs() < DETERMINED * squares[i].sqrt()) {
+        return Err(Undetermined);
+    }
+    let theta = r.solve_upper_triangular(&z).ok_or(Undetermined)?;
+    let one = SMatrix::<f64, BORDER, BORDER>::identity();
+    let inverse = r.solve_upper_triangular(&one).ok_or(Undetermined)?;
+    Ok((theta, inverse * inverse.transpose()))
+}

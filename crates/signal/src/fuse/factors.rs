@@ -1,0 +1,388 @@
+//! The residuals of the problem and their Jacobians, in units of their standard deviations.
+//!
+//! | symbol | here |
+//! |---|---|
+//! | R, p, v, b_g, b_a | the state of a node; R turns body into world |
+//! | l, M, tau, g | lever, mounting, how late the poses are, gravity |
+//! | r + J d | what is left of a measurement when the error d is added to the states |
+
+use nalgebra::{SMatrix, SVector};
+
+use super::{
+    BodyNoise,
+    chain::{BORDER_AT, NEXT_AT, RIGHT, Row, WIDTH},
+    preintegration::{Covariance, Preintegrated, Reading},
+    rotation::{Matrix, Rotation, Vector, exp, log, right_jacobian, right_jacobian_inverse},
+    state::{BORDER, Border, STATE, State, part},
+};
+
+/// A block of residuals in units of their deviations, with its slopes.
+#[derive(Debug, Clone)]
+pub(super) struct Block<const N: usize> {
+    pub(super) residual: SVector<f64, N>,
+    /// With respect to the node, the next node and the constants.
+    pub(super) own: SMatrix<f64, N, STATE>,
+    pub(super) next: SMatrix<f64, N, STATE>,
+    pub(super) border: SMatrix<f64, N, BORDER>,
+}
+
+/// Residuals of the inertial sensor: rotation, velocity, position, walk of both biases.
+pub(super) const INERTIAL: usize = 15;
+
+impl<const N: usize> Block<N> {
+    fn zeros() -> Self {
+        Self { residual: SVector::zeros(), own: SMatrix::zeros(), next: SMatrix::zeros(), border: SMatrix::zeros() }
+    }
+
+    /// The block times a number.
+    fn scaled(mut self, scale: f64) -> Self {
+        self.residual *= scale;
+        self.own *= scale;
+        self.next *= scale;
+        self.border *= scale;
+        self
+    }
+
+    /// Rows J d = -r of a least-squares problem.
+    pub(super) fn push(&self, rows: &mut Vec<Row>) {
+        for i in 0..N {
+            let mut row = [0.0; WIDTH];
+            for j in 0..STATE {
+                row[j] = self.own[(i, j)];
+                row[NEXT_AT + j] = self.next[(i, j)];
+            }
+            for j in 0..BORDER {
+                row[BORDER_AT + j] = self.border[(i, j)];
+            }
+            row[RIGHT] = -self.residual[i];
+            rows.push(row);
+        }
+    }
+}
+
+/// What is left of the preintegrated motion between two nodes, not yet in units of deviations (Forster et al., equation 45).
+fn inertial_residual(between: &Preintegrated, reference: &[Vector; 2], states: [&State; 2], g: &Vector) -> [Vector; 3] {
+    let [from, to] = states;
+    let (rotation, velocity, position) =
+        between.corrected(&(from.gyro - reference[0]), &(from.accelerometer - reference[1]));
+    let (dt, back) = (between.dt, from.attitude.inverse());
+    let turned = rotation.inverse() * back * to.attitude;
+    let gained = back * (to.velocity - from.velocity - g * dt);
+    let moved = back * (to.position - from.position - from.velocity * dt - g * (0.5 * dt * dt));
+    [log(&turned), gained - velocity, moved - position]
+}
+
+/// The residual between two nodes; `reference` are the biases with which the readings were summed.
+pub(super) fn inertial(
+    between: &Preintegrated,
+    reference: &[Vector; 2],
+    states: [&State; 2],
+    border: &Border,
+    noise: &BodyNoise,
+) -> Block<INERTIAL> {
+    use part::{ACCELEROMETER, ATTITUDE, GRAVITY, GYRO, POSITION, VELOCITY};
+    let [from, to] = states;
+    let (g, dt) = (&border.gravity, between.dt);
+    let [turned, gained, moved] = inertial_residual(between, reference, states, g);
+    let back = from.attitude.inverse().to_rotation_matrix().into_inner();
+    let mut block = Block::<INERTIAL>::zeros();
+    for (row, part) in [(0, turned), (3, gained), (6, moved)] {
+        block.residual.fixed_rows_mut::<3>(row).copy_from(&part);
+    }
+    let inverse = right_jacobian_inverse(&turned);
+    let mut own = |row: usize, column: usize, slope: Matrix| {
+        block.own.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
+    };
+    let attitude = (to.attitude.inverse() * from.attitude).to_rotation_matrix().into_inner();
+    own(0, ATTITUDE, -inverse * attitude);
+    let shift = between.rotation_g * (from.gyro - reference[0]);
+    let by_gyro = exp(&turned).inverse().to_rotation_matrix() * right_jacobian(&shift) * between.rotation_g;
+    own(0, GYRO, -inverse * by_gyro);
+    own(3, ATTITUDE, (back * (to.velocity - from.velocity - g * dt)).cross_matrix());
+    own(3, VELOCITY, -back);
+    own(3, GYRO, -between.velocity_g);
+    own(3, ACCELEROMETER, -between.velocity_a);
+    let displaced = to.position - from.position - from.velocity * dt - g * (0.5 * dt * dt);
+    own(6, ATTITUDE, (back * displaced).cross_matrix());
+    own(6, POSITION, -back);
+    own(6, VELOCITY, -back * dt);
+    own(6, GYRO, -between.position_g);
+    own(6, ACCELEROMETER, -between.position_a);
+    let mut next = |row: usize, column: usize, slope: Matrix| {
+        block.next.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
+    };
+    next(0, ATTITUDE, inverse);
+    next(3, VELOCITY, back);
+    next(6, POSITION, back);
+    let tilt = border.gravity_slope();
+    block.border.fixed_view_mut::<3, 2>(3, GRAVITY).copy_from(&(back * tilt * -dt));
+    block.border.fixed_view_mut::<3, 2>(6, GRAVITY).copy_from(&(back * tilt * (-0.5 * dt * dt)));
+    whiten(&mut block, between);
+    walk(&mut block, states, dt, noise);
+    block
+}
+
+/// The Cholesky factor of the covariance of a motion, which is positive, as its noise is.
+fn root(covariance: &Covariance) -> Covariance {
+    let mut root = *covariance;
+    for i in 0..9 {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| root[(i, k)] * root[(j, k)]).sum();
+            let rest = root[(i, j)] - known;
+            root[(i, j)] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / root[(j, j)] };
+        }
+    }
+    root
+}
+
+/// Divides the rows of the motion by the root of their covariance.
+fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated) {
+    let root = root(&between.covariance);
+    let gravity = part::GRAVITY..BORDER;
+    for i in 0..9 {
+        for k in 0..i {
+            let factor = root[(i, k)];
+            block.residual[i] -= factor * block.residual[k];
+            for j in 0..STATE {
+                block.own[(i, j)] -= factor * block.own[(k, j)];
+                block.next[(i, j)] -= factor * block.next[(k, j)];
+            }
+            for j in gravity.clone() {
+                block.border[(i, j)] -= factor * block.border[(k, j)];
+            }
+        }
+        let scale = root[(i, i)].recip();
+        block.residual[i] *= scale;
+        for j in 0..STATE {
+            block.own[(i, j)] *= scale;
+            block.next[(i, j)] *= scale;
+        }
+        for j in gravity.clone() {
+            block.border[(i, j)] *= scale;
+        }
+    }
+}
+
+/// The sum of squares of [`inertial`], without slopes.
+pub(super) fn inertial_cost(
+    between: &Preintegrated,
+    reference: &[Vector; 2],
+    states: [&State; 2],
+    gravity: &Vector,
+    noise: &BodyNoise,
+) -> f64 {
+    let root = root(&between.covariance);
+    let left = inertial_residual(between, reference, states, gravity);
+    let mut residual: [f64; 9] = std::array::from_fn(|i| left[i / 3][i % 3]);
+    let mut sum = 0.0;
+    for i in 0..9 {
+        let known: f64 = (0..i).map(|k| root[(i, k)] * residual[k]).sum();
+        residual[i] = (residual[i] - known) / root[(i, i)];
+        sum += residual[i] * residual[i];
+    }
+    let [from, to] = states;
+    let densities = [noise.imu.gyro_walk, noise.imu.accelerometer_walk];
+    let walks = [to.gyro - from.gyro, to.accelerometer - from.accelerometer];
+    sum + walks.iter().zip(densities).map(|(step, own)| step.norm_squared() / (own * own * between.dt)).sum::<f64>()
+}
+
+/// The walk of the biases between two nodes.
+fn walk(block: &mut Block<INERTIAL>, [from, to]: [&State; 2], dt: f64, noise: &BodyNoise) {
+    let scales = [noise.imu.gyro_walk, noise.imu.accelerometer_walk].map(|density| (density * dt.sqrt()).recip());
+    let steps = [to.gyro - from.gyro, to.accelerometer - from.accelerometer];
+    for (which, (scale, step)) in scales.into_iter().zip(steps).enumerate() {
+        for axis in 0..3 {
+            let (row, column) = (9 + 3 * which + axis, part::GYRO + 3 * which + axis);
+            block.residual[row] = step[axis] * scale;
+            block.own[(row, column)] = -scale;
+            block.next[(row, column)] = scale;
+        }
+    }
+}
+
+/// A measured pose of the markers' frame in the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pose {
+    pub(super) position: Vector,
+    pub(super) attitude: Rotation,
+}
+
+/// The residuals of a pose: position, then attitude, each in units of its deviation. `reading` is what the inertial sensor says at the node.
+pub(super) fn pose(
+    measured: &Pose,
+    state: &State,
+    border: &Border,
+    reading: &Reading,
+    noise: &BodyNoise,
+) -> [Block<3>; 2] {
+    use part::{ATTITUDE, GYRO, LEVER, MOUNTING, OFFSET, POSITION, VELOCITY};
+    let (late, lever, rate) = (border.late, &border.lever, reading.rate - state.gyro);
+    let turn = exp(&(rate * late));
+    let attitude = state.attitude * turn;
+    let matrix = attitude.to_rotation_matrix().into_inner();
+    let by_gyro = right_jacobian(&(rate * late)) * late;
+    let mut position = Block::<3>::zeros();
+    position.residual = measured.position - state.position - state.velocity * late - attitude * lever;
+    let turned = state.attitude.to_rotation_matrix() * (turn * lever).cross_matrix();
+    position.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&turned);
+    position.own.fixed_view_mut::<3, 3>(0, POSITION).copy_from(&-Matrix::identity());
+    position.own.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&(Matrix::identity() * -late));
+    position.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(-matrix * lever.cross_matrix() * by_gyro));
+    position.border.fixed_view_mut::<3, 3>(0, LEVER).copy_from(&-matrix);
+    position.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-state.velocity - matrix * rate.cross(lever)));
+    let mut angle = Block::<3>::zeros();
+    let back = border.mounting.inverse();
+    angle.residual = log(&(back * attitude.inverse() * measured.attitude));
+    let inverse = right_jacobian_inverse(&angle.residual).transpose();
+    let back_matrix = back.to_rotation_matrix();
+    let turned = (back * turn.inverse()).to_rotation_matrix().into_inner();
+    angle.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&(-inverse * turned));
+    angle.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(inverse * back_matrix * by_gyro));
+    angle.border.fixed_view_mut::<3, 3>(0, MOUNTING).copy_from(&-inverse);
+    angle.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-inverse * (back * rate)));
+    [position.scaled(noise.position.recip()), angle.scaled(noise.attitude.recip())]
+}
+
+/// The share of a residual's square that counts, and the square root of its weight (Huber, "Robust estimation of a location parameter", 1964): squares up to `threshold` deviations,
+/// straight lines beyond.
+pub(super) fn huber(residual: &SVector<f64, 3>, threshold: f64) -> (f64, f64) {
+    let size = residual.norm();
+    if size <= threshold {
+        (size * size, 1.0)
+    } else {
+        (threshold * (2.0 * size - threshold), (threshold / size).sqrt())
+    }
+}
+
+impl Block<3> {
+    /// The block as it counts under Huber's loss.
+    pub(super) fn weighted(self, threshold: f64) -> Self {
+        let (_, weight) = huber(&self.residual, threshold);
+        if weight < 1.0 { self.scaled(weight) } else { self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fuse::{
+        ImuNoise, ImuRecord,
+        state::{BorderError, StateError},
+    };
+
+    const NOISE: BodyNoise = BodyNoise {
+        imu: ImuNoise { gyro: 0.01, accelerometer: 0.1, gyro_walk: 0.02, accelerometer_walk: 0.03 },
+        position: 0.02,
+        attitude: 0.03,
+    };
+
+    fn state(k: f64) -> State {
+        State {
+            attitude: exp(&Vector::new(0.3 * k, -0.8, 1.1 + 0.1 * k)),
+            position: Vector::new(1.0, 2.0 * k, -0.5),
+            velocity: Vector::new(0.4, -0.7 * k, 0.2),
+            gyro: Vector::new(0.02, -0.01 * k, 0.03),
+            accelerometer: Vector::new(-0.1, 0.2, 0.05 * k),
+        }
+    }
+
+    fn border() -> Border {
+        Border {
+            lever: Vector::new(0.1, -0.2, 0.3),
+            mounting: exp(&Vector::new(1.0, -2.0, 0.5)),
+            late: 0.07,
+            gravity: Vector::new(0.3, -0.2, -9.8),
+        }
+    }
+
+    /// Central differences of step 1e-5 on residuals of some 1e3: their own error is near 1e-6.
+    fn check<const N: usize>(name: &str, of: impl Fn(&State, &State, &Border) -> Block<N>) {
+        let (a, b, c) = (state(1.0), state(1.3), border());
+        let block = of(&a, &b, &c);
+        let h = 1e-5;
+        let size = block.residual.norm().max(1.0);
+        let near = |slope: SVector<f64, N>, column: SVector<f64, N>, what: &str| {
+            assert!((slope - column).norm() < 1e-7 * (size + column.norm()), "{name} {what}: {slope} {column}");
+        };
+        for j in 0..STATE {
+            let d = StateError::ith(j, h);
+            let slope = (of(&a.moved(&d), &b, &c).residual - of(&a.moved(&-d), &b, &c).residual) / (2.0 * h);
+            near(slope, block.own.column(j).into_owned(), &format!("own {j}"));
+            let slope = (of(&a, &b.moved(&d), &c).residual - of(&a, &b.moved(&-d), &c).residual) / (2.0 * h);
+            near(slope, block.next.column(j).into_owned(), &format!("next {j}"));
+        }
+        for j in 0..BORDER {
+            let d = BorderError::ith(j, h);
+            let slope = (of(&a, &b, &c.moved(&d)).residual - of(&a, &b, &c.moved(&-d)).residual) / (2.0 * h);
+            near(slope, block.border.column(j).into_owned(), &format!("border {j}"));
+        }
+    }
+
+    fn with_record<T>(rows: usize, f: impl Fn(&ImuRecord<'_>) -> T) -> T {
+        let times: Vec<f64> = (0..rows).map(|row| 0.01 * row as f64).collect();
+        let rates: Vec<[f64; 3]> = times.iter().map(|t| [3.0 * t.sin(), 2.0 - t, 1.0 + (5.0 * t).cos()]).collect();
+        let forces: Vec<[f64; 3]> = times.iter().map(|t| [1.0 - t, 2.0 * (7.0 * t).sin(), 9.0]).collect();
+        f(&ImuRecord { times: &times, rates: &rates, forces: &forces })
+    }
+
+    #[test]
+    fn slopes_of_the_inertial_residual() {
+        with_record(40, |imu| {
+            let reference = [Vector::new(0.01, 0.02, -0.01), Vector::new(0.1, 0.0, -0.1)];
+            let between = Preintegrated::new(imu, 0.033, 0.291, &reference, &NOISE.imu);
+            assert!((between.dt - 0.258).abs() < 1e-14);
+            check("inertial", |a, b, c| inertial(&between, &reference, [a, b], c, &NOISE));
+        });
+    }
+
+    #[test]
+    fn slopes_of_a_pose() {
+        let reading = Reading { rate: Vector::new(1.0, -2.0, 3.0), force: Vector::zeros() };
+        let measured = Pose { position: Vector::new(1.1, 2.2, -0.3), attitude: exp(&Vector::new(0.7, 0.1, 0.9)) };
+        check("position", |a, _, c| pose(&measured, a, c, &reading, &NOISE)[0].clone());
+        check("attitude", |a, _, c| pose(&measured, a, c, &reading, &NOISE)[1].clone());
+    }
+
+    /// The slopes with respect to the biases against sums with other biases.
+    #[test]
+    fn biases_are_corrected_as_if_summed_anew() {
+        with_record(40, |imu| {
+            let sum = |g: Vector, a: Vector| Preintegrated::new(imu, 0.033, 0.291, &[g, a], &NOISE.imu);
+            let (zero, h) = (Vector::zeros(), 1e-4);
+            let own = sum(zero, zero);
+            for axis in 0..3 {
+                let d = Vector::ith(axis, h);
+                for (g, a) in [(d, zero), (zero, d)] {
+                    let (there, back) = (sum(g, a), sum(-g, -a));
+                    let turned = log(&(own.rotation.inverse() * there.rotation))
+                        - log(&(own.rotation.inverse() * back.rotation));
+                    let found = own.corrected(&g, &a);
+                    assert!((turned / 2.0 - log(&(own.rotation.inverse() * found.0))).norm() < 1e-7 * h);
+                    assert!(((there.velocity - back.velocity) / 2.0 - (found.1 - own.velocity)).norm() < 1e-7 * h);
+                    assert!(((there.position - back.position) / 2.0 - (found.2 - own.position)).norm() < 1e-7 * h);
+                }
+            }
+        });
+    }
+
+    /// A constant rate about z and a force that turns with the world: closed forms.
+    #[test]
+    fn preintegration_of_a_circle() {
+        let (rate, rows) = (2.0_f64, 2001);
+        let times: Vec<f64> = (0..rows).map(|row| 1e-3 * f64::from(row)).collect();
+        let rates = vec![[0.0, 0.0, rate]; times.len()];
+        let forces = vec![[1.0, 0.0, 0.0]; times.len()];
+        let imu = ImuRecord { times: &times, rates: &rates, forces: &forces };
+        let t: f64 = 1.7;
+        let sum = Preintegrated::new(&imu, 0.0, t, &[Vector::zeros(); 2], &NOISE.imu);
+        let angle = rate * t;
+        let velocity = Vector::new(angle.sin(), 1.0 - angle.cos(), 0.0) / rate;
+        let position = Vector::new(1.0 - angle.cos(), angle - angle.sin(), 0.0) / (rate * rate);
+        // The middle stands for a step: (rate dt)^2 / 24.
+        assert!((log(&sum.rotation).z - (angle - std::f64::consts::TAU)).abs() < 1e-12);
+        assert!((sum.velocity - velocity).norm() < 1e-6 && (sum.position - position).norm() < 1e-6);
+        // White noise of the rate, and of a force along the axis of the turn: integrated once and twice.
+        assert!((sum.covariance[(2, 2)] / (1e-4 * t) - 1.0).abs() < 1e-9);
+        assert!((sum.covariance[(5, 5)] / (1e-2 * t) - 1.0).abs() < 0.5);
+    }
+}

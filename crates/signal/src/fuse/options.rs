@@ -1,0 +1,199 @@
+//! What is fused, and what is known of it beforehand.
+
+use crate::{
+    SignalError,
+    error::{check, check_stamps},
+};
+
+/// The readings of an inertial sensor: angular rate (rad/s) and specific force (m/s^2) in the body frame, a row a stamp (s).
+#[derive(Debug, Clone, Copy)]
+pub struct ImuRecord<'a> {
+    /// Increasing.
+    pub times: &'a [f64],
+    /// Of the body against the world, in the body frame.
+    pub rates: &'a [[f64; 3]],
+    /// Acceleration less gravity: at rest it points up.
+    pub forces: &'a [[f64; 3]],
+}
+
+/// Measured poses of the markers' frame in the world, a row a stamp (s).
+#[derive(Debug, Clone, Copy)]
+pub struct PoseRecord<'a> {
+    /// Increasing.
+    pub times: &'a [f64],
+    /// m.
+    pub positions: &'a [[f64; 3]],
+    /// Quaternions x, y, z, w: the markers' frame to the world. Their sign does not matter, nor their norm.
+    pub attitudes: &'a [[f64; 4]],
+}
+
+/// One recording of a body.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyRun<'a> {
+    /// The inertial sensor, whose frame is that of the body.
+    pub imu: ImuRecord<'a>,
+    /// The poses.
+    pub poses: PoseRecord<'a>,
+}
+
+/// Noise of an inertial sensor, as data sheets say it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImuNoise {
+    /// Density of the rate's white noise, rad/s/sqrt(Hz).
+    pub gyro: f64,
+    /// Density of the force's white noise, m/s^2/sqrt(Hz).
+    pub accelerometer: f64,
+    /// How the gyroscope's bias walks, rad/s^2/sqrt(Hz).
+    pub gyro_walk: f64,
+    /// How the accelerometer's bias walks, m/s^3/sqrt(Hz).
+    pub accelerometer_walk: f64,
+}
+
+/// Noise of all sensors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyNoise {
+    /// Of the inertial sensor.
+    pub imu: ImuNoise,
+    /// Standard deviation of a measured position, m an axis.
+    pub position: f64,
+    /// Standard deviation of a measured attitude, rad an axis.
+    pub attitude: f64,
+}
+
+impl Default for BodyNoise {
+    /// A sensor of some ten euros under a motion-capture system: a begin for [`FuseOptions::fit_noise`].
+    fn default() -> Self {
+        let imu = ImuNoise { gyro: 2e-4, accelerometer: 2e-3, gyro_walk: 2e-5, accelerometer_walk: 3e-3 };
+        Self { imu, position: 1e-3, attitude: 5e-3 }
+    }
+}
+
+/// What is known of a constant beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior<T> {
+    /// The value that is expected.
+    pub value: T,
+    /// The standard deviation of its error. 0: it is given, and not estimated; infinite: nothing is known, and the value is where the search begins.
+    pub deviation: f64,
+}
+
+impl<T> From<T> for Prior<T> {
+    /// A value that is given.
+    fn from(value: T) -> Self {
+        Self { value, deviation: 0.0 }
+    }
+}
+
+/// How a body's sensors are fused.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FuseOptions {
+    /// Noise of the sensors.
+    pub noise: BodyNoise,
+    /// Whether the deviations of poses and the white noise of the inertial sensor are estimated from the residuals, `noise` being where that begins. Walks stay as they are.
+    pub fit_noise: bool,
+    /// Gravity in the world, m/s^2. Its deviation is that of its direction, rad; the size stays. Infinite: the direction of the mean force is where the search begins.
+    pub gravity: Prior<[f64; 3]>,
+    /// The origin of the markers' frame in the body frame, m.
+    pub lever: Prior<[f64; 3]>,
+    /// The markers' frame to the body frame: a quaternion x, y, z, w; the deviation in rad. Infinite: found from the turns that both saw, however the markers are mounted.
+    pub mounting: Prior<[f64; 4]>,
+    /// What is added to the stamps of the poses to get times of the inertial sensor, s.
+    pub offset: Prior<f64>,
+    /// The gyroscope's bias at the beginning of every run, rad/s. Its deviation is not 0.
+    pub gyro_bias: Prior<[f64; 3]>,
+    /// The accelerometer's bias at the beginning of every run, m/s^2. Its deviation is not 0.
+    pub accelerometer_bias: Prior<[f64; 3]>,
+    /// Deviations beyond which a measured position, or an attitude, counts by its distance and no more by its square.
+    pub huber: f64,
+    /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is.
+    pub gate: f64,
+}
+
+impl Default for FuseOptions {
+    fn default() -> Self {
+        Self {
+            noise: BodyNoise::default(),
+            fit_noise: false,
+            gravity: [0.0, 0.0, -9.806_65].into(),
+            lever: [0.0; 3].into(),
+            mounting: [0.0, 0.0, 0.0, 1.0].into(),
+            offset: 0.0.into(),
+            gyro_bias: Prior { value: [0.0; 3], deviation: 0.1 },
+            accelerometer_bias: Prior { value: [0.0; 3], deviation: 0.5 },
+            huber: 4.0,
+            gate: 10.0,
+        }
+    }
+}
+
+/// Refuses numbers that are none, and rows that lack a stamp.
+fn check_rows<const N: usize>(what: &'static str, values: &[[f64; N]], stamps: usize) -> Result<(), SignalError> {
+    if values.len() != stamps {
+        return Err(SignalError::Length { what, found: values.len(), expected: stamps });
+    }
+    match values.iter().enumerate().find_map(|(row, own)| Some((row, *own.iter().find(|x| !x.is_finite())?))) {
+        Some((row, value)) => Err(SignalError::NotFinite { row, value }),
+        None => Ok(()),
+    }
+}
+
+impl BodyRun<'_> {
+    pub(super) fn check(&self) -> Result<(), SignalError> {
+        let Self { imu, poses } = self;
+        check_stamps(imu.times)?;
+        check_rows("the angular rate", imu.rates, imu.times.len())?;
+        check_rows("the specific force", imu.forces, imu.times.len())?;
+        check_stamps(poses.times)?;
+        check_rows("the position", poses.positions, poses.times.len())?;
+        check_rows("the attitude", poses.attitudes, poses.times.len())?;
+        for (what, rows) in [("an inertial sensor", imu.times.len()), ("a record of poses", poses.times.len())] {
+            if rows < 2 {
+                return Err(SignalError::TooShort { what, rows, needed: 1 });
+            }
+        }
+        let square = |parts: &[f64; 4]| parts.iter().map(|part| part * part).sum::<f64>();
+        match poses.attitudes.iter().map(square).position(|norm| norm < 1e-6) {
+            Some(row) => Err(SignalError::Attitude { row }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl FuseOptions {
+    pub(super) fn check(&self) -> Result<(), SignalError> {
+        let BodyNoise { imu, position, attitude } = self.noise;
+        for (what, value) in [
+            ("the noise density of the gyroscope", imu.gyro),
+            ("the noise density of the accelerometer", imu.accelerometer),
+            ("the walk of the gyroscope's bias", imu.gyro_walk),
+            ("the walk of the accelerometer's bias", imu.accelerometer_walk),
+            ("the deviation of positions", position),
+            ("the deviation of attitudes", attitude),
+            ("the threshold of Huber's loss", self.huber),
+        ] {
+            check(value > 0.0 && value.is_finite(), what, value, "it is positive and finite")?;
+        }
+        check(self.gate >= 0.0, "the gate", self.gate, "it is a number of deviations, or 0 for none")?;
+        let size = self.gravity.value.iter().map(|part| part * part).sum::<f64>().sqrt();
+        check(size > 0.0 && size.is_finite(), "the size of gravity", size, "it is positive and finite")?;
+        let norm = self.mounting.value.iter().map(|part| part * part).sum::<f64>().sqrt();
+        check(norm > 1e-3 && norm.is_finite(), "the norm of the mounting", norm, "a quaternion has the norm 1")?;
+        for (what, value, deviation) in [
+            ("the lever", self.lever.value.iter().sum::<f64>(), self.lever.deviation),
+            ("the mounting", norm, self.mounting.deviation),
+            ("the offset", self.offset.value, self.offset.deviation),
+            ("gravity", size, self.gravity.deviation),
+        ] {
+            check(value.is_finite(), what, value, "it is finite")?;
+            check(deviation >= 0.0, what, deviation, "its deviation is 0 (given), positive, or infinite (unknown)")?;
+        }
+        for (what, prior) in
+            [("the gyroscope's bias", &self.gyro_bias), ("the accelerometer's bias", &self.accelerometer_bias)]
+        {
+            let sum: f64 = prior.value.iter().sum();
+            check(sum.is_finite(), what, sum, "it is finite")?;
+            check(prior.deviation > 0.0, what, prior.deviation, "its deviation is positive, or infinite (unknown)")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,366 @@
+//! The whole problem: all tracks and the constants that they share, Gauss and Newton's steps with Levenberg's damping, covariances, and what residuals say of the noise.
+
+use fleetfoot_data::{Cancelled, Silent, parallel_map};
+use nalgebra::SMatrix;
+
+use super::{
+    BodyNoise, FuseOptions,
+    chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, solve_border},
+    factors::{Block, huber},
+    rotation::{Vector, log, right_jacobian_inverse},
+    start::rotation,
+    state::{BORDER, Border, BorderError, STATE, State, StateError, part},
+    track::{Setting, Track},
+};
+
+/// Steps of Gauss and Newton, at most, before the nodes are moved.
+const STEPS: usize = 3;
+
+/// A step whose every number is less than this changes nothing: rad, m, m/s, rad/s, m/s^2, s.
+const SMALL: f64 = 1e-9;
+
+/// The damping that follows a step that did not go down.
+const FIRST_DAMPING: f64 = 1e-6;
+
+/// Squares of deviations by which noise changes at most between two rounds.
+const GREATEST_CHANGE: f64 = 1e4;
+
+/// The problem and where it is at present.
+pub(super) struct Problem<'a> {
+    pub(super) tracks: Vec<Track<'a>>,
+    pub(super) border: Border,
+    pub(super) setting: Setting,
+    pub(super) options: FuseOptions,
+}
+
+/// A step of all unknowns.
+pub(super) struct Step {
+    pub(super) states: Vec<Vec<StateError>>,
+    pub(super) border: BorderError,
+}
+
+impl Step {
+    fn size(&self) -> f64 {
+        let states = self.states.iter().flatten().map(|error| error.amax());
+        states.fold(self.border.amax(), f64::max)
+    }
+}
+
+/// What Gauss and Newton's steps came to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Descent {
+    pub(super) steps: usize,
+    pub(super) converged: bool,
+}
+
+/// Sums over a group of residuals: squares as they count, how many, and the trace of what the unknowns took of them.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Share {
+    pub(super) squares: f64,
+    pub(super) count: f64,
+    pub(super) taken: f64,
+}
+
+impl Share {
+    fn add(&mut self, other: &Self) {
+        self.squares += other.squares;
+        self.count += other.count;
+        self.taken += other.taken;
+    }
+
+    /// The variance of weight one of this group: squares over its redundancy (Foerstner, "Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten", 1979; a fixed point is the maximum of the
+    /// restricted likelihood). One where nothing is left over to tell.
+    pub(super) fn variance(&self) -> f64 {
+        let redundancy = self.count - self.taken;
+        if redundancy < 1.0 || self.squares <= 0.0 {
+            return 1.0;
+        }
+        (self.squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
+    }
+}
+
+/// The groups whose noise is told: gyroscope, accelerometer, position, attitude.
+pub(super) type Shares = [Share; 4];
+
+/// What is known of every node of a track.
+pub(super) struct Spread {
+    /// Variances of a state's error.
+    pub(super) variances: Vec<[f64; STATE]>,
+    pub(super) shares: Shares,
+}
+
+/// A visitor of nodes, from the last to the first, with their covariances.
+pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
+
+impl<'a> Problem<'a> {
+    /// Runs `work` on every track, in any order, and hands back what it gives in theirs.
+    fn each<T: Send>(&self, work: impl Fn(&Track<'a>) -> T + Sync) -> Vec<T> {
+        // Nobody cancels, so that all answers are there.
+        parallel_map(self.tracks.len(), &Silent, |at| Ok::<_, Cancelled>(work(&self.tracks[at]))).unwrap_or_default()
+    }
+
+    /// Which constants are given.
+    pub(super) fn given(&self) -> [bool; BORDER] {
+        let FuseOptions { lever, mounting, offset, gravity, .. } = &self.options;
+        let of = |at: usize| match at {
+            part::LEVER..part::MOUNTING => lever.deviation,
+            part::MOUNTING..part::OFFSET => mounting.deviation,
+            part::OFFSET => offset.deviation,
+            _ => gravity.deviation,
+        };
+        std::array::from_fn(|at| of(at) == 0.0)
+    }
+
+    /// The rows whose first node is this one; given constants have no slopes.
+    fn push(&self, track: &Track<'_>, node: usize, rows: &mut Vec<Row>) {
+        let before = rows.len();
+        track.push(node, &self.border, &self.setting, rows);
+        for at in (0..BORDER).filter(|&at| self.given()[at]) {
+            for row in &mut rows[before..] {
+                row[BORDER_AT + at] = 0.0;
+            }
+        }
+    }
+
+    /// What is known of the constants beforehand, as rows; a given one does not move.
+    pub(super) fn border_rows(&self, border: &Border) -> Vec<Row> {
+        let FuseOptions { lever, mounting, offset, gravity, .. } = &self.options;
+        let mut rows = Vec::new();
+        let mut row = |slopes: &[(usize, f64)], left: f64, deviation: f64| {
+            if deviation.is_finite() {
+                let mut row = [0.0; WIDTH];
+                let scale = if deviation > 0.0 { deviation.recip() } else { 1.0 };
+                for &(at, slope) in slopes {
+                    row[BORDER_AT + at] = slope * scale;
+                }
+                row[RIGHT] = if deviation > 0.0 { left * scale } else { 0.0 };
+                rows.push(row);
+            }
+        };
+        for axis in 0..3 {
+            row(&[(part::LEVER + axis, 1.0)], lever.value[axis] - border.lever[axis], lever.deviation);
+        }
+        let turned = log(&(rotation(&mounting.value).inverse() * border.mounting));
+        let slope = if mounting.deviation > 0.0 { right_jacobian_inverse(&turned) } else { SMatrix::identity() };
+        for axis in 0..3 {
+            let slopes = [0, 1, 2].map(|column| (part::MOUNTING + column, slope[(axis, column)]));
+            row(&slopes, -turned[axis], mounting.deviation);
+        }
+        row(&[(part::OFFSET, 1.0)], offset.value - self.setting.anchor - border.late, offset.deviation);
+        let size = border.gravity.norm_squared();
+        let tilt = border.gravity_slope().transpose() * (Vector::from(gravity.value) - border.gravity) / size;
+        for axis in 0..2 {
+            row(&[(part::GRAVITY + axis, 1.0)], tilt[axis], gravity.deviation);
+        }
+        rows
+    }
+
+    /// What these states and constants cost.
+    pub(super) fn cost(&self, states: &[Vec<State>], border: &Border) -> f64 {
+        let track = |at: usize| Ok::<_, Cancelled>(self.tracks[at].cost(&states[at], border, &self.setting));
+        let tracks = parallel_map(self.tracks.len(), &Silent, track).unwrap_or_default();
+        let known: f64 = self.border_rows(border).iter().map(|row| row[RIGHT] * row[RIGHT]).sum();
+        tracks.iter().sum::<f64>() + known
+    }
+
+    /// Eliminates all states, track by track, and solves for the constants.
+    fn eliminated(&self, damping: f64) -> Result<(Vec<Eliminated>, BorderError, Covariance), Undetermined> {
+        let eliminated = self
+            .each(|track| self.chain(track, damping, |chain| chain.eliminated()))
+            .into_iter()
+            .collect::<Result<Vec<_>, _>>()?;
+        let of_tracks = eliminated.iter().flat_map(|own| own.border.iter().copied());
+        let rows = self.border_rows(&self.border).into_iter().chain(of_tracks).collect();
+        let squares = eliminated.iter().fold(BorderError::zeros(), |sum, own| sum + own.squares);
+        let (border, covariance) = solve_border(rows, &squares, damping)?;
+        Ok((eliminated, border, covariance))
+    }
+
+    fn chain<T>(&self, track: &Track<'_>, damping: f64, work: impl FnOnce(&Chain<'_>) -> T) -> T {
+        let rows = |node: usize, rows: &mut Vec<Row>| self.push(track, node, rows);
+        work(&Chain { nodes: track.nodes(), rows: &rows, damping })
+    }
+
+    /// The step to the least of the linearised problem.
+    pub(super) fn step(&self, damping: f64) -> Result<Step, Undetermined> {
+        let (eliminated, border, _) = self.eliminated(damping)?;
+        let back = |at: usize| {
+            let track = &self.tracks[at];
+            let mut errors = vec![StateError::zeros(); track.nodes()];
+            let mut visit = |node: usize, error: &StateError, _: Option<&Joint>| errors[node] = *error;
+            self.chain(track, damping, |chain| chain.back(&eliminated[at], &border, None, &mut visit))?;
+            Ok::<_, Stopped>(errors)
+        };
+        match parallel_map(self.tracks.len(), &Silent, back) {
+            Ok(states) => Ok(Step { states, border }),
+            Err(_) => Err(Undetermined),
+        }
+    }
+
+    /// Goes down until steps change nothing.
+    pub(super) fn descend(&mut self) -> Result<Descent, Undetermined> {
+        let mut states: Vec<Vec<State>> = self.tracks.iter().map(|track| track.states.clone()).collect();
+        let (mut cost, mut damping) = (self.cost(&states, &self.border), 0.0);
+        for steps in 1..=STEPS {
+            let step = self.step(damping)?;
+            let moved = |(states, errors): (&Vec<State>, &Vec<StateError>)| -> Vec<State> {
+                states.iter().zip(errors).map(|(state, error)| state.moved(error)).collect()
+            };
+            let next: Vec<Vec<State>> = states.iter().zip(&step.states).map(moved).collect();
+            let border = self.border.moved(&step.border);
+            let (found, is_small) = (self.cost(&next, &border), step.size() < SMALL);
+            let gained = (cost - found) / cost.max(f64::MIN_POSITIVE);
+            if found <= cost {
+                (states, cost, self.border) = (next, found, border);
+                for (track, own) in self.tracks.iter_mut().zip(&states) {
+                    track.states.clone_from(own);
+                }
+                damping = if damping > FIRST_DAMPING { 0.1 * damping } else { 0.0 };
+            } else if gained < -1e-9 || !found.is_finite() {
+                damping = (10.0 * damping).max(FIRST_DAMPING);
+                continue;
+            }
+            // What rounding leaves of the cost cannot tell two such states apart.
+            if is_small || gained.abs() < 1e-12 {
+                return Ok(Descent { steps, converged: true });
+            }
+        }
+        Ok(Descent { steps: STEPS, converged: false })
+    }
+
+    /// Visits the nodes of a track with their covariances.
+    pub(super) fn visit(&self, at: usize, eliminated: &Whole, visit: &mut Visit<'_>) -> Result<(), Undetermined> {
+        let covariance = Some(&eliminated.covariance);
+        let back = |chain: &Chain<'_>| chain.back(&eliminated.tracks[at], &BorderError::zeros(), covariance, visit);
+        self.chain(&self.tracks[at], 0.0, back)
+    }
+
+    /// All states eliminated at the solution.
+    pub(super) fn whole(&self) -> Result<Whole, Undetermined> {
+        let (tracks, _, covariance) = self.eliminated(0.0)?;
+        Ok(Whole { tracks, covariance })
+    }
+
+    /// Variances of all states, and, where `shares` are asked for, what residuals say of the noise.
+    pub(super) fn spread(&self, whole: &Whole, shares: bool) -> Result<Vec<Spread>, Undetermined> {
+        let of_track = |at: usize| {
+            let track = &self.tracks[at];
+            let mut spread = Spread { variances: vec![[0.0; STATE]; track.nodes()], shares: Shares::default() };
+            let mut next: Option<Joint> = None;
+            let mut visit = |node: usize, _: &StateError, joint: Option<&Joint>| {
+                let Some(joint) = joint else { return };
+                spread.variances[node] = std::array::from_fn(|i| joint.own[(i, i)]);
+                if shares {
+                    self.add_shares(track, node, joint, next.as_ref(), &whole.covariance, &mut spread.shares);
+                    next = Some(joint.clone());
+                }
+            };
+            self.visit(at, whole, &mut visit)?;
+            Ok::<_, Stopped>(spread)
+        };
+        parallel_map(self.tracks.len(), &Silent, of_track).map_err(|_| Undetermined)
+    }
+
+    fn add_shares(
+        &self,
+        track: &Track<'_>,
+        node: usize,
+        joint: &Joint,
+        next: Option<&Joint>,
+        theta: &Covariance,
+        shares: &mut Shares,
+    ) {
+        let given = self.given();
+        let blocks = track.pose(node, &track.states[node], &self.border, &self.setting);
+        for (at, block) in blocks.into_iter().enumerate().filter(|(at, _)| track.used[node][*at]) {
+            let (_, weight) = huber(&block.residual, self.setting.huber);
+            let taken = taken(&block, &given, joint, None, theta);
+            let squares = weight * weight * block.residual.norm_squared();
+            shares[2 + at].add(&Share { squares, count: 3.0, taken: weight * weight * taken.sum() });
+        }
+        let Some(next) = next else { return };
+        let block = track.inertial(node, &self.border, &self.setting);
+        let taken = taken(&block, &given, joint, Some(next), theta);
+        // The first three rows are of the turn, and see the gyroscope's noise alone.
+        for (at, rows) in [0..3, 3..9].into_iter().enumerate() {
+            let squares = rows.clone().map(|row| block.residual[row].powi(2)).sum();
+            shares[at].add(&Share { squares, count: rows.len() as f64, taken: rows.map(|row| taken[row]).sum() });
+        }
+    }
+
+    /// Takes the noise for what residuals say it is. The greatest ratio of a variance to the one before.
+    pub(super) fn take_noise(&mut self, spreads: &[Spread]) -> f64 {
+        let mut shares = Shares::default();
+        for (sum, at) in shares.iter_mut().zip(0..) {
+            spreads.iter().for_each(|own| sum.add(&own.shares[at]));
+        }
+        let [gyro, accelerometer, position, attitude] = shares.map(|share| share.variance());
+        let BodyNoise { imu, position: own_position, attitude: own_attitude } = &mut self.setting.noise;
+        imu.gyro *= gyro.sqrt();
+        imu.accelerometer *= accelerometer.sqrt();
+        *own_position *= position.sqrt();
+        *own_attitude *= attitude.sqrt();
+        let variances = [gyro, accelerometer, position, attitude];
+        variances.iter().fold(1.0, |most, own| most.max(*own).max(own.recip()))
+    }
+
+    /// Moves the nodes to where the poses are now thought to have been, so that they are late no more.
+    pub(super) fn move_nodes(&mut self) {
+        let late = self.border.late;
+        for track in &mut self.tracks {
+            track.shift(late, &self.border, &self.setting);
+        }
+        self.setting.anchor += late;
+        self.border.late = 0.0;
+    }
+}
+
+/// Covariance of the constants.
+pub(super) type Covariance = SMatrix<f64, BORDER, BORDER>;
+
+/// All states eliminated, and the covariance of the constants.
+pub(super) struct Whole {
+    tracks: Vec<Eliminated>,
+    pub(super) covariance: Covariance,
+}
+
+/// What may stop a track.
+enum Stopped {
+    Cancelled,
+    Undetermined,
+}
+
+impl From<Undetermined> for Stopped {
+    fn from(_: Undetermined) -> Self {
+        Self::Undetermined
+    }
+}
+
+impl From<Cancelled> for Stopped {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+/// The variance of what the unknowns explain of every residual of a block.
+fn taken<const N: usize>(
+    block: &Block<N>,
+    given: &[bool; BORDER],
+    own: &Joint,
+    next: Option<&Joint>,
+    theta: &Covariance,
+) -> nalgebra::SVector<f64, N> {
+    let mut border = block.border;
+    for at in (0..BORDER).filter(|&at| given[at]) {
+        border.column_mut(at).fill(0.0);
+    }
+    let mut product = block.own * own.own * block.own.transpose() + border * theta * border.transpose();
+    let crossed = block.own * own.with_border * border.transpose();
+    product += crossed + crossed.transpose();
+    if let Some(next) = next {
+        let crossed =
+            block.own * own.with_next * block.next.transpose() + block.next * next.with_border * border.transpose();
+        product += block.next * next.own * block.next.transpose() + crossed + crossed.transpose();
+    }
+    product.diagonal()
+}

@@ -1,0 +1,259 @@
+//! Fusion against dense algebra, and against the truth of a simulated body.
+
+mod dense;
+mod simulation;
+
+use nalgebra::Cholesky;
+
+use super::{
+    BodyNoise, BodyRun, FuseOptions, Fused, ImuNoise, Prior, fuse,
+    problem::Problem,
+    rotation::{Vector, exp, log},
+    start::{self, rotation},
+    state::StateError,
+    track::{BiasPrior, Setting},
+};
+use crate::SignalError;
+use simulation::{GRAVITY, LEVER, MOUNTING, NOISE, OFFSET, Recording};
+
+/// Nothing is known of the constants, but for the offset, to some 50 ms.
+fn options() -> FuseOptions {
+    FuseOptions {
+        noise: NOISE,
+        gravity: Prior { value: [0.0, 0.0, -Vector::from(GRAVITY).norm()], deviation: f64::INFINITY },
+        lever: Prior { value: [0.0; 3], deviation: f64::INFINITY },
+        mounting: Prior { value: [0.0, 0.0, 0.0, 1.0], deviation: f64::INFINITY },
+        offset: Prior { value: OFFSET + 0.03, deviation: 0.05 },
+        gyro_bias: Prior { value: [0.0; 3], deviation: 0.05 },
+        accelerometer_bias: Prior { value: [0.0; 3], deviation: 0.2 },
+        ..FuseOptions::default()
+    }
+}
+
+/// Mounting and gravity are given, lever and offset unknown.
+fn known() -> FuseOptions {
+    let mounting = exp(&Vector::from(MOUNTING));
+    FuseOptions {
+        mounting: [mounting.i, mounting.j, mounting.k, mounting.w].into(),
+        gravity: GRAVITY.into(),
+        offset: Prior { value: OFFSET + 0.003, deviation: 0.005 },
+        ..options()
+    }
+}
+
+/// A problem before its first step.
+fn problem<'a>(runs: &[BodyRun<'a>], options: &FuseOptions) -> Problem<'a> {
+    let mut tracks: Vec<_> = runs.iter().enumerate().flat_map(|(at, run)| start::tracks(at, run, options).0).collect();
+    let bias = |prior: &Prior<[f64; 3]>| BiasPrior { value: prior.value.into(), deviation: prior.deviation };
+    let setting = Setting {
+        noise: options.noise,
+        huber: options.huber,
+        biases: [bias(&options.gyro_bias), bias(&options.accelerometer_bias)],
+        anchor: options.offset.value,
+    };
+    let border = start::begin(&mut tracks, options, &setting);
+    Problem { tracks, border, setting, options: options.clone() }
+}
+
+/// The deviations of the constants from the truth, in their own deviations.
+fn scores(fused: &Fused) -> Vec<f64> {
+    let own = &fused.constants;
+    let turned = log(&(rotation(&own.mounting).inverse() * exp(&Vector::from(MOUNTING))));
+    let mut scores: Vec<f64> =
+        (0..3).map(|axis| (own.lever[axis].value - LEVER[axis]) / own.lever[axis].deviation).collect();
+    scores.extend((0..3).map(|axis| turned[axis] / own.mounting_deviations[axis]));
+    scores.push((own.offset.value - OFFSET) / own.offset.deviation);
+    scores
+}
+
+/// Lever, mounting, offset, gravity and biases are found from nothing, and lie within their deviations; every state is near the truth.
+#[test]
+fn constants_and_states_of_a_simulated_body() {
+    let recording = Recording::new(15.0, 1);
+    let fused = fuse(&[recording.run()], &options()).unwrap();
+    assert!(fused.converged && fused.steps < 60, "{}", fused.steps);
+    let scores = scores(&fused);
+    assert!(scores.iter().all(|score| score.abs() < 3.5), "{scores:?}");
+    let own = &fused.constants;
+    assert!(own.offset.deviation < 2e-4 && own.lever.iter().all(|axis| axis.deviation < 2e-3), "{own:?}");
+    let tilt = Vector::from(own.gravity).cross(&Vector::from(GRAVITY)).norm() / Vector::from(GRAVITY).norm_squared();
+    assert!(tilt < 3.5 * own.gravity_deviations[0].hypot(own.gravity_deviations[1]), "{tilt}");
+    // Of some 1,500 poses those within 50 ms either way of the ends are without readings: 3 deviations of the offset are kept clear, and no more than 0.1 s.
+    let states = &fused.tracks[0].states;
+    assert_eq!(states.len() + fused.outside, recording.stamps.len());
+    assert!(fused.outside < 25, "{}", fused.outside);
+    // Errors that last, as that of the lever, are one draw each.
+    let mut squares = StateError::zeros();
+    for state in states {
+        let score = recording.error(state).component_div(&StateError::from(state.deviations));
+        squares += score.component_mul(&score);
+    }
+    let rms = (squares / states.len() as f64).map(f64::sqrt);
+    assert!(rms.max() < 2.5 && rms.min() > 0.2, "{rms}");
+    let middle = &states[states.len() / 2].deviations;
+    assert!(middle[3..6].iter().all(|&own| own < 2e-3) && middle[6..9].iter().all(|&own| own < 5e-3), "{middle:?}");
+}
+
+/// What twenty recordings tell of the deviations: the mean of the squared errors in units of their covariances lies within the 95 % band of its law for nine tenths of the time (Bar-Shalom, Li,
+/// Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 5.4), for all 15 numbers together and for each part.
+#[test]
+fn errors_are_as_large_as_stated() {
+    const RUNS: usize = 20;
+    let mut sums: Vec<[f64; 6]> = Vec::new();
+    for seed in 0..RUNS as u64 {
+        let recording = Recording::new(5.0, 50 + seed);
+        let options = known();
+        let fused = fuse(&[recording.run()], &options).unwrap();
+        // The same problem at its solution, for the full covariances.
+        let mut found = problem(
+            &[recording.run()],
+            &FuseOptions { offset: Prior { value: fused.constants.offset.value, ..options.offset }, ..options },
+        );
+        found.options.offset = options.offset;
+        found.descend().unwrap();
+        let whole = found.whole().unwrap();
+        let states = &fused.tracks[0].states;
+        sums.resize(states.len().min(if sums.is_empty() { usize::MAX } else { sums.len() }), [0.0; 6]);
+        found
+            .visit(0, &whole, &mut |node, _, joint| {
+                let Some(sum) = sums.get_mut(node) else { return };
+                let (error, covariance) = (recording.error(&states[node]), joint.unwrap().own);
+                sum[0] += error.dot(&Cholesky::new(covariance).unwrap().solve(&error));
+                for part in 0..5 {
+                    let own = error.fixed_rows::<3>(3 * part).into_owned();
+                    let block = covariance.fixed_view::<3, 3>(3 * part, 3 * part).into_owned();
+                    sum[1 + part] += own.dot(&Cholesky::new(block).unwrap().solve(&own));
+                }
+            })
+            .unwrap();
+    }
+    // 2.5 % and 97.5 % of chi squared with 300 and with 60 degrees of freedom.
+    let bands = [[253.912, 349.874], [40.482, 83.298]];
+    for part in 0..6 {
+        let [low, high] = bands[part.min(1)];
+        let inside = sums.iter().filter(|sum| low < sum[part] && sum[part] < high).count();
+        let share = inside as f64 / sums.len() as f64;
+        assert!(share >= 0.9, "part {part}: {share}");
+    }
+}
+
+/// Runs share the constants: ten of them say more than one.
+#[test]
+fn runs_share_the_constants() {
+    let recordings: Vec<Recording> = (0..4).map(|seed| Recording::new(5.0, 20 + seed)).collect();
+    let one = fuse(&[recordings[0].run()], &options()).unwrap();
+    let runs: Vec<BodyRun<'_>> = recordings.iter().map(Recording::run).collect();
+    let all = fuse(&runs, &options()).unwrap();
+    assert_eq!(all.tracks.iter().map(|track| track.run).collect::<Vec<_>>(), [0, 1, 2, 3]);
+    let ratio = one.constants.offset.deviation / all.constants.offset.deviation;
+    // The motion of all is the same, so that four say twice as much as one.
+    assert!((ratio - 2.0).abs() < 0.2, "{ratio}");
+    let scores = scores(&all);
+    assert!(scores.iter().all(|score| score.abs() < 3.5), "{scores:?}");
+    assert_eq!(fuse(&runs, &options()).unwrap(), all);
+}
+
+/// Gross errors are found, all of them and nothing else, and leave no trace.
+#[test]
+fn gross_errors_are_left_out() {
+    let mut recording = Recording::new(6.0, 3);
+    let clean = fuse(&[recording.run()], &options()).unwrap();
+    let wrong: Vec<usize> = (40..500).step_by(37).collect();
+    for &row in &wrong {
+        recording.positions[row][row % 3] += 0.05 * if row % 2 == 0 { 1.0 } else { -1.0 };
+    }
+    let turned: Vec<usize> = (53..500).step_by(101).collect();
+    for &row in &turned {
+        // Marker labels swapped: half a turn.
+        let [x, y, z, w] = recording.attitudes[row];
+        recording.attitudes[row] = [w, z, -y, -x];
+    }
+    let fused = fuse(&[recording.run()], &options()).unwrap();
+    assert_eq!(fused.tracks[0].positions_rejected, wrong);
+    assert_eq!(fused.tracks[0].attitudes_rejected, turned);
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let pairs = clean.tracks[0].states.iter().zip(&fused.tracks[0].states);
+    let worst = pairs.map(|(a, b)| apart(&a.position, &b.position)).fold(0.0, f64::max);
+    assert!(worst < 1e-3, "{worst}");
+}
+
+/// Noise that was stated three times too great or too small is found again to a tenth.
+#[test]
+fn noise_is_told_by_the_residuals() {
+    let recording = Recording::new(25.0, 4);
+    let BodyNoise { imu, position, attitude } = NOISE;
+    let imu = ImuNoise { gyro: 3.0 * imu.gyro, accelerometer: imu.accelerometer / 3.0, ..imu };
+    let noise = BodyNoise { imu, position: 3.0 * position, attitude: attitude / 3.0 };
+    let fused = fuse(&[recording.run()], &FuseOptions { noise, fit_noise: true, ..known() }).unwrap();
+    let found = fused.noise;
+    let ratios = [
+        found.imu.gyro / NOISE.imu.gyro,
+        found.imu.accelerometer / NOISE.imu.accelerometer,
+        found.position / NOISE.position,
+        found.attitude / NOISE.attitude,
+    ];
+    assert!(fused.converged && ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.1), "{} {ratios:?}", fused.steps);
+}
+
+/// Between the nodes readings carry the state on.
+#[test]
+fn states_between_nodes() {
+    let recording = Recording::new(5.0, 5);
+    let fused = fuse(&[recording.run()], &options()).unwrap();
+    let (track, imu) = (&fused.tracks[0], recording.imu());
+    let worst = |states: &[super::BodyState]| {
+        states.iter().map(|state| recording.error(state).fixed_rows::<3>(3).norm()).fold(0.0, f64::max)
+    };
+    let (first, last) = (track.states[0].time, track.states[track.states.len() - 1].time);
+    let times: Vec<f64> = recording.times.iter().copied().filter(|&t| first <= t && t <= last).collect();
+    let between: Vec<_> = times.iter().map(|&t| track.at(&imu, fused.constants.gravity, t).unwrap()).collect();
+    assert!(worst(&between) < 1.1 * worst(&track.states), "{} {}", worst(&between), worst(&track.states));
+    let node = track.at(&imu, fused.constants.gravity, track.states[7].time).unwrap();
+    assert!(node.position.iter().zip(track.states[7].position).all(|(a, b)| (a - b).abs() < 1e-14));
+    assert!(track.at(&imu, fused.constants.gravity, last).is_some());
+    assert!(track.at(&imu, fused.constants.gravity, last + 1e-6).is_none());
+    assert!(track.at(&imu, fused.constants.gravity, first - 1e-6).is_none());
+}
+
+/// A gap of the inertial sensor parts a run in two tracks.
+#[test]
+fn a_gap_parts_a_run() {
+    let recording = Recording::new(6.0, 6);
+    let run = recording.run();
+    let keep: Vec<usize> = (0..recording.times.len()).filter(|row| !(600..640).contains(row)).collect();
+    let times: Vec<f64> = keep.iter().map(|&row| recording.times[row]).collect();
+    let rates: Vec<[f64; 3]> = keep.iter().map(|&row| run.imu.rates[row]).collect();
+    let forces: Vec<[f64; 3]> = keep.iter().map(|&row| run.imu.forces[row]).collect();
+    let imu = super::ImuRecord { times: &times, rates: &rates, forces: &forces };
+    let fused = fuse(&[BodyRun { imu, ..run }], &options()).unwrap();
+    assert_eq!(fused.tracks.len(), 2);
+    let (end, begin) = (fused.tracks[0].states.last().unwrap().time, fused.tracks[1].states[0].time);
+    assert!(end < 3.0 && begin > 3.19, "{end} {begin}");
+}
+
+#[test]
+fn what_cannot_be_fused_is_told() {
+    let recording = Recording::new(3.0, 7);
+    let run = recording.run();
+    let refused = |run: BodyRun<'_>, options: &FuseOptions| fuse(&[run], options).map(|_| ()).unwrap_err();
+    let far = FuseOptions { offset: 100.0.into(), ..options() };
+    assert!(matches!(refused(run, &far), SignalError::NotFused { .. }));
+    let noise = BodyNoise { position: 0.0, ..NOISE };
+    assert!(refused(run, &FuseOptions { noise, ..options() }).to_string().contains("deviation of positions"));
+    let certain = Prior { value: [0.0; 3], deviation: 0.0 };
+    assert!(refused(run, &FuseOptions { gyro_bias: certain, ..options() }).to_string().contains("positive"));
+    let mut zero = recording.attitudes.clone();
+    zero[9] = [0.0; 4];
+    let poses = super::PoseRecord { attitudes: &zero, ..run.poses };
+    assert_eq!(refused(BodyRun { poses, ..run }, &options()), SignalError::Attitude { row: 9 });
+    // A body that stands still tells nothing of a lever.
+    let still = vec![[0.0; 3]; recording.times.len()];
+    let up = vec![[0.0, 0.0, 9.8]; recording.times.len()];
+    let imu = super::ImuRecord { rates: &still, forces: &up, ..run.imu };
+    let (positions, attitudes) = (vec![[0.0; 3]; zero.len()], vec![[0.0, 0.0, 0.0, 1.0]; zero.len()]);
+    let poses = super::PoseRecord { times: run.poses.times, positions: &positions, attitudes: &attitudes };
+    let error = fuse(&[BodyRun { imu, poses }], &FuseOptions { mounting: [0.0, 0.0, 0.0, 1.0].into(), ..options() })
+        .map(|_| ())
+        .unwrap_err();
+    assert!(error.to_string().contains("does not determine"), "{error}");
+}

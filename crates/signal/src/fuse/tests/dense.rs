@@ -1,0 +1,161 @@
+//! The same problem by dense algebra over all unknowns at once.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{
+    Recording, options, problem,
+    simulation::{GRAVITY, MOUNTING},
+};
+use crate::fuse::{
+    FuseOptions, Prior,
+    chain::{BORDER_AT, NEXT_AT, RIGHT, Row},
+    problem::Problem,
+    rotation::{Vector, exp},
+    state::{BORDER, BorderError, STATE, State, StateError},
+};
+
+/// All rows of a problem: the matrix and the right side; tracks one after the other, the constants last.
+fn rows(problem: &Problem<'_>) -> (DMatrix<f64>, DVector<f64>) {
+    let nodes: usize = problem.tracks.iter().map(|track| track.nodes()).sum();
+    let border = STATE * nodes;
+    let mut all: Vec<(usize, Row)> = problem.border_rows(&problem.border).into_iter().map(|row| (0, row)).collect();
+    let mut first = 0;
+    for track in &problem.tracks {
+        for node in 0..track.nodes() {
+            let mut own = Vec::new();
+            track.push(node, &problem.border, &problem.setting, &mut own);
+            all.extend(own.into_iter().map(|row| (STATE * (first + node), row)));
+        }
+        first += track.nodes();
+    }
+    let mut matrix = DMatrix::zeros(all.len(), border + BORDER);
+    let mut right = DVector::zeros(all.len());
+    for (i, (at, row)) in all.iter().enumerate() {
+        for j in 0..NEXT_AT + STATE {
+            if row[j] != 0.0 {
+                matrix[(i, at + j)] = row[j];
+            }
+        }
+        for j in 0..BORDER {
+            matrix[(i, border + j)] = row[BORDER_AT + j];
+        }
+        right[i] = row[RIGHT];
+    }
+    (matrix, right)
+}
+
+/// Two runs of twenty poses each with all constants unknown: the step and the covariances of the chain are those of one dense factorisation, to 1e-8 of a deviation.
+#[test]
+fn a_step_and_its_covariances_are_those_of_dense_algebra() {
+    let recordings = [Recording::new(0.35, 1), Recording::new(0.35, 2)];
+    let lever = Prior { value: [0.0; 3], deviation: 0.1 };
+    let options = FuseOptions { lever, offset: Prior { value: 0.19, deviation: 0.01 }, ..options() };
+    let mut problem = problem(&recordings.each_ref().map(Recording::run), &options);
+    for round in 0..2 {
+        let (matrix, right) = rows(&problem);
+        let factor = matrix.clone().qr();
+        let r = factor.r();
+        let expected = r.solve_upper_triangular(&(factor.q().transpose() * &right)).unwrap();
+        let inverse = r.solve_upper_triangular(&DMatrix::identity(r.nrows(), r.nrows())).unwrap();
+        let covariance = &inverse * inverse.transpose();
+        let deviation = |i: usize| covariance[(i, i)].sqrt();
+        let step = problem.step(0.0).unwrap();
+        let whole = problem.whole().unwrap();
+        let found: Vec<f64> = step
+            .states
+            .iter()
+            .flatten()
+            .flat_map(|error| error.iter().copied())
+            .chain(step.border.iter().copied())
+            .collect();
+        assert_eq!(found.len(), expected.len());
+        let size = (0..found.len()).map(|i| (expected[i] / deviation(i)).abs()).fold(1.0, f64::max);
+        for i in 0..found.len() {
+            assert!(
+                (found[i] - expected[i]).abs() < 1e-8 * size * deviation(i),
+                "{round} {i}: {} {}",
+                found[i],
+                expected[i]
+            );
+        }
+        let last = found.len() - BORDER;
+        let near = |found: f64, i: usize, j: usize| {
+            let apart = (found - covariance[(i, j)]).abs();
+            assert!(apart < 1e-8 * deviation(i) * deviation(j), "{round} {i} {j}: {found} {}", covariance[(i, j)]);
+        };
+        for i in 0..BORDER {
+            (0..BORDER).for_each(|j| near(whole.covariance[(i, j)], last + i, last + j));
+        }
+        let mut first = 0;
+        for at in 0..problem.tracks.len() {
+            let nodes = problem.tracks[at].nodes();
+            problem
+                .visit(at, &whole, &mut |node, _, joint| {
+                    let (joint, own) = (joint.unwrap(), STATE * (first + node));
+                    for i in 0..STATE {
+                        (0..STATE).for_each(|j| near(joint.own[(i, j)], own + i, own + j));
+                        (0..BORDER).for_each(|j| near(joint.with_border[(i, j)], own + i, last + j));
+                        (0..STATE)
+                            .filter(|_| node + 1 < nodes)
+                            .for_each(|j| near(joint.with_next[(i, j)], own + i, own + STATE + j));
+                    }
+                })
+                .unwrap();
+            first += nodes;
+        }
+        problem.descend().unwrap();
+    }
+}
+
+/// Damping is what it says: the rows of the squares' norms stacked below, node by node, as the chain adds them, hold the step back and vanish with it.
+#[test]
+fn damping_shortens_the_step() {
+    let recording = Recording::new(0.5, 3);
+    let problem = problem(&[recording.run()], &options());
+    let size = |damping: f64| {
+        let step = problem.step(damping).unwrap();
+        step.states[0].iter().map(StateError::norm_squared).sum::<f64>() + step.border.norm_squared()
+    };
+    let (free, weak, strong) = (size(0.0), size(1e-14), size(1.0));
+    assert!((weak / free - 1.0).abs() < 1e-3 && strong < 0.5 * free, "{free} {weak} {strong}");
+}
+
+/// At the solution the cost, evaluated alone, has no slope along any of the unknowns: by central differences over a ten-thousandth of a deviation, in costs a deviation.
+#[test]
+fn the_solution_is_the_least() {
+    let recording = Recording::new(0.6, 4);
+    let mounting = exp(&Vector::from(MOUNTING));
+    let options = FuseOptions {
+        lever: Prior { value: [0.0; 3], deviation: 0.1 },
+        mounting: Prior { value: [mounting.i, mounting.j, mounting.k, mounting.w], deviation: 0.1 },
+        gravity: Prior { value: GRAVITY, deviation: 0.1 },
+        offset: Prior { value: 0.19, deviation: 0.01 },
+        ..options()
+    };
+    let mut problem = problem(&[recording.run()], &options);
+    problem.descend().unwrap();
+    problem.move_nodes();
+    assert!((0..20).any(|_| problem.descend().unwrap().converged));
+    let whole = problem.whole().unwrap();
+    let spread = problem.spread(&whole, false).unwrap();
+    let states: Vec<State> = problem.tracks[0].states.clone();
+    let slope = |h: f64, of: &dyn Fn(f64) -> f64| (of(h) - of(-h)) / 2e-4;
+    let mut worst: f64 = 0.0;
+    for node in 0..states.len() {
+        for i in 0..STATE {
+            let h = 1e-4 * spread[0].variances[node][i].sqrt();
+            let of = |h: f64| {
+                let mut moved = states.clone();
+                moved[node] = moved[node].moved(&StateError::ith(i, h));
+                problem.cost(&[moved], &problem.border)
+            };
+            worst = worst.max(slope(h, &of).abs());
+        }
+    }
+    for i in 0..BORDER {
+        let h = 1e-4 * whole.covariance[(i, i)].sqrt();
+        let of = |h: f64| problem.cost(std::slice::from_ref(&states), &problem.border.moved(&BorderError::ith(i, h)));
+        worst = worst.max(slope(h, &of).abs());
+    }
+    assert!(worst < 1e-4, "{worst:e}");
+}

@@ -1,0 +1,130 @@
+//! A body whose motion is known in closed form, and what its sensors would say.
+
+use fleetfoot_data::mix;
+
+use crate::fuse::{
+    BodyNoise, BodyRun, BodyState, ImuNoise, ImuRecord, PoseRecord,
+    rotation::{Rotation, Vector, exp, log},
+    start::rotation,
+    state::StateError,
+};
+
+pub(super) const GRAVITY: [f64; 3] = [0.1, -0.2, -9.8];
+pub(super) const LEVER: [f64; 3] = [0.07, -0.03, -0.12];
+/// Far from the identity.
+pub(super) const MOUNTING: [f64; 3] = [2.0, -1.5, 0.7];
+pub(super) const OFFSET: f64 = 0.193;
+pub(super) const NOISE: BodyNoise = BodyNoise {
+    imu: ImuNoise { gyro: 1e-3, accelerometer: 1e-2, gyro_walk: 1e-3, accelerometer_walk: 5e-3 },
+    position: 1e-3,
+    attitude: 3e-3,
+};
+
+fn uniform(seed: u64, at: u64) -> f64 {
+    (mix(mix(seed).wrapping_add(at)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A standard normal number with this address (Box and Muller).
+fn normal(seed: u64, at: u64) -> f64 {
+    let (a, b) = (uniform(seed, 2 * at), uniform(seed, 2 * at + 1));
+    (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+fn normals(seed: u64, at: u64) -> Vector {
+    Vector::from_fn(|axis, _| normal(seed, 3 * at + axis as u64))
+}
+
+fn attitude(t: f64) -> Rotation {
+    exp(&Vector::new(0.9 * (1.3 * t).sin(), 0.7 * (0.9 * t + 1.0).sin(), 1.5 * (0.5 * t).sin()))
+        * exp(&Vector::new(0.2 * (2.9 * t).cos(), 0.0, 0.3 * (2.1 * t + 0.3).sin()))
+}
+
+const AXES: [[f64; 3]; 3] = [[1.0, 1.1, 0.2], [0.7, 1.7, 1.4], [0.4, 2.3, 0.9]];
+
+fn position(t: f64) -> Vector {
+    Vector::from(AXES.map(|[size, rate, phase]| size * (rate * t + phase).sin()))
+}
+
+fn velocity(t: f64) -> Vector {
+    Vector::from(AXES.map(|[size, rate, phase]| size * rate * (rate * t + phase).cos()))
+}
+
+fn acceleration(t: f64) -> Vector {
+    Vector::from(AXES.map(|[size, rate, phase]| -size * rate * rate * (rate * t + phase).sin()))
+}
+
+/// By a central difference, whose error is 1e-10.
+fn rate(t: f64) -> Vector {
+    let h = 1e-5;
+    log(&(attitude(t - h).inverse() * attitude(t + h))) / (2.0 * h)
+}
+
+/// A recording, and the biases that nobody measures.
+pub(super) struct Recording {
+    pub(super) times: Vec<f64>,
+    rates: Vec<[f64; 3]>,
+    forces: Vec<[f64; 3]>,
+    pub(super) stamps: Vec<f64>,
+    pub(super) positions: Vec<[f64; 3]>,
+    pub(super) attitudes: Vec<[f64; 4]>,
+    biases: Vec<[Vector; 2]>,
+}
+
+impl Recording {
+    /// Readings at 200 Hz, poses at 100 Hz; biases begin as a prior of deviations 0.05 and 0.2 has them.
+    pub(super) fn new(seconds: f64, seed: u64) -> Self {
+        let (dt, seed) = (0.005, 100 * seed);
+        let times: Vec<f64> = (0..=(seconds / dt) as usize).map(|row| dt * row as f64).collect();
+        let imu = NOISE.imu;
+        let mut own = [normals(seed, 0) * 0.05, normals(seed + 1, 0) * 0.2];
+        let (mut biases, mut rates, mut forces) = (Vec::new(), Vec::new(), Vec::new());
+        for (&t, row) in times.iter().zip(0..) {
+            biases.push(own);
+            let white = (normals(seed + 2, row), normals(seed + 3, row));
+            let force = attitude(t).inverse() * (acceleration(t) - Vector::from(GRAVITY));
+            rates.push((rate(t) + own[0] + white.0 * (imu.gyro / dt.sqrt())).into());
+            forces.push((force + own[1] + white.1 * (imu.accelerometer / dt.sqrt())).into());
+            own[0] += normals(seed + 4, row) * (imu.gyro_walk * dt.sqrt());
+            own[1] += normals(seed + 5, row) * (imu.accelerometer_walk * dt.sqrt());
+        }
+        let mut recording = Self { times, rates, forces, stamps: vec![], positions: vec![], attitudes: vec![], biases };
+        let mounting = exp(&Vector::from(MOUNTING));
+        for row in 0..(seconds / 0.01) as u64 - 2 {
+            let t = 0.01 * row as f64 + 0.0083;
+            let seen = attitude(t) * mounting * exp(&(normals(seed + 6, row) * NOISE.attitude));
+            let marker = position(t) + attitude(t) * Vector::from(LEVER) + normals(seed + 7, row) * NOISE.position;
+            recording.stamps.push(t - OFFSET);
+            recording.positions.push(marker.into());
+            recording.attitudes.push([seen.i, seen.j, seen.k, seen.w]);
+        }
+        recording
+    }
+
+    pub(super) fn imu(&self) -> ImuRecord<'_> {
+        ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces }
+    }
+
+    pub(super) fn run(&self) -> BodyRun<'_> {
+        let poses = PoseRecord { times: &self.stamps, positions: &self.positions, attitudes: &self.attitudes };
+        BodyRun { imu: self.imu(), poses }
+    }
+
+    /// The error of a state as it would be added to it.
+    pub(super) fn error(&self, state: &BodyState) -> StateError {
+        let t = state.time;
+        let at = t / 0.005;
+        let row = (at as usize).min(self.biases.len() - 2);
+        let bias = |which: usize| {
+            let (a, b) = (self.biases[row][which], self.biases[row + 1][which]);
+            a + (b - a) * (at - row as f64)
+        };
+        let parts = [
+            log(&(rotation(&state.attitude).inverse() * attitude(t))),
+            position(t) - Vector::from(state.position),
+            velocity(t) - Vector::from(state.velocity),
+            bias(0) - Vector::from(state.gyro_bias),
+            bias(1) - Vector::from(state.accelerometer_bias),
+        ];
+        StateError::from_fn(|i, _| parts[i / 3][i % 3])
+    }
+}

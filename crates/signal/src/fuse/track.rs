@@ -1,0 +1,145 @@
+//! One uninterrupted stretch of poses over which the inertial sensor was heard: a chain of nodes, one a pose.
+
+use super::{
+    BodyNoise, ImuRecord,
+    chain::{RIGHT, Row, WIDTH},
+    factors::{Block, Pose, huber, inertial, inertial_cost, pose},
+    preintegration::Preintegrated,
+    rotation::{Vector, exp},
+    state::{Border, State, part},
+};
+
+/// What is known of a bias at the start: its value, and its deviation; infinite where nothing is known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BiasPrior {
+    pub(super) value: Vector,
+    pub(super) deviation: f64,
+}
+
+/// A stretch, its poses, and where its states are at present.
+pub(super) struct Track<'a> {
+    pub(super) imu: ImuRecord<'a>,
+    /// The run that it is of, and the first of its poses there.
+    pub(super) run: usize,
+    pub(super) first: usize,
+    /// Stamps of the poses by their own clock.
+    pub(super) stamps: &'a [f64],
+    pub(super) poses: Vec<Pose>,
+    /// Whether position and attitude of a pose count.
+    pub(super) used: Vec<[bool; 2]>,
+    pub(super) states: Vec<State>,
+    /// The biases with which readings are summed.
+    pub(super) reference: [Vector; 2],
+}
+
+/// What all tracks share besides the constants that are estimated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Setting {
+    pub(super) noise: BodyNoise,
+    pub(super) huber: f64,
+    pub(super) biases: [BiasPrior; 2],
+    /// What is added to the stamps of the poses to get the instants of the nodes, s.
+    pub(super) anchor: f64,
+}
+
+impl Track<'_> {
+    pub(super) fn nodes(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// The instant of a node by the clock of the inertial sensor.
+    pub(super) fn time(&self, node: usize, setting: &Setting) -> f64 {
+        self.stamps[node] + setting.anchor
+    }
+
+    pub(super) fn between(&self, node: usize, setting: &Setting) -> Preintegrated {
+        let (from, to) = (self.time(node, setting), self.time(node + 1, setting));
+        Preintegrated::new(&self.imu, from, to, &self.reference, &setting.noise.imu)
+    }
+
+    /// The residuals between a node and the next.
+    pub(super) fn inertial(&self, node: usize, border: &Border, setting: &Setting) -> Block<15> {
+        let states = [&self.states[node], &self.states[node + 1]];
+        inertial(&self.between(node, setting), &self.reference, states, border, &setting.noise)
+    }
+
+    /// The residuals of the pose of a node, position and attitude.
+    pub(super) fn pose(&self, node: usize, state: &State, border: &Border, setting: &Setting) -> [Block<3>; 2] {
+        let reading = self.imu.at(self.time(node, setting));
+        pose(&self.poses[node], state, border, &reading, &setting.noise)
+    }
+
+    /// Pushes the rows whose first node is `node`.
+    pub(super) fn push(&self, node: usize, border: &Border, setting: &Setting, rows: &mut Vec<Row>) {
+        if node == 0 {
+            self.push_biases(setting, rows);
+        }
+        let blocks = self.pose(node, &self.states[node], border, setting);
+        for (block, _) in blocks.into_iter().zip(self.used[node]).filter(|(_, used)| *used) {
+            block.weighted(setting.huber).push(rows);
+        }
+        if node + 1 < self.nodes() {
+            self.inertial(node, border, setting).push(rows);
+        }
+    }
+
+    fn push_biases(&self, setting: &Setting, rows: &mut Vec<Row>) {
+        for (at, prior) in [part::GYRO, part::ACCELEROMETER].into_iter().zip(&setting.biases) {
+            let own = if at == part::GYRO { self.states[0].gyro } else { self.states[0].accelerometer };
+            for axis in (0..3).filter(|_| prior.deviation.is_finite()) {
+                let mut row = [0.0; WIDTH];
+                row[at + axis] = prior.deviation.recip();
+                row[RIGHT] = (prior.value[axis] - own[axis]) / prior.deviation;
+                rows.push(row);
+            }
+        }
+    }
+
+    /// The sum of what all residuals cost in these states.
+    pub(super) fn cost(&self, states: &[State], border: &Border, setting: &Setting) -> f64 {
+        let prior = |prior: &BiasPrior, own: &Vector| match prior.deviation.is_finite() {
+            true => (own - prior.value).norm_squared() / (prior.deviation * prior.deviation),
+            false => 0.0,
+        };
+        let [gyro, accelerometer] = &setting.biases;
+        let mut sum = prior(gyro, &states[0].gyro) + prior(accelerometer, &states[0].accelerometer);
+        for node in 0..self.nodes() {
+            let blocks = self.pose(node, &states[node], border, setting);
+            let used = blocks.iter().zip(self.used[node]).filter(|(_, used)| *used);
+            sum += used.map(|(block, _)| huber(&block.residual, setting.huber).0).sum::<f64>();
+            if node + 1 < self.nodes() {
+                let pair = [&states[node], &states[node + 1]];
+                let between = self.between(node, setting);
+                sum += inertial_cost(&between, &self.reference, pair, &border.gravity, &setting.noise);
+            }
+        }
+        sum
+    }
+
+    /// Moves every node later by so many seconds, along its motion, and sums readings with the biases of now from here on.
+    pub(super) fn shift(&mut self, late: f64, border: &Border, setting: &Setting) {
+        for node in 0..self.nodes() {
+            let reading = self.imu.at(self.time(node, setting) + 0.5 * late);
+            let state = &mut self.states[node];
+            let force = state.attitude * (reading.force - state.accelerometer) + border.gravity;
+            state.position += state.velocity * late + force * (0.5 * late * late);
+            state.velocity += force * late;
+            state.attitude *= exp(&((reading.rate - state.gyro) * late));
+        }
+        let mean = |of: fn(&State) -> Vector| {
+            self.states.iter().map(of).fold(Vector::zeros(), |sum, own| sum + own) / self.nodes() as f64
+        };
+        self.reference = [mean(|state| state.gyro), mean(|state| state.accelerometer)];
+    }
+
+    /// Chooses what counts: residuals of no more than `gate` deviations. Whether the choice changed.
+    pub(super) fn choose(&mut self, gate: f64, border: &Border, setting: &Setting) -> bool {
+        let mut changed = false;
+        for node in 0..self.nodes() {
+            let found = self.pose(node, &self.states[node], border, setting).map(|block| block.residual.norm() <= gate);
+            changed |= found != self.used[node];
+            self.used[node] = found;
+        }
+        changed
+    }
+}
