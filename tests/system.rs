@@ -8,6 +8,7 @@ mod demo;
 mod derivatives;
 mod docs;
 mod folds;
+mod fusion;
 mod generate;
 mod guards;
 mod narx;

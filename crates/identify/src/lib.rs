@@ -87,10 +87,11 @@ pub use parameters::{
 };
 pub use project::{Projected, project};
 pub use recipe::{
-    ClockSection, Derivative, EpisodeRule, EstimateMethod, EstimateSection, Gap, Input, InputTable, Join, JoinTable,
-    Kind, LatentSection, LibrarySection, Limits, ModelSection, NarxSection, NarxTerms, Normalize, Over,
-    ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, Settings, SindySection,
-    SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    BodySection, ClockSection, Derivative, EpisodeRule, EstimateMethod, EstimateSection, Gap, Gravity, Input,
+    InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection,
+    NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe,
+    SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time,
+    Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};

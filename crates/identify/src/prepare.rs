@@ -2,6 +2,7 @@
 //!
 //! One episode is in memory at a time: the columns that are read, and those that are written of it.
 
+mod body;
 mod channel;
 mod columns;
 mod options;
@@ -15,6 +16,7 @@ use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_signal::{SignalError, dejitter};
 
+pub use body::{BodyReport, RejectedPoses};
 pub(crate) use columns::aliases;
 pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, Places, PrepareReport};
 
@@ -76,6 +78,9 @@ pub fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, Error> {
     let logs = &logs.into();
+    if recipe.body.is_some() || !recipe.sensor.is_empty() {
+        return body::prepare(recipe, request, logs, progress);
+    }
     let options = EpisodeOptions::new(&recipe.prepare)?;
     let (dataset, recipe, columns) = Dataset::for_preparation(recipe, logs, progress)?;
     let view = dataset.view()?;
@@ -131,7 +136,7 @@ impl PrepareReport {
     ) -> Result<Self, Error> {
         let channels = too_few.first().map_or(String::new(), |first| format!(" ({first})"));
         notes.extend(too_few);
-        let mut report = Self { rows: 0, written: 0, smoothed: 0.0, clocks, episodes, notes };
+        let mut report = Self { rows: 0, written: 0, smoothed: 0.0, clocks, body: None, episodes, notes };
         report.rows = report.episodes.iter().map(|episode| episode.rows).sum();
         report.written = report.pieces().map(|piece| piece.rows).sum();
         report.smoothed =
@@ -280,10 +285,6 @@ impl Job<'_> {
 
     /// The labels of an episode belong to its file.
     fn label(&mut self, file: &str, labels: &BTreeMap<String, String>) {
-        if !labels.is_empty() {
-            let value = |text: &String| toml::Value::String(text.clone());
-            let labels = labels.iter().map(|(name, text)| (name.clone(), value(text))).collect();
-            self.rules.push(EpisodeRule { pattern: glob::Pattern::escape(file), labels });
-        }
+        self.rules.extend(EpisodeRule::of_file(file, labels));
     }
 }

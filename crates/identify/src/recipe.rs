@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+mod body;
 mod clocks;
 mod derivative;
 mod estimate;
@@ -19,6 +20,7 @@ mod settings;
 mod sindy;
 mod sparse;
 
+pub use body::{BodySection, Gravity, Mounting, SensorKind, SensorSection};
 pub use clocks::ClockSection;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
@@ -76,6 +78,12 @@ pub struct Recipe {
     /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, PrepareSection>,
+    /// A rigid body whose motion `prepare` fuses of the sensors that `[sensor]` names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodySection>,
+    /// The sensors of the body, by names of their own.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub sensor: IndexMap<String, SensorSection>,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
@@ -294,6 +302,15 @@ pub struct EpisodeRule {
     pub labels: BTreeMap<String, toml::Value>,
 }
 
+impl EpisodeRule {
+    /// The rule that gives a file its labels; `None` where it has none.
+    pub(crate) fn of_file(file: &str, labels: &BTreeMap<String, String>) -> Option<Self> {
+        let value = |text: &String| toml::Value::String(text.clone());
+        let labels: BTreeMap<_, _> = labels.iter().map(|(name, text)| (name.clone(), value(text))).collect();
+        (!labels.is_empty()).then(|| Self { pattern: glob::Pattern::escape(file), labels })
+    }
+}
+
 impl Recipe {
     /// Reads a recipe from TOML text; `name` is its origin, for messages.
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
@@ -371,6 +388,18 @@ terrain = "grass"
         assert_eq!(recipe.states["yaw"].kind, Some(Kind::Angle));
         assert_eq!(recipe.time.max_gap, Some(Gap::Seconds(0.5)));
         assert_eq!(Recipe::parse(&recipe.to_toml(), "again").unwrap(), recipe);
+    }
+
+    #[test]
+    fn sensors_of_a_body_round_trip() {
+        let text = "[body]\ngravity = [0.0, 0.0, -9.81]\n[sensor.mocap]\nkind = \"pose\"\nchannels = [\"x\"]\nlever = \"auto\"\nmounting = [0.0, 0.0, 0.0, 1.0]\ndelay = 0.01\n";
+        let recipe = Recipe::parse(text, "test").unwrap();
+        assert_eq!(recipe.sensor["mocap"].kind, SensorKind::Pose);
+        assert_eq!(Recipe::parse(&recipe.to_toml(), "again").unwrap(), recipe);
+        let error = Recipe::parse("[sensor.a]\nkind = \"pose\"\n", "robot.toml").unwrap_err().to_string();
+        assert!(error.contains("channels"), "{error}");
+        let error = Recipe::parse(&text.replace("\"auto\"", "true"), "robot.toml").unwrap_err().to_string();
+        assert!(error.contains("list of numbers"), "{error}");
     }
 
     #[test]

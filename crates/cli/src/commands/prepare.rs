@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetfoot::{
     Error, Recipe,
     clocks::AlignedClock,
-    prepare::{ChannelReport, Places, PrepareReport, PrepareRequest, prepare as run},
+    prepare::{BodyReport, ChannelReport, Places, PrepareReport, PrepareRequest, RejectedPoses, prepare as run},
 };
 
 use super::{Context, files, fit};
@@ -102,16 +102,43 @@ fn to_text(report: &PrepareReport) -> String {
     ];
     let ends: String = ends.iter().filter(|(rows, _)| *rows > 0).map(|(rows, why)| format!(", {rows} {why}")).collect();
     let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
+    let channels = if rows.is_empty() { String::new() } else { format!("{}\n", table(&header, cells)) };
     format!(
-        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{}\n{}{}{doubts}",
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{doubts}",
         report.rows,
         count(report.episodes.len(), "episode"),
         report.written,
         count(report.pieces().count(), "piece"),
         seconds(report.smoothed),
-        table(&header, cells),
+        report.body.as_ref().map(body).unwrap_or_default(),
         clocks(report),
         report.clocks.iter().map(aligned).collect::<String>(),
+    )
+}
+
+/// What fusion found of a body's sensors, with what is left unknown.
+fn body(own: &BodyReport) -> String {
+    let list = |values: &[f64]| values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ");
+    let with = |values: &[f64], deviations: &[f64]| match deviations.iter().any(|deviation| *deviation > 0.0) {
+        true => format!("{} (deviations {})", list(values), list(deviations)),
+        false => format!("{}, as given", list(values)),
+    };
+    let rejected = |of: fn(&RejectedPoses) -> &Places| own.rejected.iter().map(|log| of(log).rows).sum::<usize>();
+    format!(
+        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n  gravity   {} m/s^2\n  noise     rate {} rad/s/sqrt(Hz), force {} m/s^2/sqrt(Hz), position {} m, attitude {} rad, {}\n",
+        count(own.poses, "pose"),
+        rejected(|log| &log.positions),
+        rejected(|log| &log.attitudes),
+        own.outside,
+        with(&own.lever, &own.lever_deviation),
+        with(&own.mounting, &own.mounting_deviation),
+        with(&[own.delay], &[own.delay_deviation]),
+        list(&own.gravity),
+        number(own.imu_noise[0]),
+        number(own.imu_noise[1]),
+        number(own.pose_noise[0]),
+        number(own.pose_noise[1]),
+        if own.noise_fitted { "told by the residuals" } else { "as given" },
     )
 }
 

@@ -102,6 +102,8 @@ pub(super) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
     recipe.rename.clear();
     recipe.channels.clear();
     recipe.clocks.clear();
+    recipe.body = None;
+    recipe.sensor.clear();
     recipe.prepare = Default::default();
     recipe.episodes.clear();
     recipe.time = crate::Time {

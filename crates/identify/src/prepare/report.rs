@@ -17,6 +17,9 @@ pub struct PrepareReport {
     /// The clocks of other computers, log by log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub clocks: Vec<AlignedClock>,
+    /// What fusion found of a body's sensors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<super::BodyReport>,
     /// Every episode that was read.
     pub episodes: Vec<EpisodeReport>,
     /// What the user should know.

@@ -59,14 +59,17 @@ pub(super) fn columns(planned: &[Planned], time: &str) -> Result<Vec<WriteColumn
             columns.extend(names.iter().zip(&units).map(|(name, unit)| with_unit(format!("{name}_deviation"), unit)));
         }
     }
+    unique(columns, "a column of the log has the name of a derivative")
+}
+
+/// The columns, if each has a name of its own; `why` two may share one.
+pub(super) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteColumn>, Error> {
     let mut seen = BTreeSet::new();
     match columns.iter().find(|column| !seen.insert(column.name.as_str())) {
         None => Ok(columns),
         Some(twice) => {
             let name = twice.name.clone();
-            let problem = format!(
-                "`{name}` would be written twice: a column of the log has the name of a derivative; give it another in [columns]"
-            );
+            let problem = format!("`{name}` would be written twice: {why}; give it another in [columns]");
             Err(Error::name_taken(name, problem))
         }
     }

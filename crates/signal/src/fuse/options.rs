@@ -138,7 +138,11 @@ fn check_rows<const N: usize>(what: &'static str, values: &[[f64; N]], stamps: u
 }
 
 impl BodyRun<'_> {
-    pub(super) fn check(&self) -> Result<(), SignalError> {
+    /// Whether the records are such as can be fused.
+    ///
+    /// # Errors
+    /// Records of different lengths or of fewer than two rows, stamps that do not increase, values that are not finite, an attitude that is no rotation.
+    pub fn check(&self) -> Result<(), SignalError> {
         let Self { imu, poses } = self;
         check_stamps(imu.times)?;
         check_rows("the angular rate", imu.rates, imu.times.len())?;
