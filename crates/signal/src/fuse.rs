@@ -49,7 +49,7 @@ const SAME: f64 = 1.002;
 /// Fuses the runs of one body: the same constants in all, states and biases of their own in each.
 ///
 /// Times of a run are seconds from any moment, the same for both of its records. Poses outside of what the inertial sensor heard, and poses alone between two of its gaps, are left out and counted. The
-/// answer does not depend on the number of threads. Memory beside records and answer is some 250 bytes a pose.
+/// answer does not depend on the number of threads. Memory beside records and answer is some 600 bytes a pose.
 ///
 /// ```
 /// use fleetfoot_signal::fuse::{BodyRun, FuseOptions, ImuRecord, PoseRecord, fuse};
@@ -94,13 +94,19 @@ pub fn fuse(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<Fused, Signal
     };
     let border = start::begin(&mut tracks, options, &setting);
     let mut problem = Problem { tracks, border, setting, options: options.clone() };
-    solve(&mut problem, outside).map_err(|_| SignalError::NotFused {
-        problem: "the motion does not determine what is asked for: give lever, mounting, offset or gravity, or a record with more turns about several axes",
-    })
+    solve(&mut problem, outside)
+}
+
+impl From<chain::Undetermined> for SignalError {
+    fn from(_: chain::Undetermined) -> Self {
+        Self::NotFused {
+            problem: "the motion does not determine what is asked for: give lever, mounting, offset or gravity, or a record with more turns about several axes",
+        }
+    }
 }
 
 /// Goes down, moves the nodes, chooses what counts and tells the noise, until none of it changes.
-fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, chain::Undetermined> {
+fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, SignalError> {
     let (mut steps, mut converged, mut moving, mut last) = (0, false, true, f64::INFINITY);
     for round in 0..ROUNDS {
         let descent = problem.descend()?;
@@ -125,11 +131,18 @@ fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, chain::Unde
             for track in &mut problem.tracks {
                 chosen |= track.choose(gate, &border, &setting);
             }
+            // What most poses contradict is no motion of this body.
+            let used = || problem.tracks.iter().flat_map(|track| &track.used);
+            if (0..2).any(|which| 2 * used().filter(|used| used[which]).count() < used().count()) {
+                return Err(SignalError::NotFused {
+                    problem: "more than half of the poses lie beyond the gate of what the readings tell: check clocks, frames and units, the mounting and the lever, or state greater noise",
+                });
+            }
         }
         if descent.converged && !moving && !chosen && change < SAME && round > 0 {
             converged = true;
             break;
         }
     }
-    result::fused(problem, outside, steps, converged)
+    Ok(result::fused(problem, outside, steps, converged)?)
 }

@@ -246,6 +246,11 @@ fn what_cannot_be_fused_is_told() {
     zero[9] = [0.0; 4];
     let poses = super::PoseRecord { attitudes: &zero, ..run.poses };
     assert_eq!(refused(BodyRun { poses, ..run }, &options()), SignalError::Attitude { row: 9 });
+    // Positions of something that stands still, while the body flies.
+    let poses = super::PoseRecord { positions: &vec![[0.0; 3]; zero.len()], ..run.poses };
+    let noise = BodyNoise { position: 1e-5, ..NOISE };
+    let error = refused(BodyRun { poses, ..run }, &FuseOptions { noise, ..known() });
+    assert!(error.to_string().contains("more than half"), "{error}");
     // A body that stands still tells nothing of a lever.
     let still = vec![[0.0; 3]; recording.times.len()];
     let up = vec![[0.0, 0.0, 9.8]; recording.times.len()];
