@@ -522,7 +522,7 @@ fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
     };
     let folder = models(1200);
     fleetfoot(folder.path(), &["report", "model.json", "held-out.csv", "--horizon", "40"]).ok();
-    for (width, dark) in [(375, false), (1440, true)] {
+    for (width, dark) in [(375, false), (375, true), (1440, false), (1440, true)] {
         let told = opened(&browser, folder.path(), "report.html", width, dark);
         assert!(told.starts_with("fits figures"), "{width}: {told}");
         let words: Vec<&str> = told.split_whitespace().collect();

@@ -255,5 +255,8 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
 }
 
 fn to_json(fitted: &NarxFitted, arguments: &FitNarx) -> Value {
-    with(fitted.report.to_json(), json!({ "model": arguments.output, "seed": fitted.model.training.seed }))
+    with(
+        fitted.report.to_json(),
+        json!({ "model": arguments.output, "hash": fitted.model.hash(), "seed": fitted.model.training.seed }),
+    )
 }
