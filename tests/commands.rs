@@ -325,6 +325,25 @@ fn a_condition_says_which_rows_are_used() {
     assert!(bytes("one.json") == bytes("where.json"));
     run(&["scan", "-c", "where.toml", "all.csv", "-o", "where.stats"]);
     assert!(run(&["stats", "info", "where.stats"]).out.contains("699"));
+    // Its rows are chosen: neither a fit nor another scan takes others, and a model of it says which they were.
+    let refused = |arguments: &[&str], words: &[&str]| fleetfoot(folder.path(), arguments).fails(words);
+    refused(
+        &["fit", "sparse", "where.stats", "--where", "t < 9", "-o", "x.json"],
+        &["t < 9", "5 < t <= 12", "scan the logs again"],
+    );
+    refused(&["fit", "pwa", "where.stats", "--where", "all", "-o", "x.json"], &["other rows"]);
+    run(&["fit", "pwa", "-c", "robot.toml", "where.stats", "--partition", "average", "-o", "sums.json"]);
+    assert!(String::from_utf8(bytes("sums.json")).unwrap().contains("5 < t <= 12"));
+    run(&["scan", "-c", "robot.toml", "all.csv", "--plan", "where.stats", "-o", "x.stats"]
+        .map(|word| word.replace("robot", "where"))
+        .each_ref()
+        .map(String::as_str));
+    refused(
+        &["scan", "-c", "robot.toml", "all.csv", "--plan", "where.stats", "-o", "y.stats"],
+        &["5 < t <= 12", "all"],
+    );
+    run(&["scan", "-c", "robot.toml", "all.csv", "-o", "all.stats"]);
+    refused(&["stats", "merge", "where.stats", "all.stats", "-o", "y.stats"], &["rows where 5 < t <= 12"]);
     fleetfoot(folder.path(), &["fit", "pwa", "-c", "robot.toml", "all.csv", "--where", "t > 1e9"])
         .fails(&["no row of 3000 is used"]);
     fleetfoot(folder.path(), &["fit", "pwa", "-c", "robot.toml", "all.csv", "--where", "velocity > 0"])

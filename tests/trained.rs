@@ -54,6 +54,9 @@ fn parts_of_training_logs_are_recognised_in_other_files() {
     // What simulations start from has trained as well; a page says so of its data.
     let rolled = run(&["rollout", "sindy.json", "middle.csv", "--horizon", "20", "--starts", "50"]);
     assert!(rolled.err.contains("in part (middle.csv)"), "{}", rolled.err);
+    // Whatever they happen to read of it.
+    let few = run(&["rollout", "sindy.json", "middle.csv", "--horizon", "5", "--starts", "2"]);
+    assert!(few.err.contains("in part (middle.csv)"), "{}", few.err);
     run(&["report", "sindy.json", "middle.csv", "-o", "page.html"]);
     let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
     assert!(

@@ -15,8 +15,8 @@ use crate::{Block, Column, ColumnKind, Episode, Error, Halo, Source, mix};
 const VALUES: usize = 16;
 /// Different ones that it needs: a robot that rests says the same in every log.
 const DIFFERENT: usize = 8;
-/// Places of an episode that are marked, spread evenly: a quarter of its rows holds one of them.
-const PLACES: usize = 5;
+/// Places of an episode that are marked, spread evenly: an eighth of its rows, and 31 more, hold one of them.
+const PLACES: usize = 9;
 /// Marks of a field at a place. One alone may be chance: a field that counts says the same wherever it starts from the same number.
 const AT_A_PLACE: usize = 2;
 /// The odd factor of the rolling hash.

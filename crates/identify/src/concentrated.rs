@@ -11,12 +11,11 @@ pub(crate) fn notes<'a>(
     let told = |(target, found): (String, Option<&Concentration>)| {
         let Concentration { rows, squares, place: (episode, stretch) } = found?;
         Some(format!(
-            "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: rows {} to {} of {}); least squares fit these. If it was a fall, a collision or a gross error, leave \
+            "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares fit these. If it was a fall, a collision or a gross error, leave \
              them out (--where, fleetfoot prepare)",
             100.0 * rows,
             100.0 * squares,
             stretch.start + 1,
-            stretch.end,
             name(*episode)?
         ))
     };

@@ -5,10 +5,10 @@ use std::ops::Range;
 use fleetfoot_data::{Column, ColumnKind, Halo, Progress, Source, Watched, parallel_fold};
 use fleetfoot_library::Expr;
 
-use crate::{Error, Recipe, dataset::seen_through, task::Aliases};
+use crate::{Error, Recipe, dataset::seen_through, rows::pieces, task::Aliases};
 
-/// Rows read at once.
-const ROWS: usize = 65_536;
+/// Stretches of rows that are in use: each becomes an episode, with a name and an identity.
+const MOST_RUNS: usize = 20_000;
 /// The longer ones first: `<` begins `<=`.
 const COMPARISONS: [(&str, Comparison); 6] = [
     ("<=", Comparison::AtMost),
@@ -53,15 +53,32 @@ pub(crate) struct Condition {
     comparisons: Vec<(Expr, Comparison, Option<String>)>,
 }
 
+/// What a recipe says of the rows in use; `None` where all are.
+pub(crate) fn stated(recipe: &Recipe) -> Option<&str> {
+    recipe.time.only.as_deref().map(str::trim).filter(|text| *text != "all")
+}
+
+/// Refuses a condition beside a statistic, but that of its scan.
+///
+/// # Errors
+/// [`Error::NeedsRows`]: the rows of a statistic were chosen when it was scanned.
+pub(crate) fn refuse_other_rows(recipe: &Recipe, scanned: &Recipe) -> Result<(), Error> {
+    if recipe.time.only.is_none() || stated(recipe) == stated(scanned) {
+        return Ok(());
+    }
+    let (wanted, there) = (stated(recipe).unwrap_or("all"), stated(scanned).unwrap_or("all"));
+    Err(Error::needs_rows(format!(
+        "[time] where = \"{wanted}\": the statistic is of other rows (where = \"{there}\"), which were chosen when it was scanned: scan the logs again, or fit them without a statistic"
+    )))
+}
+
 impl Condition {
     /// Reads `where` of a recipe: comparisons between expressions over its columns and fields, joined by `and`. `None` where all rows are used.
     ///
     /// # Errors
     /// What is no comparison, with what is one; unknown names.
     pub(crate) fn of(recipe: &Recipe, fields: &[Column]) -> Result<Option<Self>, Error> {
-        let Some(text) = recipe.time.only.as_deref().map(str::trim).filter(|text| *text != "all") else {
-            return Ok(None);
-        };
+        let Some(text) = stated(recipe) else { return Ok(None) };
         let aliases = Aliases::of_recipe(recipe, fields)?;
         let mut comparisons = Vec::new();
         for part in joined_by_and(text) {
@@ -94,11 +111,7 @@ impl Condition {
             self.comparisons.iter().enumerate().map(|(at, (expression, ..))| (name(at), expression.clone())).collect();
         let codes = self.codes(source)?;
         let view = seen_through(Box::new(Watched::new(source, None)), &columns)?;
-        let pieces: Vec<(usize, Range<usize>)> = (view.episodes().iter().enumerate())
-            .flat_map(|(episode, info)| {
-                (0..info.rows).step_by(ROWS).map(move |from| (episode, from..(from + ROWS).min(info.rows)))
-            })
-            .collect();
+        let pieces = pieces(&view);
         let mut runs = Runs::new();
         progress.stage("rows in use");
         parallel_fold(
@@ -129,6 +142,14 @@ impl Condition {
             let problem = format!("no row of {all} is used: `{}` holds of none ([time] where, --where)", self.text);
             return Err(Error::too_few_rows(0, 1, problem));
         }
+        if runs.len() > MOST_RUNS {
+            return Err(Error::value(format!(
+                "[time] where = \"{}\": it holds in {} stretches of {:.1} rows on average, and each would be an episode: compare something smoother, as in lag1(v, 0.5)",
+                self.text,
+                runs.len(),
+                used as f64 / runs.len() as f64
+            )));
+        }
         let stretches = if runs.len() == 1 { "one stretch".to_owned() } else { format!("{} stretches", runs.len()) };
         Ok((runs, format!("where {}: {used} of {all} rows, in {stretches}", self.text)))
     }
@@ -136,7 +157,19 @@ impl Condition {
     /// The code of every word among the names of its column, 0 of numbers.
     fn codes(&self, source: &dyn Source) -> Result<Vec<f64>, Error> {
         let code = |(expression, _, word): &(Expr, Comparison, Option<String>)| {
-            let Some(word) = word else { return Ok(0.0) };
+            let Some(word) = word else {
+                let text = |name: &std::sync::Arc<str>| {
+                    let column = source.column_index(name).map(|at| &source.columns()[at].kind);
+                    matches!(column, Some(ColumnKind::Category(_)))
+                };
+                return match expression.sources().into_iter().find(text) {
+                    Some(name) => Err(Error::value(format!(
+                        "[time] where = \"{}\": `{name}` has words and no numbers: compare it with one, as in {name} == 'auto'",
+                        self.text
+                    ))),
+                    None => Ok(0.0),
+                };
+            };
             let column = expression.as_column().and_then(|name| source.column_index(name));
             let names = match column.map(|at| &source.columns()[at].kind) {
                 Some(ColumnKind::Category(names)) => names,
@@ -276,6 +309,7 @@ mod tests {
             ("tt > 3", "did you mean `t`"),
             ("t == 'auto'", "has numbers and no words"),
             ("mode > 'auto'", "by == or !="),
+            ("mode > 0", "has words and no numbers"),
             ("t > 1e9", "no row of 12 is used"),
             ("mode == 'automatic'", "no row of 12 is used"),
         ] {

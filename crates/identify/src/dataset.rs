@@ -5,11 +5,9 @@ mod cost;
 mod fields;
 mod selection;
 mod topics;
+mod trained;
 
-use std::{
-    collections::{BTreeSet, HashSet},
-    path::Path,
-};
+use std::{path::Path, sync::atomic::AtomicBool};
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
 use fleetfoot_library::{Expr, View};
@@ -47,6 +45,8 @@ pub struct Dataset {
     notes: Vec<String>,
     /// Looks for rows that trained the model which the logs were opened for.
     watch: Option<Watch>,
+    /// Whether all rows have been looked at.
+    searched: AtomicBool,
 }
 
 /// Files opened for a structured regression.
@@ -443,9 +443,9 @@ impl Dataset {
         notes.extend(clocks.notes);
         let recording = match condition {
             Some(condition) => {
-                let (runs, told) = condition.runs(&recording, progress)?;
+                let (runs, told) = condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;
                 notes.push(told);
-                recording.parts(&runs, &selection.label_rules, progress)?
+                recording.parts(&runs, &selection, progress)?
             }
             None => recording,
         };
@@ -463,6 +463,7 @@ impl Dataset {
             topics: Vec::new(),
             notes,
             watch: None,
+            searched: AtomicBool::new(false),
         })
     }
 
@@ -550,19 +551,5 @@ impl Dataset {
             return 0.0;
         }
         period::of_most(self.episodes())
-    }
-
-    /// The episodes, by number, that the model was trained on, as a whole or in part. Parts are known once the rows have been read through
-    /// [`Dataset::view`].
-    pub(crate) fn trained(&self, model: &Model) -> BTreeSet<usize> {
-        let trained: HashSet<&str> = model.training.episodes.iter().map(|known| known.id.as_str()).collect();
-        let whole = |episode: &usize| trained.contains(self.episodes()[*episode].id.to_string().as_str());
-        let parts = self.watch.iter().flat_map(Watch::found);
-        (0..self.episodes().len()).filter(whole).chain(parts).collect()
-    }
-
-    /// Names of the episodes that the model was trained on, as a whole or in part ([`Dataset::trained`]).
-    pub fn in_sample(&self, model: &Model) -> Vec<String> {
-        self.trained(model).into_iter().map(|episode| self.episodes()[episode].name.clone()).collect()
     }
 }

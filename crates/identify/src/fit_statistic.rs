@@ -20,7 +20,7 @@ use crate::{
 /// Those of the recipe and of reading; a question that needs rows; targets, functions or regions that were not summed; folds that the chunks are too long for.
 pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<Fitted, Error> {
     let file = logs.statistic()?;
-    let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?);
+    let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?)?;
     let said = PwaOptions::new(&recipe)?;
     said.objective.refuse_statistic()?;
     refuse_rows(&said)?;

@@ -131,7 +131,8 @@ pub fn model_rows(
     Ok(out)
 }
 
-fn pieces(source: &dyn Source) -> Vec<(usize, std::ops::Range<usize>)> {
+/// All rows of a source in pieces that are read at once: episodes, and rows of them.
+pub(crate) fn pieces(source: &dyn Source) -> Vec<(usize, std::ops::Range<usize>)> {
     let of = |(episode, rows): (usize, usize)| {
         (0..rows).step_by(ROWS).map(move |from| (episode, from..(from + ROWS).min(rows)))
     };

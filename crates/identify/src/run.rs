@@ -45,6 +45,7 @@ pub(crate) fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progre
     let view = dataset.view()?;
     progress.stage("score");
     let mut scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    dataset.all_were_read();
     let trained = dataset.trained(model);
     scores.episodes.iter_mut().for_each(|score| score.in_training |= trained.contains(&score.episode));
     refuse_unseen_labels(model, scores.skipped.no_region, scores.rows)?;
@@ -291,6 +292,7 @@ pub(crate) fn roll_rows(
     closed_by: Option<&Arc<dyn Controller>>,
     progress: &dyn Progress,
 ) -> Result<RolledOut, Error> {
+    dataset.search(progress)?;
     let view = dataset.view()?;
     progress.stage("rollout");
     let rollouts = match closed_by {

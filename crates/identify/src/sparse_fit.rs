@@ -20,17 +20,17 @@ use std::{
 };
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_model::Model;
+use fleetfoot_model::{Equation, Model};
 use fleetfoot_sparse::{
     bolasso::refit,
     inference::{Clusters, clustered_covariance},
     select::held_out_refit,
-    structured::Plan,
 };
 use fleetfoot_stats::{Concentration, Key};
 
 use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
+    condition::refuse_other_rows,
     dataset::OpenedStructure,
     folds::smoothed_rows,
     output::refuse_not_finite,
@@ -169,7 +169,10 @@ impl Evidence {
         let file = logs.statistic()?;
         // Without a recipe that of the scan holds, with the flags above it.
         let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
+        let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+        refuse_other_rows(recipe, &scanned)?;
         let mut recipe = recipe.clone();
+        recipe.time.only = scanned.time.only;
         if says_nothing {
             let (mut own, _) = file.task()?;
             own.say(recipe.sparse);
@@ -269,15 +272,15 @@ impl Evidence {
 }
 
 impl Evidence {
-    /// What to say of tasks whose targets' variance few rows hold.
+    /// What to say of equations whose targets' variance few rows hold.
     fn concentrated(&self) -> Vec<String> {
-        let Plan { regression, chunk_rows, .. } = &self.file.plan;
-        let found: Vec<Option<Concentration>> = (0..regression.tasks.len())
-            .map(|task| Concentration::of(&self.file.scanned.also, task, *chunk_rows))
-            .collect();
-        let labels = regression.tasks.iter().map(|task| task.name.clone());
+        // The first moments are those of the fitted equations' targets.
+        let fitted = self.task.equations.iter().filter(|equation| equation.target.is_some());
+        let labels: Vec<String> = fitted.map(Equation::label).collect();
+        let of = |target| Concentration::of(&self.file.scanned.also, target, self.file.plan.chunk_rows);
+        let found: Vec<Option<Concentration>> = (0..labels.len()).map(of).collect();
         let name = |id| self.file.episode(id).map(|episode| episode.name.clone());
-        concentrated::notes(labels.zip(found.iter().map(Option::as_ref)), name)
+        concentrated::notes(labels.into_iter().zip(found.iter().map(Option::as_ref)), name)
     }
 }
 

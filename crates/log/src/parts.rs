@@ -5,22 +5,23 @@ use std::ops::Range;
 use fleetfoot_data::{Fingerprint, Halo, Progress};
 
 use crate::{
-    Error, LabelRule, Recording,
+    Error, Recording, Selection,
     index::{Span, uniform_stamp},
+    recording::refuse_duplicates,
 };
 
 /// Stamps read at once.
 const ROWS: usize = 65_536;
 
 impl Recording {
-    /// The recording of some rows: every part, an episode and its rows, is an episode of its own; the order is that of the list. Whole episodes stay what they are.
+    /// The recording, which was opened by this selection, of some of its rows: every part, an episode and its rows, is an episode of its own; the order is that of the list. Whole episodes stay what they are.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Those of reading; the same values twice, where rows have no stamps of their own.
     pub fn parts(
         mut self,
         parts: &[(usize, Range<usize>)],
-        rules: &[LabelRule],
+        selection: &Selection,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         progress.stage("parting episodes");
@@ -33,7 +34,10 @@ impl Recording {
         }
         self.places.clear();
         self.episodes.clear();
-        self.add_episodes(spans, rules, progress)?;
+        self.add_episodes(spans, &selection.label_rules, progress)?;
+        if !selection.allow_duplicates {
+            refuse_duplicates(&self.episodes)?;
+        }
         Ok(self)
     }
 

@@ -483,7 +483,7 @@ fn category_digests(kind: &ColumnKind) -> Option<Vec<f64>> {
     Some(names.iter().map(digest).collect())
 }
 
-fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
+pub(crate) fn refuse_duplicates(episodes: &[Episode]) -> Result<(), Error> {
     let mut seen: HashMap<EpisodeId, &str> = HashMap::new();
     for episode in episodes {
         if let Some(first) = seen.insert(episode.id, &episode.name) {

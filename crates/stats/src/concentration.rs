@@ -8,6 +8,8 @@ use crate::{Gram, Stats};
 
 /// The share of the rows that is few.
 const FEW: f64 = 0.02;
+/// The same of a single chunk: those of large problems are long.
+const FEW_OF_ONE: f64 = 0.1;
 /// The share of the variance that is most of it.
 const MOST: f64 = 0.5;
 
@@ -23,10 +25,11 @@ pub struct Concentration {
 }
 
 impl Concentration {
-    /// The fewest chunks, of so many rows, that hold most of the variance of a column, where they have few of all rows; `None` where it is spread, or there is none.
+    /// The fewest chunks, of so many rows, that hold most of the variance of a column, where they have few of all rows, or are one; `None` where it is spread, or where there is no such
+    /// column.
     pub fn of(sums: &Stats, column: usize, chunk_rows: usize) -> Option<Self> {
         let chunks: BTreeMap<(EpisodeId, u32), Gram> = sums.totals(|key| Some((key.episode, key.chunk)));
-        let all = sums.total(|_| true)?;
+        let all = sums.total(|_| true).filter(|all| column < all.dimension())?;
         let about_mean =
             |gram: &Gram| gram.get(column, column) + gram.weight * (gram.mean[column] - all.mean[column]).powi(2);
         let mut heaviest: Vec<((EpisodeId, u32), f64, f64)> =
@@ -37,7 +40,7 @@ impl Concentration {
         for (count, (_, own_squares, own_rows)) in heaviest.iter().enumerate() {
             rows += own_rows / all.rows as f64;
             squares += own_squares / all.get(column, column);
-            if rows > FEW {
+            if rows > if count == 0 { FEW_OF_ONE } else { FEW } {
                 return None;
             }
             if squares >= MOST {

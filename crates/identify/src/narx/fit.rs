@@ -118,7 +118,7 @@ fn of_sums(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Mod
     let file = logs.statistic()?;
     let mut notes = Vec::new();
     let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
-    let recipe = beneath(recipe, &scanned);
+    let recipe = beneath(recipe, &scanned)?;
     let recipe = by_single_steps(&recipe, &mut notes)?.into_owned();
     let mut options = NarxOptions::new(&recipe)?;
     options.objective.refuse_statistic()?;
@@ -204,7 +204,13 @@ impl Fit<'_> {
         };
         let labels = chosen.task.fitted.iter().map(|equation| equation.label.clone());
         let known = self.evidence.episodes();
-        let name = |id: EpisodeId| known.iter().find(|own| own.id == id.to_string()).map(|own| own.name.clone());
+        let name = |id: EpisodeId| {
+            let name = known.iter().find(|own| own.id == id.to_string())?.name.clone();
+            Some(match self.options.decimate {
+                0 | 1 => name,
+                every => format!("every {every}th row of {name}"),
+            })
+        };
         notes.extend(concentrated::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
         let counts = chosen.whole.counts();
         let regions = regions(&chosen, &model, scan, partition, &mut notes);

@@ -50,7 +50,7 @@ pub(super) fn parts(
     let has_terms = |latent: &&Latent| !terms(model, latent, region).is_empty();
     let own = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
     let mut known: Vec<Known> = Vec::new();
-    let mut basis = Basis::Report;
+    let mut bases: Vec<String> = Vec::new();
     let mut inverses = Inverses::new(&model.partitions[partition].regions[region]);
     for latent in own {
         let equation = model.fitted().enumerate().find(|(_, one)| one.right.as_column() == Some(latent.name.as_str()));
@@ -60,11 +60,16 @@ pub(super) fn parts(
             .iter()
             .map(|(name, _)| told.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, error)| TWO_SIDED * error))
             .collect();
+        let mut basis = Basis::Report;
         if let (true, Some((target, _))) = (told.is_empty(), equation) {
             let independent = fit.and_then(Fit::independent);
             basis = Basis::Moments(independent);
-            let wider = independent.map_or(1.0, |[rows, independent]| (rows / independent).sqrt());
-            half = inverses.half_widths(model, latent, region, target).iter().map(|half| wider * half).collect();
+            let share = independent.map_or(1.0, |[rows, independent]| independent / rows);
+            half = inverses.half_widths(model, latent, region, target, share);
+        }
+        let words = basis.in_words();
+        if !bases.contains(&words) {
+            bases.push(words);
         }
         let terms: Vec<_> = terms(model, latent, region)
             .into_iter()
@@ -78,7 +83,7 @@ pub(super) fn parts(
     if total == 0 {
         return Vec::new();
     }
-    let words = basis.in_words();
+    let words = bases.join(" ");
     let mut parts: Vec<Part> =
         if said.as_ref() == Some(&words) { Vec::new() } else { vec![Part::Paragraph(words.clone())] };
     *said = Some(words);
@@ -235,8 +240,8 @@ impl<'a> Inverses<'a> {
     }
 
     /// Half the widths of the intervals of the terms of an equation, the constant first: `t s sqrt(diag((X'X)^-1))` with the variance of the residuals `s^2` by their degrees of
-    /// freedom. NaN where the model does not know the moments.
-    fn half_widths(&mut self, model: &Model, latent: &Latent, region: usize, target: usize) -> Vec<f64> {
+    /// freedom, where a share of the rows counts as independent. NaN where the model does not know the moments.
+    fn half_widths(&mut self, model: &Model, latent: &Latent, region: usize, target: usize, share: f64) -> Vec<f64> {
         let support: Vec<usize> =
             (0..latent.coefficients[region].len()).filter(|&j| latent.coefficients[region][j] != 0.0).collect();
         let constant = latent.constants[region] != 0.0;
@@ -248,8 +253,9 @@ impl<'a> Inverses<'a> {
             return vec![if variance.is_nan() { f64::NAN } else { f64::INFINITY }; count];
         };
         let square = variance * own.rows as f64 / freedom as f64;
-        let t = student_t_95(freedom);
-        self.diagonal(support, constant).iter().map(|inverse| t * (square * inverse).sqrt()).collect()
+        let independent = (own.rows as f64 * share) as usize;
+        let t = student_t_95(independent.saturating_sub(count).max(1));
+        self.diagonal(support, constant).iter().map(|inverse| t * (square * inverse / share).sqrt()).collect()
     }
 
     /// The diagonal of `(X'X)^-1`, that of the constant first.

@@ -9,7 +9,7 @@ use fleetfoot_library::Unary;
 use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Chart, Figure, Lines, Part, Series, Stroke,
-    words::{count, seconds},
+    words::{self, count, seconds},
 };
 
 use super::Judged;
@@ -103,10 +103,6 @@ impl Stretch {
     }
 }
 
-fn is_trained(model: &Model, rows: &Dataset, episode: usize) -> bool {
-    rows.trained(model).contains(&episode)
-}
-
 impl RolledOn {
     /// Simulates a model on a stretch: that of the models before it, where it is there, else one of its own. `rolled` is what was simulated of it before.
     pub(super) fn of(
@@ -169,7 +165,7 @@ impl RolledOn {
             predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut found);
             [drawn().map(|row| region(found.region[row])).collect(), nothing.clone()]
         });
-        let trained = is_trained(model, rows, episode);
+        let trained = rows.trained(model).contains(&episode);
         let name = view.episodes()[episode].name.clone();
         Ok(Self { stretch, name, trained, time, states, left: Vec::new(), ended: Vec::new(), regions })
     }
@@ -268,7 +264,14 @@ fn in_time(models: &[(&str, &RolledOn)], place: usize, own: &State) -> Figure {
     let chart = Lines::new(Axis::of("time since the start of the log", "s"), axis, series);
     let steps = first.stretch.horizon;
     let long = first.time.get(steps / first.stretch.stride).map_or(f64::NAN, |end| end - first.time[0]);
-    let held = if first.trained { "which trained the model" } else { "which did not train the model" };
+    let trained: Vec<String> =
+        models.iter().filter(|(_, own)| own.trained).map(|(name, _)| (*name).to_owned()).collect();
+    let held = match trained.len() {
+        0 if several => "which trained none of these models".to_owned(),
+        0 => "which did not train the model".to_owned(),
+        _ if several => format!("which trained {}", words::series(&trained, 4)),
+        _ => "which trained the model".to_owned(),
+    };
     let caption = format!(
         "{} of {steps} steps ({}), each begun at the recorded state, over the recording of {}, {held}. Filled marks: there it left the range of the training rows; hollow \
          ones: it ended early. The stretch is about the middle of all simulations, whatever their errors; what goes farther from the recording than it varies is cut.",

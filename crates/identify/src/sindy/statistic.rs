@@ -8,6 +8,7 @@ use fleetfoot_sparse::system::{System, SystemScan};
 use super::{EquationTask, Evidence, frozen::Frozen, weak::WeakForm};
 use crate::{
     Error, Logs, ModelSection, Recipe,
+    condition::refuse_other_rows,
     statistic::{EquationGroup, EquationStatistic, StatisticFile},
 };
 
@@ -21,7 +22,7 @@ impl Evidence {
         let file = logs.statistic()?;
         let own = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
         let Some(equations) = &file.equations else { return Err(unserved(&file, &own)) };
-        let recipe = beneath(recipe, &own);
+        let recipe = beneath(recipe, &own)?;
         let task = EquationTask::resolve(&recipe.expand(&file.fields)?, &file.fields)?;
         let scanned = EquationTask::resolve(&EquationStatistic::whole(&own), &file.fields)?;
         let task = task.differentiated_like(&scanned, &equations.differences);
@@ -39,10 +40,16 @@ impl Evidence {
     }
 }
 
-/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above.
-pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Recipe {
+/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above. The rows are those of the scan.
+///
+/// # Errors
+/// Another condition for rows.
+pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Result<Recipe, Error> {
+    refuse_other_rows(recipe, scanned)?;
     if !recipe.states.is_empty() || recipe.model.predict.is_some() {
-        return recipe.clone();
+        let mut whole = recipe.clone();
+        whole.time.only.clone_from(&scanned.time.only);
+        return Ok(whole);
     }
     let mut whole = scanned.clone();
     whole.say_all(recipe);
@@ -55,7 +62,7 @@ pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Recipe {
     below.weight = weight.or(below.weight.take());
     below.partition = partition.or(below.partition.take());
     below.partition_on = partition_on.or(below.partition_on.take());
-    whole
+    Ok(whole)
 }
 
 /// Why a statistic has no equations.

@@ -3,7 +3,7 @@
 use fleetfoot_data::Column;
 
 use super::{ColumnRecord, EquationStatistic, StatisticError, StatisticFile};
-use crate::{Error, Recipe, StructuredTask};
+use crate::{Error, Recipe, StructuredTask, condition};
 
 /// Lines of a difference that are shown.
 const SHOWN: usize = 16;
@@ -12,7 +12,27 @@ impl StatisticFile {
     /// The plan for people: one line a fact, columns included, coordinates left out.
     pub fn plan_text(&self) -> String {
         let equations = self.equations.as_ref().map_or_else(String::new, EquationStatistic::text);
-        format!("{}{equations}", self.tasks_text())
+        let rows = self.rows_in_use().map_or_else(String::new, |only| format!("rows where {only}\n"));
+        format!("{}{equations}{rows}", self.tasks_text())
+    }
+
+    /// What the recipe of the scan says of the rows in use; `None` where all are.
+    fn rows_in_use(&self) -> Option<String> {
+        let recipe = Recipe::parse(&self.recipe, "the recipe of the statistic").ok()?;
+        condition::stated(&recipe).map(str::to_owned)
+    }
+
+    /// That a scan by a recipe takes the same rows of its logs.
+    pub(super) fn accepts_rows(&self, recipe: &Recipe, left: &str) -> Result<(), Error> {
+        let (there, wanted) = (self.rows_in_use(), condition::stated(recipe));
+        if there.as_deref() == wanted {
+            return Ok(());
+        }
+        Err(Error::other_statistic(format!(
+            "{left} is of the rows where `{}`, and the recipe asks for those where `{}`: scan with the same condition ([time] where), or into another file",
+            there.as_deref().unwrap_or("all"),
+            wanted.unwrap_or("all")
+        )))
     }
 
     /// The part of the plan that `fit sparse` asks for.

@@ -157,6 +157,7 @@ impl<'a> Scan<'a> {
         if let (Some(file), Some(first)) = (&self.file, files.first()) {
             // Told before the files are opened, which may take long, and also when all of them are there already.
             let (recipe, fields, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;
+            file.accepts_rows(self.recipe, &self.whose)?;
             file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
             file.accepts_equations(&recipe, &fields, [&self.whose, "the recipe"])?;
         }
