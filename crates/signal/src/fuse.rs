@@ -30,7 +30,7 @@ pub use options::{BodyNoise, BodyRun, FuseOptions, ImuNoise, ImuRecord, PoseReco
 pub use result::{BodyState, BodyTrack, Fused, StaticEstimates};
 
 use problem::Problem;
-use track::{BiasPrior, Setting};
+use track::{BiasPrior, Setting, Track};
 
 use crate::SignalError;
 
@@ -48,8 +48,8 @@ const SAME: f64 = 1.002;
 
 /// Fuses the runs of one body: the same constants in all, states and biases of their own in each.
 ///
-/// Times of a run are seconds from any moment, the same for both of its records. Poses outside of what the inertial sensor heard, and poses alone between two of its gaps, are left out and counted. The
-/// answer does not depend on the number of threads. Memory beside records and answer is some 600 bytes a pose.
+/// Times of a run are seconds from any moment, the same for both of its records. Poses outside of what the inertial sensor heard, and poses alone between two of its gaps, are left out and counted,
+/// as are stretches whose positions or attitudes all contradict the readings. The answer does not depend on the number of threads. Memory beside records and answer is some 600 bytes a pose.
 ///
 /// ```
 /// use fleetfoot_signal::fuse::{BodyRun, FuseOptions, ImuRecord, PoseRecord, fuse};
@@ -69,8 +69,8 @@ const SAME: f64 = 1.002;
 /// ```
 ///
 /// # Errors
-/// Records of different lengths, stamps that do not increase, values that are not finite, options that are none, no two neighbouring poses that the inertial sensor heard, motion that does not
-/// determine what is asked for.
+/// Records of different lengths, stamps that do not increase, values that are not finite or whose squares are not, options that are none, no two neighbouring poses that the inertial sensor heard,
+/// motion that does not determine what is asked for, poses that most readings contradict, an offset further off than three of its deviations or 0.1 s.
 pub fn fuse(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<Fused, SignalError> {
     options.check()?;
     let (mut tracks, mut outside) = (Vec::new(), 0);
@@ -107,7 +107,7 @@ impl From<chain::Undetermined> for SignalError {
 
 /// Goes down, moves the nodes, chooses what counts and tells the noise, until none of it changes.
 fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, SignalError> {
-    let (mut steps, mut converged, mut moving, mut last) = (0, false, true, f64::INFINITY);
+    let (mut steps, mut converged, mut moving, mut last, mut contradicted) = (0, false, true, f64::INFINITY, 0);
     for round in 0..ROUNDS {
         let descent = problem.descend()?;
         steps += descent.steps;
@@ -127,22 +127,41 @@ fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, SignalError
         // What is far off is known once the noise nearly is.
         let mut chosen = false;
         if problem.options.gate > 0.0 && change < 2.0 {
-            let (gate, border, setting) = (problem.options.gate, problem.border, problem.setting);
-            for track in &mut problem.tracks {
-                chosen |= track.choose(gate, &border, &setting);
-            }
-            // What most poses contradict is no motion of this body.
-            let used = || problem.tracks.iter().flat_map(|track| &track.used);
-            if (0..2).any(|which| 2 * used().filter(|used| used[which]).count() < used().count()) {
-                return Err(SignalError::NotFused {
-                    problem: "more than half of the poses lie beyond the gate of what the readings tell: check clocks, frames and units, the mounting and the lever, or state greater noise",
-                });
-            }
+            chosen = choose(problem, &mut contradicted)?;
         }
         if descent.converged && !moving && !chosen && change < SAME && round > 0 {
             converged = true;
             break;
         }
     }
-    Ok(result::fused(problem, outside, steps, converged)?)
+    if !problem.is_within_slack() {
+        return Err(SignalError::NotFused {
+            problem: "poses and readings are further apart in time than three deviations of the offset, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give an offset nearer to what it is",
+        });
+    }
+    Ok(result::fused(problem, [outside, contradicted], steps, converged)?)
+}
+
+/// Chooses which poses count. A track that these do not determine any more is dropped, and its poses are added to `contradicted`. Whether the choice changed.
+fn choose(problem: &mut Problem<'_>, contradicted: &mut usize) -> Result<bool, SignalError> {
+    let (gate, border, setting) = (problem.options.gate, problem.border, problem.setting);
+    let mut chosen = false;
+    for track in &mut problem.tracks {
+        chosen |= track.choose(gate, &border, &setting);
+    }
+    // What most poses contradict is no motion of this body.
+    let used = || problem.tracks.iter().flat_map(|track| &track.used);
+    let all = used().count() + *contradicted;
+    let is_rare = |which: usize| 2 * used().filter(|used| used[which]).count() < all;
+    if (0..2).any(is_rare) || !problem.tracks.iter().any(Track::is_determined) {
+        return Err(SignalError::NotFused {
+            problem: "more than half of the poses lie beyond the gate of what the readings tell: check clocks, frames and units, the mounting and the lever, or state greater noise",
+        });
+    }
+    problem.tracks.retain(|track| {
+        let stays = track.is_determined();
+        *contradicted += if stays { 0 } else { track.nodes() };
+        stays
+    });
+    Ok(chosen)
 }

@@ -5,6 +5,7 @@
 //! whole chain: those of several chains are stacked. No normal matrix is formed. The way back keeps the carried rows of every 256th node and eliminates again between them, so that memory is some
 //! hundred bytes a node.
 
+use fleetfoot_data::checkpoint;
 use nalgebra::SMatrix;
 
 use super::state::{BORDER, BorderError, STATE, StateError};
@@ -18,11 +19,14 @@ pub(super) const WIDTH: usize = RIGHT + 1;
 /// The share of a constant's column that is left when the others have explained what they can, below which rounding is all that is left.
 const DETERMINED: f64 = 1e-9;
 
+/// The share of a node's column that is left when all before has explained what it can, below which rounding is all that is left.
+const REST: f64 = 1e-13;
+
 /// A row of the problem.
 pub(super) type Row = [f64; WIDTH];
 
 /// Nodes between two that are kept.
-const KEPT: usize = 256;
+pub(super) const KEPT: usize = 256;
 
 /// A chain: how many nodes it has, and what pushes the rows whose first node is `node`.
 pub(super) struct Chain<'a> {
@@ -30,6 +34,14 @@ pub(super) struct Chain<'a> {
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
     /// Levenberg and Marquardt's damping, in squares of the columns' norms.
     pub(super) damping: f64,
+}
+
+/// Squares of columns before elimination.
+#[derive(Default)]
+struct Squares {
+    /// Of the node that is eliminated next: rows that came before it see it, too.
+    node: StateError,
+    border: BorderError,
 }
 
 /// A chain whose nodes are eliminated.
@@ -106,18 +118,28 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize) -
 
 impl Chain<'_> {
     /// Eliminates a node: `rows` are those that were carried to it; the node's own come first afterwards, and those that are carried on are handed back.
-    fn eliminate(&self, node: usize, rows: &mut Vec<Row>, squares: &mut BorderError) -> Result<Vec<Row>, Undetermined> {
+    fn eliminate(&self, node: usize, rows: &mut Vec<Row>, squares: &mut Squares) -> Result<Vec<Row>, Undetermined> {
+        if node.is_multiple_of(KEPT) {
+            checkpoint();
+        }
         let carried = rows.len();
         (self.rows)(node, rows);
+        let mut next = StateError::zeros();
         for row in &rows[carried..] {
+            for j in 0..STATE {
+                squares.node[j] += row[j] * row[j];
+                next[j] += row[NEXT_AT + j] * row[NEXT_AT + j];
+            }
             for j in 0..BORDER {
-                squares[j] += row[BORDER_AT + j] * row[BORDER_AT + j];
+                squares.border[j] += row[BORDER_AT + j] * row[BORDER_AT + j];
             }
         }
+        let own = std::mem::replace(&mut squares.node, next);
         if self.damping > 0.0 {
             damp(rows, 0..STATE, self.damping);
         }
-        if reduce(rows, 0..STATE, 0) < STATE || (0..STATE).any(|c| rows[c][c] == 0.0) {
+        // No number is greater than what is not a number, which is told as undetermined, too.
+        if reduce(rows, 0..STATE, 0) < STATE || !(0..STATE).all(|c| rows[c][c].abs() > REST * own[c].sqrt()) {
             return Err(Undetermined);
         }
         let left = reduce(rows, NEXT_AT..RIGHT, STATE);
@@ -132,14 +154,14 @@ impl Chain<'_> {
 
     /// Eliminates all nodes.
     pub(super) fn eliminated(&self) -> Result<Eliminated, Undetermined> {
-        let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), BorderError::zeros());
+        let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), Squares::default());
         for node in 0..self.nodes {
             if node % KEPT == 0 {
                 kept.push(rows.clone());
             }
             rows = self.eliminate(node, &mut rows, &mut squares)?;
         }
-        Ok(Eliminated { kept, border: rows, squares })
+        Ok(Eliminated { kept, border: rows, squares: squares.border })
     }
 
     /// The nodes' errors from the last to the first, given those of theta; with `covariance`, that of theta, also theirs.
@@ -153,9 +175,9 @@ impl Chain<'_> {
         let mut next: Option<(StateError, Option<Joint>)> = None;
         for (at, start) in eliminated.kept.iter().enumerate().rev() {
             let first = at * KEPT;
-            let (mut rows, mut heads) = (start.clone(), Vec::with_capacity(KEPT));
+            let (mut rows, mut heads, mut squares) = (start.clone(), Vec::with_capacity(KEPT), Squares::default());
             for node in first..(first + KEPT).min(self.nodes) {
-                let carried = self.eliminate(node, &mut rows, &mut BorderError::zeros())?;
+                let carried = self.eliminate(node, &mut rows, &mut squares)?;
                 heads.push(Head::new(&rows));
                 rows = carried;
             }
@@ -255,7 +277,7 @@ pub(super) fn solve_border(
     }
     let r = SMatrix::<f64, BORDER, BORDER>::from_fn(|i, j| rows[i][BORDER_AT + j]);
     let z = BorderError::from_fn(|i, _| rows[i][RIGHT]);
-    if (0..BORDER).any(|i| r[(i, i)].abs() < DETERMINED * squares[i].sqrt()) {
+    if !(0..BORDER).all(|i| r[(i, i)].abs() >= DETERMINED * squares[i].sqrt()) {
         return Err(Undetermined);
     }
     let theta = r.solve_upper_triangular(&z).ok_or(Undetermined)?;

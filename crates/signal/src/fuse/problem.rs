@@ -1,6 +1,6 @@
 //! The whole problem: all tracks and the constants that they share, Gauss and Newton's steps with Levenberg's damping, covariances, and what residuals say of the noise.
 
-use fleetfoot_data::{Cancelled, Silent, parallel_map};
+use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
 use nalgebra::SMatrix;
 
 use super::{
@@ -8,10 +8,11 @@ use super::{
     chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, solve_border},
     factors::{Block, huber},
     rotation::{Vector, log, right_jacobian_inverse},
-    start::rotation,
+    start::{rotation, slack},
     state::{BORDER, Border, BorderError, STATE, State, StateError, part},
     track::{Setting, Track},
 };
+use crate::SignalError;
 
 /// Steps of Gauss and Newton, at most, before the nodes are moved.
 const STEPS: usize = 3;
@@ -94,9 +95,12 @@ pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
 
 impl<'a> Problem<'a> {
     /// Runs `work` on every track, in any order, and hands back what it gives in theirs.
-    fn each<T: Send>(&self, work: impl Fn(&Track<'a>) -> T + Sync) -> Vec<T> {
-        // Nobody cancels, so that all answers are there.
-        parallel_map(self.tracks.len(), &Silent, |at| Ok::<_, Cancelled>(work(&self.tracks[at]))).unwrap_or_default()
+    fn each<T: Send>(&self, work: impl Fn(usize) -> Result<T, Undetermined> + Sync) -> Result<Vec<T>, Undetermined> {
+        parallel_map(self.tracks.len(), &Silent, |at| work(at).map_err(Stopped::from)).map_err(|_| {
+            // Tracks that were not begun, as a stop was set, are no answer: the whole work ends here.
+            checkpoint();
+            Undetermined
+        })
     }
 
     /// Which constants are given.
@@ -156,19 +160,15 @@ impl<'a> Problem<'a> {
     }
 
     /// What these states and constants cost.
-    pub(super) fn cost(&self, states: &[Vec<State>], border: &Border) -> f64 {
-        let track = |at: usize| Ok::<_, Cancelled>(self.tracks[at].cost(&states[at], border, &self.setting));
-        let tracks = parallel_map(self.tracks.len(), &Silent, track).unwrap_or_default();
+    pub(super) fn cost(&self, states: &[Vec<State>], border: &Border) -> Result<f64, Undetermined> {
+        let tracks = self.each(|at| Ok(self.tracks[at].cost(&states[at], border, &self.setting)))?;
         let known: f64 = self.border_rows(border).iter().map(|row| row[RIGHT] * row[RIGHT]).sum();
-        tracks.iter().sum::<f64>() + known
+        Ok(tracks.iter().sum::<f64>() + known)
     }
 
     /// Eliminates all states, track by track, and solves for the constants.
     fn eliminated(&self, damping: f64) -> Result<(Vec<Eliminated>, BorderError, Covariance), Undetermined> {
-        let eliminated = self
-            .each(|track| self.chain(track, damping, |chain| chain.eliminated()))
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()?;
+        let eliminated = self.each(|at| self.chain(&self.tracks[at], damping, |chain| chain.eliminated()))?;
         let of_tracks = eliminated.iter().flat_map(|own| own.border.iter().copied());
         let rows = self.border_rows(&self.border).into_iter().chain(of_tracks).collect();
         let squares = eliminated.iter().fold(BorderError::zeros(), |sum, own| sum + own.squares);
@@ -189,18 +189,20 @@ impl<'a> Problem<'a> {
             let mut errors = vec![StateError::zeros(); track.nodes()];
             let mut visit = |node: usize, error: &StateError, _: Option<&Joint>| errors[node] = *error;
             self.chain(track, damping, |chain| chain.back(&eliminated[at], &border, None, &mut visit))?;
-            Ok::<_, Stopped>(errors)
+            Ok(errors)
         };
-        match parallel_map(self.tracks.len(), &Silent, back) {
-            Ok(states) => Ok(Step { states, border }),
-            Err(_) => Err(Undetermined),
-        }
+        Ok(Step { states: self.each(back)?, border })
     }
 
     /// Goes down until steps change nothing.
-    pub(super) fn descend(&mut self) -> Result<Descent, Undetermined> {
+    pub(super) fn descend(&mut self) -> Result<Descent, SignalError> {
         let mut states: Vec<Vec<State>> = self.tracks.iter().map(|track| track.states.clone()).collect();
-        let (mut cost, mut damping) = (self.cost(&states, &self.border), 0.0);
+        let (mut cost, mut damping) = (self.cost(&states, &self.border)?, 0.0);
+        if !cost.is_finite() {
+            return Err(SignalError::NotFused {
+                problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
+            });
+        }
         for steps in 1..=STEPS {
             let step = self.step(damping)?;
             let moved = |(states, errors): (&Vec<State>, &Vec<StateError>)| -> Vec<State> {
@@ -208,7 +210,7 @@ impl<'a> Problem<'a> {
             };
             let next: Vec<Vec<State>> = states.iter().zip(&step.states).map(moved).collect();
             let border = self.border.moved(&step.border);
-            let (found, is_small) = (self.cost(&next, &border), step.size() < SMALL);
+            let (found, is_small) = (self.cost(&next, &border)?, step.size() < SMALL);
             let gained = (cost - found) / cost.max(f64::MIN_POSITIVE);
             if found <= cost {
                 (states, cost, self.border) = (next, found, border);
@@ -256,9 +258,9 @@ impl<'a> Problem<'a> {
                 }
             };
             self.visit(at, whole, &mut visit)?;
-            Ok::<_, Stopped>(spread)
+            Ok(spread)
         };
-        parallel_map(self.tracks.len(), &Silent, of_track).map_err(|_| Undetermined)
+        self.each(of_track)
     }
 
     fn add_shares(
@@ -304,14 +306,22 @@ impl<'a> Problem<'a> {
         variances.iter().fold(1.0, |most, own| most.max(*own).max(own.recip()))
     }
 
-    /// Moves the nodes to where the poses are now thought to have been, so that they are late no more.
+    /// Whether the poses are late within what was kept clear of the ends of the readings.
+    pub(super) fn is_within_slack(&self) -> bool {
+        let offset = &self.options.offset;
+        (self.setting.anchor + self.border.late - offset.value).abs() <= slack(offset)
+    }
+
+    /// Moves the nodes to where the poses are now thought to have been, so that they are late no more; not beyond where there are readings.
     pub(super) fn move_nodes(&mut self) {
-        let late = self.border.late;
+        let offset = &self.options.offset;
+        let [least, most] = [-slack(offset), slack(offset)].map(|slack| offset.value + slack - self.setting.anchor);
+        let late = self.border.late.max(least).min(most);
         for track in &mut self.tracks {
             track.shift(late, &self.border, &self.setting);
         }
         self.setting.anchor += late;
-        self.border.late = 0.0;
+        self.border.late -= late;
     }
 }
 
@@ -324,21 +334,18 @@ pub(super) struct Whole {
     pub(super) covariance: Covariance,
 }
 
-/// What may stop a track.
-enum Stopped {
-    Cancelled,
-    Undetermined,
-}
+/// A track that is undetermined, or was not begun.
+struct Stopped;
 
 impl From<Undetermined> for Stopped {
     fn from(_: Undetermined) -> Self {
-        Self::Undetermined
+        Self
     }
 }
 
 impl From<Cancelled> for Stopped {
     fn from(_: Cancelled) -> Self {
-        Self::Cancelled
+        Self
     }
 }
 

@@ -77,8 +77,10 @@ pub struct Fused {
     pub constants: StaticEstimates,
     /// The noise: as given, or as estimated.
     pub noise: BodyNoise,
-    /// Poses that are in no track.
+    /// Poses that are in no track, as there are no readings about them.
     pub outside: usize,
+    /// Poses that are in no track, as fewer than two positions or no attitude of theirs lay within the gate.
+    pub contradicted: usize,
     /// What the residuals cost, in squares of deviations.
     pub cost: f64,
     /// Steps of Gauss and Newton in all.
@@ -96,14 +98,14 @@ fn quaternion(rotation: &Rotation) -> [f64; 4] {
 /// Reads the answer from a problem that came to rest.
 pub(super) fn fused(
     problem: &mut Problem<'_>,
-    outside: usize,
+    [outside, contradicted]: [usize; 2],
     steps: usize,
     converged: bool,
 ) -> Result<Fused, Undetermined> {
     let whole = problem.whole()?;
     let spreads = problem.spread(&whole, false)?;
     let states: Vec<_> = problem.tracks.iter().map(|track| track.states.clone()).collect();
-    let cost = problem.cost(&states, &problem.border);
+    let cost = problem.cost(&states, &problem.border)?;
     let tracks = problem.tracks.iter().zip(&spreads);
     let tracks = tracks.map(|(track, spread)| body_track(problem, track, &spread.variances)).collect();
     let given = problem.given();
@@ -117,7 +119,7 @@ pub(super) fn fused(
         gravity: border.gravity.into(),
         gravity_deviations: [0, 1].map(|axis| deviation(part::GRAVITY + axis)),
     };
-    Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, cost, steps, converged })
+    Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, contradicted, cost, steps, converged })
 }
 
 fn body_track(problem: &Problem<'_>, track: &Track<'_>, variances: &[[f64; STATE]]) -> BodyTrack {
@@ -150,10 +152,13 @@ fn body_track(problem: &Problem<'_>, track: &Track<'_>, variances: &[[f64; STATE
 }
 
 impl BodyTrack {
-    /// The state at an instant between the first and the last, `None` outside: the readings carry the state before on, and what they miss of the state after is spread over the time between.
+    /// The state at an instant between the first and the last, `None` outside and where there are fewer than two: the readings carry the state before on, and what they miss of the state after is spread over the time between.
     ///
     /// `imu` is the record of the run, `gravity` as estimated.
     pub fn at(&self, imu: &ImuRecord<'_>, gravity: [f64; 3], time: f64) -> Option<BodyState> {
+        if self.states.len() < 2 {
+            return None;
+        }
         let next = self.states.partition_point(|state| state.time <= time);
         let last = self.states.len() - 1;
         if next == 0 || (next > last && self.states[last].time < time) {

@@ -1,7 +1,7 @@
 //! Where the iteration begins: tracks, states from the poses alone, and constants of which nothing is known.
 
 use super::{
-    BodyRun, FuseOptions, PoseRecord,
+    BodyRun, FuseOptions, PoseRecord, Prior,
     factors::Pose,
     preintegration::Preintegrated,
     rotation::{Matrix, Rotation, Vector, log},
@@ -28,10 +28,15 @@ pub(super) fn rotation(parts: &[f64; 4]) -> Rotation {
     Rotation::new_normalize(Quaternion::new(w, x, y, z))
 }
 
+/// Seconds by which the offset may move, either way.
+pub(super) fn slack(offset: &Prior<f64>) -> f64 {
+    (3.0 * offset.deviation).min(MARGIN)
+}
+
 /// The tracks of a run, and how many of its poses are in none.
 pub(super) fn tracks<'a>(at: usize, run: &BodyRun<'a>, options: &FuseOptions) -> (Vec<Track<'a>>, usize) {
     let (imu, poses) = (run.imu, run.poses);
-    let slack = (3.0 * options.offset.deviation).min(MARGIN);
+    let slack = slack(&options.offset);
     let [begin, end] = [imu.times[0] + slack, imu.times[imu.times.len() - 1] - slack];
     let gaps: Vec<[f64; 2]> = gaps(imu.times).iter().map(|[from, to]| [from - slack, to + slack]).collect();
     let mut tracks: Vec<Track<'a>> = Vec::new();

@@ -1,6 +1,7 @@
 //! Fusion against dense algebra, and against the truth of a simulated body.
 
 mod dense;
+mod refusals;
 mod simulation;
 
 use nalgebra::Cholesky;
@@ -13,7 +14,6 @@ use super::{
     state::StateError,
     track::{BiasPrior, Setting},
 };
-use crate::SignalError;
 use simulation::{GRAVITY, LEVER, MOUNTING, NOISE, OFFSET, Recording};
 
 /// Nothing is known of the constants, but for the offset, to some 50 ms.
@@ -229,36 +229,4 @@ fn a_gap_parts_a_run() {
     assert_eq!(fused.tracks.len(), 2);
     let (end, begin) = (fused.tracks[0].states.last().unwrap().time, fused.tracks[1].states[0].time);
     assert!(end < 3.0 && begin > 3.19, "{end} {begin}");
-}
-
-#[test]
-fn what_cannot_be_fused_is_told() {
-    let recording = Recording::new(3.0, 7);
-    let run = recording.run();
-    let refused = |run: BodyRun<'_>, options: &FuseOptions| fuse(&[run], options).map(|_| ()).unwrap_err();
-    let far = FuseOptions { offset: 100.0.into(), ..options() };
-    assert!(matches!(refused(run, &far), SignalError::NotFused { .. }));
-    let noise = BodyNoise { position: 0.0, ..NOISE };
-    assert!(refused(run, &FuseOptions { noise, ..options() }).to_string().contains("deviation of positions"));
-    let certain = Prior { value: [0.0; 3], deviation: 0.0 };
-    assert!(refused(run, &FuseOptions { gyro_bias: certain, ..options() }).to_string().contains("positive"));
-    let mut zero = recording.attitudes.clone();
-    zero[9] = [0.0; 4];
-    let poses = super::PoseRecord { attitudes: &zero, ..run.poses };
-    assert_eq!(refused(BodyRun { poses, ..run }, &options()), SignalError::Attitude { row: 9 });
-    // Positions of something that stands still, while the body flies.
-    let poses = super::PoseRecord { positions: &vec![[0.0; 3]; zero.len()], ..run.poses };
-    let noise = BodyNoise { position: 1e-5, ..NOISE };
-    let error = refused(BodyRun { poses, ..run }, &FuseOptions { noise, ..known() });
-    assert!(error.to_string().contains("more than half"), "{error}");
-    // A body that stands still tells nothing of a lever.
-    let still = vec![[0.0; 3]; recording.times.len()];
-    let up = vec![[0.0, 0.0, 9.8]; recording.times.len()];
-    let imu = super::ImuRecord { rates: &still, forces: &up, ..run.imu };
-    let (positions, attitudes) = (vec![[0.0; 3]; zero.len()], vec![[0.0, 0.0, 0.0, 1.0]; zero.len()]);
-    let poses = super::PoseRecord { times: run.poses.times, positions: &positions, attitudes: &attitudes };
-    let error = fuse(&[BodyRun { imu, poses }], &FuseOptions { mounting: [0.0, 0.0, 0.0, 1.0].into(), ..options() })
-        .map(|_| ())
-        .unwrap_err();
-    assert!(error.to_string().contains("does not determine"), "{error}");
 }

@@ -2,12 +2,13 @@
 
 use super::{
     BodyNoise, ImuRecord,
-    chain::{RIGHT, Row, WIDTH},
+    chain::{KEPT, RIGHT, Row, WIDTH},
     factors::{Block, Pose, huber, inertial, inertial_cost, pose},
     preintegration::Preintegrated,
     rotation::{Vector, exp},
     state::{Border, State, part},
 };
+use fleetfoot_data::checkpoint;
 
 /// What is known of a bias at the start: its value, and its deviation; infinite where nothing is known.
 #[derive(Debug, Clone, Copy)]
@@ -104,6 +105,9 @@ impl Track<'_> {
         let [gyro, accelerometer] = &setting.biases;
         let mut sum = prior(gyro, &states[0].gyro) + prior(accelerometer, &states[0].accelerometer);
         for node in 0..self.nodes() {
+            if node.is_multiple_of(KEPT) {
+                checkpoint();
+            }
             let blocks = self.pose(node, &states[node], border, setting);
             let used = blocks.iter().zip(self.used[node]).filter(|(_, used)| *used);
             sum += used.map(|(block, _)| huber(&block.residual, setting.huber).0).sum::<f64>();
@@ -141,5 +145,11 @@ impl Track<'_> {
             self.used[node] = found;
         }
         changed
+    }
+
+    /// Whether what counts tells where the track is, how fast it moves and how it is turned.
+    pub(super) fn is_determined(&self) -> bool {
+        let counted = |which: usize| self.used.iter().filter(|used| used[which]).count();
+        counted(0) >= 2 && counted(1) >= 1
     }
 }

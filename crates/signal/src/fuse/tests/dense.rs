@@ -147,14 +147,16 @@ fn the_solution_is_the_least() {
             let of = |h: f64| {
                 let mut moved = states.clone();
                 moved[node] = moved[node].moved(&StateError::ith(i, h));
-                problem.cost(&[moved], &problem.border)
+                problem.cost(&[moved], &problem.border).unwrap()
             };
             worst = worst.max(slope(h, &of).abs());
         }
     }
     for i in 0..BORDER {
         let h = 1e-4 * whole.covariance[(i, i)].sqrt();
-        let of = |h: f64| problem.cost(std::slice::from_ref(&states), &problem.border.moved(&BorderError::ith(i, h)));
+        let of = |h: f64| {
+            problem.cost(std::slice::from_ref(&states), &problem.border.moved(&BorderError::ith(i, h))).unwrap()
+        };
         worst = worst.max(slope(h, &of).abs());
     }
     assert!(worst < 1e-4, "{worst:e}");
