@@ -293,6 +293,12 @@ fn the_motion_of_a_body_is_prepared() {
         assert!(near(&body["lever"][axis], &body["lever_deviation"][axis], MOUNT[axis]) < 6e-3);
     }
     assert!(near(&body["delay"], &body["delay_deviation"], 0.008) < 3e-4, "{body:#}");
+    // Two angles tell how far gravity may lie off the third axis.
+    for axis in 0..2 {
+        let tilt = body["gravity_deviation"][axis].as_f64().unwrap();
+        let off = body["gravity"][axis].as_f64().unwrap() / 9.81;
+        assert!(tilt > 0.0 && tilt < 5e-3 && off.abs() < 4.0 * tilt, "{body:#}");
+    }
     let quarter = [0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
     let dot: f64 = quarter.iter().enumerate().map(|(i, part)| part * body["mounting"][i].as_f64().unwrap()).sum();
     assert!(dot.abs() > 1.0 - 1e-5, "{body:#}");
@@ -348,6 +354,11 @@ fn fused_bytes_do_not_depend_on_threads() {
         text.contains("fused 1500 poses: 6 positions") && text.contains("attitude 0.001000 rad, as given"),
         "{text}"
     );
+    assert!(text.contains("gravity") && text.contains("(deviations of its direction "), "{text}");
+    // A delay that is not asked for is nothing, without a sign.
+    let punctual = given.replace("delay = \"auto\"\n", "").replace("gravity = 9.81", "gravity = 9.81\ngate = 0.0");
+    let text = prepare(path, &punctual, &[]).ok().out;
+    assert!(text.contains("delay     0, as given"), "{text}");
     assert!(written[0] == written[1] && written[0].0.contains("\"noise_fitted\": false"), "{}", written[0].0);
 }
 
@@ -368,6 +379,8 @@ fn bodies_that_cannot_be_fused_are_told() {
             format!("{RECIPE}[sensor.gyro]\nkind = \"gyro\"\nchannels = [\"light\", \"light\", \"light\"]\n"),
             vec!["[sensor.gyro] kind", "one sensor"],
         ),
+        (format!("{RECIPE}[time]\nbase = \"/lamp\"\n"), vec!["[body]", "base and rate of [time]"]),
+        (format!("{RECIPE}[time]\nrate = 50.0\n"), vec!["[body]", "base and rate of [time]"]),
         (RECIPE.split("[sensor.mocap]").next().unwrap().to_owned(), vec!["pose", "[sensor.NAME]"]),
     ] {
         prepare(path, &recipe, &[]).fails(&words);

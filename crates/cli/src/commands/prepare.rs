@@ -123,9 +123,13 @@ fn body(own: &BodyReport) -> String {
         true => format!("{} (deviations {})", list(values), list(deviations)),
         false => format!("{}, as given", list(values)),
     };
+    let gravity = match own.gravity_deviation.iter().any(|deviation| *deviation > 0.0) {
+        true => format!(" (deviations of its direction {} rad)", list(&own.gravity_deviation)),
+        false => ", as given".into(),
+    };
     let rejected = |of: fn(&RejectedPoses) -> &Places| own.rejected.iter().map(|log| of(log).rows).sum::<usize>();
     format!(
-        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n  gravity   {} m/s^2\n  noise     rate {} rad/s/sqrt(Hz), force {} m/s^2/sqrt(Hz), position {} m, attitude {} rad, {}\n",
+        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n  gravity   {} m/s^2{gravity}\n  noise     rate {} rad/s/sqrt(Hz), force {} m/s^2/sqrt(Hz), position {} m, attitude {} rad, {}\n",
         count(own.poses, "pose"),
         rejected(|log| &log.positions),
         rejected(|log| &log.attitudes),

@@ -47,6 +47,8 @@ pub struct BodyReport {
     pub delay_deviation: f64,
     /// In the world, m/s^2.
     pub gravity: [f64; 3],
+    /// The deviations of its direction about two axes across it, rad.
+    pub gravity_deviation: [f64; 2],
     /// Densities of the noise of rate and force.
     pub imu_noise: [f64; 2],
     /// Deviations of position and attitude, m and rad.
@@ -57,6 +59,8 @@ pub struct BodyReport {
     pub poses: usize,
     /// Poses without readings about them.
     pub outside: usize,
+    /// Poses of stretches of which fewer than two positions or no attitude lay within the gate: these are not written.
+    pub contradicted: usize,
     /// Poses that were left out, log by log.
     pub rejected: Vec<RejectedPoses>,
     /// Whether the iteration came to rest.
@@ -178,8 +182,13 @@ impl Run {
     }
 }
 
-/// Refuses what speaks of single channels: none is smoothed.
+/// Refuses what speaks of single channels, none of which is smoothed, and of other rows than those of the sensors.
 fn check(recipe: &Recipe) -> Result<(), Error> {
+    if recipe.time.base.is_some() || recipe.time.rate.is_some() {
+        return Err(Error::conflict(
+            "[body] is fused at the stamps of its own sensors: leave out base and rate of [time]; decimate of [prepare] writes fewer rows".into(),
+        ));
+    }
     let PrepareSection { clip, dejitter, decimate, min_rows, .. } = recipe.prepare;
     let understood = PrepareSection { clip, dejitter, decimate, min_rows, ..PrepareSection::default() };
     if recipe.prepare == understood && recipe.channels.is_empty() {
@@ -199,13 +208,11 @@ pub(super) fn prepare(
 ) -> Result<Prepared, Error> {
     check(recipe)?;
     let (sensors, options) = (Sensors::new(recipe)?, EpisodeOptions::new(&recipe.prepare)?);
-    let mut plain = recipe.clone();
-    (plain.time.base, plain.time.rate) = (None, None);
     let along: Vec<String> = recipe.states.keys().chain(recipe.inputs.keys()).cloned().collect();
     let names = [sensors.readings.clone(), along.clone()].concat();
-    let read = Dataset::for_columns(&plain, Some(&names), logs, progress)?;
+    let read = Dataset::for_columns(recipe, Some(&names), logs, progress)?;
     let columns = table::Columns::new(&along_columns(&read, &along)?)?;
-    let seen = Dataset::for_columns(&plain, Some(&sensors.poses), logs, progress)?;
+    let seen = Dataset::for_columns(recipe, Some(&sensors.poses), logs, progress)?;
     let (mut readings, mut poses) = (LogRows::all(&read, 6)?, LogRows::all(&seen, 7)?);
     if options.dejitter {
         readings.iter_mut().chain(&mut poses).try_for_each(LogRows::even_out)?;
@@ -219,6 +226,12 @@ pub(super) fn prepare(
         notes.push(
             "the fusion did not come to rest: state noise, delay, lever or mounting, or give longer records".into(),
         );
+    }
+    if fused.contradicted > 0 {
+        notes.push(format!(
+            "{} poses lie in stretches of which the gate left fewer than two positions or no attitude: these stretches are left out",
+            fused.contradicted
+        ));
     }
     let folder = Folder::create(&request.folder, request.force, &logs.files(), is_prepared)?;
     notes.extend(folder.notes());
@@ -324,14 +337,17 @@ fn body_report(fused: &Fused, runs: &[Run], noise_fitted: bool) -> BodyReport {
         lever_deviation: own.lever.map(|axis| axis.deviation),
         mounting: own.mounting,
         mounting_deviation: own.mounting_deviations,
-        delay: -own.offset.value,
+        // Nothing is 0, and not -0.
+        delay: 0.0 - own.offset.value,
         delay_deviation: own.offset.deviation,
         gravity: own.gravity,
+        gravity_deviation: own.gravity_deviations,
         imu_noise: [noise.imu.gyro, noise.imu.accelerometer],
         pose_noise: [noise.position, noise.attitude],
         noise_fitted,
         poses: runs.iter().map(|run| run.stamps.len()).sum(),
         outside: fused.outside,
+        contradicted: fused.contradicted,
         rejected: (0..runs.len()).map(rejected).collect(),
         converged: fused.converged,
     }
