@@ -21,7 +21,7 @@ impl Dataset {
         (0..self.episodes().len()).filter(whole).chain(parts).collect()
     }
 
-    /// Names of the episodes that the model was trained on, as a whole or in part ([`Dataset::trained`]).
+    /// Names of the episodes that the model was trained on, as a whole or in part; parts are known once all rows have been read through [`Dataset::view`].
     pub fn in_sample(&self, model: &Model) -> Vec<String> {
         self.trained(model).into_iter().map(|episode| self.episodes()[episode].name.clone()).collect()
     }
