@@ -42,7 +42,9 @@ pub use marks::{Known, Mark, Watch, Watched};
 pub use memory::MemorySource;
 pub use nearest::{did_you_mean, nearest, nearest_one};
 pub use packed::{packed, packed_row};
-pub use parallel::{Cancelled, Progress, Silent, Threads, parallel_fold, parallel_map, thread_count, with_threads};
+pub use parallel::{
+    Cancelled, Progress, Silent, Threads, parallel_all, parallel_fold, parallel_map, thread_count, with_threads,
+};
 pub use random::mix;
 pub use source::{Source, sample_ranges};
 pub use stop::{Stop, checkpoint, stoppable};

@@ -117,6 +117,14 @@ where
     Ok(results)
 }
 
+/// [`parallel_map`] of work that cannot fail. A stop unwinds, as at a [`checkpoint`](crate::checkpoint): a part of the results is none.
+pub fn parallel_all<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    match parallel_map(count, &Silent, |i| Ok::<_, Cancelled>(work(i))) {
+        Ok(results) => results,
+        Err(cancelled) => std::panic::resume_unwind(Box::new(cancelled)),
+    }
+}
+
 /// Computes `work(i)` in parallel and hands the results to `fold` in the order of `i`.
 ///
 /// At most a few results per thread are held at any time: while one wave is folded, the next is computed.

@@ -78,7 +78,7 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use super::*;
-    use crate::{Silent, Threads, parallel_map, with_threads};
+    use crate::{Silent, Threads, parallel_all, parallel_map, with_threads};
 
     fn endless() {
         let start = Instant::now();
@@ -112,6 +112,21 @@ mod tests {
             });
             assert!(matches!(found, Err(Cancelled) | Ok(Err(Cancelled))));
         }
+    }
+
+    #[test]
+    fn results_that_are_not_all_there_are_none() {
+        let stop = Stop::default();
+        let found = stoppable(&stop, || {
+            parallel_all(1000, |i| {
+                if i == 3 {
+                    stop.set();
+                }
+            })
+            .len()
+        });
+        assert_eq!(found, Err(Cancelled));
+        assert_eq!(stoppable(&Stop::default(), || parallel_all(5, |i| i * i)), Ok(vec![0, 1, 4, 9, 16]));
     }
 
     #[test]

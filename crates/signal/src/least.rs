@@ -1,6 +1,6 @@
 //! The least value of a function of one number: a grid first, then golden sections between the neighbours of its best point.
 
-use fleetfoot_data::{Cancelled, Silent, parallel_map};
+use fleetfoot_data::parallel_all;
 
 /// Points of the grid.
 const POINTS: usize = 24;
@@ -20,8 +20,7 @@ pub(crate) struct Least {
 pub(crate) fn least(low: f64, high: f64, width: f64, f: impl Fn(f64) -> f64 + Sync) -> Least {
     let point = |i: usize| low + (high - low) * i as f64 / (POINTS - 1) as f64;
     let value = |x: f64| Some(f(x)).filter(|y| !y.is_nan()).unwrap_or(f64::INFINITY);
-    // Nobody cancels, so that the values are all there.
-    let values = parallel_map(POINTS, &Silent, |i| Ok::<_, Cancelled>(value(point(i)))).unwrap_or_default();
+    let values = parallel_all(POINTS, |i| value(point(i)));
     let best = (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
     if best == 0 || best == POINTS - 1 {
         return Least { at: point(best), at_end: true };

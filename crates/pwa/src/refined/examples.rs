@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use faer::{MatMut, MatRef};
-use fleetfoot_data::{Cancelled, Silent, parallel_fold, parallel_map};
+use fleetfoot_data::{Cancelled, Silent, parallel_all, parallel_fold};
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, kernel::padded};
 
 use crate::{
@@ -156,9 +156,7 @@ impl Examples {
 
     /// `work` on every chunk, in order.
     pub(super) fn map<R: Send>(&self, work: impl Fn(usize, &Chunk) -> R + Sync) -> Vec<R> {
-        let of = |at: usize| Ok::<_, Cancelled>(work(at, &self.chunks[at]));
-        // Silence is never cancelled.
-        parallel_map(self.chunks.len(), &Silent, of).unwrap_or_default()
+        parallel_all(self.chunks.len(), |at| work(at, &self.chunks[at]))
     }
 
     /// For every row of a chunk the squared error of a region's map, in units of the targets' variances.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use faer::{Mat, MatRef};
-use fleetfoot_data::{Cancelled, Silent, packed_row, parallel_map};
+use fleetfoot_data::{packed_row, parallel_all};
 use fleetfoot_model::Region as ModelRegion;
 use fleetfoot_stats::{
     Bank, Concentration, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot,
@@ -213,9 +213,7 @@ impl SystemScan {
             let count = BATCH.min(weights.ncols() - first);
             let some = Mat::from_fn(members.len(), count, |k, b| weights[(members[k], first + b)]);
             let grams = sums.combine(some.as_ref(), self.preconditioner.dimension());
-            // Nobody cancels a silent progress.
-            let batch = parallel_map(count, &Silent, |b| Ok::<_, Cancelled>(self.square_root(&grams[b])));
-            roots.extend(batch.unwrap_or_default());
+            roots.extend(parallel_all(count, |b| self.square_root(&grams[b])));
         }
         roots
     }
