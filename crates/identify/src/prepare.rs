@@ -113,7 +113,12 @@ pub fn prepare(
     let report = PrepareReport::new(episodes, dataset.clocks().to_vec(), notes, too_few)?;
     let mut out = written_recipe(&recipe, &planned, time, report.smoothed)?;
     out.episodes = rules;
-    write_atomic(folder.staged(RECIPE), out.to_toml().as_bytes())?;
+    committed(folder, report, &out)
+}
+
+/// Writes the recipe beside the pieces, and puts all of it into the folder at once.
+fn committed(folder: Folder, report: PrepareReport, recipe: &Recipe) -> Result<Prepared, Error> {
+    write_atomic(folder.staged(RECIPE), recipe.to_toml().as_bytes())?;
     let names: Vec<String> = report.pieces().map(|piece| piece.file.clone()).chain([RECIPE.to_owned()]).collect();
     let files = report.pieces().map(|piece| folder.target(&piece.file)).collect();
     let recipe = folder.target(RECIPE);

@@ -8,7 +8,7 @@ mod table;
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::{Block, ColumnKind, Halo, Progress, Source};
-use fleetfoot_log::{WriteOptions, write_atomic};
+use fleetfoot_log::WriteOptions;
 use fleetfoot_signal::{
     Spline, dejitter,
     fuse::{BodyRun, BodyState, BodyTrack, Fused, ImuRecord, PoseRecord, fuse},
@@ -18,15 +18,12 @@ use serde::Serialize;
 use super::{
     EpisodeReport, PieceReport, Places, PrepareReport, PrepareRequest, Prepared,
     columns::written_recipe,
-    metadata,
+    committed, metadata,
     options::EpisodeOptions,
     pieces,
     write::{self, Names, Written, is_prepared},
 };
-use crate::{
-    Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe,
-    folder::{Folder, RECIPE},
-};
+use crate::{Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, folder::Folder};
 use sensors::Sensors;
 
 /// What fusion found of a body's sensors.
@@ -254,12 +251,7 @@ pub(super) fn prepare(
     report.body = Some(body_report(&fused, &runs, sensors.options.fit_noise));
     let mut out = columns.recipe(written_recipe(recipe, &[], columns.time(), report.smoothed)?);
     out.episodes = rules;
-    write_atomic(folder.staged(RECIPE), out.to_toml().as_bytes())?;
-    let names: Vec<String> = report.pieces().map(|piece| piece.file.clone()).chain([RECIPE.to_owned()]).collect();
-    let files = report.pieces().map(|piece| folder.target(&piece.file)).collect();
-    let recipe = folder.target(RECIPE);
-    folder.commit(&names)?;
-    Ok(Prepared { report, recipe, files })
+    committed(folder, report, &out)
 }
 
 /// States and inputs that go along as they are, with their units.

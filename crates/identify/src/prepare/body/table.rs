@@ -37,22 +37,22 @@ const STATES: [(&str, &str); 25] = [
 ];
 
 /// Whose standard deviations are written, in the order in which a state has them; those of the attitude are about the axes of the body.
-const DEVIATIONS: [(&str, &str); 15] = [
-    ("attitude_x", "rad"),
-    ("attitude_y", "rad"),
-    ("attitude_z", "rad"),
-    ("x", "m"),
-    ("y", "m"),
-    ("z", "m"),
-    ("vx", "m/s"),
-    ("vy", "m/s"),
-    ("vz", "m/s"),
-    ("gyro_bias_x", "rad/s"),
-    ("gyro_bias_y", "rad/s"),
-    ("gyro_bias_z", "rad/s"),
-    ("accelerometer_bias_x", "m/s^2"),
-    ("accelerometer_bias_y", "m/s^2"),
-    ("accelerometer_bias_z", "m/s^2"),
+const DEVIATIONS: [&str; 15] = [
+    "attitude_x",
+    "attitude_y",
+    "attitude_z",
+    "x",
+    "y",
+    "z",
+    "vx",
+    "vy",
+    "vz",
+    "gyro_bias_x",
+    "gyro_bias_y",
+    "gyro_bias_z",
+    "accelerometer_bias_x",
+    "accelerometer_bias_y",
+    "accelerometer_bias_z",
 ];
 
 /// What is written.
@@ -71,7 +71,9 @@ impl Columns {
         };
         let mut write = vec![WriteColumn::new(time, WriteKind::Stamp)];
         write.extend(STATES.map(|(name, unit)| column(name.to_owned(), unit)));
-        write.extend(DEVIATIONS.map(|(name, unit)| column(format!("{name}_deviation"), unit)));
+        // An angle where the state itself is a quaternion.
+        let unit_of = |name: &str| STATES.iter().find(|(own, _)| *own == name).map_or("rad", |(_, unit)| unit);
+        write.extend(DEVIATIONS.map(|name| column(format!("{name}_deviation"), unit_of(name))));
         write.extend(along.iter().map(|own| column(own.name.clone(), own.unit.as_deref().unwrap_or_default())));
         Ok(Self { write: unique(write, "a state or an input has the name of a column of the body")? })
     }
