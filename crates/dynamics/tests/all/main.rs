@@ -2,6 +2,7 @@
 
 mod common;
 mod controllers;
+mod horizons;
 mod latents;
 mod plane;
 mod replayed;

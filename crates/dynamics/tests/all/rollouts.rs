@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 use crate::common::*;
 use fleetfoot_data::{Silent, Source, with_threads};
 use fleetfoot_dynamics::{
-    Baseline, Basis, End, Error, Method, Outside, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
+    Baseline, End, Error, Method, Outside, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
 };
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, UnseenLabel};
 
-fn options(horizon: usize, method: Method) -> RolloutOptions {
+pub(crate) fn options(horizon: usize, method: Method) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
     options.method = method;
     options
@@ -21,7 +21,7 @@ fn one(simulator: &Simulator, source: &dyn Source, row: usize, options: &Rollout
 }
 
 /// x' = v, v' = -w^2 x.
-fn oscillator(w: f64) -> Model {
+pub(crate) fn oscillator(w: f64) -> Model {
     let columns = vec![column("x", Role::State, false), column("v", Role::State, false)];
     model(
         columns,
@@ -32,7 +32,7 @@ fn oscillator(w: f64) -> Model {
     )
 }
 
-fn oscillator_source(w: f64, dt: f64, rows: usize) -> fleetfoot_data::MemorySource {
+pub(crate) fn oscillator_source(w: f64, dt: f64, rows: usize) -> fleetfoot_data::MemorySource {
     let time = || (0..rows).map(|k| k as f64 * dt);
     let x = time().map(|t| (w * t).cos()).collect();
     let v = time().map(|t| -w * (w * t).sin()).collect();
@@ -272,37 +272,6 @@ fn divergence_is_noticed_counted_and_scored() {
     assert_eq!(rollouts.horizon.useful.beaten_by, Some(Baseline::Null));
 }
 
-/// A model that loses the first steps and wins the others is told to win these.
-#[test]
-fn the_spans_in_which_a_model_is_better_are_told_for_each_baseline() {
-    // The recording stands still for a step and then rises by 1 a second; the model rises from the start, so the baselines win the first step alone.
-    let columns = vec![column("x", Role::State, false)];
-    let fitted = vec![("x", Prediction::Derivative, "forward(x)", vec![(1.0, vec![])])];
-    let mut model = model(columns, &[], Partition::whole(), fitted, &[]);
-    model.training.target_mean = vec![0.0];
-    let x: Vec<f64> = (0..40).map(|k| if k < 12 { 0.0 } else { 0.1 * f64::from(k - 11) + 0.02 }).collect();
-    let roll = |x: Vec<f64>| {
-        let source = source(&["x"], 0.1, vec![vec![x]]);
-        let starts = Starts::At(vec![Start { episode: 0, row: 10 }]);
-        rollout(&model, &source, &starts, &options(20, Method::Euler), &Silent).unwrap().horizon
-    };
-    let horizon = roll(x.clone());
-    let (useful, spans) = (&horizon.useful, |baseline| &horizon.better.iter().find(|b| b.0 == baseline).unwrap().1);
-    assert_eq!((useful.steps, useful.seconds, useful.compared), (0, 0.0, 20));
-    for found in [&useful.spans, spans(Baseline::Persistence), spans(Baseline::ConstantVelocity)] {
-        assert_eq!(found.len(), 1);
-        assert_eq!((found[0].first, found[0].last), (2, 20));
-        assert!((found[0].from - 0.2).abs() < 1e-12 && (found[0].to - 2.0).abs() < 1e-12);
-    }
-    // Where nothing is measured nothing is claimed: every third row, then none.
-    let sparse = |k: usize| k <= 10 || k % 3 == 2;
-    let some = x.iter().enumerate().map(|(k, &x)| if sparse(k) { x } else { f64::NAN }).collect();
-    let some = roll(some).useful;
-    assert_eq!((some.compared, some.spans.len(), some.spans[0].first, some.spans[0].last), (7, 1, 4, 19));
-    let none = roll(x.iter().enumerate().map(|(k, &x)| if k <= 10 { x } else { f64::NAN }).collect()).useful;
-    assert_eq!((none.compared, none.steps, none.beaten_by, none.spans.len()), (0, 0, None, 0));
-}
-
 #[test]
 fn overflow_and_leaving_the_domain_are_noticed() {
     let columns = vec![column("x", Role::State, false)];
@@ -422,34 +391,6 @@ fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
 }
 
 #[test]
-fn a_perfect_model_is_useful_over_the_whole_horizon() {
-    let w = 3.0;
-    let source = oscillator_source(w, 0.01, 600);
-    let mut model = oscillator(w);
-    model.training.state_covariance = vec![0.5, 0.0, 4.5];
-    let rollouts = rollout(&model, &source, &Starts::Even(50), &options(100, Method::Rk4), &Silent).unwrap();
-    let useful = rollouts.horizon.useful;
-    assert_eq!((useful.steps, useful.beaten_by), (100, None));
-    assert!((useful.seconds - 1.0).abs() < 1e-12);
-    assert_eq!(rollouts.horizon.basis, Basis::Starts(50));
-    assert_eq!(rollouts.horizon.baselines.len(), 3);
-    // Persistence by hand at step 30.
-    let x = |t: f64| [(w * t).cos(), -w * (w * t).sin()];
-    let mut square = [0.0; 2];
-    for outcome in &rollouts.outcomes {
-        let t = outcome.start.row as f64 * 0.01;
-        (0..2).for_each(|s| square[s] += (x(t + 0.3)[s] - x(t)[s]).powi(2) / 50.0);
-    }
-    let persistence = &rollouts.horizon.baselines.iter().find(|b| b.0 == Baseline::Persistence).unwrap().1;
-    for s in 0..2 {
-        assert!((persistence.rmse[29 * 2 + s] - square[s].sqrt()).abs() < 1e-9);
-    }
-    // Constant velocity is of second order for small times.
-    let velocity = &rollouts.horizon.baselines.iter().find(|b| b.0 == Baseline::ConstantVelocity).unwrap().1;
-    assert!(velocity.rmse[0] < 0.1 * persistence.rmse[0]);
-}
-
-#[test]
 fn starts_with_missing_inputs_are_left_out_and_counted() {
     let (model, _) = random_hybrid(2, 1, 2, 10);
     let mut u = vec![0.1; 100];
@@ -514,91 +455,6 @@ fn what_cannot_be_rolled_out_is_said() {
     assert!(matches!(error, Err(Error::NoHorizon)));
 }
 
-#[test]
-fn horizon_scores_equal_a_naive_computation() {
-    let (mut model, _) = random_hybrid(3, 1, 4, 10);
-    // A known state, so that the null model has a given equation to integrate.
-    model.equations[0].target = None;
-    model.equations[0].right = parse("x1");
-    model.training.target_mean = vec![0.4, -0.3];
-    model.training.target_covariance = identity(2, 1.0);
-    model.training.target_deviation = vec![1.0; 2];
-    model.training.state_covariance = vec![2.0, 0.5, 1.0, -0.2, 0.1, 0.7];
-    for region in &mut model.partitions[0].regions {
-        region.residual_covariance = identity(2, 1.0);
-    }
-    let episode = |e: usize, rows: usize| -> Vec<Vec<f64>> {
-        (0..4)
-            .map(|j| (0..rows).map(|k| (k as f64 * (0.05 + 0.01 * j as f64) + (3 * e + j) as f64).sin()).collect())
-            .collect()
-    };
-    let source = source(&["x0", "x1", "x2", "u0"], 0.01, vec![episode(0, 90), episode(1, 200), episode(2, 130)]);
-    let mut options = options(40, Method::Euler);
-    options.keep = true;
-    let rollouts = rollout(&model, &source, &Starts::Even(60), &options, &Silent).unwrap();
-    assert_eq!((rollouts.horizon.basis, rollouts.trajectories.len()), (Basis::Episodes(3), 60));
-    assert_eq!(rollouts.diverged(), 0);
-
-    // S^-1 by cofactors.
-    let s = [[2.0, 0.5, -0.2], [0.5, 1.0, 0.1], [-0.2, 0.1, 0.7f64]];
-    let minor = |i: usize, j: usize| {
-        let (r, c) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
-        s[r[0]][c[0]] * s[r[1]][c[1]] - s[r[0]][c[1]] * s[r[1]][c[0]]
-    };
-    let determinant: f64 = (0..3).map(|j| s[0][j] * minor(0, j)).sum();
-    let score = |e: [f64; 3]| -> f64 {
-        let mut sum = 0.0;
-        for i in 0..3 {
-            for j in 0..3 {
-                sum += e[i] * e[j] * minor(j, i) / determinant;
-            }
-        }
-        sum.sqrt()
-    };
-    let k = 25;
-    let mut predictors = vec![Vec::new(); 4];
-    for trajectory in &rollouts.trajectories {
-        let Start { episode, row } = trajectory.start;
-        let block = source.read(episode, 0..source.episodes()[episode].rows, Default::default()).unwrap();
-        let at = |row: usize| -> [f64; 3] { std::array::from_fn(|i| block.column(i)[row]) };
-        let (first, before, measured) = (at(row), at(row - 1), at(row + k));
-        // The null model: x1' and x2' constant, x0' = x1, in Euler steps.
-        let mut null = first;
-        for _ in 0..k {
-            null = [null[0] + 0.01 * null[1], null[1] + 0.01 * 0.4, null[2] - 0.01 * 0.3];
-        }
-        let t = k as f64 * 0.01;
-        let velocity: [f64; 3] = std::array::from_fn(|i| first[i] + t * (first[i] - before[i]) / 0.01);
-        let model: [f64; 3] = std::array::from_fn(|i| trajectory.state(k)[i]);
-        for (predictor, value) in predictors.iter_mut().zip([model, null, first, velocity]) {
-            let error: [f64; 3] = std::array::from_fn(|i| measured[i] - value[i]);
-            predictor.push((episode, error));
-        }
-    }
-    let horizon = &rollouts.horizon;
-    assert!((horizon.time[k - 1] - 0.25).abs() < 1e-12);
-    let scores = std::iter::once(&horizon.model).chain(horizon.baselines.iter().map(|b| &b.1));
-    for (errors, found) in predictors.iter().zip(scores) {
-        for i in 0..3 {
-            let mae = errors.iter().map(|(_, e)| e[i].abs()).sum::<f64>() / 60.0;
-            let rmse = (errors.iter().map(|(_, e)| e[i] * e[i]).sum::<f64>() / 60.0).sqrt();
-            assert!((found.mae[(k - 1) * 3 + i] - mae).abs() < 1e-12);
-            assert!((found.rmse[(k - 1) * 3 + i] - rmse).abs() < 1e-12);
-        }
-        let mean = errors.iter().map(|(_, e)| score(*e)).sum::<f64>() / 60.0;
-        let square: f64 = (0..3)
-            .map(|episode| {
-                let own = errors.iter().filter(|(e, _)| *e == episode);
-                own.map(|(_, e)| score(*e) - mean).sum::<f64>().powi(2)
-            })
-            .sum();
-        let half = fleetfoot_dynamics::student_t_95(2) * (1.5 * square).sqrt() / 60.0;
-        let estimate = found.mahalanobis[k - 1];
-        assert!((estimate.value - mean).abs() < 1e-10 * mean, "{} {mean}", estimate.value);
-        assert!((estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9);
-    }
-}
-
 /// x' = x, seen up to 2: beyond it a trajectory goes on, ends, or grows by what the border gives.
 #[test]
 fn what_leaves_the_training_domain_is_told_ended_or_held() {
@@ -648,34 +504,4 @@ fn a_held_map_is_that_of_the_border() {
     let held = one(&Simulator::new(&model).unwrap(), &source, 1, &options);
     assert!((held.state(1)[0] - (3.0 + 0.1 * -4.0)).abs() < 1e-15, "a given equation sees the state itself");
     assert!((held.state(1)[1] - (-4.0 + 0.1 * (0.5 - 2.0 * 0.5 - 0.3))).abs() < 1e-15);
-}
-
-/// Two rollouts of a model that stands still while the truth moves by 3 and 4 a step: distances of 5 a step.
-#[test]
-fn displacements_are_told_by_step_and_over_whole_rollouts() {
-    let columns = vec![column("x", Role::State, false), column("y", Role::State, false)];
-    let still = || vec![(0.0, vec![0.0, 0.0])];
-    let fitted = vec![("x", Prediction::Derivative, "1", still()), ("y", Prediction::Derivative, "1", still())];
-    let model = model(columns, &["x", "y"], Partition::whole(), fitted, &[]);
-    let line = |slope: f64| (0..8).map(|k| slope * f64::from(k)).collect::<Vec<f64>>();
-    let source = source(&["x", "y"], 0.5, vec![vec![line(3.0), line(4.0)], vec![line(-3.0), line(4.0)]]);
-    let mut options = options(4, Method::Euler);
-    options.position = vec!["x".into(), "y".into()];
-    let found = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
-    for (k, distance) in found.model.displacement.iter().enumerate() {
-        assert!((distance.value - 5.0 * (k + 1) as f64).abs() < 1e-12 && distance.high - distance.value < 1e-9);
-    }
-    let summary = found.model.displacement_summary.unwrap();
-    for (estimate, value) in [(summary.average, 12.5), (summary.last, 20.0), (summary.drift, 10.0)] {
-        assert!((estimate.value - value).abs() < 1e-12, "{estimate:?}");
-    }
-    // Unit covariance: the score is the distance.
-    assert!((found.model.summary.average.value - 12.5).abs() < 1e-12);
-    assert!(found.baselines.iter().all(|(_, score)| score.displacement.len() == 4));
-    options.position = vec!["z".into()];
-    let error = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap_err();
-    assert!(matches!(error, Error::UnknownColumn(_)), "{error}");
-    options.position.clear();
-    let without = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
-    assert!(without.model.displacement.is_empty() && without.model.displacement_summary.is_none());
 }
