@@ -149,11 +149,26 @@ fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
 
 fn matches_line(shown: &str, said: &str) -> bool {
     match shown.split_once("[..]") {
-        None => shown.trim_end() == said,
+        None => shortened(shown.trim_end()) == shortened(said),
         Some((before, after)) => said.strip_prefix(before).is_some_and(|rest| {
             (0..=rest.len()).filter(|&at| rest.is_char_boundary(at)).any(|at| matches_line(after, &rest[at..]))
         }),
     }
+}
+
+/// A line whose numbers have twelve digits after the point at most: the last ones of a double are other ones on another processor.
+fn shortened(line: &str) -> String {
+    let mut after = None;
+    line.chars()
+        .filter(|c| {
+            after = match (c, after) {
+                ('.', _) => Some(0),
+                ('0'..='9', Some(digits)) => Some(digits + 1),
+                _ => None,
+            };
+            after.is_none_or(|digits| digits <= 12)
+        })
+        .collect()
 }
 
 #[test]
