@@ -139,14 +139,16 @@ pub(super) fn solve(scaled: &Scaled, max_iterations: u32) -> Result<Outcome, Con
     let (mut multipliers, mut active) = (vec![0.0; order.len()], vec![false; order.len()]);
     for (place, &at) in order.iter().enumerate() {
         multipliers[at] = solved.multipliers[place] / lengths[place];
-        // Complementary numbers: the larger one is the one that is not zero.
-        active[at] = scaled.rows[at].equality || solved.multipliers[place] > solved.slacks[place];
+        // Complementary numbers: the larger one is the one that is not zero, both in the problem's units: a row's length carries the condition of A.
+        let slack = solved.slacks[place] * lengths[place];
+        active[at] = scaled.rows[at].equality || multipliers[at] > slack;
     }
-    // Both sides of |delta| <= t are at their bound where the coefficient is 0.
+    // Both sides of |delta| <= t hold with equality where the coefficient is 0, and share the penalty; elsewhere one of them has all of it.
     let mut zero = vec![false; k];
     for (extra, &c) in penalised.iter().enumerate() {
         let first = order.len() + 2 * extra;
-        zero[c] = (first..first + 2).all(|at| solved.multipliers[at] > solved.slacks[at]);
+        let (upper, lower) = (solved.multipliers[first], solved.multipliers[first + 1]);
+        zero[c] = upper.min(lower) > delta[c].abs() * (upper + lower);
     }
     Ok(Outcome::Point { delta, multipliers, active, zero })
 }
