@@ -29,6 +29,8 @@ pub struct Evidence {
     pub weak: Option<Weak>,
     /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
     pub resolution: Vec<f64>,
+    /// Of that, what comes of rounded stamps, for every equation that is measured by differences.
+    rounding: Vec<f64>,
     /// The parameters' estimates.
     pub parameters: Vec<ParameterReport>,
     /// Sampling period, seconds.
@@ -104,6 +106,7 @@ impl Evidence {
         let mut found = Self {
             episodes: used.iter().filter_map(|id| known.get(id).cloned()).collect(),
             resolution: Vec::new(),
+            rounding: Vec::new(),
             task,
             partition,
             scan,
@@ -113,6 +116,7 @@ impl Evidence {
             shared_rows,
             notes,
         };
+        found.rounding = found.rounding_of();
         found.resolution = found.resolution_of(|_| 1.0);
         let labels = found.task.fitted.iter().map(|equation| equation.label.clone());
         let told = labels.zip(found.scan.concentrated().iter().map(Option::as_ref));
@@ -126,17 +130,36 @@ impl Evidence {
         if let Some(weak) = &self.weak {
             return self.integrals_of(weak);
         }
-        let mut squares = self.scan.sampled_mean_squares(weight).into_iter();
-        let of = |equation: &FittedEquation| equation.difference.as_ref().and_then(|_| squares.next()).unwrap_or(0.0);
-        self.task.fitted.iter().map(of).map(|square| MARGIN * square).collect()
+        let mut squares = self.scan.sampled_mean_squares(weight).into_iter().zip(&self.rounding);
+        let mut of = |equation: &FittedEquation| match equation.difference.as_ref().and_then(|_| squares.next()) {
+            Some((square, rounding)) => square.max(*rounding),
+            None => 0.0,
+        };
+        self.task.fitted.iter().map(|equation| MARGIN * of(equation)).collect()
+    }
+
+    /// Mean squared error of differences, of the equations that are measured by them, that comes of rounded stamps alone.
+    ///
+    /// A stamp is known to half a unit in its last place, which at the end of an episode of n rows is epsilon n of a sampling period: no difference is known better.
+    fn rounding_of(&self) -> Vec<f64> {
+        let mut rows = BTreeMap::<EpisodeId, u64>::new();
+        self.scan.units().iter().for_each(|unit| *rows.entry(unit.episode).or_default() += unit.rows);
+        let relative = f64::EPSILON * rows.values().copied().max().unwrap_or(0) as f64;
+        let differences = (0..self.task.fitted.len()).filter(|&t| self.task.fitted[t].difference.is_some());
+        self.mean_squares(differences).into_iter().map(|square| relative.powi(2) * square).collect()
+    }
+
+    /// Mean squares of targets over all rows.
+    fn mean_squares(&self, targets: impl Iterator<Item = usize>) -> Vec<f64> {
+        let roots: Vec<_> = (0..self.scan.regions()).map(|region| self.scan.root(region)).collect();
+        let weight = roots.iter().map(|root| root.weight).sum::<f64>().max(f64::MIN_POSITIVE);
+        targets.map(|t| roots.iter().map(|root| root.total[t]).sum::<f64>() / weight).collect()
     }
 
     /// Mean squared error of integrals over windows, with the same margin.
     fn integrals_of(&self, weak: &Weak) -> Vec<f64> {
-        let roots: Vec<_> = (0..self.scan.regions()).map(|region| self.scan.root(region)).collect();
-        let weight: f64 = roots.iter().map(|root| root.weight).sum();
-        let square = |t: usize| roots.iter().map(|root| root.total[t]).sum::<f64>() / weight.max(f64::MIN_POSITIVE);
-        (0..self.task.fitted.len()).map(|t| MARGIN * weak.accuracy.powi(2) * square(t)).collect()
+        let squares = self.mean_squares(0..self.task.fitted.len());
+        squares.into_iter().map(|square| MARGIN * weak.accuracy.powi(2) * square).collect()
     }
 
     /// What a model of this evidence carries.
