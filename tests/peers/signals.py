@@ -1,6 +1,7 @@
 """The oracle of smoothing and filters: scipy, on rows `t y w` of a text file; one number a line."""
 
 import sys
+from fractions import Fraction
 
 import numpy as np
 from scipy import interpolate, signal
@@ -15,6 +16,43 @@ def spline(rows, lam):
 
 def savgol(rows, window, degree, derivative, dt):
     return signal.savgol_filter(rows[1], int(window), int(degree), deriv=int(derivative), delta=float(dt))
+
+
+def savgol_exact(rows, window, degree, derivative, dt):
+    """The same by rational arithmetic at every row: the polynomial of least squares through its window, or through that at the end of the rows."""
+    window, degree, derivative = int(window), int(degree), int(derivative)
+    half, y = window // 2, [Fraction(value) for value in rows[1]]
+    moments = [sum(Fraction(k) ** power for k in range(-half, half + 1)) for power in range(2 * degree + 1)]
+    inverse = solved([[moments[i + j] for j in range(degree + 1)] for i in range(degree + 1)])
+
+    def slope(at):
+        """Of the polynomials' powers, derived so often, the values `at` rows from the middle."""
+        factor = [Fraction(np.prod(range(power - derivative + 1, power + 1), dtype=object)) for power in range(degree + 1)]
+        values = [factor[p] * Fraction(at) ** (p - derivative) if p >= derivative else Fraction(0) for p in range(degree + 1)]
+        powers = [sum(values[i] * inverse[i][j] for i in range(degree + 1)) for j in range(degree + 1)]
+        return [sum(powers[j] * Fraction(k) ** j for j in range(degree + 1)) for k in range(-half, half + 1)]
+
+    weights = {at: slope(at) for at in range(-half, half + 1)}
+    scale, found = Fraction(dt) ** derivative, []
+    for row in range(len(y)):
+        middle = min(max(row, half), len(y) - 1 - half)
+        weight = weights[row - middle]
+        found.append(float(sum(w * v for w, v in zip(weight, y[middle - half : middle + half + 1])) / scale))
+    return np.array(found)
+
+
+def solved(matrix):
+    """The inverse of a matrix of fractions."""
+    size = len(matrix)
+    rows = [list(row) + [Fraction(int(i == j)) for j in range(size)] for i, row in enumerate(matrix)]
+    for k in range(size):
+        pivot = next(i for i in range(k, size) if rows[i][k] != 0)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [value / rows[k][k] for value in rows[k]]
+        for i in range(size):
+            if i != k:
+                rows[i] = [a - rows[i][k] * b for a, b in zip(rows[i], rows[k])]
+    return [row[size:] for row in rows]
 
 
 def butterworth(rows, order, cutoff, rate):
