@@ -43,7 +43,7 @@ fn from_nothing_to_a_model() {
     assert_eq!(speeds, [0.1, 0.2, 0.3]);
     for run in made["runs"].as_array().unwrap() {
         assert_eq!(run["rows"], 1500);
-        assert_eq!(run["complete"], true);
+        assert_eq!(run["end"], "complete");
         assert!(run["excitation"]["log_determinant"].is_number(), "{run}");
     }
     let bytes: u64 = made["runs"].as_array().unwrap().iter().map(|run| run["bytes"].as_u64().unwrap()).sum();

@@ -3,6 +3,7 @@
 use std::{ops::Range, path::Path};
 
 use fleetfoot_data::{Fingerprint, Progress, ScalarBuffer, parallel_fold};
+use serde::Serialize;
 
 use crate::{
     Error, MaxGap,
@@ -13,7 +14,7 @@ use crate::{
 };
 
 /// What the stamps of a file look like.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 #[non_exhaustive]
 pub struct ClockSummary {
     /// Rows of the file.

@@ -6,6 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::{ColumnKind, Halo, Progress, Silent, Source, parallel_fold};
+use serde::{Serialize, Serializer};
 
 use crate::{
     ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, TopicInfo, channels, csv,
@@ -16,12 +17,14 @@ use crate::{
 const BLOCK: usize = 65_536;
 
 /// What a file holds.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FileInfo {
     /// The file.
+    #[serde(rename = "file")]
     pub path: PathBuf,
     /// Its format.
+    #[serde(serialize_with = "format_name")]
     pub format: Format,
     /// Its size.
     pub bytes: u64,
@@ -68,7 +71,7 @@ impl FileInfo {
 }
 
 /// A column of a file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ColumnInfo {
     /// Its name.
@@ -76,15 +79,17 @@ pub struct ColumnInfo {
     /// Its unit, when the file tells it.
     pub unit: Option<String>,
     /// What its values stand for. Categories have names only when the values were scanned; text files are judged by their first rows otherwise.
+    #[serde(flatten, serialize_with = "kind")]
     pub kind: ColumnKind,
     /// The type of a column that cannot be read as numbers.
+    #[serde(rename = "unreadable")]
     pub unsupported: Option<String>,
     /// Range of the values; only when they were scanned.
     pub statistics: Option<ColumnStatistics>,
 }
 
 /// The range of a column's values, in the column's unit (codes for categories).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ColumnStatistics {
     /// Values that are there.
@@ -100,15 +105,40 @@ pub struct ColumnStatistics {
 }
 
 /// The guessed clock.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TimeInfo {
     /// The column's name.
     pub column: String,
     /// The unit of its numbers; of dates and time types, nanoseconds.
+    #[serde(serialize_with = "unit_symbol")]
     pub unit: TimeUnit,
     /// What was assumed and why, when something was.
     pub assumed: Option<String>,
+}
+
+fn format_name<S: Serializer>(format: &Format, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(format.name())
+}
+
+fn unit_symbol<S: Serializer>(unit: &TimeUnit, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(unit.symbol())
+}
+
+/// `kind`, and of text the `names` of its values where they are known.
+fn kind<S: Serializer>(kind: &ColumnKind, to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Told<'a> {
+        kind: &'a str,
+        names: Option<&'a [String]>,
+    }
+    let (kind, names) = match kind {
+        ColumnKind::Float => ("float", None),
+        ColumnKind::Integer => ("integer", None),
+        ColumnKind::Boolean => ("boolean", None),
+        ColumnKind::Category(names) => ("text", Some(names.as_slice()).filter(|names| !names.is_empty())),
+    };
+    Told { kind, names }.serialize(to)
 }
 
 /// Looks at a file's header, metadata and first rows.

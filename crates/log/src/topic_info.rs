@@ -1,12 +1,15 @@
 //! What a robot's log says of a topic.
 
+use serde::Serialize;
+
 /// A topic of a robot's log. Times are the log's: when messages were recorded.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[non_exhaustive]
 pub struct TopicInfo {
     /// Its name.
     pub name: String,
     /// The type of its messages, e.g. `nav_msgs/msg/Odometry`; empty without a schema.
+    #[serde(rename = "type")]
     pub type_name: String,
     /// How its messages are encoded, e.g. `cdr`.
     pub message_encoding: String,
@@ -31,7 +34,7 @@ pub struct TopicInfo {
 }
 
 /// How the clock of the headers stands to the clock of the log.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct HeaderOffset {
     /// Log stamp minus header stamp of the first message, seconds.

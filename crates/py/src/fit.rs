@@ -12,6 +12,7 @@ use crate::{
     data::Data,
     error::{Kind, of_engine},
     model::Model,
+    object::object,
     run::{guard, run},
 };
 
@@ -64,21 +65,24 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
 /// A piecewise-affine model: the chosen one, its report, and with `keep_all` the models of all candidates.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, keep_all=false, cache=None, progress=None))]
-pub(crate) fn fit_pwa(
-    py: Python<'_>,
+pub(crate) fn fit_pwa<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     keep_all: bool,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, String, Vec<Model>)> {
+) -> PyResult<(Model, Report<'py>, Vec<Model>)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let request = PwaRequest { keep_all };
     let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, request, &data.logs, progress))?;
-    let report = fitted.to_json().to_string();
+    let report = object(py, &fitted.to_json())?;
     let found = fitted.identification;
     Ok((Model::new(found.model)?, report, found.models.into_iter().map(Model::new).collect::<PyResult<_>>()?))
 }
+
+/// What a fit says of itself, as a dict.
+type Report<'py> = Bound<'py, PyAny>;
 
 /// The models of other numbers of terms.
 type Front = Vec<(usize, Model)>;
@@ -86,70 +90,70 @@ type Front = Vec<(usize, Model)>;
 /// Equations: the model, its report, and with `front` the models of other numbers of terms.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, front=false, cache=None, progress=None))]
-pub(crate) fn fit_sindy(
-    py: Python<'_>,
+pub(crate) fn fit_sindy<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     front: bool,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, String, Front)> {
+) -> PyResult<(Model, Report<'py>, Front)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let request = SindyRequest { front, horizon: None };
     let fitted = run(py, progress, |progress| fleetfoot::fit_sindy(&recipe, request, &data.logs, progress))?;
     let front = fitted.front.into_iter().map(|(terms, model)| Ok((terms, Model::new(model)?)));
-    Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string(), front.collect::<PyResult<_>>()?))
+    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?, front.collect::<PyResult<_>>()?))
 }
 
 /// An autoregression; `other`: recordings to run it on that do not train.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, other=None, cache=None, progress=None))]
-pub(crate) fn fit_narx(
-    py: Python<'_>,
+pub(crate) fn fit_narx<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     other: Option<&Data>,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, String)> {
+) -> PyResult<(Model, Report<'py>)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let request = NarxRequest { free_run: other.map(|other| other.logs.clone()).unwrap_or_default() };
     let fitted = run(py, progress, |progress| fleetfoot::fit_narx(&recipe, &request, &data.logs, progress))?;
-    Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string()))
+    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
 }
 
 /// Given equations with estimated parameters.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, cache=None, progress=None))]
-pub(crate) fn fit_parameters(
-    py: Python<'_>,
+pub(crate) fn fit_parameters<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, String)> {
+) -> PyResult<(Model, Report<'py>)> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let fitted = run(py, progress, |progress| fleetfoot::fit_parameters(&recipe, &data.logs, progress))?;
-    Ok((Model::new(fitted.model)?, fitted.report.to_json().to_string()))
+    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
 }
 
 /// Sparse models of shared latents: one, or one for every value of the label `by`.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, by=None, influence=false, cache=None, progress=None))]
-pub(crate) fn fit_sparse(
-    py: Python<'_>,
+pub(crate) fn fit_sparse<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     by: Option<String>,
     influence: bool,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<(Option<String>, Model, String)>> {
+) -> PyResult<Vec<(Option<String>, Model, Report<'py>)>> {
     let recipe = with_cache(recipe(recipe_text)?, cache);
     let request = SparseRequest { by, influence, ..SparseRequest::default() };
     let fitted = run(py, progress, |progress| fleetfoot::fit_sparse(&recipe, &request, &data.logs, progress))?;
     let found = fitted.into_iter().map(|found| {
-        let report = found.report.to_json().to_string();
+        let report = object(py, &found.report.to_json())?;
         Ok((found.value, Model::new(found.model)?, report))
     });
     found.collect()

@@ -4,16 +4,15 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     Error, Recipe,
-    generate::{Format, Generated, Job, World, generate as run_job, robots as all_robots},
-    sim::End,
+    generate::{Format, Job, World, generate as run_job, robots as all_robots},
 };
 use numpy::PyArray1;
 use pyo3::{prelude::*, types::PyDict};
-use serde_json::json;
 
 use crate::{
     data::Data,
     error::{Kind, OrRaise, of_engine},
+    object::object,
     run::run,
 };
 
@@ -67,18 +66,18 @@ fn world_of(
     Ok(world)
 }
 
-/// Runs a robot and writes its logs and a recipe; what was made, as JSON.
+/// Runs a robot and writes its logs and a recipe; what was made, as a dict.
 #[pyfunction]
 #[pyo3(signature = (robot, folder, text, settings, wanted, progress = None))]
-pub(crate) fn generate(
-    py: Python<'_>,
+pub(crate) fn generate<'py>(
+    py: Python<'py>,
     robot: &str,
     folder: PathBuf,
     text: Option<&str>,
     settings: Vec<(String, String)>,
-    wanted: &Bound<'_, PyDict>,
+    wanted: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+) -> PyResult<Bound<'py, PyAny>> {
     let wanted: Wanted = wanted.extract()?;
     let world = world_of(robot, text, &settings, wanted.excitation.as_deref()).map_err(of_engine)?;
     let mut job = Job::new(world, folder);
@@ -92,33 +91,7 @@ pub(crate) fn generate(
     (job.truth, job.force, job.speed) = (wanted.truth, wanted.force, wanted.speed);
     job.seconds = wanted.seconds.unwrap_or(job.seconds);
     let made = run(py, progress, |progress| run_job(&job, progress))?;
-    Ok(report(&made).to_string())
-}
-
-fn report(made: &Generated) -> serde_json::Value {
-    let excitation = |own: &fleetfoot::generate::Excitation| {
-        json!({
-            "log_determinant": own.log_determinant, "regressors": own.regressors, "dependent": own.dependent,
-            "nonuniformity": own.nonuniformity, "outside": own.outside,
-        })
-    };
-    let runs = made.runs.iter().map(|run| {
-        let (end, reason) = match &run.end {
-            End::Complete => ("complete", None),
-            End::Early { reason, .. } => ("early", Some(reason)),
-            End::Fault { reason, .. } => ("fault", Some(reason)),
-            _ => ("other", None),
-        };
-        json!({
-            "run": run.run, "file": run.file.display().to_string(), "speed": run.speed, "seconds": run.seconds,
-            "rows": run.rows, "messages": run.messages, "bytes": run.bytes, "end": end, "reason": reason,
-            "excitation": excitation(&run.excitation),
-        })
-    });
-    json!({
-        "runs": runs.collect::<Vec<_>>(), "excitation": excitation(&made.excitation),
-        "recipe": made.recipe.display().to_string(),
-    })
+    object(py, &made)
 }
 
 /// A model's regions and one-step scores on the plane of two expressions over its columns, as a dict of arrays of `bins * bins` cells, the second

@@ -27,6 +27,7 @@ mod thresholds;
 // -- identification
 mod fit;
 mod model;
+mod object;
 mod on_data;
 mod points;
 mod simulate;

@@ -14,24 +14,25 @@ use crate::{
     error::Kind,
     fit::{recipe, with_cache},
     model::{Model, method, region},
+    object::object,
     points::array,
     run::run,
 };
 
-/// One-step scores as JSON.
+/// One-step scores as a dict.
 #[pyfunction]
 #[pyo3(signature = (model, data, recipe_text, cache=None, progress=None))]
-pub(crate) fn score(
-    py: Python<'_>,
+pub(crate) fn score<'py>(
+    py: Python<'py>,
     model: &Model,
     data: &Data,
     recipe_text: &str,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+) -> PyResult<Bound<'py, PyAny>> {
     let changes = with_cache(recipe(recipe_text)?, cache);
     let scored = run(py, progress, |progress| fleetfoot::score(&model.model, &changes, &data.logs, progress))?;
-    Ok(scored.to_json().to_string())
+    object(py, &scored.to_json())
 }
 
 /// What a page shows, and where it is written.
@@ -52,22 +53,22 @@ pub(crate) struct ReportRequest {
     settings: Vec<String>,
 }
 
-/// Writes the page of models by name, and tells what it says first (JSON).
+/// Writes the page of models by name, and tells what it says first.
 #[pyfunction]
 #[pyo3(signature = (models, data, recipe_text, request, cache=None, progress=None))]
-pub(crate) fn report(
-    py: Python<'_>,
+pub(crate) fn report<'py>(
+    py: Python<'py>,
     models: Vec<(String, Py<Model>)>,
     data: Option<&Data>,
     recipe_text: &str,
     request: ReportRequest,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+) -> PyResult<Bound<'py, PyAny>> {
     let changes = with_cache(recipe(recipe_text)?, cache);
     let models: Vec<_> = models.into_iter().map(|(name, model)| (name, model.get().model.clone())).collect();
     let logs = data.map(|data| data.logs.clone()).unwrap_or_default();
-    run(py, progress, |progress| {
+    let told = run(py, progress, |progress| {
         let mut options = fleetfoot::ReportOptions::default();
         (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
         options.plane = request.plane;
@@ -83,8 +84,9 @@ pub(crate) fn report(
                 made.write_figures(folder, format, &logs.files())?;
             }
         }
-        Ok(made.to_json().to_string())
-    })
+        Ok(made.to_json())
+    })?;
+    object(py, &told)
 }
 
 /// Rows with their predictions, while they are collected.
@@ -202,7 +204,7 @@ pub(crate) fn rollout<'py>(
     request: RolloutRequest,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, Vec<Bound<'py, PyDict>>)> {
+) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
     let changes = with_cache(recipe(recipe_text)?, cache);
     let mut options = RolloutOptions::new(request.horizon);
     options.method = method(&request.method)?;
@@ -220,7 +222,7 @@ pub(crate) fn rollout<'py>(
         let controller = controller.transpose()?;
         fleetfoot::rollout(&model.model, &changes, &data.logs, &starts, &options, controller.as_ref(), None, progress)
     })?;
-    let report = rolled.to_json().to_string();
+    let report = object(py, &rolled.to_json())?;
     let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
     Ok((report, found.collect::<PyResult<_>>()?))
 }

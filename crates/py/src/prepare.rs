@@ -5,20 +5,20 @@ use std::path::PathBuf;
 use fleetfoot::prepare::{PrepareRequest, prepare as run_prepare};
 use pyo3::prelude::*;
 
-use crate::{data::Data, fit::recipe, run::run};
+use crate::{data::Data, fit::recipe, object::object, run::run};
 
-/// Writes clean episodes and their recipe into a folder; what was done, as JSON.
+/// Writes clean episodes and their recipe into a folder; what was done, as a dict.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, folder, force=false, progress=None))]
-pub(crate) fn prepare(
-    py: Python<'_>,
+pub(crate) fn prepare<'py>(
+    py: Python<'py>,
     data: &Data,
     recipe_text: &str,
     folder: PathBuf,
     force: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+) -> PyResult<Bound<'py, PyAny>> {
     let (recipe, request) = (recipe(recipe_text)?, PrepareRequest { folder, force });
     let prepared = run(py, progress, |progress| run_prepare(&recipe, &request, &data.logs, progress))?;
-    Ok(prepared.to_json().to_string())
+    object(py, &prepared.to_json())
 }

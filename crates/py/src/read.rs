@@ -4,16 +4,16 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     Recipe,
-    log::{ColumnInfo, FileInfo, MessageColumns, Messages, TopicInfo, inspect, inspect_values},
+    log::{MessageColumns, Messages, TopicInfo, inspect, inspect_values},
     model_rows, read_rows,
 };
 use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyDict};
-use serde_json::{Value, json};
 
 use crate::{
     data::Data,
     error::{Kind, OrRaise, of_engine},
+    object::object,
     run::run,
     table::{Table, TableBuilder},
 };
@@ -135,56 +135,16 @@ pub(crate) fn student_t_95(freedom: usize) -> f64 {
     fleetfoot::stats::student_t_95(freedom)
 }
 
-/// What a file holds, as JSON.
+/// What a file holds, as a dict.
 #[pyfunction]
 #[pyo3(signature = (path, values = false, progress = None))]
-pub(crate) fn info(py: Python<'_>, path: PathBuf, values: bool, progress: Option<Py<PyAny>>) -> PyResult<String> {
+pub(crate) fn info(
+    py: Python<'_>,
+    path: PathBuf,
+    values: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'_, PyAny>> {
     let found =
         run(py, progress, |progress| Ok(if values { inspect_values(&path, progress)? } else { inspect(&path)? }))?;
-    Ok(file_json(&found).to_string())
-}
-
-fn file_json(info: &FileInfo) -> Value {
-    let clock = info.clock.as_ref().map(|clock| {
-        json!({
-            "rows": clock.rows, "missing": clock.missing, "repeated": clock.repeated, "backward": clock.backward,
-            "gaps": clock.gaps, "largest_step": clock.largest_step, "max_gap": clock.max_gap, "period": clock.period,
-            "start": clock.start, "end": clock.end,
-        })
-    });
-    let time = info.time.as_ref();
-    json!({
-        "path": info.path.display().to_string(), "format": info.format.name(), "bytes": info.bytes,
-        "rows": info.rows, "episodes": info.episodes, "clock": clock, "notes": info.notes,
-        "time": time.map(|time| json!({ "column": time.column, "unit": time.unit.symbol(), "assumed": time.assumed })),
-        "columns": info.columns.iter().map(column_json).collect::<Vec<_>>(),
-        "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(), "metadata": info.metadata,
-    })
-}
-
-fn column_json(column: &ColumnInfo) -> Value {
-    use fleetfoot::ColumnKind::{Boolean, Category, Float, Integer};
-    let (kind, names) = match &column.kind {
-        Float => ("float", None),
-        Integer => ("integer", None),
-        Boolean => ("boolean", None),
-        Category(names) => ("text", Some(names).filter(|names| !names.is_empty())),
-    };
-    let statistics = column.statistics.map(
-        |own| json!({ "count": own.count, "missing": own.missing, "min": own.min, "mean": own.mean, "max": own.max }),
-    );
-    json!({
-        "name": column.name, "unit": column.unit, "kind": kind, "names": names, "unreadable": column.unsupported,
-        "statistics": statistics,
-    })
-}
-
-fn topic_json(topic: &TopicInfo) -> Value {
-    let offset = topic.header_offset.as_ref();
-    json!({
-        "name": topic.name, "type": topic.type_name, "message_encoding": topic.message_encoding,
-        "schema_encoding": topic.schema_encoding, "messages": topic.messages, "start": topic.start, "end": topic.end,
-        "rate": topic.rate, "gaps": topic.gaps, "largest_gap": topic.largest_gap, "problem": topic.problem,
-        "header_offset": offset.map(|own| json!({ "first": own.first, "last": own.last, "zero": own.zero })),
-    })
+    object(py, &found)
 }

@@ -5,11 +5,12 @@ use fleetfoot_sim::{
     excitation::{Axis, Histogram},
 };
 use fleetfoot_stats::{Gram, RowGram};
+use serde::{Serialize, Serializer, ser::SerializeSeq};
 
 use fleetfoot_identify::{Kind, Recipe};
 
 /// What the rows of a run, or of all runs, could tell an affine model of the robot.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Excitation {
     /// `ln det((1/n) [1 X]'[1 X])` of the n rows: X are the regressors of the recipe's affine model, the states and inputs that it shows to
@@ -27,9 +28,25 @@ pub struct Excitation {
     /// section 6.4). NaN where there are none.
     pub nonuniformity: f64,
     /// The columns of the bins, with their ranges and numbers of bins.
+    #[serde(serialize_with = "axes")]
     pub spread: Vec<(String, Axis)>,
     /// Rows that fell into no bin.
     pub outside: u64,
+}
+
+fn axes<S: Serializer>(spread: &[(String, Axis)], to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Told<'a> {
+        column: &'a str,
+        low: f64,
+        high: f64,
+        bins: usize,
+    }
+    let mut list = to.serialize_seq(Some(spread.len()))?;
+    for (column, Axis { low, high, bins }) in spread {
+        list.serialize_element(&Told { column, low: *low, high: *high, bins: *bins })?;
+    }
+    list.end()
 }
 
 /// What is gathered of rows: their regressors, and the columns that they should spread over.

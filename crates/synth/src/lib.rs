@@ -25,6 +25,7 @@ use std::{
 
 use fleetfoot_data::{Column, Progress, parallel_map};
 use fleetfoot_sim::{End, Run, Scenario};
+use serde::{Serialize, Serializer};
 
 pub use excitation_report::Excitation;
 pub use plan::{Plan, PlannedTopic, plan};
@@ -185,7 +186,7 @@ impl Job {
 }
 
 /// A run that was generated.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct RunReport {
     /// Its number.
@@ -203,13 +204,30 @@ pub struct RunReport {
     /// The file's size.
     pub bytes: u64,
     /// How it ended.
+    #[serde(flatten, serialize_with = "end")]
     pub end: End,
     /// What its rows could tell a model.
     pub excitation: Excitation,
 }
 
+/// `end`: `complete`, `early` or `fault`; where it is one of the latter, `ended_at` (s) and the `reason`.
+fn end<S: Serializer>(end: &End, to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Told<'a> {
+        end: &'static str,
+        ended_at: Option<f64>,
+        reason: Option<&'a str>,
+    }
+    let (end, told) = match end {
+        End::Early { seconds, reason } => ("early", Some((*seconds, reason.as_str()))),
+        End::Fault { seconds, reason } => ("fault", Some((*seconds, reason.as_str()))),
+        _ => ("complete", None),
+    };
+    Told { end, ended_at: told.map(|(at, _)| at), reason: told.map(|(_, reason)| reason) }.serialize(to)
+}
+
 /// What was generated.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Generated {
     /// In the order of their numbers.

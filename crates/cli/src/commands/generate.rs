@@ -33,7 +33,7 @@ pub(crate) fn generate(arguments: &Generate, context: &Context) -> Result<(), Er
     bar.finish();
     let made = made?;
     context.notes(&notes(&made));
-    context.print(&to_json(&made), || to_text(&made));
+    context.print(&json!(made), || to_text(&made));
     let folder = job.folder.display();
     context.say(format!(
         "wrote {} and {} in {folder}; next: fleetfoot fit pwa -c {} {folder}",
@@ -204,38 +204,6 @@ fn runs_table(made: &Generated) -> String {
         String::new(),
     ]));
     table(&header.into_iter().filter(shown).collect::<Vec<_>>(), rows)
-}
-
-fn excitation_json(excitation: &Excitation) -> serde_json::Value {
-    json!({
-        "log_determinant": real(excitation.log_determinant), "dependent": excitation.dependent,
-        "nonuniformity": real(excitation.nonuniformity), "outside": excitation.outside,
-    })
-}
-
-fn to_json(made: &Generated) -> serde_json::Value {
-    let run = |run: &RunReport| {
-        let at = |seconds: f64, reason: &str| json!({ "seconds": real(seconds), "reason": reason });
-        let (fault, early) = match &run.end {
-            End::Fault { seconds, reason } => (Some(at(*seconds, reason)), None),
-            End::Early { seconds, reason } => (None, Some(at(*seconds, reason))),
-            _ => (None, None),
-        };
-        json!({
-            "run": run.run, "file": run.file.display().to_string(), "speed": run.speed.map(real), "seconds": real(run.seconds),
-            "rows": run.rows, "messages": run.messages, "bytes": run.bytes, "complete": run.end == End::Complete, "fault": fault, "early": early,
-            "excitation": excitation_json(&run.excitation),
-        })
-    };
-    json!({
-        "runs": made.runs.iter().map(run).collect::<Vec<_>>(),
-        "regressors": made.excitation.regressors,
-        "spread": made.excitation.spread.iter().map(|(name, axis)| json!({
-            "column": name, "low": real(axis.low), "high": real(axis.high), "bins": axis.bins,
-        })).collect::<Vec<_>>(),
-        "excitation": excitation_json(&made.excitation),
-        "recipe": made.recipe.display().to_string(),
-    })
 }
 
 fn plan_text(plan: &Plan) -> String {

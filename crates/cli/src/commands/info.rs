@@ -6,7 +6,7 @@ use fleetfoot::{
 };
 use serde_json::json;
 
-use super::{Context, files, real};
+use super::{Context, files};
 use crate::{
     args::Info,
     table::{bytes, count, number, seconds, table},
@@ -19,8 +19,7 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
         files.iter().map(|path| if arguments.values { inspect_values(path, &bar) } else { inspect(path) }).collect();
     bar.finish();
     let infos = infos?;
-    let json = serde_json::Value::Array(infos.iter().map(to_json).collect());
-    context.print(&json, || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
+    context.print(&json!(infos), || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
     Ok(())
 }
 
@@ -156,34 +155,4 @@ fn columns_table(info: &FileInfo) -> String {
         })
         .collect();
     table(header, rows)
-}
-
-fn topic_json(topic: &TopicInfo) -> serde_json::Value {
-    json!({
-        "name": topic.name, "type": topic.type_name, "message_encoding": topic.message_encoding,
-        "schema_encoding": topic.schema_encoding, "messages": topic.messages, "start": topic.start, "end": topic.end,
-        "rate": topic.rate.map(real), "gaps": topic.gaps, "largest_gap": topic.largest_gap.map(real),
-        "header_offset": topic.header_offset.as_ref().map(|offset| json!({
-            "first": real(offset.first), "last": real(offset.last), "zero": offset.zero })),
-        "problem": topic.problem,
-    })
-}
-
-fn to_json(info: &FileInfo) -> serde_json::Value {
-    json!({
-        "file": info.path.display().to_string(), "format": info.format.name(), "bytes": info.bytes, "rows": info.rows,
-        "episodes": info.episodes,
-        "time": info.time.as_ref().map(|time| json!({ "column": time.column, "unit": time.unit.symbol(), "assumed": time.assumed })),
-        "clock": info.clock.as_ref().map(|clock| json!({
-            "rows": clock.rows, "missing": clock.missing, "repeated": clock.repeated, "backward": clock.backward, "gaps": clock.gaps,
-            "largest_step": real(clock.largest_step), "max_gap": real(clock.max_gap), "period": real(clock.period),
-            "start": clock.start, "end": clock.end })),
-        "columns": info.columns.iter().map(|column| json!({
-            "name": column.name, "unit": column.unit, "kind": kind(&column.kind), "unreadable": column.unsupported,
-            "statistics": column.statistics.map(|s| json!({
-                "count": s.count, "missing": s.missing, "min": real(s.min), "mean": real(s.mean), "max": real(s.max) })),
-        })).collect::<Vec<_>>(),
-        "topics": info.topics.iter().map(topic_json).collect::<Vec<_>>(),
-        "metadata": info.metadata, "notes": info.notes,
-    })
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -199,7 +198,7 @@ class BlockSparse(Identifier):
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         found = _core.fit_sparse(data, recipe, self.by, bool(self.influence), self.cache, progress)
-        models = [(value, Model(model), json.loads(report)) for value, model, report in found]
+        models = [(value, Model(model), report) for value, model, report in found]
         self.models_ = {value: model for value, model, _ in models if value is not None}
         self.reports_ = {value: report for value, _, report in models if value is not None}
         _, model, report = models[0]

@@ -311,27 +311,27 @@ def fit_pwa(
     keep_all: bool = False,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> tuple[Model, str, list[Model]]: ...
+) -> tuple[Model, dict[str, Any], list[Model]]: ...
 def fit_sindy(
     data: Data,
     recipe_text: str,
     front: bool = False,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> tuple[Model, str, list[tuple[int, Model]]]: ...
+) -> tuple[Model, dict[str, Any], list[tuple[int, Model]]]: ...
 def fit_narx(
     data: Data,
     recipe_text: str,
     other: Data | None = None,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> tuple[Model, str]: ...
+) -> tuple[Model, dict[str, Any]]: ...
 def fit_parameters(
     data: Data,
     recipe_text: str,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> tuple[Model, str]: ...
+) -> tuple[Model, dict[str, Any]]: ...
 def fit_sparse(
     data: Data,
     recipe_text: str,
@@ -339,14 +339,14 @@ def fit_sparse(
     influence: bool = False,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> list[tuple[str | None, Model, str]]: ...
+) -> list[tuple[str | None, Model, dict[str, Any]]]: ...
 def score(
     model: Model,
     data: Data,
     recipe_text: str,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> str: ...
+) -> dict[str, Any]: ...
 def predict_rows(
     model: Model,
     data: Data,
@@ -361,7 +361,7 @@ def report(
     request: dict[str, Any],
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> str: ...
+) -> dict[str, Any]: ...
 def rollout(
     model: Model,
     data: Data,
@@ -369,7 +369,7 @@ def rollout(
     request: dict[str, Any],
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> tuple[str, list[dict[str, Any]]]: ...
+) -> tuple[dict[str, Any], list[dict[str, Any]]]: ...
 
 # -- statistics
 @final
@@ -474,7 +474,7 @@ def read_table(
 ) -> Table: ...
 def read_model_rows(model: str, data: Data, recipe: str = "", progress: _Progress = None) -> dict[str, Any]: ...
 def student_t_95(freedom: int) -> float: ...
-def info(path: str | PathLike[str], values: bool = False, progress: _Progress = None) -> str: ...
+def info(path: str | PathLike[str], values: bool = False, progress: _Progress = None) -> dict[str, Any]: ...
 def robots() -> list[str]: ...
 def world(robot: str, text: str | None = None, settings: Sequence[tuple[str, str]] = ...) -> str: ...
 def prepare(
@@ -483,7 +483,7 @@ def prepare(
     folder: str | PathLike[str],
     force: bool = False,
     progress: _Progress = None,
-) -> str: ...
+) -> dict[str, Any]: ...
 def generate(
     robot: str,
     folder: str | PathLike[str],
@@ -491,7 +491,7 @@ def generate(
     settings: Sequence[tuple[str, str]],
     wanted: dict[str, Any],
     progress: _Progress = None,
-) -> str: ...
+) -> dict[str, Any]: ...
 def project(
     model: str, data: Data, recipe: str, x: str, y: str, bins: int, progress: _Progress = None
 ) -> dict[str, Any]: ...

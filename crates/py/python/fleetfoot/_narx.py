@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -179,4 +178,4 @@ class NARX(Identifier):
 
             other = open_data(self.free_run)._core
         model, report = _core.fit_narx(data, recipe, other, self.cache, progress)
-        return Model(model), json.loads(report)
+        return Model(model), report

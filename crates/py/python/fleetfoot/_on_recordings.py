@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -172,7 +171,7 @@ class OnRecordings:
             core = self._core
             data, changes = self._opened(x, recipe, t, dt)
         with reporting(progress) as callback:
-            report: dict[str, Any] = json.loads(engine.score(core, data, changes, cache, callback))
+            report: dict[str, Any] = engine.score(core, data, changes, cache, callback)
         report["notes"] = tell_all(report["notes"])
         return report
 
@@ -257,8 +256,7 @@ class OnRecordings:
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }
         with reporting(progress) as callback:
-            text, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
-        report: dict[str, Any] = json.loads(text)
+            report, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
         if keep:
             report["trajectories"] = trajectories
         report["notes"] = tell_all(report["notes"])

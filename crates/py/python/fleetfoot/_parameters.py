@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -107,4 +106,4 @@ class Parameters(Identifier):
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         model, report = _core.fit_parameters(data, recipe, self.cache, progress)
-        return Model(model), json.loads(report)
+        return Model(model), report

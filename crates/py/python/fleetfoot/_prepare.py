@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -188,7 +187,7 @@ def prepare(
     dataset = open_data(data, recipe=recipe)
     text = _recipe.to_json(_recipe.say(above, _recipe.of_toml(dataset.recipe)))
     with reporting(progress) as callback:
-        made = json.loads(_core.prepare(dataset._core, text, Path(folder), force, callback))
+        made = _core.prepare(dataset._core, text, Path(folder), force, callback)
     tell_all(made["notes"])
     files = [Path(file) for file in made["files"]]
     return Prepared(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -172,4 +171,4 @@ class PWA(Identifier):
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         chosen, report, models = _core.fit_pwa(data, recipe, bool(self.keep_all), self.cache, progress)
         self.models_ = [Model(one) for one in models]
-        return Model(chosen), json.loads(report)
+        return Model(chosen), report

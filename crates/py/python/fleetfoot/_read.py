@@ -226,7 +226,7 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     Returns
     -------
     dict
-        ``path``, ``format``, ``bytes``, ``rows``, ``columns`` (name, unit, kind, statistics, ...), ``topics`` (name,
+        ``file``, ``format``, ``bytes``, ``rows``, ``columns`` (name, unit, kind, statistics, ...), ``topics`` (name,
         type, messages, rate in Hz,
         gaps, ...), ``metadata`` (what a log says of itself), ``time`` (the guessed clock), ``clock`` (periods and gaps
         in seconds), ``episodes``, ``notes``.
@@ -246,7 +246,7 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     [('t', None), ('speed [m/s]', 'm/s')]
     """
     with reporting(progress) as callback:
-        found: dict[str, Any] = json.loads(_core.info(Path(path), values, callback))
+        found: dict[str, Any] = _core.info(Path(path), values, callback)
     return found
 
 
@@ -434,7 +434,7 @@ def generate(
         "excitation": excitation,
     }
     with reporting(progress) as callback:
-        made = json.loads(_core.generate(robot, Path(folder), text, settings, wanted, callback))
+        made = _core.generate(robot, Path(folder), text, settings, wanted, callback)
     files = [Path(run["file"]) for run in made["runs"]]
     return Generated(files, Path(made["recipe"]), made["runs"], made["excitation"])
 

@@ -127,6 +127,6 @@ def report(
         "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
     }
     with reporting(progress) as callback:
-        found: dict[str, Any] = json.loads(_core.report(listed, opened, changes, request, cache, callback))
+        found: dict[str, Any] = _core.report(listed, opened, changes, request, cache, callback)
     tell_all(found["notes"])
     return found

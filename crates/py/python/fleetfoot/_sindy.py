@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -291,7 +290,7 @@ class SINDy(Identifier):
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
         self.front_ = {terms: Model(one) for terms, one in front}
-        return Model(chosen), json.loads(report)
+        return Model(chosen), report
 
     def differentiate(self, x: Any, t: Any = None, *, dt: float | None = None) -> Any:
         """Derivatives of runs as the fit measures them, NaN where a difference lacks its neighbours.
