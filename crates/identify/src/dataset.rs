@@ -31,7 +31,7 @@ pub(crate) use clock::clock_of_model;
 use clock::{Clock, clock};
 pub(crate) use cost::{estimate, estimate_equations, estimate_structure};
 pub(crate) use fields::seen_through;
-use fields::{described, explained, fields};
+use fields::{described, explained, fields, unprepared};
 use selection::{full_selection, label_names};
 
 /// Logs as the columns of a recipe or a model.
@@ -368,7 +368,8 @@ impl Dataset {
         let auxiliary = model.auxiliary_columns().into_iter();
         let there = |column: &ModelColumn| aliases_of_model(std::slice::from_ref(column), &fields).is_ok();
         let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();
-        let aliases = aliases_of_model(&columns, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let why = |error| unprepared(explained(error, info.as_ref()), &recipe);
+        let aliases = aliases_of_model(&columns, &fields).map_err(why)?;
         let mut dataset = Self::open(&recipe, &columns, &aliases, clock_of_model(model), logs, progress)?;
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         if !absent.is_empty() {

@@ -59,6 +59,17 @@ pub(super) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     Error::undetermined(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))
 }
 
+/// The error; where a model of prepared logs lacks a column, that logs must be prepared for it.
+pub(super) fn unprepared(error: Error, recipe: &Recipe) -> Error {
+    let unknown = matches!(&error, Error::Expression { source, .. } if matches!(source.kind(), ParseErrorKind::UnknownName { .. }));
+    if !unknown || recipe.time.smoothed.is_none() {
+        return error;
+    }
+    Error::missing(format!(
+        "{error}; the model was fitted on logs that `fleetfoot prepare` wrote: prepare these logs with the same recipe, and give what it writes"
+    ))
+}
+
 /// Rows seen through aliases. Filters in them are computed from the fields.
 ///
 /// # Errors
