@@ -34,6 +34,29 @@ impl Model {
         SetEquation { left, terms: signed(&summands(self, latent, region, DIGITS)) }
     }
 
+    /// All equations, those of fitted functions region by region with the region's name where there are several; then the functions that stand in no equation alone.
+    pub fn set_equations(&self) -> Vec<(Option<&str>, SetEquation)> {
+        let mut set = Vec::new();
+        let alone: Vec<Option<&Latent>> = self.equations.iter().map(|equation| self.latent_of(equation)).collect();
+        for (equation, latent) in self.equations.iter().zip(&alone) {
+            let regions = latent.map_or(1, |latent| latent.constants.len());
+            let name = |region: usize| latent.and_then(|latent| self.region_of_several(latent, region));
+            set.extend((0..regions).map(|region| (name(region), self.set_equation(equation, region))));
+        }
+        let shared = |latent: &&Latent| alone.iter().flatten().all(|own| own.name != latent.name);
+        for latent in self.latents.iter().filter(shared) {
+            let name = |region: usize| self.region_of_several(latent, region);
+            set.extend((0..latent.constants.len()).map(|region| (name(region), self.set_latent(latent, region))));
+        }
+        set
+    }
+
+    /// Name of a region of a function that has several.
+    fn region_of_several(&self, latent: &Latent, region: usize) -> Option<&str> {
+        let several = (latent.constants.len() > 1).then(|| self.partitions.get(latent.partition))??;
+        several.regions.get(region).map(|region| region.name.as_str())
+    }
+
     /// The fitted function that is all of an equation's right side.
     pub fn latent_of(&self, equation: &Equation) -> Option<&Latent> {
         let name = equation.right.as_column()?;

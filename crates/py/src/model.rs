@@ -137,6 +137,12 @@ impl Model {
         fleetfoot::describe(&self.model, regions)
     }
 
+    /// The equations as the content of `<math>` elements, each with the name of its region where there are several, in the order in which they are said in words.
+    fn mathml(&self) -> Vec<(Option<String>, String)> {
+        let set = self.model.set_equations().into_iter();
+        set.map(|(region, set)| (region.map(str::to_owned), set.left + &set.terms.concat())).collect()
+    }
+
     /// Names of the states, the inputs and the fitted equations' left sides.
     fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
         let own = |name: &str| name.to_owned();

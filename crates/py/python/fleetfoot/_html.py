@@ -39,8 +39,11 @@ def of_table(table: Table) -> str:
 
 def of_model(model: Model) -> str:
     """A model's equations, and what they were trained on."""
-    equations = model.equations()
-    items = "".join(f"<li><code>{escape(line)}</code></li>" for line in equations[:MOST])
+    equations, formulas = model.equations(), model._core.mathml()
+    items = "".join(
+        f"<li>{escape(f'region {region}: ') if region else ''}<math alttext=\"{escape(line)}\">{formula}</math></li>"
+        for line, (region, formula) in zip(equations[:MOST], formulas)
+    )
     more = f"<p>and {len(equations) - MOST} more</p>" if len(equations) > MOST else ""
     regions = len(model.regions)
     step = f"; a step of {model.dt:.6g} s" if model.dt else ""

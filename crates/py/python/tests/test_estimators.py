@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import re
+import xml.etree.ElementTree
 
 import numpy as np
 import pytest
@@ -409,7 +410,12 @@ def test_notebooks_show_what_there_is():
     data = ff.open({"a<b": x[:, 0], "v": x[:, 1]}, t=t, name="run & more")
     model = ff.PWA(2, target="next").fit(x, t).model_
     shown = model._repr_html_()
-    assert "2 regions, discrete" in shown and all(f"<code>{line}</code>" in shown for line in model.equations())
+    assert "2 regions, discrete" in shown
+    # A formula that is well formed for each equation, with the words for whoever does not see it.
+    root = xml.etree.ElementTree.fromstring(f"<div>{shown}</div>")
+    assert [formula.get("alttext") for formula in root.iter("math")] == model.equations()
+    assert [item.text for item in root.iter("li")] == ["region 0: ", "region 1: "] * 2
+    assert all("".join(formula.itertext()).count("=") == 1 for formula in root.iter("math"))
     assert "run &amp; more" in data._repr_html_()
     table = ff.read(data)._repr_html_()
     assert "<th>a&lt;b</th>" in table and "300 rows" in table and table.count("<tr>") == 11
