@@ -210,14 +210,19 @@ pub(super) const AIRCRAFT: RecipeParts = RecipeParts {
         ("alpha", "/truth/aircraft.data[4]"),
         ("N1", "/truth/aircraft.data[5]"),
         ("SAT", "/truth/aircraft.data[6]"),
-        ("rho", "/truth/aircraft.data[7]"),
-        ("M", "/truth/aircraft.data[8]"),
-        ("q", "/truth/aircraft.data[9]"),
         ("V_dot", "/truth/aircraft.data[11]"),
         ("gamma_dot", "/truth/aircraft.data[12]"),
         ("m_dot", "/truth/aircraft.data[13]"),
     ],
-    aliases: &[("Isp_model", "35304/((0.334 + 0.44*M)*sqrt(SAT/288.15))")],
+    // Pressure follows altitude (ISO 2533), and the temperature is the day's: written so, a simulation computes density, Mach number and dynamic pressure from
+    // its own states. The log has them too, but of the flight that was recorded.
+    aliases: &[
+        ("p", "101325*exp(5.255877*log(1 - 0.0065*min(h, 11000)/288.15) - 9.80665*max(h - 11000, 0)/(287.053*216.65))"),
+        ("rho", "p/(287.053*SAT)"),
+        ("M", "V/sqrt(1.4*287.053*SAT)"),
+        ("q", "0.5*rho*V^2"),
+        ("Isp_model", "35304/((0.334 + 0.44*M)*sqrt(SAT/288.15))"),
+    ],
     states: &[
         ("h", Details::Known("V*sin(gamma)")),
         ("V", Details::Equation("V_dot", "(T*cos(alpha) - D)/m - 9.80665*sin(gamma)")),
