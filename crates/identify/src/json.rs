@@ -1,4 +1,5 @@
-//! Reports for programs, as JSON. A number that is none is `null`.
+//! Reports for programs, as JSON: the structures of reports serialise themselves, and what a report tells otherwise than it is kept has a structure of its own here. A number
+//! that is none is `null`.
 
 mod narx;
 mod parameters;
@@ -8,24 +9,74 @@ mod score;
 mod sindy;
 mod sparse;
 
-use fleetfoot_dynamics::{Basis, Estimate};
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+use fleetfoot_dynamics::{Baseline, Basis, Estimate};
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+pub(crate) use narx::tried_order;
+pub(crate) use sparse::{certificate, largest_change};
 
 /// Version of the keys of reports (docs/reference/reports.md): raised when one is renamed, removed or means something else.
-pub(crate) const FORMAT: u32 = 2;
+const FORMAT: u32 = 2;
 
-/// A number for JSON, which has no NaN.
-pub(crate) fn real(value: f64) -> Value {
-    serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
+/// A report with the version of its keys.
+#[derive(Serialize)]
+struct Report<R> {
+    format: u32,
+    #[serde(flatten)]
+    told: R,
 }
 
-pub(crate) fn reals(values: &[f64]) -> Vec<Value> {
-    values.iter().map(|&value| real(value)).collect()
+/// A report as a tree of values.
+fn report(told: impl Serialize) -> Value {
+    value(Report { format: FORMAT, told })
+}
+
+/// A part of a report as a tree of values.
+fn value(told: impl Serialize) -> Value {
+    serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
 }
 
 /// A value and its interval.
-fn estimate(estimate: &Estimate) -> Value {
-    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
+#[derive(Serialize)]
+struct Interval {
+    value: f64,
+    low: f64,
+    high: f64,
+}
+
+impl From<&Estimate> for Interval {
+    fn from(estimate: &Estimate) -> Self {
+        Self { value: estimate.value, low: estimate.low, high: estimate.high }
+    }
+}
+
+/// Rows that were left out: at borders, incomplete ones and, where there are regions, those that none took.
+pub(crate) fn left_out<S: Serializer>(rows: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
+    let keys = ["rows_at_border", "rows_incomplete", "rows_unassigned"];
+    serializer.collect_map(keys.iter().zip(rows))
+}
+
+/// Functions and their coefficients along something.
+#[derive(Serialize)]
+struct Along<'a> {
+    function: &'a str,
+    coefficients: &'a [f64],
+}
+
+fn functions(functions: &[(String, Vec<f64>)]) -> Vec<Along<'_>> {
+    functions.iter().map(|(function, coefficients)| Along { function, coefficients }).collect()
+}
+
+pub(crate) fn along<S: Serializer>(along: &[(String, Vec<f64>)], serializer: S) -> Result<S::Ok, S::Error> {
+    functions(along).serialize(serializer)
+}
+
+/// What is told of every baseline, by its name.
+fn by_baseline<T, V>(all: &[(Baseline, T)], of: impl Fn(&T) -> V) -> BTreeMap<&'static str, V> {
+    all.iter().map(|(baseline, own)| (baseline.name(), of(own))).collect()
 }
 
 /// What a simulation did not compute itself ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), for people.

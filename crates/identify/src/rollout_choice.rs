@@ -6,6 +6,7 @@
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
 use fleetfoot_model::Model;
+use serde::Serialize;
 
 use crate::{Derivative, Error, Recipe, narx::Spans};
 
@@ -35,7 +36,7 @@ impl RolloutRule {
 pub(crate) const SPANS: [u32; 5] = [2, 5, 10, 20, 50];
 
 /// A candidate of a choice by rollouts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct RolloutCandidate {
     /// The partition, as the user wrote it; `average` for one region.
@@ -43,6 +44,7 @@ pub struct RolloutCandidate {
     /// Rows of the mean slopes where the span was open; `None`: central differences.
     pub over: Option<u32>,
     /// Regions, or terms: of candidates whose errors are the same the smallest is taken.
+    #[serde(rename = "terms")]
     pub size: usize,
     /// Squared error of the rollouts over that of persistence, its root, the mean over the states, of every fold. Infinite where one diverged.
     pub folds: Vec<f64>,

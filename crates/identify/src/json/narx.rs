@@ -1,113 +1,272 @@
 //! The report of an autoregression.
 
-use fleetfoot_dynamics::OutputErrors;
-use fleetfoot_sparse::narx::NarxOrder;
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
-use super::{FORMAT, real};
-use crate::{FileRuns, NarxCandidate, NarxReport, NarxScores, NarxSearch};
+use fleetfoot_dynamics::{FreeRunOutcome, OutputErrors, TargetScore};
+use fleetfoot_sparse::narx::{NarxOrder, OrderScore};
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::{left_out, report, value};
+use crate::{FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage, Refinement};
 
 impl NarxReport {
     /// Orders, equations and scores for programs.
     pub fn to_json(&self) -> Value {
-        let tried = self.tried.iter().map(candidate);
-        let orders = self.orders.iter().flat_map(|search| &search.scores).map(|score| {
-        json!({
-            "order": order(&score.order), "candidates": score.candidates, "terms": score.terms, "value": real(score.value),
-            "standard_error": score.standard_error.map(real), "rss": score.rss,
+        report(Told {
+            rows: self.rows,
+            episodes: self.episodes,
+            left_out: self.left_out,
+            order: self.order.into(),
+            direct: self.direct,
+            candidates: self.candidates,
+            partition: &self.partition,
+            choice: self.choice.as_deref(),
+            held_out: self.held_out.as_ref(),
+            linear_of_the_same_lags: self.linear(),
+            search: self.search.as_ref(),
+            tried: &self.tried,
+            orders: self.orders.iter().flat_map(|search| &search.scores).map(Compared::from).collect(),
+            regions: &self.regions,
+            train: self.train.as_ref(),
+            test: self.test.as_ref(),
+            files: self.files.as_ref(),
+            objective: self.refinement.as_ref(),
+            notes: &self.notes,
         })
-    });
-        let regions = self.regions.iter().map(|region| {
-        let equations = region.equations.iter().map(|equation| {
-            let terms = equation.terms.iter().map(|term| {
-                json!({ "function": term.function, "coefficient": real(term.coefficient), "err": real(term.err) })
-            });
-            json!({ "label": equation.label, "terms": terms.collect::<Vec<_>>() })
-        });
-        json!({ "name": region.name, "rows": region.rows, "shared": region.shared, "equations": equations.collect::<Vec<_>>() })
-    });
-        let mut report = json!({
-            "format": FORMAT, "rows": self.rows, "episodes": self.episodes, "rows_at_border": self.left_out[0], "rows_incomplete": self.left_out[1],
-            "order": order(&self.order), "direct": self.direct, "candidates": self.candidates, "partition": self.partition, "choice": self.choice,
-            "held_out": self.held_out.as_ref().map(candidate), "linear_of_the_same_lags": self.linear().map(candidate),
-            "search": self.search.as_ref().map(search), "tried": tried.collect::<Vec<_>>(), "orders": orders.collect::<Vec<_>>(), "regions": regions.collect::<Vec<_>>(),
-            "train": self.train.as_ref().map(scores_json), "test": self.test.as_ref().map(scores_json), "files": self.files.as_ref().map(FileRuns::to_json),
-            "notes": self.notes,
-        });
-        if let Some(refinement) = &self.refinement {
-            report["objective"] = refinement.to_json();
-        }
-        report
     }
 }
 
-fn order(order: &NarxOrder) -> Value {
-    json!({ "lags_out": order.outputs, "lags_in": order.inputs, "degree": order.degree })
+#[derive(Serialize)]
+struct Told<'a> {
+    rows: u64,
+    episodes: usize,
+    #[serde(flatten, serialize_with = "left_out")]
+    left_out: [u64; 2],
+    order: Order,
+    direct: bool,
+    candidates: usize,
+    partition: &'a str,
+    choice: Option<&'a str>,
+    held_out: Option<&'a NarxCandidate>,
+    linear_of_the_same_lags: Option<&'a NarxCandidate>,
+    search: Option<&'a NarxSearch>,
+    tried: &'a [NarxCandidate],
+    orders: Vec<Compared<'a>>,
+    regions: &'a [NarxRegion],
+    train: Option<&'a NarxScores>,
+    test: Option<&'a NarxScores>,
+    files: Option<&'a FileRuns>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objective: Option<&'a Refinement>,
+    notes: &'a [String],
 }
 
-fn candidate(candidate: &NarxCandidate) -> Value {
-    json!({
-        "order": order(&candidate.order), "direct": candidate.order.direct, "partition": candidate.specification, "seed": candidate.seed,
-        "terms": candidate.terms, "rrse": real(candidate.rrse), "folds": candidate.folds.iter().map(|&value| real(value)).collect::<Vec<_>>(),
-    })
+#[derive(Serialize)]
+struct Order {
+    lags_out: usize,
+    lags_in: usize,
+    degree: usize,
 }
 
-fn search(search: &NarxSearch) -> Value {
-    let stages = search.stages.iter().map(
-        |stage| json!({ "name": stage.name, "orders": stage.orders, "models": stage.models, "rrse": real(stage.rrse) }),
-    );
-    let cut = search.cut.iter().map(|cut| {
-        let mut value = order(cut);
-        value["direct"] = json!(cut.direct);
-        value
-    });
-    json!({
-        "effort": search.effort.word(), "limit": search.limit, "spent": search.spent, "stages": stages.collect::<Vec<_>>(), "cut": cut.collect::<Vec<_>>(),
-    })
+impl From<NarxOrder> for Order {
+    fn from(order: NarxOrder) -> Self {
+        Self { lags_out: order.outputs, lags_in: order.inputs, degree: order.degree }
+    }
+}
+
+/// The order of a model that was tried, and beside it whether inputs act at once.
+pub(crate) fn tried_order<S: Serializer>(order: &NarxOrder, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Tried {
+        order: Order,
+        direct: bool,
+    }
+    Tried { order: (*order).into(), direct: order.direct }.serialize(serializer)
+}
+
+/// An order that was compared by one-step errors.
+#[derive(Serialize)]
+struct Compared<'a> {
+    order: Order,
+    candidates: usize,
+    terms: &'a [usize],
+    value: f64,
+    standard_error: Option<f64>,
+    rss: &'a [f64],
+}
+
+impl<'a> From<&'a OrderScore> for Compared<'a> {
+    fn from(score: &'a OrderScore) -> Self {
+        Self {
+            order: score.order.into(),
+            candidates: score.candidates,
+            terms: &score.terms,
+            value: score.value,
+            standard_error: score.standard_error,
+            rss: &score.rss,
+        }
+    }
+}
+
+impl Serialize for NarxSearch {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Search<'a> {
+            effort: &'static str,
+            limit: u64,
+            spent: u64,
+            stages: &'a [NarxStage],
+            cut: Vec<Cut>,
+        }
+        #[derive(Serialize)]
+        struct Cut {
+            #[serde(flatten)]
+            order: Order,
+            direct: bool,
+        }
+        let cut = self.cut.iter().map(|&order| Cut { order: order.into(), direct: order.direct });
+        Search {
+            effort: self.effort.word(),
+            limit: self.limit,
+            spent: self.spent,
+            stages: &self.stages,
+            cut: cut.collect(),
+        }
+        .serialize(serializer)
+    }
 }
 
 impl FileRuns {
     /// The runs of every file, and their mean, for programs.
     pub fn to_json(&self) -> Value {
-        let files = self.files.iter().map(|file| {
-            let mut value = scores_json(&file.scores);
-            value["file"] = json!(file.file);
-            value
-        });
-        let mean =
-            self.mean.iter().map(|mean| json!({ "name": mean.name, "rrse": real(mean.rrse), "fit": real(mean.fit) }));
-        json!({ "by_file": files.collect::<Vec<_>>(), "mean": mean.collect::<Vec<_>>(), "skipped": self.skipped })
+        value(self)
     }
 }
 
-fn scores_json(scores: &NarxScores) -> Value {
-    let one_step = scores.one_step.targets.iter().map(|target| {
-        let baselines = target.baselines.iter().map(|baseline| (format!("{:?}", baseline.baseline).to_lowercase(), real(baseline.rmse)));
-        json!({
-            "name": target.name, "rmse": real(target.rmse), "rrse": real(target.rmse / target.deviation), "r2": real(target.r2),
-            "baseline_rmse": baselines.collect::<serde_json::Map<_, _>>(),
-        })
-    });
-    let errors = |errors: &OutputErrors| {
-        json!({
-            "rows": errors.rows, "lost": errors.lost, "rrse": real(errors.rrse), "fit": real(errors.fit), "rmse": real(errors.rmse), "nrmse": real(errors.nrmse),
-            "largest": real(errors.largest), "persistence_rrse": real(errors.persistence), "null_rrse": errors.null.map(real),
-        })
-    };
-    let outputs = scores.free_run.outputs.iter().map(|output| {
-        let mut value = errors(&output.errors);
-        value["name"] = json!(output.name);
-        value
-    });
-    let runs = scores.free_run.runs.iter().map(|run| {
-        json!({
-            "episode": run.start.episode, "row": run.start.row, "steps": run.steps, "end": format!("{:?}", run.end).to_lowercase(), "lost_at": run.lost_at,
-            "left_domain": run.left_domain, "outputs": run.outputs.iter().map(errors).collect::<Vec<_>>(),
-        })
-    });
-    json!({
-        "one_step": one_step.collect::<Vec<_>>(), "free_run": outputs.collect::<Vec<_>>(), "runs": runs.collect::<Vec<_>>(),
-        "replayed": scores.free_run.replayed,
-        "episodes_skipped": scores.free_run.skipped,
-    })
+impl Serialize for FileRuns {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Runs<'a> {
+            by_file: Vec<Run<'a>>,
+            mean: &'a [MeanRun],
+            skipped: &'a [String],
+        }
+        #[derive(Serialize)]
+        struct Run<'a> {
+            file: &'a str,
+            #[serde(flatten)]
+            scores: &'a NarxScores,
+        }
+        let by_file = self.files.iter().map(|run| Run { file: &run.file, scores: &run.scores });
+        Runs { by_file: by_file.collect(), mean: &self.mean, skipped: &self.skipped }.serialize(serializer)
+    }
+}
+
+impl Serialize for NarxScores {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Scores<'a> {
+            one_step: Vec<OneStep<'a>>,
+            free_run: Vec<Output<'a>>,
+            runs: Vec<Run>,
+            replayed: &'a [String],
+            episodes_skipped: usize,
+        }
+        #[derive(Serialize)]
+        struct Output<'a> {
+            name: &'a str,
+            #[serde(flatten)]
+            errors: Errors,
+        }
+        let run = &self.free_run;
+        let outputs = run.outputs.iter().map(|output| Output { name: &output.name, errors: (&output.errors).into() });
+        Scores {
+            one_step: self.one_step.targets.iter().map(OneStep::from).collect(),
+            free_run: outputs.collect(),
+            runs: run.runs.iter().map(Run::from).collect(),
+            replayed: &run.replayed,
+            episodes_skipped: run.skipped,
+        }
+        .serialize(serializer)
+    }
+}
+
+/// Errors one row ahead.
+#[derive(Serialize)]
+struct OneStep<'a> {
+    name: &'a str,
+    rmse: f64,
+    rrse: f64,
+    r2: f64,
+    baseline_rmse: BTreeMap<String, f64>,
+}
+
+impl<'a> From<&'a TargetScore> for OneStep<'a> {
+    fn from(target: &'a TargetScore) -> Self {
+        let baselines = target.baselines.iter().map(|own| (format!("{:?}", own.baseline).to_lowercase(), own.rmse));
+        Self {
+            name: &target.name,
+            rmse: target.rmse,
+            rrse: target.rmse / target.deviation,
+            r2: target.r2,
+            baseline_rmse: baselines.collect(),
+        }
+    }
+}
+
+/// Errors of free runs.
+#[derive(Serialize)]
+struct Errors {
+    rows: u64,
+    lost: u64,
+    rrse: f64,
+    fit: f64,
+    rmse: f64,
+    nrmse: f64,
+    largest: f64,
+    persistence_rrse: f64,
+    null_rrse: Option<f64>,
+}
+
+impl From<&OutputErrors> for Errors {
+    fn from(errors: &OutputErrors) -> Self {
+        Self {
+            rows: errors.rows,
+            lost: errors.lost,
+            rrse: errors.rrse,
+            fit: errors.fit,
+            rmse: errors.rmse,
+            nrmse: errors.nrmse,
+            largest: errors.largest,
+            persistence_rrse: errors.persistence,
+            null_rrse: errors.null,
+        }
+    }
+}
+
+/// A simulation from its start to its end.
+#[derive(Serialize)]
+struct Run {
+    episode: usize,
+    row: usize,
+    steps: usize,
+    end: String,
+    lost_at: Option<usize>,
+    left_domain: Option<usize>,
+    outputs: Vec<Errors>,
+}
+
+impl From<&FreeRunOutcome> for Run {
+    fn from(run: &FreeRunOutcome) -> Self {
+        Self {
+            episode: run.start.episode,
+            row: run.start.row,
+            steps: run.steps,
+            end: format!("{:?}", run.end).to_lowercase(),
+            lost_at: run.lost_at,
+            left_domain: run.left_domain,
+            outputs: run.outputs.iter().map(Errors::from).collect(),
+        }
+    }
 }

@@ -1,22 +1,38 @@
 //! The report of a piecewise-affine fit.
 
-use serde_json::{Value, json};
-
 use fleetfoot_pwa::Score;
+use serde::{Serialize, Serializer};
+use serde_json::Value;
 
-use super::{FORMAT, estimate, interval_in_words, real, reals};
-use crate::{Fitted, RolloutChoice};
+use super::{Interval, interval_in_words, report};
+use crate::{Fitted, Refinement, RolloutCandidate, RolloutChoice};
 
-impl RolloutChoice {
-    /// What was compared, and what was taken, for programs.
-    pub fn to_json(&self) -> Value {
-        json!({
-            "horizon": self.rule.horizon, "folds": self.rule.folds, "starts": self.rule.starts, "chosen": self.chosen,
-            "candidates": self.candidates.iter().map(|candidate| json!({
-                "partition": candidate.partition, "over": candidate.over, "terms": candidate.size,
-                "error_over_persistence": real(candidate.error()), "folds": reals(&candidate.folds),
-            })).collect::<Vec<_>>(),
-        })
+impl Serialize for RolloutChoice {
+    /// What was compared, and what was taken.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Choice<'a> {
+            horizon: usize,
+            folds: usize,
+            starts: usize,
+            chosen: usize,
+            candidates: Vec<Compared<'a>>,
+        }
+        #[derive(Serialize)]
+        struct Compared<'a> {
+            #[serde(flatten)]
+            candidate: &'a RolloutCandidate,
+            error_over_persistence: f64,
+        }
+        let compared = |candidate| Compared { candidate, error_over_persistence: RolloutCandidate::error(candidate) };
+        Choice {
+            horizon: self.rule.horizon,
+            folds: self.rule.folds,
+            starts: self.rule.starts,
+            chosen: self.chosen,
+            candidates: self.candidates.iter().map(compared).collect(),
+        }
+        .serialize(serializer)
     }
 }
 
@@ -24,36 +40,91 @@ impl Fitted {
     /// Scores and candidates for programs.
     pub fn to_json(&self) -> Value {
         let found = &self.identification;
-        let mut report = json!({
-            "format": FORMAT, "hash": found.model.hash(),
-            "rows": found.rows, "episodes": self.episodes, "files": self.files,
-            "effective_rows": real(found.effective_rows),
-            "rows_at_border": found.at_border, "rows_incomplete": found.incomplete,
-            "targets": found.targets, "sigma": reals(&found.sigma),
-            "held_out": found.held_out, "fold_rule": found.fold_rule, "condition": real(found.condition), "preconditioned_condition": real(found.preconditioned),
-            "chosen": found.chosen, "chosen_by": found.rule, "intervals": interval_in_words(&found.basis),
-            "candidates": found.candidates.iter().map(candidate).collect::<Vec<_>>(),
-            "rollouts": self.rollouts.as_ref().map(RolloutChoice::to_json),
-            "notes": self.notes,
-        });
-        if let Some(refinement) = &self.refinement {
-            report["objective"] = refinement.to_json();
-        }
-        report
+        report(Told {
+            hash: found.model.hash(),
+            rows: found.rows,
+            episodes: self.episodes,
+            files: self.files,
+            effective_rows: found.effective_rows,
+            rows_at_border: found.at_border,
+            rows_incomplete: found.incomplete,
+            targets: &found.targets,
+            sigma: &found.sigma,
+            held_out: found.held_out,
+            fold_rule: found.fold_rule.as_deref(),
+            condition: found.condition,
+            preconditioned_condition: found.preconditioned,
+            chosen: found.chosen,
+            chosen_by: found.rule,
+            intervals: interval_in_words(&found.basis),
+            candidates: found.candidates.iter().map(Candidate::from).collect(),
+            rollouts: self.rollouts.as_ref(),
+            objective: self.refinement.as_ref(),
+            notes: &self.notes,
+        })
     }
 }
 
-fn candidate(score: &Score) -> Value {
-    let mut told = json!({
-                "partition": score.specification.to_string(), "regions": score.regions, "shrinkage": real(score.shrinkage),
-                "mae_over_null": reals(&score.over_null),
-                "mae_over_null_intervals": score.over_null_interval.iter().map(estimate).collect::<Vec<_>>(),
-                "mae_over_sigma": reals(&score.over_sigma), "r2": reals(&score.r2),
-                "mahalanobis": real(score.mahalanobis), "loss": real(score.loss), "standard_error": real(score.standard_error),
-                "fold_losses": reals(&score.losses), "bic": real(score.bic),
-    });
-    if let (false, Some(told)) = (score.objective.is_empty(), told.as_object_mut()) {
-        told.insert("objective_by_pass".into(), reals(&score.objective).into());
+#[derive(Serialize)]
+struct Told<'a> {
+    hash: String,
+    rows: u64,
+    episodes: usize,
+    files: usize,
+    effective_rows: f64,
+    rows_at_border: u64,
+    rows_incomplete: u64,
+    targets: &'a [String],
+    sigma: &'a [f64],
+    held_out: bool,
+    fold_rule: Option<&'a str>,
+    condition: f64,
+    preconditioned_condition: f64,
+    chosen: usize,
+    chosen_by: Option<&'static str>,
+    intervals: String,
+    candidates: Vec<Candidate<'a>>,
+    rollouts: Option<&'a RolloutChoice>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objective: Option<&'a Refinement>,
+    notes: &'a [String],
+}
+
+/// A partition that was compared.
+#[derive(Serialize)]
+struct Candidate<'a> {
+    partition: String,
+    regions: usize,
+    shrinkage: f64,
+    mae_over_null: &'a [f64],
+    mae_over_null_intervals: Vec<Interval>,
+    mae_over_sigma: &'a [f64],
+    r2: &'a [f64],
+    mahalanobis: f64,
+    loss: f64,
+    standard_error: f64,
+    fold_losses: &'a [f64],
+    bic: f64,
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    objective_by_pass: &'a [f64],
+}
+
+impl<'a> From<&'a Score> for Candidate<'a> {
+    fn from(score: &'a Score) -> Self {
+        Self {
+            partition: score.specification.to_string(),
+            regions: score.regions,
+            shrinkage: score.shrinkage,
+            mae_over_null: &score.over_null,
+            mae_over_null_intervals: score.over_null_interval.iter().map(Interval::from).collect(),
+            mae_over_sigma: &score.over_sigma,
+            r2: &score.r2,
+            mahalanobis: score.mahalanobis,
+            loss: score.loss,
+            standard_error: score.standard_error,
+            fold_losses: &score.losses,
+            bic: score.bic,
+            objective_by_pass: &score.objective,
+        }
     }
-    told
 }

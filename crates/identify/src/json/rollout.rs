@@ -1,9 +1,12 @@
 //! Scores of rollouts by horizon.
 
-use fleetfoot_dynamics::{Estimate, HorizonScore, RolloutSummary, StepSpan};
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
-use super::{FORMAT, estimate, interval_in_words, real};
+use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RolloutSummary, StepSpan};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{Interval, by_baseline, interval_in_words, report};
 use crate::RolledOut;
 
 impl RolledOut {
@@ -11,54 +14,128 @@ impl RolledOut {
     pub fn to_json(&self) -> Value {
         let rollouts = &self.rollouts;
         let horizon = &rollouts.horizon;
-        let score = |score: &HorizonScore| {
-            let table = |values: &[f64]| {
-                values
-                    .chunks(horizon.states.len().max(1))
-                    .map(|row| row.iter().map(|&v| real(v)).collect::<Vec<_>>())
-                    .collect::<Vec<_>>()
-            };
-            json!({
-                "rmse": table(&score.rmse), "mae": table(&score.mae),
-                "mahalanobis": triples(&score.mahalanobis), "summary": summary(&score.summary),
-                "displacement": triples(&score.displacement), "displacement_summary": score.displacement_summary.as_ref().map(summary),
-            })
-        };
-        json!({
-            "format": FORMAT, "rollouts": rollouts.outcomes.len(), "missing": rollouts.missing, "diverged": rollouts.diverged(),
-            "without_region": rollouts.without_region(), "left_domain": rollouts.left_domain(), "ended_outside": rollouts.ended_outside(),
-            "episodes": self.episodes, "in_sample_episodes": self.in_sample,
-            "states": horizon.states, "replayed": rollouts.replayed,
-            "driven_inputs": rollouts.driven_inputs,
-            "time": horizon.time, "model": score(&horizon.model),
-            "baselines": horizon.baselines.iter()
-                .map(|(baseline, s)| (baseline.name().to_owned(), score(s))).collect::<serde_json::Map<_, _>>(),
-            "ended": horizon.ended, "intervals": interval_in_words(&horizon.basis),
-            "useful_horizon": {
-                "steps": horizon.useful.steps, "seconds": real(horizon.useful.seconds),
-                "beaten_by": horizon.useful.beaten_by.map(|b| b.name()), "compared_steps": horizon.useful.compared,
-                "better_than_all": spans(&horizon.useful.spans),
-                "better_than": horizon.better.iter()
-                    .map(|(baseline, own)| (baseline.name().to_owned(), spans(own))).collect::<serde_json::Map<_, _>>(),
-            },
-            "notes": self.notes,
+        let states = horizon.states.len();
+        report(Told {
+            rollouts: rollouts.outcomes.len(),
+            missing: rollouts.missing,
+            diverged: rollouts.diverged(),
+            without_region: rollouts.without_region(),
+            left_domain: rollouts.left_domain(),
+            ended_outside: rollouts.ended_outside(),
+            episodes: self.episodes,
+            in_sample_episodes: &self.in_sample,
+            states: &horizon.states,
+            replayed: &rollouts.replayed,
+            driven_inputs: &rollouts.driven_inputs,
+            time: &horizon.time,
+            model: Curves::new(&horizon.model, states),
+            baselines: by_baseline(&horizon.baselines, |score| Curves::new(score, states)),
+            ended: &horizon.ended,
+            intervals: interval_in_words(&horizon.basis),
+            useful_horizon: Useful::from(horizon),
+            notes: &self.notes,
         })
     }
 }
 
-/// Values with the ends of their intervals.
-fn triples(estimates: &[Estimate]) -> Value {
-    estimates.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect()
+#[derive(Serialize)]
+struct Told<'a> {
+    rollouts: usize,
+    missing: usize,
+    diverged: usize,
+    without_region: usize,
+    left_domain: usize,
+    ended_outside: usize,
+    episodes: usize,
+    in_sample_episodes: &'a [String],
+    states: &'a [String],
+    replayed: &'a [String],
+    driven_inputs: &'a [String],
+    time: &'a [f64],
+    model: Curves,
+    baselines: BTreeMap<&'static str, Curves>,
+    ended: &'a [f64],
+    intervals: String,
+    useful_horizon: Useful,
+    notes: &'a [String],
 }
 
-fn summary(summary: &RolloutSummary) -> Value {
-    json!({
-        "average": estimate(&summary.average), "last": estimate(&summary.last), "drift_per_second": estimate(&summary.drift),
-    })
+/// Scores by step: errors steps x states, and estimates with the ends of their intervals.
+#[derive(Serialize)]
+struct Curves {
+    rmse: Vec<Vec<f64>>,
+    mae: Vec<Vec<f64>>,
+    mahalanobis: Vec<[f64; 3]>,
+    summary: Summary,
+    displacement: Vec<[f64; 3]>,
+    displacement_summary: Option<Summary>,
+}
+
+impl Curves {
+    fn new(score: &HorizonScore, states: usize) -> Self {
+        let table = |values: &[f64]| values.chunks(states.max(1)).map(<[f64]>::to_vec).collect();
+        let triples = |all: &[Estimate]| all.iter().map(|own| [own.value, own.low, own.high]).collect();
+        Self {
+            rmse: table(&score.rmse),
+            mae: table(&score.mae),
+            mahalanobis: triples(&score.mahalanobis),
+            summary: (&score.summary).into(),
+            displacement: triples(&score.displacement),
+            displacement_summary: score.displacement_summary.as_ref().map(Summary::from),
+        }
+    }
+}
+
+/// Over whole rollouts.
+#[derive(Serialize)]
+struct Summary {
+    average: Interval,
+    last: Interval,
+    drift_per_second: Interval,
+}
+
+impl From<&RolloutSummary> for Summary {
+    fn from(own: &RolloutSummary) -> Self {
+        Self { average: (&own.average).into(), last: (&own.last).into(), drift_per_second: (&own.drift).into() }
+    }
+}
+
+/// From when to when the model is the best.
+#[derive(Serialize)]
+struct Useful {
+    steps: usize,
+    seconds: f64,
+    beaten_by: Option<&'static str>,
+    compared_steps: usize,
+    better_than_all: Vec<Span>,
+    better_than: BTreeMap<&'static str, Vec<Span>>,
+}
+
+impl From<&Horizon> for Useful {
+    fn from(horizon: &Horizon) -> Self {
+        let spans = |own: &[StepSpan]| own.iter().map(Span::from).collect::<Vec<_>>();
+        Self {
+            steps: horizon.useful.steps,
+            seconds: horizon.useful.seconds,
+            beaten_by: horizon.useful.beaten_by.map(|baseline| baseline.name()),
+            compared_steps: horizon.useful.compared,
+            better_than_all: spans(&horizon.useful.spans),
+            better_than: by_baseline(&horizon.better, |own| spans(own)),
+        }
+    }
 }
 
 /// Steps at which something holds.
-fn spans(spans: &[StepSpan]) -> Value {
-    let span = |span: &StepSpan| json!({ "first_step": span.first, "last_step": span.last, "from": real(span.from), "to": real(span.to) });
-    spans.iter().map(span).collect()
+#[derive(Serialize)]
+struct Span {
+    first_step: usize,
+    last_step: usize,
+    from: f64,
+    to: f64,
+}
+
+impl From<&StepSpan> for Span {
+    fn from(span: &StepSpan) -> Self {
+        Self { first_step: span.first, last_step: span.last, from: span.from, to: span.to }
+    }
 }

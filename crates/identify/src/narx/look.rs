@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::narx::NarxOrder;
+use serde::Serialize;
 
 use super::{
     GivenOrder, NarxOptions, TermRule,
@@ -40,7 +41,7 @@ pub struct NarxSearch {
 }
 
 /// A stage of a search.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxStage {
     /// What was tried, for people.

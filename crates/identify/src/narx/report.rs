@@ -2,6 +2,7 @@
 
 use fleetfoot_dynamics::{FreeRun, Scores};
 use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
+use serde::Serialize;
 
 use super::{FileRuns, NarxCandidate, NarxSearch};
 use crate::Refinement;
@@ -70,7 +71,7 @@ impl NarxReport {
 }
 
 /// The equations of a region.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct NarxRegion {
     /// Its name.
@@ -84,7 +85,7 @@ pub struct NarxRegion {
 }
 
 /// An equation.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct NarxEquation {
     /// Its left side: `next(y)`.
@@ -94,7 +95,7 @@ pub struct NarxEquation {
 }
 
 /// A term.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxTerm {
     /// The function; `1` for the constant.

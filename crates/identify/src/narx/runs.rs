@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Model, Prediction};
+use serde::Serialize;
 
 use super::{NarxScores, fit::scores, spans::Spans};
 use crate::{Dataset, Error};
@@ -31,7 +32,7 @@ pub struct FileRun {
 }
 
 /// The mean error of an output over files.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct MeanRun {
     /// The output.

@@ -13,6 +13,7 @@ use fleetfoot_sparse::{
     system::{System, SystemPlan, SystemScan},
     threshold::FrolsChoice,
 };
+use serde::Serialize;
 
 use super::{
     TermRule,
@@ -20,21 +21,25 @@ use super::{
     task::{NarxBase, NarxTask},
     terms::{Problems, Support, Trails, coefficients},
 };
-use crate::{Error, Provenance};
+use crate::{Error, Provenance, json};
 
 /// A model that was tried.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxCandidate {
     /// Index among the partitions asked for.
+    #[serde(skip)]
     pub partition: usize,
     /// The partition, as the user wrote it.
+    #[serde(rename = "partition")]
     pub specification: String,
     /// Seed of its clustering.
     pub seed: u64,
     /// Its regions.
+    #[serde(skip)]
     pub regions: usize,
     /// Lags and degree.
+    #[serde(flatten, serialize_with = "json::tried_order")]
     pub order: NarxOrder,
     /// Most terms of an equation in a region.
     pub terms: usize,

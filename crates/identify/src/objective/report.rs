@@ -2,10 +2,9 @@
 
 use fleetfoot_estimate::Status;
 use fleetfoot_model::Model;
-use serde_json::{Value, json};
+use serde::{Serialize, Serializer};
 
 use super::{HeldOutErrors, RefinedFold, Refinement};
-use crate::json::{real, reals};
 
 impl Refinement {
     fn mean(&self, of: impl Fn(&HeldOutErrors) -> f64) -> [f64; 2] {
@@ -92,23 +91,62 @@ impl Refinement {
             self.verdict()
         )
     }
+}
 
+impl Serialize for Refinement {
     /// The same for programs; pairs are before and after.
-    pub fn to_json(&self) -> Value {
-        let Self { rule, fitted, folds, written, .. } = self;
-        let each = |of: fn(&HeldOutErrors) -> f64| -> Vec<Vec<Value>> {
-            folds.iter().map(|fold| reals(&[of(&fold.one_step), of(&fold.simulated)])).collect()
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Told<'a> {
+            steps: usize,
+            folds: usize,
+            coefficients: usize,
+            segments: u64,
+            missing: u64,
+            passes: usize,
+            converged: bool,
+            gradient: f64,
+            cost: &'a [f64],
+            ended_segments: &'a [u64],
+            residuals: u64,
+            rollouts_over_persistence: [f64; 2],
+            rollouts_by_fold: Vec<[f64; 2]>,
+            far_steps: usize,
+            far_rollouts_over_persistence: [f64; 2],
+            one_step_over_null: [f64; 2],
+            one_step_by_fold: Vec<[f64; 2]>,
+            ended_rollouts: [usize; 2],
+            rollouts: usize,
+            written: bool,
+        }
+        let each = |of: fn(&HeldOutErrors) -> f64| {
+            self.folds.iter().map(|fold| [of(&fold.one_step), of(&fold.simulated)]).collect()
         };
-        let (ended, starts) = self.ended();
-        json!({
-            "steps": rule.horizon, "folds": rule.folds, "coefficients": fitted.coefficients.len(), "segments": fitted.segments,
-            "missing": fitted.missing, "passes": fitted.passes, "converged": fitted.status.converged(), "gradient": real(fitted.gradient),
-            "cost": reals(&fitted.cost), "ended_segments": fitted.ended, "residuals": fitted.residuals,
-            "rollouts_over_persistence": reals(&self.rollouts()), "rollouts_by_fold": each(|errors| errors.rollouts),
-            "far_steps": self.far, "far_rollouts_over_persistence": reals(&self.far_rollouts()),
-            "one_step_over_null": reals(&self.one_step()), "one_step_by_fold": each(HeldOutErrors::over_null),
-            "ended_rollouts": ended, "rollouts": starts, "written": written,
-        })
+        let (rule, fitted) = (&self.rule, &self.fitted);
+        let (ended_rollouts, rollouts) = self.ended();
+        Told {
+            steps: rule.horizon,
+            folds: rule.folds,
+            coefficients: fitted.coefficients.len(),
+            segments: fitted.segments,
+            missing: fitted.missing,
+            passes: fitted.passes,
+            converged: fitted.status.converged(),
+            gradient: fitted.gradient,
+            cost: &fitted.cost,
+            ended_segments: &fitted.ended,
+            residuals: fitted.residuals,
+            rollouts_over_persistence: self.rollouts(),
+            rollouts_by_fold: each(|errors| errors.rollouts),
+            far_steps: self.far,
+            far_rollouts_over_persistence: self.far_rollouts(),
+            one_step_over_null: self.one_step(),
+            one_step_by_fold: each(HeldOutErrors::over_null),
+            ended_rollouts,
+            rollouts,
+            written: self.written,
+        }
+        .serialize(serializer)
     }
 }
 

@@ -4,6 +4,7 @@ use faer::Mat;
 use fleetfoot_estimate::{EquationError, OutputError, Status};
 use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
+use serde::Serialize;
 
 use super::ParametersTask;
 use crate::EstimateMethod;
@@ -51,7 +52,7 @@ pub struct ParametersReport {
 }
 
 /// A parameter and its interval.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ParameterInterval {
     /// Its name.
@@ -75,7 +76,7 @@ pub struct ParameterInterval {
 }
 
 /// Two parameters that the rows hardly tell apart.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ConfoundedPair {
     /// Their names.

@@ -4,6 +4,7 @@ use fleetfoot_data::Source;
 use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing, unevenness};
 use fleetfoot_model::Equation;
 use fleetfoot_sparse::system::sampled_mean_squares;
+use serde::Serialize;
 
 use super::{EquationTask, FittedEquation};
 use crate::Error;
@@ -23,16 +24,19 @@ pub struct Difference {
 }
 
 /// Estimated errors of central differences, root mean squares over a sample of the rows.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DifferenceErrors {
     /// The order that is used.
     pub order: usize,
     /// What the differences of order 2, 4 and 6 err by.
+    #[serde(rename = "rms_by_order")]
     pub by_order: [f64; 3],
     /// The part of the error of the order used that is there without noise.
+    #[serde(rename = "truncation_rms")]
     pub truncation: f64,
     /// The part that noise of the samples makes, if it is white.
+    #[serde(rename = "noise_rms")]
     pub noise: f64,
 }
 

@@ -2,12 +2,13 @@
 
 use fleetfoot_model::factor;
 use fleetfoot_stats::{Compressed, explained_share};
+use serde::Serialize;
 
 use super::{DifferenceErrors, EquationTask, solve::Solved};
-use crate::{Refinement, RolloutChoice};
+use crate::{Refinement, RolloutChoice, json};
 
 /// What a fit of equations found.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SindyReport {
     /// Rows of positive weight.
@@ -15,6 +16,7 @@ pub struct SindyReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, rows with a missing value, complete rows that no region took.
+    #[serde(flatten, serialize_with = "json::left_out")]
     pub left_out: [u64; 3],
     /// How terms were found, for people.
     pub method: String,
@@ -27,6 +29,7 @@ pub struct SindyReport {
     /// What an ensemble varied, for people.
     pub ensemble: Option<String>,
     /// The windows that equations are fitted on in the place of rows, for people; `None` where rows are taken as they are.
+    #[serde(rename = "weak", skip_serializing_if = "Option::is_none")]
     pub windows: Option<String>,
     /// Estimated numbers inside expressions.
     pub parameters: Vec<ParameterReport>,
@@ -37,13 +40,14 @@ pub struct SindyReport {
     /// How open spans of derivatives were chosen by rollouts, where there were any.
     pub rollouts: Option<RolloutChoice>,
     /// The fit to simulations, where it was asked for.
+    #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
 
 /// An estimated number.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ParameterReport {
     /// Its name.
@@ -59,7 +63,7 @@ pub struct ParameterReport {
 }
 
 /// A region and its equations.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct RegionReport {
     /// Its name.
@@ -71,7 +75,7 @@ pub struct RegionReport {
 }
 
 /// A fitted equation in a region.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct EquationReport {
     /// The left side.
@@ -87,6 +91,7 @@ pub struct EquationReport {
     /// Share of the variance of what was learnt (the target less the nominal part) that is explained on these rows; NaN where it does not vary.
     pub r2: f64,
     /// Root mean squared error on held-out rows; NaN without folds.
+    #[serde(rename = "held_out_rms")]
     pub held_out: f64,
     /// Share of that variance that is explained on held-out rows; NaN without folds.
     pub held_out_r2: f64,
@@ -98,8 +103,10 @@ pub struct EquationReport {
     pub front: Vec<FrontPoint>,
     /// Functions of any model of [`Self::front`], the largest first, with what they contribute to each: their coefficient times their root mean square over the rows, in the
     /// unit of the left side. Of very many functions those with the largest contributions.
+    #[serde(skip)]
     pub along: Vec<(String, Vec<f64>)>,
     /// How many functions any model of [`Self::front`] has.
+    #[serde(skip)]
     pub entered: usize,
     /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
     pub inclusion: Option<Vec<f64>>,
@@ -110,7 +117,7 @@ pub struct EquationReport {
 }
 
 /// A term.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TermReport {
     /// The function; `1` for the constant.
@@ -128,7 +135,7 @@ pub struct TermReport {
 }
 
 /// A model of the front: none with as few terms errs less.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FrontPoint {
     /// Number of terms.
@@ -136,6 +143,7 @@ pub struct FrontPoint {
     /// Root mean squared error on the rows of the fit.
     pub rms: f64,
     /// Root mean squared error on held-out rows of the models of as many terms; NaN without folds.
+    #[serde(rename = "held_out_rms")]
     pub held_out: f64,
     /// The threshold, lambda or number of terms.
     pub parameter: f64,

@@ -2,24 +2,27 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_sparse::inference::{InferenceError, Influence, influence};
+use serde::Serialize;
 
 use super::problem::Problem;
-use crate::{Error, statistic::StatisticFile};
+use crate::{Error, json, statistic::StatisticFile};
 
 /// A fit and the fits without each of its episodes: least squares on what was selected from all rows.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct LeaveOneOutReport {
     /// Root mean square over all rows of the measured tasks' errors, each in its scale, by the fit on all rows.
+    #[serde(rename = "in_sample_rms")]
     pub in_sample: f64,
     /// The same, every row by the fit without its episode; NaN when an episode cannot be left out.
+    #[serde(rename = "held_out_rms")]
     pub held_out: f64,
     /// Episodes by descending Cook's distance.
     pub episodes: Vec<EpisodeInfluence>,
 }
 
 /// What leaving an episode out does.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct EpisodeInfluence {
     /// The episode, as the statistic calls it.
@@ -27,13 +30,17 @@ pub struct EpisodeInfluence {
     /// Its share of the weight of all rows.
     pub share: f64,
     /// Cook's distance; infinite when the other episodes do not tell the selected coefficients apart.
+    #[serde(rename = "cooks_distance")]
     pub distance: f64,
     /// Root mean square of its errors, in the tasks' scales, by the fit on all rows.
+    #[serde(rename = "in_sample_rms")]
     pub in_sample: f64,
     /// The same by the fit without it; NaN when there is none.
+    #[serde(rename = "held_out_rms")]
     pub held_out: f64,
     /// The coefficient that changes most in its standard errors, `T: N1*rho`, and the change without the episode in these; `None` without a fit or without
     /// standard errors.
+    #[serde(serialize_with = "json::largest_change")]
     pub largest_change: Option<(String, f64)>,
 }
 

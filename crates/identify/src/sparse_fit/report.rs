@@ -1,17 +1,18 @@
 //! What a sparse fit found, for people and for programs.
 
 use fleetfoot_sparse::{Certificate, inference::confounded};
+use serde::Serialize;
 
 use super::{
     LambdaChoice, LeaveOneOutReport, PathReport, intervals::percentile_intervals, problem::Problem, support::Support,
 };
-use crate::Error;
+use crate::{Error, json};
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
 const CONFOUNDED: f64 = 1e-6;
 
 /// What a sparse fit found.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SparseReport {
     /// Rows, weights included.
@@ -19,6 +20,7 @@ pub struct SparseReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, and rows with a missing value.
+    #[serde(flatten, serialize_with = "json::left_out")]
     pub left_out: [u64; 2],
     /// Lambda, and how it was chosen.
     pub lambda: LambdaChoice,
@@ -31,10 +33,13 @@ pub struct SparseReport {
     /// The latents.
     pub latents: Vec<LatentReport>,
     /// What was fitted at lambda, for people: `lasso`, `group lasso`.
+    #[serde(skip)]
     pub penalty: &'static str,
     /// Certificate of the penalised fit of all rows at lambda.
+    #[serde(serialize_with = "json::certificate")]
     pub certificate: Certificate,
     /// The largest violation of the optimality conditions of any replicate, where there are any.
+    #[serde(rename = "worst_replicate_kkt")]
     pub worst_replicate: Option<f64>,
     /// Selected coefficients that the rows and priors can hardly tell apart.
     pub confounded: Vec<Vec<String>>,
@@ -47,7 +52,7 @@ pub struct SparseReport {
 }
 
 /// A task and its errors.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct TaskReport {
     /// Its name.
@@ -63,21 +68,23 @@ pub struct TaskReport {
     /// Share of the target's variance that is explained on these rows; NaN for a target that does not vary.
     pub r2: f64,
     /// Root mean squared error on held-out rows of the selected columns, refitted on every fold's training rows; NaN without folds, and for priors.
+    #[serde(rename = "held_out_rms")]
     pub held_out: f64,
 }
 
 /// A latent and its candidates.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct LatentReport {
     /// Its name.
     pub name: String,
     /// Its candidates, in order.
+    #[serde(rename = "functions")]
     pub candidates: Vec<CandidateReport>,
 }
 
 /// A candidate function.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct CandidateReport {
     /// The function.
@@ -93,6 +100,7 @@ pub struct CandidateReport {
     /// Share of the replicates that select it, where there are replicates.
     pub frequency: Option<f64>,
     /// Percentile 95 % interval of the lasso's coefficient over the replicates that select it, when it was selected and at least two do.
+    #[serde(rename = "lasso_interval")]
     pub interval: Option<[f64; 2]>,
 }
 

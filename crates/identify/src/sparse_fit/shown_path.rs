@@ -1,9 +1,10 @@
 //! The regularisation path beyond the choice, as a report tells it: what enters when, and what a smaller lambda would have let in.
 
 use fleetfoot_sparse::{Path, Solution, estimator::Stop};
+use serde::Serialize;
 
 use super::problem::Problem;
-use crate::Error;
+use crate::{Error, json};
 
 /// The path goes on to this share of the chosen lambda, or until so many more columns are in than were chosen.
 const BEYOND: f64 = 0.1;
@@ -13,12 +14,13 @@ const FUNCTIONS: usize = 24;
 const KNOTS: usize = 120;
 
 /// Coefficients along a regularisation path.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct PathReport {
     /// Lambdas, falling: the knots of a path that is linear between them, else those at which it was solved; of very many, evenly spread ones.
     pub lambdas: Vec<f64>,
     /// The functions with the largest coefficients, by name, and their coefficients at every lambda, in the units in which the penalty compares them.
+    #[serde(serialize_with = "json::along")]
     pub functions: Vec<(String, Vec<f64>)>,
     /// Functions that are in somewhere along the path.
     pub entered: usize,
