@@ -111,7 +111,7 @@ fn from_logs_to_a_scored_model() {
 #[test]
 fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
     let folder = logs();
-    for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2"), ("lattice:3", "2")] {
+    for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2"), ("lattice:3", "2"), ("tree:2", "2")] {
         let fit = |threads: &str, files: &[&str], output: &str| {
             let mut arguments = vec!["fit", "pwa", "-c", "robot.toml", "--partition", partition, "--folds", folds];
             arguments.extend(["--threads", threads, "-o", output]);
@@ -150,6 +150,88 @@ fn joined_cells_go_the_whole_way() {
     let told =
         fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "lattice:3", "-o", "told.json"]).ok();
     assert!(told.out.contains("lattice:3"), "{}", told.out);
+}
+
+#[test]
+fn trees_go_the_whole_way() {
+    let folder = logs();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let fit = ["fit", "pwa", "-c", "robot.toml", "--folds", "4", "-o", "model.json", "--partition"];
+    let fitted = run(&[&fit[..], &["average,tree:1..3", "runs", "--json"]].concat()).json();
+    assert_eq!(fitted["candidates"][1]["regions"], 2);
+    assert_eq!(fitted["chosen"], 1, "{fitted:#}");
+    // The log's friction changes above 0.5.
+    let show = run(&["show", "model.json"]).out;
+    assert!(show.contains("if v < 0.5") && show.contains(": region 1"), "{show}");
+    let transitions = run(&["show", "model.json", "--transitions"]).out;
+    assert!(transitions.contains("transitions of tree:1"), "{transitions}");
+    run(&["score", "model.json", "held-out.csv"]);
+    run(&["predict", "model.json", "held-out.csv", "-o", "predicted.parquet"]);
+    run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "--starts", "20"]);
+    for to in ["c", "rust", "python", "latex", "npz"] {
+        run(&["export", "model.json", "--to", to, "--prefix", "robot", "-o", "code"]);
+    }
+    let text = |name: &str| fs::read_to_string(folder.path().join("code").join(name)).unwrap();
+    assert!(text("robot.c").contains(">= 0.5") && text("robot.tex").contains("v \\ge 0.5"), "{}", text("robot.c"));
+    run(&["report", "model.json", "held-out.csv", "-o", "page.html"]);
+    assert!(fs::read_to_string(folder.path().join("page.html")).unwrap().contains("v &lt; 0.5"));
+    // Made once on all rows in a statistic, and for equations and autoregressions.
+    run(&["scan", "-c", "robot.toml", "runs", "--partition", "tree:2", "-o", "run.stats"]);
+    let told = fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "tree:2", "-o", "told.json"]).ok();
+    assert!(told.out.contains("tree:2"), "{}", told.out);
+    assert!(run(&["show", "told.json"]).out.contains("if v < 0.5"));
+    run(&["fit", "sindy", "-c", "robot.toml", "runs", "--partition", "tree:1", "--degree", "1", "-o", "sparse.json"]);
+    assert!(run(&["show", "sparse.json"]).out.contains("if v < 0.5"));
+    let narx = ["--time", "t", "--alias", "v=`v [m/s]`", "--outputs", "v", "--inputs", "u", "--order", "fixed"];
+    let lags = ["--lags-out", "1", "--lags-in", "1", "--degree", "1", "--partition", "tree:1,2", "-o", "narx.json"];
+    run(&[&["fit", "narx", "runs"][..], &narx, &lags].concat());
+    assert!(run(&["show", "narx.json"]).out.contains("if v < 0.5"));
+}
+
+#[test]
+fn maps_that_meet_tell_what_it_costs() {
+    let folder = logs();
+    let fit = ["fit", "pwa", "-c", "robot.toml", "--folds", "4", "-o", "model.json", "--partition"];
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), &[&fit[..], arguments, &["runs"]].concat());
+    let fitted = run(&["average,refined:2", "--continuous", "--json"]).ok().json();
+    let own = &fitted["candidates"][1];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    assert_eq!((own["continuity"]["borders"].as_u64(), own["continuity"]["numbers"].as_u64()), (Some(1), Some(4)));
+    assert!(number(&own["continuity"]["jump"]) < 1e-12 && fitted["candidates"][0].get("continuity").is_none());
+    // The log's acceleration jumps.
+    assert!(number(&own["loss"]) > 10.0 * number(&own["continuity"]["loss_apart"]), "{fitted:#}");
+    let told = run(&["refined:2", "--continuous"]).ok().out;
+    assert!(told.contains("loss apart") && told.contains("the maps meet at 1 border to"), "{told}");
+    run(&["labels:mode", "--continuous"]).fails(&["labels:mode", "linear borders"]);
+    run(&["refined:2", "--continuous", "--objective", "steps:5"]).fails(&["steps:5", "--continuous"]);
+    fleetfoot(folder.path(), &["scan", "-c", "robot.toml", "runs", "--partition", "refined:2", "-o", "run.stats"]).ok();
+    fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--continuous", "-o", "told.json"])
+        .fails(&["--continuous", "give the logs"]);
+}
+
+#[test]
+fn few_rows_that_hold_most_of_the_variance_are_told() {
+    let folder = logs();
+    let text = robot_csv(30_000, 2.0);
+    let fall = |(row, line): (usize, &str)| {
+        let mut values: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if (20_000..20_100).contains(&row) {
+            values[5] = format!("{}", 900.0 * (row as f64).sin());
+        }
+        values.join(",")
+    };
+    let rows: Vec<String> = text.lines().enumerate().map(fall).collect();
+    fs::write(folder.path().join("fall.csv"), rows.join("\n")).unwrap();
+    let fit = ["fit", "pwa", "--time", "t", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "-o", "m.json"];
+    let run = |more: &[&str]| fleetfoot(folder.path(), &[&fit[..], more].concat()).ok();
+    for folds in ["0", "5"] {
+        let told = run(&["--predict", "dv", "--folds", folds, "fall.csv"]);
+        assert!(told.err.contains("dv: ") && told.err.contains("of its variance"), "{}", told.err);
+        // The chunk that the fall lies in, of a few hundred rows.
+        let row: usize = told.err.split("from row ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!((19_000..=20_100).contains(&row), "{row}");
+    }
+    assert!(!run(&["--predict", "dv", "runs/run_0.csv"]).err.contains("of its variance"));
 }
 
 #[test]
@@ -222,7 +304,7 @@ fn a_file_with_a_gap_is_the_same_as_two_files() {
         model["model"]["training"]["episodes"] = serde_json::Value::Null;
         (ids, model)
     };
-    for partition in ["kmeans:4", "refined:3", "lattice:3"] {
+    for partition in ["kmeans:4", "refined:3", "lattice:3", "tree:2"] {
         assert_eq!(fit(partition, &["whole.csv"], "a.json"), fit(partition, &["second.csv", "first.csv"], "b.json"));
     }
 }

@@ -280,8 +280,8 @@ pub(crate) struct FitPwa {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, labels:COLUMN, labels:COLUMN+kmeans:5, labels:COLUMN+refined:5. Of several
-    /// (`average,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`)
+    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN, labels:COLUMN+kmeans:5 (refined:5, tree:3). Of several
+    /// (`average,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`)
     /// one is chosen (default: that of the recipe, else average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
@@ -425,7 +425,7 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
-    /// Tell which region follows which, and how long a visit lasts: for models of refined partitions and of lattices, which carry it.
+    /// Tell which region follows which, and how long a visit lasts: for models of refined partitions, lattices and trees, which carry it.
     #[arg(long)]
     pub(crate) transitions: bool,
 }

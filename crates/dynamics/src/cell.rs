@@ -1,6 +1,6 @@
 //! The region of a moving state: searched for when it may have changed, known otherwise.
 
-use fleetfoot_model::Rule;
+use fleetfoot_model::{Branch, Rule, Tree};
 use pulp::Simd;
 
 use crate::{
@@ -28,6 +28,7 @@ enum CellRule {
     Whole,
     Ball { radius: f64 },
     Linear(Linear),
+    Tree(Tree),
 }
 
 /// `argmax_i (w_i . z + b_i)`, one vector lane a region.
@@ -60,6 +61,7 @@ pub(crate) struct Cell {
     z: Aligned,
     size: f64,
     scores: Aligned,
+    /// The winner's score; of a tree the distance to the nearest cut on the way.
     top: f64,
 }
 
@@ -89,6 +91,7 @@ impl Cells {
                 }
                 _ => return None,
             },
+            Rule::Tree(tree) => CellRule::Tree(tree.clone()),
             Rule::Labels { .. } => return None,
         };
         cells.columns = columns.to_vec();
@@ -97,8 +100,12 @@ impl Cells {
         cells.consecutive = cells.consecutive.filter(|first| first + width <= slots);
         cells.centre[..columns.len()].copy_from_slice(&regions.centre);
         cells.scale[..columns.len()].copy_from_slice(&regions.scale);
-        for (&slot, &scale) in columns.iter().zip(&regions.scale) {
-            cells.slot_scale[slot] = cells.slot_scale[slot].hypot(1.0 / scale);
+        for (column, (&slot, &scale)) in columns.iter().zip(&regions.scale).enumerate() {
+            // A column without a cut may go as far as it likes.
+            let is_cut = |tree: &Tree| tree.cuts.iter().any(|cut| cut.column == column);
+            if !matches!(&cells.rule, CellRule::Tree(tree) if !is_cut(tree)) {
+                cells.slot_scale[slot] = cells.slot_scale[slot].hypot(1.0 / scale);
+            }
         }
         Some(cells)
     }
@@ -109,6 +116,7 @@ impl Cells {
             CellRule::Whole => 1,
             CellRule::Ball { .. } => 2,
             CellRule::Linear(linear) => linear.regions,
+            CellRule::Tree(tree) => tree.regions(),
         }
     }
 
@@ -180,6 +188,7 @@ impl Cells {
             CellRule::Linear(linear) => {
                 (cell.top, cell.region) = argmax(simd, &cell.scores, &linear.indices);
             }
+            CellRule::Tree(tree) => (cell.region, cell.top) = walk(tree, &cell.z),
         }
     }
 
@@ -200,6 +209,8 @@ impl Cells {
                 let nearness = &linear.nearness[cell.region.min(linear.count - 1) * linear.width..][..linear.width];
                 smallest_lead(simd, cell.top, rounding, &cell.scores, nearness)
             }
+            // No cut on the way is nearer.
+            CellRule::Tree(_) => cell.top,
         };
         // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
         let free = free.min(1.0 + size) * (1.0 - 1e-9);
@@ -223,6 +234,22 @@ impl Cells {
             _ => cell.region,
         };
         (!cell.size.is_nan() && found < self.count()).then_some(found)
+    }
+}
+
+/// The region of standardised columns, and how far the nearest of the cuts on the way is.
+fn walk(tree: &Tree, z: &[f64]) -> (usize, f64) {
+    let (mut branch, mut nearest) = (Branch::Cut(0), f64::INFINITY);
+    loop {
+        match branch {
+            Branch::Region(region) => return (region as usize, nearest),
+            Branch::Cut(at) => {
+                let Some(cut) = tree.cuts.get(at) else { return (0, nearest) };
+                let value = z[cut.column];
+                nearest = nearest.min((value - cut.threshold).abs());
+                branch = if value < cut.threshold { cut.below } else { cut.above };
+            }
+        }
     }
 }
 

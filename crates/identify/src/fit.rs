@@ -11,7 +11,7 @@ use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Spec
 
 use crate::{
     Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
-    Task, dataset, fit_statistic,
+    Task, concentrated, dataset, fit_statistic,
     left_out::left_out,
     not_finite, objective,
     output::{refuse_not_finite, write_model},
@@ -215,6 +215,9 @@ pub fn fit_pwa(
     let mut notes = dataset.notes().to_vec();
     notes.extend(said.objective.note(refinement.as_ref()));
     notes.extend(left_out(identification.incomplete, &dataset, functions(&task))?);
+    let told = identification.targets.iter().cloned().zip(identification.concentrated.iter().map(Option::as_ref));
+    let name = |id| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());
+    notes.extend(concentrated::notes(told, name));
     notes.append(&mut identification.notes);
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), rollouts, refinement, notes })
 }

@@ -7,7 +7,7 @@ use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
 
 use crate::{
-    Error, Fitted, Logs, PwaOptions, PwaRequest, Recipe, Task,
+    Error, Fitted, Logs, PwaOptions, PwaRequest, Recipe, Task, concentrated,
     folds::reached,
     output::refuse_not_finite,
     sindy::{beneath, keys},
@@ -52,6 +52,8 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     notes.push(
         "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
     );
+    let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
+    notes.extend(concentrated::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
     let clustered = options.partitions.iter().any(|one| one.clusters().is_some());
     let section = &recipe.pwa;
     if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
@@ -79,6 +81,8 @@ fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
         "rollouts compare simulations with rows: leave --select rollout away and name the span of a derivative"
     } else if said.identification.tsqr {
         "--tsqr factors the rows themselves: leave it away"
+    } else if said.identification.continuous {
+        "--continuous asks rows which regions are neighbours: leave it away"
     } else if said.identification.unseen == UnseenLabel::Pool {
         "--unseen-labels pool asks for one more region, which was not summed: leave it away"
     } else {

@@ -283,7 +283,7 @@ pub struct ModelSection {
     /// Non-negative row weights: a field or expression.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weight: Option<String>,
-    /// Partitions: `kmeans:10`, `null,average,zscore:1.5,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `labels:COLUMN+kmeans:3`.
+    /// Partitions: `kmeans:10`, `null,average,zscore:1.5,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`, `labels:COLUMN+kmeans:3`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub partition: Option<String>,
     /// What partitions look at, when not the states.

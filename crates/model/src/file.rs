@@ -5,20 +5,16 @@
 //! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
 
 mod marks;
+mod rule;
 mod training;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
 
 use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Rule, Transitions,
-    UnseenLabel,
-};
+use crate::{Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Transitions};
+use rule::RuleText;
 use training::TrainingText;
 
 /// Version of the file format that this version writes and reads.
@@ -236,16 +232,6 @@ struct LevelText {
 }
 
 #[derive(Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
-enum RuleText {
-    Whole,
-    Ball { radius: Real },
-    Linear { weights: Vec<Reals>, offsets: Reals },
-    Joined { cells: Box<RuleText>, regions: Vec<u32> },
-    Labels { values: Reals, names: Vec<String>, rules: Vec<RuleText>, pool_unseen: bool },
-}
-
-#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RegionText {
     name: String,
@@ -440,44 +426,6 @@ impl LatticeText {
         Lattice {
             joins: self.joins.into_iter().map(join).collect(),
             levels: self.levels.into_iter().map(level).collect(),
-        }
-    }
-}
-
-impl From<&Rule> for RuleText {
-    fn from(rule: &Rule) -> Self {
-        match rule {
-            Rule::Whole => RuleText::Whole,
-            Rule::Ball { radius } => RuleText::Ball { radius: Real(*radius) },
-            Rule::Linear { weights, offsets } => RuleText::Linear { weights: rows(weights), offsets: reals(offsets) },
-            Rule::Joined { cells, regions } => {
-                RuleText::Joined { cells: Box::new(RuleText::from(cells.as_ref())), regions: regions.clone() }
-            }
-            Rule::Labels { values, names, rules, unseen } => RuleText::Labels {
-                values: reals(values),
-                names: names.clone(),
-                rules: rules.iter().map(RuleText::from).collect(),
-                pool_unseen: *unseen == UnseenLabel::Pool,
-            },
-        }
-    }
-}
-
-impl RuleText {
-    fn into_rule(self) -> Rule {
-        match self {
-            RuleText::Whole => Rule::Whole,
-            RuleText::Ball { radius } => Rule::Ball { radius: radius.0 },
-            RuleText::Linear { weights, offsets } => {
-                Rule::Linear { weights: weights.into_iter().map(floats).collect(), offsets: floats(offsets) }
-            }
-            RuleText::Joined { cells, regions } => Rule::Joined { cells: Arc::new(cells.into_rule()), regions },
-            RuleText::Labels { values, names, rules, pool_unseen } => Rule::Labels {
-                values: floats(values),
-                names,
-                rules: rules.into_iter().map(RuleText::into_rule).collect(),
-                unseen: if pool_unseen { UnseenLabel::Pool } else { UnseenLabel::Refuse },
-            },
         }
     }
 }

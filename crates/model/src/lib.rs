@@ -40,6 +40,7 @@ mod print;
 mod region;
 mod trained;
 mod transitions;
+mod tree;
 mod typeset;
 mod validate;
 
@@ -59,6 +60,7 @@ pub use print::{describe, describe_transitions, factor};
 pub use region::{Estimated, Region, Training};
 pub use trained::{TrainedEpisode, known};
 pub use transitions::Transitions;
+pub use tree::{Branch, Cut, Side, Tree};
 pub use typeset::SetEquation;
 
 use fleetfoot_library::Expr;

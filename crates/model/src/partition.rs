@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 use fleetfoot_library::Expr;
 
+use crate::Tree;
+
 /// A partition of the state space into regions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
@@ -54,6 +56,8 @@ pub enum Rule {
         /// The region of each cell.
         regions: Vec<u32>,
     },
+    /// Cuts of single columns, one after another. Its partition leaves the columns in their units (centre 0, scale 1), so that thresholds are what people read.
+    Tree(Tree),
     /// By the value of the last column; every label has a rule of its own for the other columns. Regions are numbered label by label.
     Labels {
         /// The label values seen in training, ascending.
@@ -90,6 +94,7 @@ impl Rule {
             Rule::Ball { .. } => 2,
             Rule::Linear { offsets, .. } => offsets.len(),
             Rule::Joined { regions, .. } => regions.iter().max().map_or(0, |&last| last as usize + 1),
+            Rule::Tree(tree) => tree.regions(),
             Rule::Labels { rules, unseen, .. } => {
                 rules.iter().map(Rule::count).sum::<usize>() + usize::from(*unseen == UnseenLabel::Pool)
             }
@@ -108,6 +113,11 @@ impl Rule {
             Rule::Joined { cells, regions: table } => {
                 cells.assign(z, regions);
                 join(table, regions);
+            }
+            Rule::Tree(tree) => {
+                for (row, region) in regions.iter_mut().enumerate() {
+                    *region = tree.region(|column| z[column][row]);
+                }
             }
             Rule::Labels { values, rules, unseen, .. } => labels(values, rules, *unseen, z, regions),
         }
@@ -151,7 +161,7 @@ impl Partition {
         match &self.rule {
             Rule::Whole => "all".into(),
             Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
-            Rule::Linear { .. } | Rule::Joined { .. } => region.to_string(),
+            Rule::Linear { .. } | Rule::Joined { .. } | Rule::Tree(_) => region.to_string(),
             Rule::Labels { names, rules, .. } => {
                 let mut offset = 0;
                 for (name, rule) in names.iter().zip(rules) {

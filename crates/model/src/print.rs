@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use fleetfoot_library::Expr;
 
-use crate::{Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule};
+use crate::{Branch, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
 
 /// The model as text: columns, equations, and per region its size, rank and coefficients.
 ///
@@ -85,8 +85,9 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         let _ = writeln!(out, "  on {}", columns.join(", "));
     }
     if let Some(lattice) = &partition.lattice {
-        describe_tree(out, partition, lattice);
+        describe_joins(out, partition, lattice);
     }
+    describe_trees(out, partition);
     let mut order: Vec<usize> = (0..partition.regions.len()).collect();
     order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
     let total: u64 = partition.regions.iter().map(|region| region.rows).sum();
@@ -118,11 +119,58 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
     }
 }
 
+/// The trees of a partition: one, or one a label.
+fn describe_trees(out: &mut String, partition: &Partition) {
+    match &partition.rule {
+        Rule::Tree(tree) => {
+            let _ = writeln!(out);
+            describe_cuts(out, tree, partition, 0);
+        }
+        Rule::Labels { names, rules, .. } => {
+            let mut first = 0;
+            for (name, rule) in names.iter().zip(rules) {
+                if let Rule::Tree(tree) = rule {
+                    let _ = writeln!(out, "\n  {name}");
+                    describe_cuts(out, tree, partition, first);
+                }
+                first += rule.count();
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The cuts of a tree as they are nested; its regions are counted from `first` on.
+fn describe_cuts(out: &mut String, tree: &Tree, partition: &Partition, first: usize) {
+    let name = |column: usize| partition.columns.get(column).map_or_else(String::new, Expr::to_string);
+    let mut open = vec![(Branch::Cut(0), 1, String::new())];
+    while let Some((branch, depth, head)) = open.pop() {
+        let indent = "  ".repeat(depth);
+        match branch {
+            Branch::Region(region) => {
+                let name = partition.region_name(first + region as usize);
+                let _ = writeln!(out, "{indent}{head}region {name}");
+            }
+            Branch::Cut(at) => {
+                let Some(cut) = tree.cuts.get(at) else { continue };
+                if !head.is_empty() {
+                    let _ = writeln!(out, "{indent}{}", head.trim_end());
+                }
+                let (inner, column) = (depth + usize::from(!head.is_empty()), name(cut.column));
+                let threshold = exact(cut.threshold);
+                // The side below comes first: it is taken first.
+                open.push((cut.above, inner, format!("if {column} >= {threshold}: ")));
+                open.push((cut.below, inner, format!("if {column} < {threshold}: ")));
+            }
+        }
+    }
+}
+
 /// Lines of a tree that are printed, at most.
 const LEVELS: usize = 24;
 
 /// The levels of the tree of joins, and how the regions would be joined on.
-fn describe_tree(out: &mut String, partition: &Partition, lattice: &Lattice) {
+fn describe_joins(out: &mut String, partition: &Partition, lattice: &Lattice) {
     let Rule::Joined { regions: cells, .. } = &partition.rule else { return };
     let count = partition.rule.count();
     let _ = writeln!(
@@ -232,6 +280,12 @@ pub fn factor(function: String) -> String {
         }
     }
     if sum { format!("({function})") } else { function }
+}
+
+/// All digits of a number.
+fn exact(value: f64) -> String {
+    let (plain, scientific) = (format!("{value}"), format!("{value:e}"));
+    if plain.len() <= scientific.len() + 3 { plain } else { scientific }
 }
 
 /// Six significant digits, without a tail of zeros.

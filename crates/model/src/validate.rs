@@ -153,6 +153,7 @@ fn check_rule(rule: &Rule, columns: usize) -> Result<(), String> {
             }
             check_rule(cells, columns)
         }
+        Rule::Tree(tree) => tree.check(columns),
         Rule::Labels { values, names, rules, .. } => {
             if columns == 0 || values.is_empty() || values.len() != names.len() || values.len() != rules.len() {
                 return Err(format!("{} labels, {} names, {} rules", values.len(), names.len(), rules.len()));

@@ -58,7 +58,11 @@ impl Fit<'_> {
             state_covariance: self.survey.scales.covariance(q..q + s),
             ..Training::default()
         };
-        assembled(self.problem, partition, library, &order.full, training)
+        let mut model = assembled(self.problem, partition, library, &order.full, training);
+        if order.continuity.is_some() {
+            model.method.push_str(", continuous");
+        }
+        model
     }
 }
 

@@ -100,6 +100,22 @@ pub enum Error {
         /// Numbers that there may be.
         limit: usize,
     },
+    /// Maps cannot meet at borders that are not linear.
+    #[error(
+        "{specification}: maps can meet only at linear borders, those of kmeans, refined and tree; name such a partition, or leave --continuous away"
+    )]
+    NotLinear {
+        /// The partition.
+        specification: String,
+    },
+    /// Maps cannot meet at borders over a column that they do not see.
+    #[error(
+        "regions look at {column}, which is no regressor: affine maps cannot meet at a border over it; let regions look at regressors only (--partition-on), or leave --continuous away"
+    )]
+    NoRegressor {
+        /// The partition column.
+        column: String,
+    },
     /// No equation has a target.
     #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
     NothingToFit,

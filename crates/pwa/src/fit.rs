@@ -168,7 +168,7 @@ pub(crate) fn held_out_error(models: &[RegionModel], testing: &BTreeMap<u32, Squ
 }
 
 /// Standard deviations of the regressors: column norms of the centred R factor. A constant column gets 1.
-fn column_scale(root: &SquareRoot) -> Vec<f64> {
+pub(crate) fn column_scale(root: &SquareRoot) -> Vec<f64> {
     (0..root.r.ncols())
         .map(|column| match root.r.col(column).norm_l2() / root.weight.sqrt() {
             norm if norm.is_finite() && norm > 1e-12 * root.mean_x[column].abs() => norm,

@@ -4,19 +4,21 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Lattice, Model, Rule};
-use fleetfoot_stats::{Basis, Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
+use fleetfoot_stats::{
+    Basis, Chunk, Concentration, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot,
+};
 
 use crate::{
     Error, Options, Problem, Specification,
     errors::{Errors, Measure, PartErrors},
-    fit::{Base, Roots, Solver, region_models},
+    fit::{Base, Roots, Solver},
     lattice::{Sets, Tree, bytes as cell_bytes, described},
     notes::confounded,
     partition::{Prepared, join_cells, prepare},
     regions::{Candidate, Segmentation},
     rows::Rows,
     scan::{Scan, sum},
-    select::{Order, choose, effective_rows, evaluate},
+    select::{Order, choose, effective_rows, evaluate, fitted},
     survey::{Survey, example_bytes, examples, kept_bytes},
     tsqr::factor_regions,
 };
@@ -60,6 +62,8 @@ pub struct Identification {
     pub condition: f64,
     /// Condition number of its preconditioned Gram matrix: near 1 while the pilot sample is representative.
     pub preconditioned: f64,
+    /// For each target the few rows that hold most of its variance, where they do; empty where that is not known.
+    pub concentrated: Vec<Option<Concentration>>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -94,8 +98,24 @@ pub struct Score {
     pub losses: Vec<f64>,
     /// Bayesian information criterion.
     pub bic: f64,
+    /// What it costs that maps meet at their borders, where they do.
+    pub continuity: Option<Continuity>,
     /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
     pub objective: Vec<f64>,
+}
+
+/// What it costs that the maps of neighbouring regions meet at their border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Continuity {
+    /// Borders between rows.
+    pub borders: usize,
+    /// Numbers that are free, of each target.
+    pub numbers: usize,
+    /// The loss of as many maps that need not meet; NaN without folds.
+    pub apart: f64,
+    /// The largest difference of two maps at a border, in standard deviations of the target: rounding.
+    pub jump: f64,
 }
 
 impl Identification {
@@ -156,7 +176,11 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
     let clustered = if any(Specification::is_clustered) { rows.min(options.memory / per_row.max(1)) } else { 0 };
     let per_example = example_bytes(problem.partition_columns.len(), width);
-    let refined = if any(Specification::fits_targets) { examples(rows, per_example, options.memory) } else { 0 };
+    let refined = if any(Specification::fits_targets) || options.continuous {
+        examples(rows, per_example, options.memory)
+    } else {
+        0
+    };
     let shape = (problem.library.len(), targets);
     let joined = options.partitions.iter().filter_map(Specification::joined).max();
     let cells = joined.map_or(0, |regions| cell_bytes(rows, shape, regions, options.folds));
@@ -179,6 +203,7 @@ pub(crate) fn expected_regions(specification: &Specification) -> usize {
         Specification::Null | Specification::Average => 0,
         Specification::ZScore(_) => 2,
         Specification::KMeans(k) | Specification::Refined(k) => *k,
+        Specification::Tree(depth) => 1 << depth,
         // The sums of cells are bounded by themselves.
         Specification::Lattice(_) => 0,
         Specification::Labels { .. } => 10 * specification.clusters().unwrap_or(1),
@@ -304,6 +329,7 @@ impl Fit<'_> {
             basis,
             condition: base.average.condition,
             preconditioned: base.root.condition,
+            concentrated: self.survey.concentrated(source.episodes(), chunks),
             notes,
         })
     }
@@ -332,7 +358,7 @@ impl Fit<'_> {
         let factor = |partition| factor_regions(self.rows, self.segmentation, partition, source, chunks, progress);
         let Some(base) = factor(0)?.remove(&0).map(Base::new) else { return Ok(None) };
         let roots = factor(candidate.full)?;
-        order.full = region_models(candidate, order.full.len(), &base, &roots, order.shrinkage);
+        order.full = fitted(candidate, None, order.full.len(), &base, &roots, order.shrinkage).models;
         Ok(Some(roots))
     }
 
@@ -381,6 +407,7 @@ impl Fit<'_> {
                 standard_error: order.standard_error,
                 losses: order.losses.clone(),
                 bic: order.bic,
+                continuity: order.continuity,
                 objective: candidate.objective.clone(),
             })
             .collect()

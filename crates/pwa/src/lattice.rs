@@ -133,7 +133,7 @@ impl Lattice {
             if gram.weight <= 0.0 {
                 return 0.0;
             }
-            let residual = preconditioner.square_root(gram).residual;
+            let residual = preconditioner.residual(gram);
             residual.iter().zip(variance).map(|(residual, variance)| residual / variance).sum()
         };
         let grow = |at: usize| Ok::<_, Error>(Tree::grow(self.cells.with(sets.training(at).to_vec()), limits, error));

@@ -21,8 +21,10 @@
 //! ```
 
 mod assemble;
+mod continuous;
 mod error;
 mod errors;
+mod examples;
 mod fit;
 mod identify;
 mod kept;
@@ -40,11 +42,12 @@ mod select;
 mod specification;
 mod summed;
 mod survey;
+mod tree;
 mod tsqr;
 mod walks;
 
 pub use error::Error;
-pub use identify::{Cost, Identification, Score, cost, identify};
+pub use identify::{Continuity, Cost, Identification, Score, cost, identify};
 pub use kmeans::{
     Assigned, Assigner, KMeans, KMeansError, KMeansOptions, KMeansRows, KMeansRun, KMeansStep, Points, Start, Units,
     assign_rows, distances_to, kmeans, kmeans_from, plus_plus_draws, starting_centroids,

@@ -6,6 +6,7 @@ use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner}
 
 use crate::{
     Error, Options, Problem, Specification,
+    continuous::check as check_continuous,
     identify::{STATS_BUDGET, expected_regions, gram_bytes},
     lattice::{Sets, Tree},
     regions::{Segmentation, segment},
@@ -108,6 +109,7 @@ pub(crate) fn prepare(
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Prepared, Error> {
+    let places = if options.continuous { check_continuous(problem, &options.partitions)? } else { Vec::new() };
     let rows = Rows::compile(problem, &options.partitions, source)?;
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
@@ -120,12 +122,12 @@ pub(crate) fn prepare(
         _ => grid.chunks(source.episodes()),
     };
     progress.stage("survey");
-    let survey = Survey::scan(&rows, source, &chunks, &options.partitions, options.memory, progress)?;
+    let survey = Survey::scan(&rows, source, &chunks, options, progress)?;
     check(problem, &rows, &survey)?;
     // Rows that are too few for a model are too few for folds: the former is said first.
     let folds = folds?;
     progress.stage("partition");
-    let segmentation = segment(problem, options, &rows, &survey, progress)?;
+    let segmentation = segment((problem, &places), options, &rows, &survey, progress)?;
     Ok(Prepared { rows, grid, folds, chunks, survey, segmentation })
 }
 

@@ -53,6 +53,8 @@ pub struct Options {
     pub tsqr: bool,
     /// Give the models of all partitions, not only the chosen one.
     pub keep_all: bool,
+    /// Whether the maps of neighbouring regions meet at their border.
+    pub continuous: bool,
     /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
     pub memory: usize,
 }
@@ -73,6 +75,7 @@ impl Default for Options {
             start: None,
             tsqr: false,
             keep_all: false,
+            continuous: false,
             memory: 512 << 20,
         }
     }

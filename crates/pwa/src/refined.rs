@@ -17,7 +17,6 @@
 //! hold too few rows for a map of their own are given up, and their rows are their second choice's.
 
 mod descent;
-mod examples;
 mod separators;
 mod start;
 
@@ -26,9 +25,11 @@ use std::collections::{BTreeMap, btree_map::Entry};
 use fleetfoot_data::Progress;
 use fleetfoot_model::Rule;
 
-use crate::Error;
+use crate::{
+    Error,
+    examples::{Examples, Shape},
+};
 use descent::Descent;
-use examples::{Examples, Shape};
 use separators::Separators;
 use start::{Joined, Start, by_kmeans, cells};
 
@@ -141,8 +142,7 @@ fn settled(examples: &Examples, mut separators: Separators) -> (f64, Separators)
         let grams = examples.grams(&separators.winners(examples), separators.regions);
         let fewest = (0..grams.len()).min_by_key(|&region| grams[region].rows).unwrap_or(0);
         if separators.regions == 1 || grams[fewest].rows >= least {
-            let filled = grams.iter().filter(|gram| gram.weight > 0.0);
-            return (filled.map(|gram| examples.scaled(&examples.root(gram).residual)).sum(), separators);
+            return (grams.iter().map(|gram| examples.error(gram)).sum(), separators);
         }
         let kept: Vec<usize> = (0..separators.regions).filter(|&region| region != fewest).collect();
         separators = separators.only(&kept);
@@ -157,7 +157,7 @@ fn rule(separators: &Separators) -> Rule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refined::examples::tests::rows_of;
+    use crate::examples::tests::rows_of;
     use fleetfoot_data::{Silent, mix};
 
     fn uniform(at: u64) -> f64 {
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn what_is_refined_does_not_depend_on_what_else_is() {
-        let rows = crate::refined::examples::tests::waves(500);
+        let rows = crate::examples::tests::waves(500);
         let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
         let (columns, all) = ([0, 1, 0, 1, 2].map(column), (0..rows.len()).collect::<Vec<usize>>());
         let ground = || Ground::new(&columns, (2, 2, 1), (&[0.0; 2], &[1.0; 2]), &all, 3).unwrap();

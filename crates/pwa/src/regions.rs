@@ -10,11 +10,14 @@ use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
 
 use crate::{
-    Error, KMeansOptions, Options, Points, Problem, Specification, Start, Within, kmeans,
+    Error, KMeansOptions, Options, Points, Problem, Specification, Start, Within,
+    continuous::{Ties, borders},
+    kmeans,
     lattice::{Lattice, Tree},
     refined::{Ground, Refined},
     rows::Rows,
     survey::Survey,
+    tree::Grown,
 };
 
 /// One kind of partition: made on all rows, and on the training rows of every fold.
@@ -24,6 +27,8 @@ pub(crate) struct Candidate {
     pub(crate) full: usize,
     /// Index of the partition for each fold; the same as `full` where the partition does not depend on the rows.
     pub(crate) by_fold: Vec<usize>,
+    /// What is free in maps that meet at borders: of all rows, then of every fold. Empty where maps need not meet.
+    pub(crate) ties: Vec<Ties>,
     /// What a refinement on all rows lowered, after every pass; empty for other kinds.
     pub(crate) objective: Vec<f64>,
 }
@@ -40,9 +45,9 @@ pub(crate) struct Segmentation {
     pub(crate) notes: Vec<String>,
 }
 
-/// Makes all partitions. The one-region partition always comes first: it is the prior, the fallback and the yardstick of the others.
+/// Makes all partitions; `places` are the regressors that the partition columns are, where maps meet at borders. The one-region partition always comes first: it is the prior, the fallback and the yardstick of the others.
 pub(crate) fn segment(
-    problem: &Problem,
+    (problem, places): (&Problem, &[usize]),
     options: &Options,
     rows: &Rows,
     survey: &Survey,
@@ -53,7 +58,8 @@ pub(crate) fn segment(
     let mut made: Vec<Vec<Made>> = options.partitions.iter().map(|_| Vec::new()).collect();
     for held in std::iter::once(None).chain((0..folds).map(Some)) {
         // What refinements share is there for one training set at a time.
-        let mut maker = Maker { problem, options, rows, survey, held, grounds: BTreeMap::new() };
+        let mut maker =
+            Maker { problem, options, rows, survey, held, grounds: BTreeMap::new(), grown: BTreeMap::new() };
         if held.is_none() {
             result.lattice = maker.lattice(folds, progress)?;
             result.notes.extend(result.lattice.as_ref().and_then(Lattice::note));
@@ -65,10 +71,12 @@ pub(crate) fn segment(
                 _ => true,
             };
             if wanted {
-                made.push(match (specification.joined(), &result.lattice) {
+                let mut own = match (specification.joined(), &result.lattice) {
                     (Some(k), Some(lattice)) => not_joined_yet(k, specification, lattice),
                     _ => maker.make(specification, progress)?,
-                });
+                };
+                own.ties = options.continuous.then(|| maker.ties(&own.partition.rule, places));
+                made.push(own);
             }
         }
     }
@@ -84,7 +92,7 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
     let count = lattice.count();
     let partition = Partition { specification: specification.to_string(), rule, ..lattice.partition.clone() };
     let few = || format!("{specification}: there are rows enough for {count} cells, and no more regions than that");
-    Made { partition, label: None, note: (count < k).then(few), objective: Vec::new() }
+    Made { partition, label: None, note: (count < k).then(few), objective: Vec::new(), ties: None }
 }
 
 impl Segmentation {
@@ -116,16 +124,17 @@ impl Segmentation {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };
         let own = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };
         let by_fold = (0..folds).map(own).collect();
-        let mut objective = Vec::new();
+        let (mut objective, mut ties) = (Vec::new(), Vec::new());
         for (at, made) in made.into_iter().enumerate() {
             if at == 0 {
                 self.notes.extend(made.note);
                 objective = made.objective;
             }
+            ties.extend(made.ties);
             self.partitions.push(made.partition);
             self.labels.push(made.label);
         }
-        self.candidates.push(Candidate { specification: specification.clone(), full: first, by_fold, objective });
+        self.candidates.push(Candidate { specification: specification.clone(), full: first, by_fold, ties, objective });
     }
 }
 
@@ -135,6 +144,7 @@ struct Made {
     label: Option<usize>,
     note: Option<String>,
     objective: Vec<f64>,
+    ties: Option<Ties>,
 }
 
 /// Makes the partitions of one training set.
@@ -146,6 +156,8 @@ struct Maker<'a> {
     held: Option<u16>,
     /// What all refinements begin with, once there is one: of all rows, or of those of a label (its column, its number).
     grounds: BTreeMap<Option<(usize, usize)>, Ground>,
+    /// The same of trees.
+    grown: BTreeMap<Option<(usize, usize)>, Grown>,
 }
 
 impl Maker<'_> {
@@ -162,6 +174,11 @@ impl Maker<'_> {
         (moments.mean, scale)
     }
 
+    /// Those of columns whose values people shall read.
+    fn as_they_are(&self) -> (Vec<f64>, Vec<f64>) {
+        (vec![0.0; self.rows.partition], vec![1.0; self.rows.partition])
+    }
+
     /// Cells for the partitions that are joined of cells, where there are any.
     fn lattice(&self, folds: u16, progress: &dyn Progress) -> Result<Option<Lattice>, Error> {
         let Some(regions) = self.options.partitions.iter().filter_map(Specification::joined).max() else {
@@ -176,7 +193,7 @@ impl Maker<'_> {
     }
 
     fn make(&mut self, specification: &Specification, progress: &dyn Progress) -> Result<Made, Error> {
-        let (mut centre, mut scale) = self.units();
+        let (mut centre, mut scale) = if specification.is_tree() { self.as_they_are() } else { self.units() };
         let mut columns = self.problem.partition_columns.clone();
         let runs = self.survey.kept.training_runs(self.held);
         let mut objective = Vec::new();
@@ -191,6 +208,10 @@ impl Maker<'_> {
                 let (found, note) = self.refine(*k, None, (&centre, &scale), progress)?;
                 objective = found.objective;
                 (found.rule, None, note)
+            }
+            Specification::Tree(depth) => {
+                let (rule, note) = self.cut(*depth, None, progress)?;
+                (rule, None, note)
             }
             Specification::Labels { column, within } => {
                 let index = self.rows.labels.iter().position(|name| name == column).unwrap_or(0);
@@ -210,6 +231,7 @@ impl Maker<'_> {
                             let name = self.rows.label_columns[index].label(value);
                             (found.rule, note.map(|note| format!("{column} {name}: {note}")))
                         }
+                        Within::Tree(depth) => self.cut(*depth, Some((index, number)), progress)?,
                     };
                     note = note.or(more);
                     rules.push(rule);
@@ -223,7 +245,18 @@ impl Maker<'_> {
         };
         let specification = specification.to_string();
         let partition = Partition { specification, columns, centre, scale, rule, ..Partition::whole() };
-        Ok(Made { partition, label, note, objective })
+        Ok(Made { partition, label, note, objective, ties: None })
+    }
+
+    /// What is free in maps that meet at the borders of a rule.
+    fn ties(&self, rule: &Rule, places: &[usize]) -> Ties {
+        let (centre, scale) = self.units();
+        let rows = self.example_rows(None);
+        let columns: Vec<Vec<f64>> = self.survey.examples.columns[..self.rows.partition]
+            .iter()
+            .map(|column| rows.iter().map(|&row| column[row]).collect())
+            .collect();
+        Ties::new(rule.count(), borders(rule, &columns, (&centre, &scale)), places, (&centre, &scale))
     }
 
     /// Kept training rows that regions are refined on: all, or those of a label.
@@ -268,6 +301,29 @@ impl Maker<'_> {
             None
         };
         Ok((found, note))
+    }
+
+    /// A tree of cuts that fit the dynamics of the kept training rows, all or those of a label.
+    fn cut(
+        &mut self,
+        depth: usize,
+        label: Option<(usize, usize)>,
+        progress: &dyn Progress,
+    ) -> Result<(Rule, Option<String>), Error> {
+        let rows = if self.grown.contains_key(&label) { Vec::new() } else { self.example_rows(label) };
+        let grown = match self.grown.entry(label) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
+                let shape = (self.rows.partition, self.rows.regressors, self.rows.targets);
+                let columns = &self.survey.examples.columns[..self.rows.example_width()];
+                let Some(grown) = Grown::new(columns, shape, &rows) else { return Ok((Rule::Whole, None)) };
+                place.insert(grown)
+            }
+        };
+        let rule = grown.rule(depth, progress)?;
+        let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
+        let told = || format!("tree:{depth}: grown on a sample of {kept} of {all} rows; raise --memory for more");
+        Ok((rule, self.survey.examples_lack_memory.then(told)))
     }
 
     /// k-means on the kept training rows that `wanted` selects.

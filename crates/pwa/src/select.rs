@@ -1,9 +1,12 @@
 //! Model order: cross-validated error with the one-standard-error rule, or BIC with the effective sample size. No pass over rows.
 
-use fleetfoot_stats::{BatchMeans, Preconditioner, Stats};
+use std::collections::BTreeMap;
+
+use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats};
 
 use crate::{
-    Selection, Shrinkage, Specification,
+    Continuity, Selection, Shrinkage, Specification,
+    continuous::{Fitted, Ties},
     fit::{Base, RegionModel, Roots, held_out_error, region_models},
     regions::Candidate,
 };
@@ -32,6 +35,38 @@ pub(crate) struct Order {
     pub(crate) by_fold: Vec<Vec<RegionModel>>,
     /// Models from all rows.
     pub(crate) full: Vec<RegionModel>,
+    /// Numbers that are free in these, of each target.
+    pub(crate) numbers: usize,
+    /// What it costs that maps meet at their borders, where they do.
+    pub(crate) continuity: Option<Continuity>,
+}
+
+impl Candidate {
+    /// What is free in maps that meet at borders, on the rows that train for `held`.
+    fn ties(&self, held: Option<u16>) -> Option<&Ties> {
+        let own = held.map_or(0, |held| 1 + usize::from(held));
+        self.ties.get(own).or(self.ties.first())
+    }
+}
+
+/// The maps of all `count` regions of a candidate, from the training statistics of its regions for `held`: tied where they meet at borders.
+pub(crate) fn fitted(
+    candidate: &Candidate,
+    held: Option<u16>,
+    count: usize,
+    base: &Base,
+    training: &BTreeMap<u32, SquareRoot>,
+    shrinkage: f64,
+) -> Fitted {
+    match candidate.ties(held) {
+        Some(ties) => ties.fit(base, training, shrinkage),
+        None => apart(region_models(candidate, count, base, training, shrinkage)),
+    }
+}
+
+/// Maps that need not meet.
+fn apart(models: Vec<RegionModel>) -> Fitted {
+    Fitted { numbers: models.iter().map(|model| model.rank + 1).sum(), models }
 }
 
 impl Order {
@@ -44,7 +79,19 @@ impl Order {
             squared.iter_mut().zip(error).for_each(|(sum, error)| *sum += error);
         }
         let weight = errors.iter().map(|(_, rows)| rows).sum();
-        Self { shrinkage, losses, loss, standard_error, squared, weight, bic: f64::NAN, by_fold, full: Vec::new() }
+        Self {
+            shrinkage,
+            losses,
+            loss,
+            standard_error,
+            squared,
+            weight,
+            bic: f64::NAN,
+            by_fold,
+            full: Vec::new(),
+            numbers: 0,
+            continuity: None,
+        }
     }
 }
 
@@ -58,55 +105,74 @@ pub(crate) fn evaluate(
 ) -> Vec<Order> {
     let bases: Vec<Option<Base>> = (0..folds).map(|fold| solver.base(Some(fold))).collect();
     let variance: Vec<f64> = all.root.total.iter().map(|total| total / all.root.weight).collect();
-    candidates
-        .iter()
-        .map(|candidate| {
-            let sets: Vec<_> = (0..folds)
-                .filter_map(|fold| {
-                    let partition = candidate.by_fold[usize::from(fold)];
-                    let base = bases[usize::from(fold)].as_ref()?;
-                    Some((
-                        fold,
-                        partition,
-                        base,
-                        solver.training(partition, Some(fold)),
-                        solver.testing(partition, fold),
-                    ))
-                })
-                .collect();
-            let grid: Vec<f64> = match shrinkage {
-                Shrinkage::Rows(rows) => vec![rows],
-                Shrinkage::Auto if folds == 0 => vec![0.0],
-                Shrinkage::Auto => SHRINKAGE_GRID.to_vec(),
-            };
-            let mut best: Option<Order> = None;
-            for shrinkage in grid {
-                let mut errors = Vec::new();
-                let mut by_fold = vec![Vec::new(); usize::from(folds)];
-                for (fold, partition, base, training, testing) in &sets {
-                    let models = region_models(candidate, regions(*partition), base, training, shrinkage);
-                    let rows: f64 = testing.values().map(|root| root.weight).sum();
-                    if rows > 0.0 {
-                        errors.push((held_out_error(&models, testing, variance.len()), rows));
-                    }
-                    by_fold[usize::from(*fold)] = models;
-                }
-                let order = Order::of_folds(shrinkage, &errors, &variance, by_fold);
-                if best.as_ref().is_none_or(|best| order.loss < best.loss) {
-                    best = Some(order);
-                }
+    let of_candidate = |candidate: &Candidate| {
+        let of = |fold: u16| {
+            let (partition, base) = (candidate.by_fold[usize::from(fold)], bases[usize::from(fold)].as_ref()?);
+            let (training, testing) = (solver.training(partition, Some(fold)), solver.testing(partition, fold));
+            Some(Set { fold, count: regions(partition), base, training, testing })
+        };
+        let sets: Vec<Set<'_>> = (0..folds).filter_map(of).collect();
+        let grid: Vec<f64> = match shrinkage {
+            Shrinkage::Rows(rows) => vec![rows],
+            Shrinkage::Auto if folds == 0 => vec![0.0],
+            Shrinkage::Auto => SHRINKAGE_GRID.to_vec(),
+        };
+        let mut best: Option<Order> = None;
+        for shrinkage in grid {
+            let maps =
+                |set: &Set<'_>| fitted(candidate, Some(set.fold), set.count, set.base, &set.training, shrinkage).models;
+            let order = held_out(&sets, folds, &variance, shrinkage, maps);
+            if best.as_ref().is_none_or(|best| order.loss < best.loss) {
+                best = Some(order);
             }
-            let mut order = best.unwrap_or_else(|| Order::of_folds(0.0, &[], &variance, Vec::new()));
-            let training = solver.training(candidate.full, None);
-            order.full = region_models(candidate, regions(candidate.full), all, &training, order.shrinkage);
-            let error = held_out_error(&order.full, &training, variance.len());
-            order.bic = bic(&error, all.root.weight, &order.full, effective_rows);
-            if order.losses.is_empty() {
-                (order.squared, order.weight) = (error, all.root.weight);
-            }
-            order
-        })
-        .collect()
+        }
+        let mut order = best.unwrap_or_else(|| Order::of_folds(0.0, &[], &variance, Vec::new()));
+        let training = solver.training(candidate.full, None);
+        let found = fitted(candidate, None, regions(candidate.full), all, &training, order.shrinkage);
+        (order.full, order.numbers) = (found.models, found.numbers);
+        let error = held_out_error(&order.full, &training, variance.len());
+        order.bic = bic(&error, all.root.weight, order.numbers, effective_rows);
+        if order.losses.is_empty() {
+            (order.squared, order.weight) = (error, all.root.weight);
+        }
+        order.continuity = candidate.ties(None).map(|ties| {
+            let maps = |set: &Set<'_>| region_models(candidate, set.count, set.base, &set.training, order.shrinkage);
+            let apart = held_out(&sets, folds, &variance, order.shrinkage, maps).loss;
+            Continuity { borders: ties.borders(), numbers: order.numbers, apart, jump: ties.jump(&order.full, all) }
+        });
+        order
+    };
+    candidates.iter().map(of_candidate).collect()
+}
+
+/// The regions of a candidate when a fold is held out.
+struct Set<'a> {
+    fold: u16,
+    count: usize,
+    base: &'a Base,
+    training: BTreeMap<u32, SquareRoot>,
+    testing: BTreeMap<u32, SquareRoot>,
+}
+
+/// What maps of the training rows of every fold are worth on the rows that it holds out.
+fn held_out(
+    sets: &[Set<'_>],
+    folds: u16,
+    variance: &[f64],
+    shrinkage: f64,
+    maps: impl Fn(&Set<'_>) -> Vec<RegionModel>,
+) -> Order {
+    let mut errors = Vec::new();
+    let mut by_fold = vec![Vec::new(); usize::from(folds)];
+    for set in sets {
+        let models = maps(set);
+        let rows: f64 = set.testing.values().map(|root| root.weight).sum();
+        if rows > 0.0 {
+            errors.push((held_out_error(&models, &set.testing, variance.len()), rows));
+        }
+        by_fold[usize::from(set.fold)] = models;
+    }
+    Order::of_folds(shrinkage, &errors, variance, by_fold)
 }
 
 /// The index of the chosen candidate, and the rule that chose it, for people; no rule where there was nothing to choose from, or the caller chose.
@@ -115,7 +181,7 @@ pub(crate) fn choose(
     specifications: &[&Specification],
     orders: &[Order],
 ) -> (usize, Option<&'static str>) {
-    let size = |i: usize| orders[i].full.iter().map(|model| model.rank + 1).sum::<usize>();
+    let size = |i: usize| orders[i].numbers;
     let by =
         |value: &dyn Fn(usize) -> f64| (0..orders.len()).min_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
     if orders.len() == 1 || specifications.is_empty() {
@@ -168,9 +234,8 @@ fn mean_and_error(losses: &[f64]) -> (f64, f64) {
     (mean, (squares / (n - 1.0).max(1.0) / n).sqrt())
 }
 
-/// `n_eff sum_t ln(rss_t / n) + k ln n_eff`, with k the number of fitted parameters of all targets.
-fn bic(error: &[f64], rows: f64, models: &[RegionModel], effective_rows: f64) -> f64 {
-    let parameters: usize = models.iter().map(|model| (model.rank + 1) * error.len()).sum();
+/// `n_eff sum_t ln(rss_t / n) + k ln n_eff`, with k the number of fitted parameters of all targets: so many `numbers` each.
+fn bic(error: &[f64], rows: f64, numbers: usize, effective_rows: f64) -> f64 {
     let fit: f64 = error.iter().map(|error| (error / rows).max(f64::MIN_POSITIVE).ln()).sum();
-    effective_rows * fit + parameters as f64 * effective_rows.ln()
+    effective_rows * fit + (numbers * error.len()) as f64 * effective_rows.ln()
 }

@@ -1,5 +1,5 @@
 //! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`, `lattice:2..50`,
-//! `labels:terrain`, `labels:terrain+kmeans:5`, `labels:terrain+refined:5`.
+//! `tree:3`, `labels:terrain`, `labels:terrain+kmeans:5`, `labels:terrain+refined:5`, `labels:terrain+tree:3`.
 
 use std::{fmt, str::FromStr};
 
@@ -18,6 +18,8 @@ pub enum Specification {
     Refined(usize),
     /// Small cells, joined where one map fits both.
     Lattice(usize),
+    /// Cuts of single columns, at most so many one after another, that fit the dynamics.
+    Tree(usize),
     /// One region per value of a column, or what each is cut into.
     Labels {
         /// The column.
@@ -36,13 +38,15 @@ pub enum Within {
     KMeans(usize),
     /// Into regions that fit the dynamics.
     Refined(usize),
+    /// By a tree of cuts.
+    Tree(usize),
 }
 
 /// Why a partition could not be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, lattice:2..50, labels:COLUMN, \
-     labels:COLUMN+kmeans:5 or labels:COLUMN+refined:5"
+    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, lattice:2..50, tree:3, tree:1..6, \
+     labels:COLUMN, labels:COLUMN+kmeans:5, labels:COLUMN+refined:5 or labels:COLUMN+tree:3"
 )]
 pub struct SpecificationError {
     text: String,
@@ -66,31 +70,16 @@ impl Specification {
                     }
                 }
                 (None, Some(last)) if !counts.is_empty() && last.clusters().is_some() => {
+                    let last = last.to_string();
+                    let kind = last.rsplit_once(':').map_or(last.as_str(), |(kind, _)| kind);
                     for count in counts {
-                        list.push(last.with_clusters(check_clusters(item, count)?));
+                        list.push(format!("{kind}:{count}").parse()?);
                     }
                 }
                 _ => list.push(item.parse()?),
             }
         }
         Ok(list)
-    }
-
-    /// The same kind with another number of clusters.
-    fn with_clusters(&self, k: usize) -> Self {
-        match self {
-            Self::KMeans(_) => Self::KMeans(k),
-            Self::Refined(_) => Self::Refined(k),
-            Self::Lattice(_) => Self::Lattice(k),
-            Self::Labels { column, within } => Self::Labels {
-                column: column.clone(),
-                within: match within {
-                    Within::Refined(_) => Within::Refined(k),
-                    Within::Whole | Within::KMeans(_) => Within::kmeans(k),
-                },
-            },
-            other => other.clone(),
-        }
     }
 
     /// The label column that it needs.
@@ -101,18 +90,35 @@ impl Specification {
         }
     }
 
-    /// How many regions are searched for (within each label), where that depends on the rows.
+    /// How many regions are searched for (within each label), where that depends on the rows; of a tree how many there may be.
     pub fn clusters(&self) -> Option<usize> {
         match self {
             Self::KMeans(k) | Self::Refined(k) | Self::Lattice(k) => Some(*k),
             Self::Labels { within: Within::KMeans(k) | Within::Refined(k), .. } => Some(*k),
+            Self::Tree(depth) | Self::Labels { within: Within::Tree(depth), .. } => Some(1 << depth),
             _ => None,
         }
     }
 
     /// Whether its regions follow from the targets too, and not from where rows lie alone.
     pub fn fits_targets(&self) -> bool {
-        matches!(self, Self::Refined(_) | Self::Lattice(_) | Self::Labels { within: Within::Refined(_), .. })
+        matches!(
+            self,
+            Self::Refined(_)
+                | Self::Lattice(_)
+                | Self::Tree(_)
+                | Self::Labels { within: Within::Refined(_) | Within::Tree(_), .. }
+        )
+    }
+
+    /// Whether its regions follow from a seed too.
+    pub fn is_seeded(&self) -> bool {
+        self.clusters().is_some() && !self.is_tree()
+    }
+
+    /// Whether trees cut its columns.
+    pub(crate) fn is_tree(&self) -> bool {
+        matches!(self, Self::Tree(_) | Self::Labels { within: Within::Tree(_), .. })
     }
 
     /// Whether k-means on all rows that the memory holds makes its regions.
@@ -144,6 +150,10 @@ impl FromStr for Specification {
                 .map_err(|_| fail("the number of clusters must be a whole number"))
                 .and_then(|k| check_clusters(text, k))
         };
+        let deep = |value: &str| match value.parse() {
+            Ok(depth) if (1..=DEEPEST).contains(&depth) => Ok(depth),
+            _ => Err(fail("a tree has between 1 and 10 cuts one after another")),
+        };
         match text.split_once(':') {
             None if text == "null" => Ok(Self::Null),
             None if text == "average" => Ok(Self::Average),
@@ -154,12 +164,15 @@ impl FromStr for Specification {
             Some(("kmeans", k)) => Ok(Self::KMeans(clusters(k)?)),
             Some(("refined", k)) => Ok(Self::Refined(clusters(k)?)),
             Some(("lattice", k)) => Ok(Self::Lattice(clusters(k)?)),
+            Some(("tree", depth)) => Ok(Self::Tree(deep(depth)?)),
             Some(("labels", rest)) => {
-                let (column, within) = match (rest.rsplit_once("+kmeans:"), rest.rsplit_once("+refined:")) {
-                    (Some((column, k)), _) => (column, Within::kmeans(clusters(k)?)),
-                    (_, Some((column, k))) => (column, Within::Refined(clusters(k)?)),
-                    _ if rest.contains("+lattice:") => {
-                        return Err(fail("within labels regions are those of kmeans or refined"));
+                let (column, within) = match rest.rsplit_once('+').map(|(column, kind)| (column, kind.split_once(':')))
+                {
+                    Some((column, Some(("kmeans", k)))) => (column, Within::kmeans(clusters(k)?)),
+                    Some((column, Some(("refined", k)))) => (column, Within::Refined(clusters(k)?)),
+                    Some((column, Some(("tree", depth)))) => (column, Within::Tree(deep(depth)?)),
+                    Some((_, Some(("lattice", _)))) => {
+                        return Err(fail("within labels regions are those of kmeans, refined or tree"));
                     }
                     _ => (rest, Within::Whole),
                 };
@@ -186,6 +199,9 @@ fn counts(item: &str, text: &str) -> Result<Vec<usize>, SpecificationError> {
     }
 }
 
+/// Cuts of a tree one after another, at most: 1,024 regions.
+const DEEPEST: usize = 10;
+
 /// Partitions that one range may stand for.
 const MOST_OF_A_RANGE: usize = 200;
 
@@ -206,9 +222,11 @@ impl fmt::Display for Specification {
             Self::KMeans(k) => write!(f, "kmeans:{k}"),
             Self::Refined(k) => write!(f, "refined:{k}"),
             Self::Lattice(k) => write!(f, "lattice:{k}"),
+            Self::Tree(depth) => write!(f, "tree:{depth}"),
             Self::Labels { column, within: Within::Whole } => write!(f, "labels:{column}"),
             Self::Labels { column, within: Within::KMeans(k) } => write!(f, "labels:{column}+kmeans:{k}"),
             Self::Labels { column, within: Within::Refined(k) } => write!(f, "labels:{column}+refined:{k}"),
+            Self::Labels { column, within: Within::Tree(depth) } => write!(f, "labels:{column}+tree:{depth}"),
         }
     }
 }
@@ -235,12 +253,14 @@ mod tests {
 
     #[test]
     fn ranges_have_both_ends() {
-        let list =
-            Specification::parse_list("kmeans:2..4,refined:2..3,7,9..10,labels:a..b+kmeans:2..3,lattice:2..3").unwrap();
+        let list = Specification::parse_list(
+            "kmeans:2..4,refined:2..3,7,9..10,labels:a..b+kmeans:2..3,lattice:2..3,tree:1..2,4",
+        )
+        .unwrap();
         let names: Vec<String> = list.iter().map(ToString::to_string).collect();
         assert_eq!(
             names.join(" "),
-            "kmeans:2 kmeans:3 kmeans:4 refined:2 refined:3 refined:7 refined:9 refined:10 labels:a..b+kmeans:2 labels:a..b+kmeans:3 lattice:2 lattice:3"
+            "kmeans:2 kmeans:3 kmeans:4 refined:2 refined:3 refined:7 refined:9 refined:10 labels:a..b+kmeans:2 labels:a..b+kmeans:3 lattice:2 lattice:3 tree:1 tree:2 tree:4"
         );
         assert_eq!(Specification::parse_list("refined:5..5").unwrap(), [Specification::Refined(5)]);
     }
@@ -266,6 +286,11 @@ mod tests {
             "lattice",
             "lattice:0",
             "labels:a+lattice:3",
+            "tree",
+            "tree:0",
+            "tree:11",
+            "tree:2,12",
+            "labels:a+tree:0",
             "kmeans:1..9999",
             "average:2..3",
             "2..3",

@@ -115,6 +115,7 @@ pub fn identify_summed(
         basis: Basis::Folds(usize::from(rows.folds)),
         condition: base.average.condition,
         preconditioned: base.root.condition,
+        concentrated: Vec::new(),
         notes,
     })
 }
@@ -144,6 +145,7 @@ fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candida
         specification: own.specification.clone(),
         full,
         by_fold: vec![full; usize::from(rows.folds)],
+        ties: Vec::new(),
         objective: Vec::new(),
     }
 }
@@ -166,6 +168,7 @@ fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64]) -> Score {
         standard_error: order.standard_error,
         losses: order.losses.clone(),
         bic: order.bic,
+        continuity: None,
         objective: Vec::new(),
     }
 }

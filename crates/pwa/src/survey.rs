@@ -3,20 +3,26 @@
 //!
 //! While the partition columns of all rows fit the memory budget, all are kept and the clustering is exact; beyond it a sample is ([`Kept`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+};
 
 use faer::MatRef;
-use fleetfoot_data::{Progress, Source};
+use fleetfoot_data::{Episode, EpisodeId, Progress, Source};
 use fleetfoot_stats::{
-    Chunk, Fold, Gram, Moments,
+    Chunk, Concentration, Fold, Gram, Key, Moments, Stats,
     scan::{Place, RowCounts, scan},
 };
 
 use crate::{
-    Error, Specification,
+    Error, Options, Specification,
     kept::{Kept, Share},
     rows::{Rows, Tile},
 };
+
+/// The share of the rows that is few: chunks of short logs are a larger one, and the first tenth of what decays holds most of its variance.
+const FEW: f64 = 0.02;
 
 /// Different values that a label column may have.
 const LABEL_LIMIT: usize = 1_000;
@@ -47,12 +53,14 @@ pub(crate) struct Survey {
     pub(crate) labels: Vec<Vec<f64>>,
     /// The rows that k-means will cluster: partition columns, then labels.
     pub(crate) kept: Kept,
-    /// The rows that regions are refined on, and that cells are made of ([`Tile::example`]).
+    /// The rows that regions are refined on, that cells are made of, and that tell borders ([`Tile::example`]).
     pub(crate) examples: Kept,
     /// Whether these are fewer than they would be with more memory.
     pub(crate) examples_lack_memory: bool,
     /// Moments of targets, then states, over all rows.
     pub(crate) scales: Gram,
+    /// The targets' own by chunk.
+    targets: Stats,
     /// What became of the rows.
     pub(crate) counts: RowCounts,
 }
@@ -71,11 +79,10 @@ impl Survey {
         rows: &Rows,
         source: &dyn Source,
         chunks: &[Chunk],
-        partitions: &[Specification],
-        memory: usize,
+        options: &Options,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let shares = Shares::new(rows, source.rows(), partitions, memory);
+        let shares = Shares::new(rows, source.rows(), options);
         let mut survey = Self {
             moments: BTreeMap::new(),
             labels: Vec::new(),
@@ -83,6 +90,7 @@ impl Survey {
             examples: Kept::new(rows.example_columns()),
             examples_lack_memory: shares.short,
             scales: Gram::new(rows.targets + rows.states),
+            targets: Stats::new(""),
             counts: RowCounts::default(),
         };
         let mut labels = vec![BTreeSet::new(); rows.labels.len()];
@@ -104,6 +112,9 @@ impl Survey {
                 }
                 if let Some(scales) = part.scales {
                     survey.scales.merge(&scales);
+                    let episode = source.episodes()[chunk.episode].id;
+                    let key = Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region: 0 };
+                    survey.targets.insert(key, scales.select(&(0..rows.targets).collect::<Vec<_>>()))?;
                 }
                 if let Some(moments) = part.moments {
                     survey.moments.entry(chunk.fold).or_insert_with(|| Moments::new(rows.partition)).merge(&moments);
@@ -122,6 +133,21 @@ impl Survey {
             })
             .collect();
         Ok(survey)
+    }
+
+    /// For every target the few rows that hold most of its variance, where they do.
+    pub(crate) fn concentrated(&self, episodes: &[Episode], chunks: &[Chunk]) -> Vec<Option<Concentration>> {
+        let rows: BTreeMap<(EpisodeId, u64), &Range<usize>> =
+            chunks.iter().map(|chunk| ((episodes[chunk.episode].id, chunk.index.into()), &chunk.rows)).collect();
+        // Counted in chunks, which folds cut to several lengths.
+        let in_rows = |mut found: Concentration| {
+            let (episode, stretch) = &found.place;
+            let (first, last) = (rows.get(&(*episode, stretch.start))?, rows.get(&(*episode, stretch.end - 1))?);
+            found.place.1 = first.start as u64..last.end as u64;
+            (found.rows <= FEW).then_some(found)
+        };
+        let targets = self.targets.iter().next().map_or(0, |(_, gram)| gram.dimension());
+        (0..targets).map(|target| Concentration::of(&self.targets, target, 1).and_then(in_rows)).collect()
     }
 
     /// Moments of the rows that train the model tested on `held` (all rows without it).
@@ -143,14 +169,16 @@ struct Shares {
 }
 
 impl Shares {
-    fn new(rows: &Rows, count: usize, partitions: &[Specification], memory: usize) -> Self {
-        let any = |wanted: fn(&Specification) -> bool| partitions.iter().any(wanted);
+    fn new(rows: &Rows, count: usize, options: &Options) -> Self {
+        let memory = options.memory;
+        let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
         let bytes = kept_bytes(rows.partition, rows.labels.len());
         let kept =
             if any(Specification::is_clustered) { memory as f64 / (count.max(1) * bytes.max(1)) as f64 } else { 0.0 };
         let few = examples(count, example_bytes(rows.partition + rows.labels.len(), rows.dimension()), memory);
         let short = few < examples(count, 0, memory);
-        let share = if any(Specification::fits_targets) { few as f64 / count.max(1) as f64 } else { 0.0 };
+        let share =
+            if any(Specification::fits_targets) || options.continuous { few as f64 / count.max(1) as f64 } else { 0.0 };
         Self { kept: Share::new(kept), examples: Share::new(share), short }
     }
 }

@@ -6,7 +6,7 @@ use fleetfoot::{
     Column, Episode, Halo, Source,
     data::{Block, Error as DataError, Fingerprint, ScalarBuffer},
     library::Expr,
-    model::{Column as ModelColumn, Equation, Prediction, Role, Rule},
+    model::{Branch, Column as ModelColumn, Cut, Equation, Prediction, Role, Rule, Tree},
     pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify},
 };
 use numpy::PyArray1;
@@ -115,6 +115,8 @@ pub(crate) struct PwaRequest {
     folds: u16,
     /// Rows of shrinkage; `None`: by cross-validation.
     shrinkage: Option<f64>,
+    /// Whether maps meet at borders.
+    continuous: bool,
     bic: bool,
     seed: u64,
     restarts: usize,
@@ -129,6 +131,7 @@ impl PwaRequest {
         options.partitions = partitions;
         options.folds = self.folds;
         options.shrinkage = self.shrinkage.map_or(Shrinkage::Auto, Shrinkage::Rows);
+        options.continuous = self.continuous;
         options.selection = if self.bic { Selection::Bic } else { Selection::CrossValidation };
         options.seed = self.seed;
         options.restarts = self.restarts;
@@ -258,6 +261,18 @@ impl PwaFit {
         }
     }
 
+    /// The cuts of a tree ([`TreeCut`]); empty where the partition is none.
+    #[getter]
+    fn cuts(&self) -> Vec<TreeCut> {
+        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+            Some(Rule::Tree(tree)) => {
+                let told = |cut: &Cut| (cut.column, cut.threshold, cut.below.code(), cut.above.code());
+                tree.cuts.iter().map(told).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether the weights are centroids.
     #[getter]
     fn is_voronoi(&self) -> bool {
@@ -290,6 +305,13 @@ impl PwaFit {
         self.found.candidates.iter().map(told).collect()
     }
 
+    /// For each partition the held-out loss of maps that need not meet; NaN where that is not asked.
+    #[getter]
+    fn apart(&self) -> Vec<f64> {
+        let told = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
+        self.found.candidates.iter().map(told).collect()
+    }
+
     /// The number of the chosen one.
     #[getter]
     fn chosen(&self) -> usize {
@@ -309,6 +331,9 @@ impl PwaFit {
     }
 }
 
+/// Column, threshold, and what follows below and above: a cut, or `-1 - region`.
+type TreeCut = (usize, f64, i64, i64);
+
 /// The rule of a partition: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -320,21 +345,36 @@ pub(crate) struct PwaRule {
     offsets: Vec<f64>,
     /// The region of each of the cells that these separate; empty where they are the regions.
     joined: Vec<u32>,
+    /// The cuts of a tree; empty where the partition is none.
+    cuts: Vec<TreeCut>,
     radius: Option<f64>,
+}
+
+/// A tree from its cuts.
+fn tree(cuts: &[TreeCut], columns: usize) -> PyResult<Tree> {
+    let cut = |&(column, threshold, below, above): &TreeCut| {
+        Some(Cut { column, threshold, below: Branch::of_code(below)?, above: Branch::of_code(above)? })
+    };
+    let found = cuts.iter().map(cut).collect::<Option<Vec<Cut>>>().map(|cuts| Tree { cuts });
+    found
+        .filter(|tree| tree.check(columns).is_ok())
+        .ok_or_else(|| Kind::Request.error("the partition's cuts are no tree"))
 }
 
 /// The region of each row of X (n x p).
 #[pyfunction]
 pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult<Bound<'py, PyArray1<i32>>> {
     let array = Array::of(x, "X")?;
-    let PwaRule { features, centre, scale, weights, offsets, joined, radius } = rule;
+    let PwaRule { features, centre, scale, weights, offsets, joined, cuts, radius } = rule;
     let width = features.len();
     let fits = centre.len() == width && scale.len() == width && weights.iter().all(|row| row.len() == width);
     let fits = fits && (joined.is_empty() || joined.len() == weights.len());
     if !fits || offsets.len() != weights.len() || features.iter().any(|&feature| feature >= array.columns()) {
         return Err(Kind::Request.error("the partition's features, centres and scales do not go together"));
     }
+    let tree = tree(&cuts, width)?;
     let rule = match radius {
+        _ if !tree.cuts.is_empty() => Rule::Tree(tree),
         Some(radius) => Rule::Ball { radius },
         None if weights.is_empty() => Rule::Whole,
         None if joined.is_empty() => Rule::Linear { weights, offsets },

@@ -56,6 +56,56 @@ impl Preconditioner {
     /// When `gram` has another dimension.
     pub fn square_root(&self, gram: &Gram) -> SquareRoot {
         let (p, q) = (self.regressors(), self.targets());
+        let weight = gram.weight;
+        let (cholesky, made_from) = self.pivoted(gram);
+        let (order, rank) = (&cholesky.order, cholesky.rank());
+        let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { cholesky.factor.column(order[j])[i] } else { 0.0 });
+        let condition = condition(&triangle, rank);
+
+        let factor = self.raw_factor(&cholesky);
+        let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
+        let mut mean_x = self.centre()[..p].to_vec();
+        let mut magnitude = vec![0.0; p];
+        for (k, &column) in self.order().iter().enumerate() {
+            mean_x[column] += mean(k);
+            magnitude[column] = made_from[k] + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
+        }
+        let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
+        // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
+        let leak = if rank < p { condition } else { 1.0 };
+        SquareRoot::assemble(
+            (gram.rows, weight),
+            (mean_x, mean_y),
+            factor,
+            self.left(&cholesky),
+            condition * condition,
+            noise_level(p) * leak,
+            magnitude,
+        )
+    }
+
+    /// The squared error, per target and in raw units, of the least squares on the rows of a Gram matrix: [`SquareRoot::residual`], without the rest of
+    /// the square-root form.
+    ///
+    /// # Panics
+    /// When `gram` has another dimension.
+    pub fn residual(&self, gram: &Gram) -> Vec<f64> {
+        self.left(&self.pivoted(gram).0)
+    }
+
+    /// What a factor leaves of the targets, in raw units.
+    fn left(&self, cholesky: &PivotedCholesky) -> Vec<f64> {
+        let p = self.regressors();
+        let residual = |t: usize| {
+            let size = self.column(p + t)[p + t];
+            cholesky.left[p + t].max(0.0) * size * size
+        };
+        (0..self.targets()).map(residual).collect()
+    }
+
+    /// The pivoted Cholesky factor of the Gram matrix of preconditioned rows, and the lengths that the columns were made from.
+    fn pivoted(&self, gram: &Gram) -> (PivotedCholesky, Vec<f64>) {
+        let (p, q) = (self.regressors(), self.targets());
         assert_eq!(gram.dimension(), p + q, "a Gram matrix of the preconditioned columns");
         let weight = gram.weight;
         // Lengths about the pilot's centre: what the substitutions and products were made of.
@@ -75,35 +125,7 @@ impl Preconditioner {
         let rounding = 8.0 * (p as f64) * f64::EPSILON;
         let floor: Vec<f64> =
             (0..p).map(|k| (rounding * gram.get(k, k)).max(floor(k).powi(2)).max(f64::MIN_POSITIVE)).collect();
-        let cholesky = PivotedCholesky::new(p, p + q, |i, j| gram.get(i, j), &floor);
-        let (order, rank) = (&cholesky.order, cholesky.rank());
-        let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { cholesky.factor.column(order[j])[i] } else { 0.0 });
-        let condition = condition(&triangle, rank);
-
-        let factor = self.raw_factor(&cholesky);
-        let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
-        let mut mean_x = self.centre()[..p].to_vec();
-        let mut magnitude = vec![0.0; p];
-        for (k, &column) in self.order().iter().enumerate() {
-            mean_x[column] += mean(k);
-            magnitude[column] = made_from[k] + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
-        }
-        let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
-        let residual = (0..q).map(|t| {
-            let size = self.column(p + t)[p + t];
-            cholesky.left[p + t].max(0.0) * size * size
-        });
-        // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
-        let leak = if rank < p { condition } else { 1.0 };
-        SquareRoot::assemble(
-            (gram.rows, weight),
-            (mean_x, mean_y),
-            factor,
-            residual.collect(),
-            condition * condition,
-            noise_level(p) * leak,
-            magnitude,
-        )
+        (PivotedCholesky::new(p, p + q, |i, j| gram.get(i, j), &floor), made_from)
     }
 }
 

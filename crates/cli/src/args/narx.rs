@@ -23,7 +23,7 @@ pub(crate) struct FitNarx {
     /// products of lags (default: products of lags).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
-    /// Partitions: average, zscore:1.5, kmeans:10, refined:5, lattice:5, labels:COLUMN. Each region has terms of its own; of several (`average,kmeans:2,5,10`) one is
+    /// Partitions: average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN. Each region has terms of its own; of several (`average,kmeans:2,5,10`) one is
     /// chosen by free runs (default: average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,

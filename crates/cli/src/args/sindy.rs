@@ -18,7 +18,7 @@ pub(crate) struct FitSindy {
     pub(crate) equations: EquationArgs,
     #[command(flatten)]
     pub(crate) sindy: SindySection,
-    /// Equations in every region of a partition: kmeans:5, refined:5, lattice:5, zscore:1.5, labels:COLUMN, labels:COLUMN+kmeans:3 (default: one region).
+    /// Equations in every region of a partition: kmeans:5, refined:5, lattice:5, tree:3, zscore:1.5, labels:COLUMN, labels:COLUMN+kmeans:3 (default: one region).
     #[arg(short, long, value_name = "PARTITION")]
     pub(crate) partition: Option<String>,
     /// What the partition looks at, separated by commas (default: the states).

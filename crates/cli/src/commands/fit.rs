@@ -122,7 +122,10 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     let found = &fitted.identification;
     let mut header = vec!["partition", "regions"];
     header.extend(found.targets.iter().map(String::as_str));
-    header.extend(["Mahalanobis", "loss", ""]);
+    header.extend(["Mahalanobis", "loss"]);
+    let continuous = found.candidates.iter().any(|score| score.continuity.is_some());
+    header.extend(continuous.then_some("loss apart"));
+    header.push("");
     // What sums do not know.
     let quadratic = found.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
     let mut rows: Vec<Vec<String>> = found
@@ -138,13 +141,16 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
             } else {
                 format!("{} +- {}", ratio(score.loss), ratio(score.standard_error))
             });
+            if continuous {
+                row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
+            }
             row.push(if index == found.chosen { "<- chosen".into() } else { String::new() });
             row
         })
         .collect();
     let mut sigma = vec!["sigma".to_owned(), String::new()];
     sigma.extend(found.sigma.iter().map(|&value| number(value)));
-    sigma.extend([String::new(), String::new(), String::new()]);
+    sigma.resize(header.len(), String::new());
     rows.push(sigma);
     let rollouts = fitted.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", by_rollouts(choice)));
     let rollouts = rollouts + &fitted.refinement.as_ref().map_or_else(String::new, refined_over_candidates);
@@ -164,6 +170,20 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         table(&header, rows)
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
         + &refinement(&found.candidates[found.chosen])
+        + &continuity(&found.candidates[found.chosen])
+}
+
+/// What it costs that maps meet at their borders.
+fn continuity(score: &Score) -> String {
+    score.continuity.map_or_else(String::new, |own| {
+        format!(
+            "\n{}: the maps meet at {} to {} of a standard deviation, with {} free numbers a target",
+            score.specification,
+            count(own.borders, "border"),
+            number(own.jump),
+            own.numbers
+        )
+    })
 }
 
 /// How the regions of a refined partition were found.

@@ -12,7 +12,7 @@ pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     } else if arguments.transitions {
         let missing = || {
             Error::missing(format!(
-                "{}: no transitions were counted for this model; those of `fit pwa --partition refined:K` and `lattice:K` carry them",
+                "{}: no transitions were counted for this model; those of `fit pwa --partition refined:K`, `lattice:K` and `tree:DEPTH` carry them",
                 arguments.model.display()
             ))
         };

@@ -7,7 +7,7 @@ use fleetfoot_data::{Silent, Source, with_threads};
 use fleetfoot_dynamics::{
     Baseline, End, Error, Method, Outside, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
 };
-use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, UnseenLabel};
+use fleetfoot_model::{Branch, Cut, Model, Partition, Prediction, Role, Rule, Tree, UnseenLabel};
 
 pub(crate) fn options(horizon: usize, method: Method) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
@@ -367,6 +367,36 @@ fn joined_cells_on_both_paths() {
     assert_eq!(fast, general);
     let visited: std::collections::HashSet<_> = fast.iter().flatten().flat_map(|t| t.regions.iter().copied()).collect();
     assert_eq!(visited.len(), 3);
+}
+
+#[test]
+fn cuts_on_both_paths() {
+    let (mut model, source) = random_hybrid(4, 1, 4, 300);
+    let cut = |column, threshold, below, above| Cut { column, threshold, below, above };
+    let tree = Tree {
+        cuts: vec![
+            cut(2, 0.1, Branch::Cut(1), Branch::Cut(2)),
+            cut(0, -0.3, Branch::Region(0), Branch::Region(1)),
+            cut(2, 0.6, Branch::Region(2), Branch::Region(3)),
+        ],
+    };
+    let partition = &mut model.partitions[0];
+    partition.rule = Rule::Tree(tree);
+    // The second column has no cut.
+    (partition.centre, partition.scale) = (vec![0.0; 4], vec![1.0; 4]);
+    model.validate().unwrap();
+    let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
+    for method in [Method::Euler, Method::Rk4] {
+        let options = options(100, method);
+        let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
+        let fast = Simulator::new(&model).unwrap();
+        assert!(fast.is_affine());
+        let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
+        assert_eq!(fast, general);
+        let visited: std::collections::HashSet<_> =
+            fast.iter().flatten().flat_map(|t| t.regions.iter().copied()).collect();
+        assert_eq!(visited.len(), 4);
+    }
 }
 
 #[test]

@@ -56,6 +56,12 @@ impl PwaOptions {
         options.restarts = from_one("restarts", section.restarts, options.restarts)?;
         options.iterations = from_one("iterations", section.iterations, options.iterations)?;
         options.tsqr = section.tsqr.unwrap_or(options.tsqr);
+        options.continuous = section.continuous.unwrap_or(options.continuous);
+        if let (true, Some(Objective::Steps(steps))) = (options.continuous, section.objective) {
+            return Err(Error::conflict(format!(
+                "--continuous with --objective steps:{steps}: simulations move the maps of regions apart; leave one of them away"
+            )));
+        }
         if let Some(mebibytes) = section.memory {
             let is_size = |&size: &f64| size > 0.0 && size.is_finite();
             let mebibytes = checked("memory", mebibytes, is_size, "a number of MiB above 0")?;

@@ -1,6 +1,6 @@
 //! The report of a piecewise-affine fit.
 
-use fleetfoot_pwa::Score;
+use fleetfoot_pwa::{Continuity, Score};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
@@ -105,6 +105,8 @@ struct Candidate<'a> {
     standard_error: f64,
     fold_losses: &'a [f64],
     bic: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    continuity: Option<Meeting>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     objective_by_pass: &'a [f64],
 }
@@ -124,7 +126,23 @@ impl<'a> From<&'a Score> for Candidate<'a> {
             standard_error: score.standard_error,
             fold_losses: &score.losses,
             bic: score.bic,
+            continuity: score.continuity.map(Meeting::from),
             objective_by_pass: &score.objective,
         }
+    }
+}
+
+/// What it costs that maps meet at their borders.
+#[derive(Serialize)]
+struct Meeting {
+    borders: usize,
+    numbers: usize,
+    loss_apart: f64,
+    jump: f64,
+}
+
+impl From<Continuity> for Meeting {
+    fn from(Continuity { borders, numbers, apart, jump, .. }: Continuity) -> Self {
+        Self { borders, numbers, loss_apart: apart, jump }
     }
 }

@@ -310,7 +310,7 @@ impl Fit<'_> {
             options.seed = self.options.seed.wrapping_add(start);
             if start > 0 {
                 // Only what is clustered depends on the seed.
-                options.partitions.retain(|specification| specification.clusters().is_some());
+                options.partitions.retain(Specification::is_seeded);
             }
             if options.partitions.is_empty() {
                 break;

@@ -50,6 +50,9 @@ settings! {
         /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation; default: 0).
         #[arg(long, value_name = "ROWS", allow_negative_numbers = true)]
         pub shrinkage: Tunable,
+        /// Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are regressors (default: false).
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub continuous: bool,
         /// What happens to labels that were not seen in training (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,

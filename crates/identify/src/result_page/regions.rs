@@ -143,10 +143,11 @@ pub(super) fn alone(model: &Model, partition: usize) -> String {
 pub(super) fn tables(model: &Model, partition: usize) -> Vec<Part> {
     let own = &model.partitions[partition];
     let order = by_size(own);
+    let place_of = if matches!(own.rule, Rule::Tree(_)) { "where" } else { "where (sd from the middle)" };
     let table = |regions: &[usize]| {
         let mut table = Table::new(
             format!("Regions of {}, the largest first.", own.specification),
-            ["region", "coefficients", "rows", "share", "rank", "condition", "where (sd from the middle)"],
+            ["region", "coefficients", "rows", "share", "rank", "condition", place_of],
         );
         for &region in regions {
             table = table.row(row(model, partition, region));
@@ -184,8 +185,20 @@ fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
     ]
 }
 
-/// Where a Voronoi cell lies: the columns in which its centroid is farthest from the middle.
+/// Where a region lies: the box of a tree's, or the columns in which the centroid of a Voronoi cell is farthest from the middle.
 fn place(partition: &Partition, region: usize) -> String {
+    if let Rule::Tree(tree) = &partition.rule {
+        let bound = |(column, [low, high]): &(usize, [f64; 2])| {
+            let name = partition.columns.get(*column).map_or_else(String::new, ToString::to_string);
+            match (low.is_finite(), high.is_finite()) {
+                (true, true) => format!("{} \u{2264} {name} < {}", number(*low), number(*high)),
+                (true, false) => format!("{name} \u{2265} {}", number(*low)),
+                _ => format!("{name} < {}", number(*high)),
+            }
+        };
+        let sides = tree.boxes().into_iter().nth(region).unwrap_or_default();
+        return sides.iter().map(bound).collect::<Vec<_>>().join(", ");
+    }
     let Rule::Linear { weights, offsets } = &partition.rule else { return String::new() };
     let (Some(centroid), Some(offset)) = (weights.get(region), offsets.get(region)) else { return String::new() };
     let square: f64 = centroid.iter().map(|v| v * v).sum();

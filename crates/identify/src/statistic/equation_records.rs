@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use fleetfoot_data::EpisodeId;
 use fleetfoot_library::{REACHES, Spacing};
-use fleetfoot_model::{Partition, Rule, UnseenLabel};
+use fleetfoot_model::{Branch, Cut, Partition, Rule, Tree, UnseenLabel};
 use fleetfoot_sparse::system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget};
 use fleetfoot_stats::scan::{RegionRanges, RowCounts};
 use serde::{Deserialize, Serialize};
@@ -105,6 +105,8 @@ enum PlainRule {
     Linear(Vec<Vec<f64>>, Vec<f64>),
     /// Weights and offsets of the cells, and the region of each.
     Joined(Vec<Vec<f64>>, Vec<f64>, Vec<u32>),
+    /// Of every cut the column, the threshold, and what follows below and above: a cut, or `-1 - region`.
+    Tree(Vec<(u32, f64, i64, i64)>),
 }
 
 /// What is told of an episode.
@@ -238,6 +240,10 @@ impl PlainRule {
                 Rule::Linear { weights, offsets } => Self::Joined(weights.clone(), offsets.clone(), regions.clone()),
                 _ => Self::Whole,
             },
+            Rule::Tree(tree) => {
+                let record = |cut: &Cut| (cut.column as u32, cut.threshold, cut.below.code(), cut.above.code());
+                Self::Tree(tree.cuts.iter().map(record).collect())
+            }
             Rule::Whole | Rule::Labels { .. } => Self::Whole,
         }
     }
@@ -258,6 +264,16 @@ impl PlainRule {
                 }
                 let cells = Arc::new(Self::Linear(weights, offsets).into_rule(columns)?);
                 Ok(Rule::Joined { cells, regions })
+            }
+            Self::Tree(records) => {
+                let branch = |code| Branch::of_code(code).ok_or_else(|| format!("no branch is {code}"));
+                let cut = |(column, threshold, below, above): (u32, f64, i64, i64)| {
+                    let (below, above) = (branch(below)?, branch(above)?);
+                    Ok::<_, String>(Cut { column: column as usize, threshold, below, above })
+                };
+                let tree = Tree { cuts: records.into_iter().map(cut).collect::<Result<_, _>>()? };
+                tree.check(columns)?;
+                Ok(Rule::Tree(tree))
             }
         }
     }

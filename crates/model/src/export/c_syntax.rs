@@ -192,6 +192,7 @@ impl Syntax for C<'_> {
     fn condition(&self, condition: &Condition) -> String {
         match condition {
             Condition::Less(a, b) => format!("{} < {}", real(self, a), real(self, b)),
+            Condition::AtLeast(a, b) => format!("{} >= {}", real(self, a), real(self, b)),
             Condition::Equal(a, b) => {
                 let (a, b) = (real(self, a), real(self, b));
                 format!("({a} <= {b}) && ({a} >= {b})")

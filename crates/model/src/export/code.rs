@@ -90,6 +90,8 @@ pub(super) enum Variable {
 #[derive(Debug, Clone)]
 pub(super) enum Condition {
     Less(Real, Real),
+    /// The first is not below the second.
+    AtLeast(Real, Real),
     Equal(Real, Real),
     /// Not within `[low, high]`; true for NaN.
     Outside(Real, Real, Real),

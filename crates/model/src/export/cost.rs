@@ -101,7 +101,7 @@ impl Operations {
 
     fn condition(&mut self, condition: &Condition) {
         match condition {
-            Condition::Less(a, b) => {
+            Condition::Less(a, b) | Condition::AtLeast(a, b) => {
                 self.real(a);
                 self.real(b);
                 self.comparisons += 1;

@@ -277,6 +277,11 @@ impl<'a> Interpreter<'a> {
                 self.ambiguous |= self.near(a, b);
                 a.value < b.value
             }
+            Condition::AtLeast(a, b) => {
+                let (a, b) = (self.real(a, frame), self.real(b, frame));
+                self.ambiguous |= self.near(a, b);
+                a.value >= b.value
+            }
             Condition::Equal(a, b) => {
                 let (a, b) = (self.real(a, frame), self.real(b, frame));
                 self.ambiguous |= self.near(a, b) && a.value.total_cmp(&b.value).is_ne();

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use fleetfoot_library::Expr;
 
 use super::{ExportOptions, ExportedFile};
-use crate::{Latent, Model, Prediction, Rule, typeset::summands};
+use crate::{Latent, Model, Prediction, Rule, Tree, typeset::summands};
 
 /// The file `prefix.tex`: an `align*` for the equations, one for the latents, regions as cases. It needs the package `amsmath`.
 pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
@@ -75,6 +75,9 @@ fn sum(model: &Model, latent: &Latent, region: usize) -> String {
 
 fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition) {
     let _ = writeln!(out, "% Regions of partition {index}: {}.", super::names::comment(&partition.specification));
+    if let Rule::Tree(tree) = &partition.rule {
+        return tree_lines(out, tree, &partition.columns);
+    }
     let lines: Vec<String> = partition
         .columns
         .iter()
@@ -122,8 +125,27 @@ fn partition_lines(out: &mut String, index: usize, partition: &crate::Partition)
                 regions.len()
             );
         }
-        Rule::Whole => {}
+        Rule::Whole | Rule::Tree(_) => {}
     }
+}
+
+/// The region as cases of the columns' values.
+fn tree_lines(out: &mut String, tree: &Tree, columns: &[Expr]) {
+    let _ = writeln!(out, "The region is");
+    let bound = |(column, [low, high]): &(usize, [f64; 2])| {
+        let name = columns.get(*column).map_or_else(String::new, Expr::to_latex);
+        match (low.is_finite(), high.is_finite()) {
+            (true, true) => format!("{} \\le {name} < {}", signed(*low), signed(*high)),
+            (true, false) => format!("{name} \\ge {}", signed(*low)),
+            _ => format!("{name} < {}", signed(*high)),
+        }
+    };
+    let case = |(region, sides): (usize, &Vec<(usize, [f64; 2])>)| {
+        let bounds: Vec<String> = sides.iter().map(bound).collect();
+        format!("  {region} & {}", bounds.join(",\\ "))
+    };
+    let cases: Vec<String> = tree.boxes().iter().enumerate().map(case).collect();
+    let _ = writeln!(out, "\\[\n\\begin{{cases}}\n{}\n\\end{{cases}}\n\\]", cases.join(" \\\\\n"));
 }
 
 /// Text in which nothing is a command.

@@ -8,7 +8,7 @@ use super::{
     options::Precision,
     plan::{Plan, Source},
 };
-use crate::{Rule, UnseenLabel};
+use crate::{Branch, Rule, Tree, UnseenLabel};
 
 /// Writes the code of one evaluation: its tables, and statements that refer to them.
 pub(super) struct Lowering<'a> {
@@ -110,16 +110,19 @@ impl Lowering<'_> {
         let specification = &self.plan.model.partitions[cells.partition].specification;
         let mut body = vec![Statement::Comment(format!("Region of the partition {specification}."))];
         let columns = cells.centre.len();
-        if columns > 0 {
+        let at = Index::local("j").plus(cells.first);
+        let not_finite = Condition::NotFinite(Real::at("q", at.clone()));
+        let check = Statement::If(not_finite, vec![Statement::Return(Outcome::NotFinite)], Vec::new());
+        let as_they_are = cells.centre.iter().all(|&centre| centre == 0.0) && cells.scale.iter().all(|&s| s == 1.0);
+        if columns > 0 && as_they_are {
+            body.push(Statement::each("j", columns, vec![check]));
+        } else if columns > 0 {
             let centre =
                 self.reals("centre", index, "Centre of each column of the partition.", 8, cells.centre.clone());
             let inverse = cells.scale.iter().map(|scale| 1.0 / scale).collect();
             let scale = self.reals("inverse_scale", index, "One over the scale of each column.", 8, inverse);
-            let at = Index::local("j").plus(cells.first);
             let (centre, scale) = (Real::at(&centre, Index::local("j")), Real::at(&scale, Index::local("j")));
             let value = Real::at("q", at.clone()).minus(centre).times(scale);
-            let not_finite = Condition::NotFinite(Real::at("q", at.clone()));
-            let check = Statement::If(not_finite, vec![Statement::Return(Outcome::NotFinite)], Vec::new());
             body.push(Statement::each("j", columns, vec![Statement::set("q", at, value), check]));
         }
         let region = region_name(index);
@@ -212,6 +215,11 @@ impl Lowering<'_> {
                 let joined = Index::table(&table, Index::local(region));
                 body.push(Statement::SetCounter(region.to_owned(), joined));
                 body
+            }
+            Rule::Tree(tree) => {
+                let known = (!within_label).then_some(base);
+                let root = if tree.cuts.is_empty() { Branch::Region(0) } else { Branch::Cut(0) };
+                nested(tree, root, (first, base, known), region)
             }
             Rule::Labels { values, rules, .. } => {
                 let label = || Real::at("q", first + columns - 1);
@@ -319,6 +327,30 @@ impl Lowering<'_> {
         let functions = self.table("functions", index, "Function of each coefficient.", 12, Values::Indices(functions));
         let values = self.reals("coefficients", index, "Coefficients that are not zero.", 8, values);
         SparseTable { start, functions, values, longest }
+    }
+}
+
+/// The cuts of a tree as they are nested: the columns are the features from `first` on, the regions are counted from `base` on, and the counter holds what is known
+/// of it.
+fn nested(
+    tree: &Tree,
+    place: Branch,
+    (first, base, known): (usize, usize, Option<usize>),
+    region: &str,
+) -> Vec<Statement> {
+    match place {
+        Branch::Region(own) if known == Some(base + own as usize) => Vec::new(),
+        Branch::Region(own) => vec![Statement::SetCounter(region.to_owned(), (base + own as usize).into())],
+        Branch::Cut(at) => {
+            let cut = &tree.cuts[at];
+            let (value, threshold) = (Real::at("q", first + cut.column), Real::Number(cut.threshold));
+            let side = |next| nested(tree, next, (first, base, known), region);
+            let (below, above) = (side(cut.below), side(cut.above));
+            vec![match below.is_empty() {
+                true => Statement::If(Condition::AtLeast(value, threshold), above, below),
+                false => Statement::If(Condition::Less(value, threshold), below, above),
+            }]
+        }
     }
 }
 

@@ -3,13 +3,13 @@
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 
 use super::{ExportOptions, ExportedFile, zip::archive};
-use crate::{Model, Partition, Rule, UnseenLabel};
+use crate::{Cut, Model, Partition, Rule, UnseenLabel};
 
 /// The file `prefix.npz`.
 ///
 /// Per latent `latent/NAME/constants` (regions) and `latent/NAME/coefficients` (regions x functions) with the functions' texts in
 /// `latent/NAME/functions` and the number of its partition; per partition `partition/N/...` its columns, centres, scales and weights, per
-/// label where it has labels.
+/// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`.
 pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     let mut arrays = Arrays::default();
     let texts = |values: Vec<String>| values;
@@ -84,6 +84,15 @@ fn rule_arrays(arrays: &mut Arrays, name: &str, rule: &Rule, columns: usize) {
             let regions: Vec<i64> = regions.iter().map(|&region| i64::from(region)).collect();
             arrays.integers(&format!("{name}/regions"), &regions, &[regions.len()]);
             rule_arrays(arrays, &format!("{name}/cells"), cells, columns);
+        }
+        Rule::Tree(tree) => {
+            arrays.strings(&format!("{name}/kind"), &["tree".into()]);
+            let all = |of: fn(&Cut) -> i64| tree.cuts.iter().map(of).collect::<Vec<i64>>();
+            let thresholds: Vec<f64> = tree.cuts.iter().map(|cut| cut.threshold).collect();
+            arrays.integers(&format!("{name}/column"), &all(|cut| cut.column as i64), &[tree.cuts.len()]);
+            arrays.reals(&format!("{name}/threshold"), &thresholds, &[tree.cuts.len()]);
+            arrays.integers(&format!("{name}/below"), &all(|cut| cut.below.code()), &[tree.cuts.len()]);
+            arrays.integers(&format!("{name}/above"), &all(|cut| cut.above.code()), &[tree.cuts.len()]);
         }
         Rule::Labels { values, names, rules, unseen } => {
             let kind = if *unseen == UnseenLabel::Pool { "labels, others pooled" } else { "labels, others refused" };

@@ -255,6 +255,7 @@ impl Syntax for Python {
     fn condition(&self, condition: &Condition) -> String {
         match condition {
             Condition::Less(a, b) => format!("{} < {}", real(self, a), real(self, b)),
+            Condition::AtLeast(a, b) => format!("{} >= {}", real(self, a), real(self, b)),
             Condition::Equal(a, b) => format!("{} == {}", real(self, a), real(self, b)),
             Condition::Outside(value, low, high) => {
                 format!("not {} <= {} <= {}", real(self, low), real(self, value), real(self, high))

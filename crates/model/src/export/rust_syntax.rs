@@ -62,6 +62,7 @@ impl Syntax for Rust {
     fn condition(&self, condition: &Condition) -> String {
         match condition {
             Condition::Less(a, b) => format!("{} < {}", real(self, a), real(self, b)),
+            Condition::AtLeast(a, b) => format!("{} >= {}", real(self, a), real(self, b)),
             Condition::Equal(a, b) => format!("{} == {}", real(self, a), real(self, b)),
             Condition::Outside(value, low, high) => {
                 let value = real(self, value);

@@ -35,7 +35,7 @@ pub(super) fn reals(statements: &[Statement], visit: &mut dyn FnMut(&Real)) {
 
 pub(super) fn condition(condition: &Condition, visit: &mut dyn FnMut(&Real)) {
     match condition {
-        Condition::Less(a, b) | Condition::Equal(a, b) => {
+        Condition::Less(a, b) | Condition::AtLeast(a, b) | Condition::Equal(a, b) => {
             expression(a, visit);
             expression(b, visit);
         }

@@ -3,7 +3,8 @@
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, UnseenLabel,
+    Branch, Column, Cut, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Tree,
+    UnseenLabel,
 };
 
 /// Numbers by counting.
@@ -196,6 +197,8 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("pwa", pwa(9, 1)),
         ("ball", ball()),
         ("joined", joined()),
+        ("tree", tree()),
+        ("labels_tree", labels_tree()),
         ("labels_refuse", labels(UnseenLabel::Refuse)),
         ("labels_pool", labels(UnseenLabel::Pool)),
         ("narx", narx()),
@@ -285,6 +288,56 @@ fn joined() -> Model {
     maker.latent("f_b", library, partition, 1.0);
     maker.equation("a", Prediction::Next, "f_a");
     maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
+    maker.finish()
+}
+
+/// Cuts: `a < 0.3 ? (b < -0.2 ? 0 : 1) : (a < 0.8 ? 2 : 3)`.
+fn cuts() -> Rule {
+    let cut = |column, threshold, below, above| Cut { column, threshold, below, above };
+    Rule::Tree(Tree {
+        cuts: vec![
+            cut(0, 0.3, Branch::Cut(1), Branch::Cut(2)),
+            cut(1, -0.2, Branch::Region(0), Branch::Region(1)),
+            cut(0, 0.8, Branch::Region(2), Branch::Region(3)),
+        ],
+    })
+}
+
+/// Columns as they are.
+fn in_their_units(maker: &mut Maker, partition: usize) {
+    let partition = &mut maker.model.partitions[partition];
+    partition.centre.fill(0.0);
+    partition.scale.fill(1.0);
+}
+
+/// A tree of cuts over a column and an expression, next values.
+fn tree() -> Model {
+    let mut maker = Maker::new(8, "pwa tree", &[("a", STATE), ("b", STATE), ("u", INPUT)]);
+    let library = maker.library(&["a", "b", "u"]);
+    let partition = maker.partition("tree:2", &["a", "b + u"], cuts());
+    in_their_units(&mut maker, partition);
+    maker.latent("f_a", library, partition, 1.0);
+    maker.latent("f_b", library, partition, 1.0);
+    maker.equation("a", Prediction::Next, "f_a");
+    maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
+    maker.finish()
+}
+
+/// By label, then a tree for one of them.
+fn labels_tree() -> Model {
+    let columns = [("v", STATE), ("w", STATE), ("u", INPUT), ("ground", Role::Auxiliary)];
+    let mut maker = Maker::new(9, "pwa labels", &columns);
+    let library = maker.library(&["v", "w", "u"]);
+    let rule = Rule::Labels {
+        values: vec![-1.0, 0.0, 2.0],
+        names: vec!["ice".into(), "grass".into(), "road".into()],
+        rules: vec![cuts(), Rule::Whole, cuts()],
+        unseen: UnseenLabel::Pool,
+    };
+    let partition = maker.partition("labels:ground+tree:2", &["v", "w", "ground"], rule);
+    in_their_units(&mut maker, partition);
+    maker.latent("f_v", library, partition, 1.0);
+    maker.equation("v", Prediction::Derivative, "f_v");
     maker.finish()
 }
 

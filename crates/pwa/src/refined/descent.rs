@@ -3,11 +3,12 @@
 use fleetfoot_data::{Cancelled, Progress};
 use fleetfoot_stats::ridge;
 
-use super::{
+use super::separators::{Probabilities, Separators};
+use crate::{
     examples::{Chunk, Examples},
-    separators::{Probabilities, Separators},
+    fit::RegionModel,
+    residual::Maps,
 };
-use crate::{fit::RegionModel, residual::Maps};
 
 /// Rows of the one map of all that every region has seen beside its own.
 const PULL: f64 = 1.0;
@@ -125,7 +126,7 @@ fn cheapest(examples: &Examples, chunk: &Chunk, separators: &Separators, maps: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refined::examples::tests::{rows_of, waves};
+    use crate::examples::tests::{rows_of, waves};
     use fleetfoot_data::Silent;
     use proptest::prelude::*;
 

@@ -11,7 +11,7 @@
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_data::packed_row;
 
-use super::examples::{Chunk, Examples};
+use crate::examples::{Chunk, Examples};
 
 /// What the offsets are penalised with beside the weights: enough to fix the direction in which all move together.
 const OFFSET: f64 = 1e-6;
@@ -290,7 +290,7 @@ fn products(u: &[f64], outer: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refined::examples::tests::{rows_of, waves};
+    use crate::examples::tests::{rows_of, waves};
 
     #[test]
     fn the_gradient_vanishes_at_the_minimum_wherever_the_way_began() {

@@ -3,9 +3,10 @@
 use fleetfoot_data::Progress;
 use fleetfoot_stats::Gram;
 
-use super::{examples::Examples, separators::Separators};
+use super::separators::Separators;
 use crate::{
     Error,
+    examples::Examples,
     lattice::{Cell, Cells, Limits, Tree, cell_count, centroids},
 };
 
@@ -48,9 +49,7 @@ impl Joined {
         let (places, cells) = Cells::new(&examples.places(), cells, seed, progress)?;
         let count = places.centroids.len();
         let grams = examples.grams(&cells, count);
-        let error = |gram: &Gram| {
-            if gram.weight > 0.0 { examples.scaled(&examples.root(gram).residual) } else { 0.0 }
-        };
+        let error = |gram: &Gram| examples.error(gram);
         let leaves: Vec<Cell> = places.with(grams);
         let grow = |leaves, apart| Tree::grow(leaves, Limits { least: 2, rows: 0, apart }, error);
         Ok(Self { cells, count, trees: [grow(leaves.clone(), 0), grow(leaves, APART)] })

@@ -1,5 +1,7 @@
 //! Tests of the crate, one program.
 
+mod continuous;
 mod identify;
 mod lattice;
 mod refined;
+mod tree;

@@ -23,9 +23,10 @@ class PWA(Identifier):
     ----------
     partition : int, str or list, optional
         ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"`` (regions
-        that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"labels:COLUMN"``,
-        ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``; of a list, or of a range ``"refined:2..20"``,
-        ``"lattice:2..50"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
+        that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"tree:3"``
+        (cuts of single columns, three at most one after another), ``"labels:COLUMN"``,
+        ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``;
+        of a list, or of a range ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
         else ``"derivative"``.
@@ -50,6 +51,9 @@ class PWA(Identifier):
         Seconds between held-out and training rows of one episode; a tenth of the held-out span when not given.
     shrinkage : float or "auto", default=0
         Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation.
+    continuous : bool, default=False
+        Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are
+        regressors. ``report_["candidates"]`` tells beside each loss that of maps that need not meet.
     unseen_labels : {"refuse", "pool"}, default="refuse"
         What happens to labels that training did not see: an error, or a model fitted on all rows.
     seed, restarts, iterations : int, default=0, 1, 100
@@ -98,6 +102,7 @@ class PWA(Identifier):
         folds: int = 10,
         purge: float | None = None,
         shrinkage: float | str = 0.0,
+        continuous: bool = False,
         unseen_labels: str = "refuse",
         seed: int = 0,
         restarts: int = 1,
@@ -127,6 +132,7 @@ class PWA(Identifier):
         self.folds = folds
         self.purge = purge
         self.shrinkage = shrinkage
+        self.continuous = continuous
         self.unseen_labels = unseen_labels
         self.seed = seed
         self.restarts = restarts
@@ -161,6 +167,7 @@ class PWA(Identifier):
             objective=self._said("objective"),
             purge=self._real("purge"),
             shrinkage=self._real("shrinkage", "auto"),
+            continuous=self._said("continuous"),
             unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,

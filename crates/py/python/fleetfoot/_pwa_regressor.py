@@ -1,4 +1,4 @@
-"""Piecewise-affine regression: regions by k-means, refined or joined of cells, an affine map in each."""
+"""Piecewise-affine regression: regions by k-means, refined, joined of cells or cut by trees, an affine map in each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ._base import (
     random_seed,
 )
 from ._core import PwaFit, pwa_regions
-from ._params import ARRAY, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
+from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
 from ._requests import PwaRequest, PwaRule
 
 __all__ = ["PWARegressor"]
@@ -47,10 +47,11 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     partition : str or None, default=None
         ``"refined"``: `n_regions` regions that fit the targets, between linear separators, in place of the cells of
         k-means. ``"lattice"``: small cells, joined to `n_regions` regions where one map fits both; all numbers of
-        regions cost little more than one. Or partitions in place of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``,
-        ``"lattice:2..50"``, ``"zscore:1.5"`` (inside and outside a ball of that many standard deviations),
-        ``"average"`` (one region), ``"null"`` (the mean), or a list to choose from:
-        ``"average,zscore:1.5,kmeans:2,5,10"``.
+        regions cost little more than one. ``"tree"``: cuts of single features that fit the targets, ``x[0] < 0.3``, as
+        many one after another as `n_regions` leaves room for; fewer where they do not pay. Or partitions in place of
+        `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"`` (numbers of cuts one
+        after another), ``"zscore:1.5"`` (inside and outside a ball of that many standard deviations), ``"average"``
+        (one region), ``"null"`` (the mean), or a list to choose from: ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that the regions depend on; default: all. The affine maps are of all features.
     folds : int, default=5
@@ -60,6 +61,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     shrinkage : float or 'auto', default=0.0
         Pull of each region towards the one-region map, as if it had seen so many more rows that obey it; 'auto': by
         cross-validation.
+    continuous : bool, default=False
+        Let the maps of neighbouring regions meet at their border: for ``"kmeans"``, ``"refined"`` and ``"tree"``.
     n_init : int, default=1
         Starts of k-means, of which the best counts.
     max_kmeans_iter : int, default=300
@@ -75,12 +78,16 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         The constants, in the units of the targets.
     centers_ : ndarray of shape ``(n_regions_, n_partition_features)``, or None
         Centres of the regions, in the units of the features; None where the partition is not by k-means.
+    cuts_ : list of tuple, or None
+        The cuts of a tree, the root first: feature, threshold in its unit, what follows below the threshold and what
+        from it on: the number of a cut, or ``-1 - region``. None where the partition is no tree.
     labels_ : ndarray of shape (n_samples,), int32
         The region of each training row.
     counts_ : ndarray of shape ``(n_regions_,)``
         Training rows in each region.
     n_regions_ : int
-        Regions. Fewer than asked for where there are fewer different rows, or where refined regions would starve.
+        Regions. Fewer than asked for where there are fewer different rows, where refined regions would starve, or where
+        cuts do not pay.
     partition_ : str
         The partition that was chosen.
     best_index_ : int
@@ -88,7 +95,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     cv_results_ : dict
         For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over the
         variance of the targets, and its standard error over folds), 'split_test_loss' (partitions x folds), 'r2'
-        (partitions x targets), 'bic'; losses are NaN without folds.
+        (partitions x targets), 'bic'; losses are NaN without folds. With `continuous` 'mean_test_loss_apart', of maps
+        that need not meet.
     n_features_in_ : int
         Number of features.
 
@@ -96,8 +104,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     -----
     A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
     the one of least norm in standardised units. Weights count in the regressions; the cells of k-means do not depend on
-    them, refined regions do. k-means sees all rows up to 512 MB of them, and a sample of that size beyond; regions are
-    refined on 65,536 rows at most.
+    them, refined regions and trees do. k-means sees all rows up to 512 MB of them, and a sample of that size beyond;
+    regions are refined, and trees grown, on 65,536 rows at most.
 
     Examples
     --------
@@ -114,6 +122,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     coef_: NDArray[np.float64]
     intercept_: NDArray[np.float64]
     centers_: NDArray[np.float64] | None
+    cuts_: list[tuple[int, float, int, int]] | None
     labels_: NDArray[np.int32]
     counts_: NDArray[np.int64]
     n_regions_: int
@@ -129,6 +138,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         "folds": (integer(2, 65535, "both"),),
         "selection": (one_of("cv", "bic"),),
         "shrinkage": (real(0.0), one_of("auto")),
+        "continuous": (BOOLEAN,),
         "n_init": (integer(1),),
         "max_kmeans_iter": (integer(1),),
         "random_state": (RANDOM_STATE,),
@@ -143,6 +153,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         folds: int = 5,
         selection: str = "cv",
         shrinkage: float | str = 0.0,
+        continuous: bool = False,
         n_init: int = 1,
         max_kmeans_iter: int = 300,
         random_state: Any = 0,
@@ -153,6 +164,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.folds = folds
         self.selection = selection
         self.shrinkage = shrinkage
+        self.continuous = continuous
         self.n_init = n_init
         self.max_kmeans_iter = max_kmeans_iter
         self.random_state = random_state
@@ -263,8 +275,11 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "weights": weights,
             "offsets": offsets,
             "joined": fit.joined,
+            "cuts": fit.cuts,
             "radius": fit.radius,
         }
+        cuts = [(features[column], threshold, below, above) for column, threshold, below, above in fit.cuts]
+        self.cuts_ = cuts or None
         voronoi = bool(weights) and fit.is_voronoi
         self.centers_ = np.asarray(weights) * np.asarray(scale) + np.asarray(centre) if voronoi else None
         names, regions, losses, errors, splits, r2, bic = map(list, zip(*fit.candidates))
@@ -277,6 +292,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "r2": np.asarray(r2),
             "bic": np.asarray(bic),
         }
+        if self.continuous:
+            self.cv_results_["mean_test_loss_apart"] = np.asarray(fit.apart)
         self.best_index_ = fit.chosen
 
     def _partitions(self) -> str:
@@ -287,15 +304,15 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     f"partition={self.partition!r}: regions by labels are not supported by PWARegressor; "
                     "fit one for each label, or use PWA"
                 )
-            if self.partition not in ("kmeans", "refined", "lattice"):
+            if self.partition not in ("kmeans", "refined", "lattice", "tree"):
                 return self.partition
         kind = self.partition or "kmeans"
         if isinstance(self.n_regions, Integral):
-            return f"{kind}:{self.n_regions}"
+            return _partition(kind, int(self.n_regions))
         wanted = np.asarray(self.n_regions)
         if wanted.ndim != 1 or not len(wanted) or not np.issubdtype(wanted.dtype, np.integer) or (wanted < 1).any():
             raise ValueError(f"n_regions must be a positive int or a list of them. Got {self.n_regions!r} instead.")
-        return ",".join(f"{kind}:{regions}" for regions in wanted)
+        return ",".join(_partition(kind, int(regions)) for regions in wanted)
 
     def _features(self, features: int) -> list[int]:
         """Features that the regions depend on."""
@@ -317,11 +334,19 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "groups": groups,
             "folds": int(self.folds) if choice else 0,
             "shrinkage": None if self.shrinkage == "auto" else float(self.shrinkage),
+            "continuous": bool(self.continuous),
             "bic": self.selection == "bic",
             "seed": random_seed(self.random_state),
             "restarts": int(self.n_init),
             "max_iter": int(self.max_kmeans_iter),
         }
+
+
+def _partition(kind: str, regions: int) -> str:
+    """So many regions of a kind; of a tree at most so many, two to the power of its cuts one after another."""
+    if kind != "tree":
+        return f"{kind}:{regions}"
+    return "average" if regions == 1 else f"tree:{regions.bit_length() - 1}"
 
 
 def _groups(groups: Any, rows: int) -> tuple[NDArray[np.intp] | None, list[int]]:

@@ -45,6 +45,7 @@ class PwaRequest(TypedDict):
     groups: list[int]
     folds: int
     shrinkage: float | None
+    continuous: bool
     bic: bool
     seed: int
     restarts: int
@@ -60,4 +61,5 @@ class PwaRule(TypedDict):
     weights: list[list[float]]
     offsets: list[float]
     joined: list[int]
+    cuts: list[tuple[int, float, int, int]]
     radius: float | None

@@ -25,7 +25,7 @@ _COMMANDS = {
     "generate": "fleetfoot.generate",
 }
 #: Flags that are switches.
-_SWITCHES = {"append", "direct", "force", "front", "tsqr"}
+_SWITCHES = {"append", "continuous", "direct", "force", "front", "tsqr"}
 #: Keys and flags that have another name as an argument.
 _NAMES = {
     "lambda": "lam",

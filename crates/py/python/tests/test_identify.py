@@ -358,7 +358,7 @@ WORDS = {
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
     "objective": ("steps:3", "one-step"),
-    **dict.fromkeys(("tsqr", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
+    **dict.fromkeys(("tsqr", "continuous", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
 }
 
 

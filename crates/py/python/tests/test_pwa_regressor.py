@@ -61,6 +61,26 @@ def test_cells_are_joined_to_regions() -> None:
     np.testing.assert_array_equal(ranged.labels_, lattice.labels_)
 
 
+def test_trees_cut_single_features() -> None:
+    random = np.random.RandomState(1)
+    X = random.uniform(-3.0, 3.0, (2000, 3))
+    low = X[:, 1] < 0.5
+    y = np.where(low, X[:, 0], np.where(X[:, 2] < -1.0, 2.0 - X[:, 0], 5.0 + X[:, 1])) + 0.05 * random.normal(size=2000)
+    tree = ff.PWARegressor(partition="tree", n_regions=8, partition_features=[1, 2]).fit(X, y)
+    # The third cut does not pay.
+    assert tree.partition_ == "tree:3" and tree.n_regions_ == 3 and tree.centers_ is None
+    assert tree.cuts_ is not None
+    (first, threshold, below, above), (second, other, *_) = tree.cuts_
+    assert (first, second, below, above) == (1, 2, -1, 1)
+    assert abs(threshold - 0.5) < 0.02 and abs(other + 1.0) < 0.02
+    assert np.mean((tree.labels_ == 0) == low) > 0.998
+    again = pickle.loads(pickle.dumps(tree))
+    np.testing.assert_array_equal(again.predict(X), tree.predict(X))
+    assert np.sqrt(np.mean((tree.predict(X) - y) ** 2)) < 0.1
+    assert ff.PWARegressor(partition="tree:1..4").fit(X, y).partition_ == "tree:2"
+    assert ff.PWARegressor(partition="tree", n_regions=1).fit(X, y).partition_ == "average"
+
+
 def test_maps_of_separate_regions_are_found() -> None:
     X, y, region = _data()
     model = ff.PWARegressor(n_regions=3, n_init=5).fit(X, y)

@@ -1,4 +1,4 @@
-//! The rows that regions are refined on: one training set, standardised, in chunks of a fixed grid.
+//! The rows that regions are fitted to targets on, refined or cut: one training set, standardised, in chunks of a fixed grid.
 
 use std::ops::Range;
 
@@ -18,34 +18,34 @@ const CHUNK: usize = 2048;
 /// Partition columns, regressors, targets.
 pub(crate) type Shape = (usize, usize, usize);
 
-/// Rows with everything that a refinement asks of them.
+/// Rows with everything that a refinement or a tree asks of them.
 pub(crate) struct Examples {
     /// Partition columns, d.
-    pub(super) dimensions: usize,
-    pub(super) regressors: usize,
-    pub(super) targets: usize,
-    pub(super) chunks: Vec<Chunk>,
-    pub(super) rows: usize,
+    pub(crate) dimensions: usize,
+    pub(crate) regressors: usize,
+    pub(crate) targets: usize,
+    pub(crate) chunks: Vec<Chunk>,
+    pub(crate) rows: usize,
     /// Sum of the weights.
-    pub(super) weight: f64,
+    pub(crate) weight: f64,
     /// Variance of every target.
-    pub(super) variance: Vec<f64>,
+    pub(crate) variance: Vec<f64>,
     /// The map of all these rows.
-    pub(super) base: Base,
-    pub(super) preconditioner: Preconditioner,
+    pub(crate) base: Base,
+    pub(crate) preconditioner: Preconditioner,
 }
 
 /// Some of the rows.
-pub(super) struct Chunk {
+pub(crate) struct Chunk {
     /// Standardised partition columns, column after column.
-    pub(super) z: Vec<f64>,
+    pub(crate) z: Vec<f64>,
     /// Regressors by rows, and targets by rows of padded length.
     x: Vec<f64>,
     y: Vec<f64>,
     /// Regressors and targets in the coordinates of the preconditioner, column after column.
-    work: Vec<f64>,
-    pub(super) weights: Option<Vec<f64>>,
-    pub(super) rows: usize,
+    pub(crate) work: Vec<f64>,
+    pub(crate) weights: Option<Vec<f64>>,
+    pub(crate) rows: usize,
 }
 
 impl Chunk {
@@ -72,12 +72,12 @@ impl Chunk {
 
     /// The weight of a row.
     #[inline(always)]
-    pub(super) fn weight(&self, row: usize) -> f64 {
+    pub(crate) fn weight(&self, row: usize) -> f64 {
         self.weights.as_ref().map_or(1.0, |weights| weights[row])
     }
 
     /// A standardised partition column.
-    pub(super) fn column(&self, column: usize) -> &[f64] {
+    pub(crate) fn column(&self, column: usize) -> &[f64] {
         &self.z[column * self.rows..(column + 1) * self.rows]
     }
 }
@@ -121,13 +121,18 @@ impl Examples {
         })
     }
 
+    /// A row: its chunk, and its number there.
+    pub(crate) fn place(row: u32) -> (usize, usize) {
+        (row as usize / CHUNK, row as usize % CHUNK)
+    }
+
     /// The standardised partition columns, chunk by chunk.
-    pub(super) fn places(&self) -> Vec<Columns<'_>> {
+    pub(crate) fn places(&self) -> Vec<Columns<'_>> {
         self.chunks.iter().map(|chunk| (0..self.dimensions).map(|column| chunk.column(column)).collect()).collect()
     }
 
     /// The Gram matrix of the rows of each of `count` regions, in the preconditioner's coordinates; `regions` by chunk and row.
-    pub(super) fn grams(&self, regions: &[Vec<u32>], count: usize) -> Vec<Gram> {
+    pub(crate) fn grams(&self, regions: &[Vec<u32>], count: usize) -> Vec<Gram> {
         let width = self.regressors + self.targets;
         let mut grams = vec![Gram::new(width); count];
         let of_chunk = |at: usize| {
@@ -145,22 +150,27 @@ impl Examples {
     }
 
     /// The square-root form of a Gram matrix of these rows.
-    pub(super) fn root(&self, gram: &Gram) -> SquareRoot {
+    pub(crate) fn root(&self, gram: &Gram) -> SquareRoot {
         self.preconditioner.square_root(gram)
     }
 
+    /// The least squared error of one map on the rows of a Gram matrix, in units of the targets' variances.
+    pub(crate) fn error(&self, gram: &Gram) -> f64 {
+        if gram.weight > 0.0 { self.scaled(&self.preconditioner.residual(gram)) } else { 0.0 }
+    }
+
     /// Sum over the targets of squared errors in units of their variances.
-    pub(super) fn scaled(&self, squares: &[f64]) -> f64 {
+    pub(crate) fn scaled(&self, squares: &[f64]) -> f64 {
         squares.iter().zip(&self.variance).map(|(square, variance)| square / variance).sum()
     }
 
     /// `work` on every chunk, in order.
-    pub(super) fn map<R: Send>(&self, work: impl Fn(usize, &Chunk) -> R + Sync) -> Vec<R> {
+    pub(crate) fn map<R: Send>(&self, work: impl Fn(usize, &Chunk) -> R + Sync) -> Vec<R> {
         parallel_all(self.chunks.len(), |at| work(at, &self.chunks[at]))
     }
 
     /// For every row of a chunk the squared error of a region's map, in units of the targets' variances.
-    pub(super) fn errors(&self, chunk: &Chunk, maps: &Maps, region: u32, out: &mut [f64]) {
+    pub(crate) fn errors(&self, chunk: &Chunk, maps: &Maps, region: u32, out: &mut [f64]) {
         let width = padded(self.targets);
         let mut residuals = vec![0.0; chunk.rows * width];
         maps.residuals(&vec![region; chunk.rows], &chunk.x, &chunk.y, &mut residuals);
@@ -170,7 +180,7 @@ impl Examples {
     }
 
     /// Maps laid out for rows.
-    pub(super) fn maps(&self, models: &[RegionModel]) -> Maps {
+    pub(crate) fn maps(&self, models: &[RegionModel]) -> Maps {
         Maps::new(models, self.regressors, self.targets)
     }
 }
@@ -182,7 +192,7 @@ impl Chunk {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// Two inputs and a target with a curve.
