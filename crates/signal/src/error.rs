@@ -119,3 +119,28 @@ pub(crate) fn check_stamps(times: &[f64]) -> Result<(), SignalError> {
         None => Ok(()),
     }
 }
+
+/// Refuses a list that has another length than the stamps.
+pub(crate) fn length(what: &'static str, found: usize, expected: usize) -> Result<(), SignalError> {
+    if found == expected { Ok(()) } else { Err(SignalError::Length { what, found, expected }) }
+}
+
+/// Refuses values that are infinite; NaN is a value that is missing.
+pub(crate) fn check_infinite(values: &[f64]) -> Result<(), SignalError> {
+    match values.iter().position(|value| value.is_infinite()) {
+        Some(row) => Err(SignalError::NotFinite { row, value: values[row] }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses stamps that do not increase, weights that are negative or not finite, values that are infinite, and lists of different lengths.
+pub(crate) fn check_channel(times: &[f64], values: &[f64], weights: Option<&[f64]>) -> Result<(), SignalError> {
+    length("the channel", values.len(), times.len())?;
+    length("the list of weights", weights.map_or(times.len(), <[f64]>::len), times.len())?;
+    check_stamps(times)?;
+    let bad = |weights: &&[f64]| weights.iter().position(|weight| !(weight.is_finite() && *weight >= 0.0));
+    if let Some((weights, row)) = weights.and_then(|weights| Some((weights, bad(&weights)?))) {
+        return Err(SignalError::Weight { row, weight: weights[row] });
+    }
+    check_infinite(values)
+}

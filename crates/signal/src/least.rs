@@ -1,4 +1,4 @@
-//! The least value of a function of one number: a grid first, then golden sections between the neighbours of its best point.
+//! The least value of a function of one number: a grid first, then parabolas between the neighbours of its best point.
 
 use fleetfoot_data::parallel_all;
 
@@ -25,26 +25,55 @@ pub(crate) fn least(low: f64, high: f64, width: f64, f: impl Fn(f64) -> f64 + Sy
     if best == 0 || best == POINTS - 1 {
         return Least { at: point(best), at_end: true };
     }
-    Least { at: golden(point(best - 1), point(best + 1), width, value), at_end: false }
+    let known = [best - 1, best, best + 1].map(|i| (point(i), values[i]));
+    Least { at: parabolas(known, width, value), at_end: false }
 }
 
-/// Golden sections to `width` (Kiefer, "Sequential minimax search for a maximum", 1953).
-pub(crate) fn golden(mut low: f64, mut high: f64, width: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
-    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut at_a, mut at_b) = (f(a), f(b));
-    while high - low > width {
-        if at_a <= at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - ratio * (high - low);
-            at_a = f(a);
+/// Parabolas through the three best points so far, golden sections where these do not halve the steps, to `width` (Brent, "Algorithms for Minimization without Derivatives", 1973, chapter 5). Of
+/// the three points that are known, in order, the middle one is the least.
+fn parabolas([low, middle, high]: [(f64, f64); 3], width: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let golden = 0.5 * (3.0 - 5.0_f64.sqrt());
+    let near = 0.25 * width;
+    let (mut from, mut to) = (low.0, high.0);
+    let (mut best, [mut second, mut third]) = (middle, if low.1 < high.1 { [low, high] } else { [high, low] });
+    let (mut step, mut before) = (to - from, to - from);
+    loop {
+        let centre = 0.5 * (from + to);
+        if (best.0 - centre).abs() <= 2.0 * near - 0.5 * (to - from) {
+            return best.0;
+        }
+        let r = (best.0 - second.0) * (best.1 - third.1);
+        let q = (best.0 - third.0) * (best.1 - second.1);
+        let p = (best.0 - third.0) * q - (best.0 - second.0) * r;
+        let q = 2.0 * (r - q);
+        let vertex = p / q;
+        // Values that are infinite have no parabola: all of these are false then.
+        let is_good = vertex.abs() < 0.5 * before.abs() && best.0 + vertex > from && best.0 + vertex < to;
+        if is_good {
+            (before, step) = (step, vertex);
+            if best.0 + step - from < 2.0 * near || to - best.0 - step < 2.0 * near {
+                step = near.copysign(centre - best.0);
+            }
         } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + ratio * (high - low);
-            at_b = f(b);
+            before = if best.0 >= centre { from - best.0 } else { to - best.0 };
+            step = golden * before;
+        }
+        let at = best.0 + if step.abs() >= near { step } else { near.copysign(step) };
+        let new = (at, f(at));
+        let worse = if new.1 <= best.1 { best.0 } else { new.0 };
+        if worse < best.0.max(new.0) {
+            from = worse;
+        } else {
+            to = worse;
+        }
+        if new.1 <= best.1 {
+            (best, second, third) = (new, best, second);
+        } else if new.1 <= second.1 {
+            (second, third) = (new, second);
+        } else if new.1 <= third.1 {
+            third = new;
         }
     }
-    0.5 * (low + high)
 }
 
 #[cfg(test)]
@@ -57,6 +86,22 @@ mod tests {
         let found = least(0.0, 10.0, 1e-4, f);
         let fine = (0..=1_000_000).map(|i| f64::from(i) * 1e-5).min_by(|&a, &b| f(a).total_cmp(&f(b))).unwrap();
         assert!((found.at - fine).abs() < 1e-4 && !found.at_end, "{found:?} {fine}");
+    }
+
+    #[test]
+    fn a_smooth_valley_takes_few_steps_and_a_rough_one_ends() {
+        let steps = std::sync::atomic::AtomicUsize::new(0);
+        let counted = |x: f64| {
+            steps.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            (x - 0.345).powi(2) + 0.1 * (x - 0.345).powi(3)
+        };
+        assert!((least(-1.0, 2.0, 1e-4, counted).at - 0.345).abs() < 1e-4);
+        assert!(steps.into_inner() < POINTS + 10);
+        for limit in [0.2, 0.41, 0.6] {
+            let cut = |x: f64| if x < limit { f64::NAN } else { x.floor() + (20.0 * x).rem_euclid(1.0) + x };
+            let grid = (0..POINTS).map(|i| cut(i as f64 / (POINTS - 1) as f64)).fold(f64::INFINITY, f64::min);
+            assert!(cut(least(0.0, 1.0, 1e-4, cut).at) <= grid, "{limit}");
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! From raw channels to clean states and derivatives.
 //!
 //! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
-//! [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
+//! [`trend_filter`] is the curve of few pieces, [`Interpolant`] goes through every measurement. [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
 //! [`align`] and [`align_edges`] are for clocks. [`fuse`] makes one motion of an inertial sensor and measured poses.
 //!
 //! ```
@@ -20,18 +20,22 @@ mod clock_line;
 mod edges;
 mod error;
 pub mod fuse;
+mod interpolate;
 mod least;
 mod outliers;
 mod savitzky_golay;
 mod sections;
 mod spline;
+mod trend;
 
 pub use align::{Alignment, PartLag, Record, Within, align};
 pub use clock::{Dejittered, dejitter};
 pub use clock_line::ClockLine;
 pub use edges::{EdgeAlignment, align_edges};
 pub use error::SignalError;
+pub use interpolate::{Interpolant, Interpolation, resampled};
 pub use outliers::{Rejected, hampel, noise_of_differences, reject, saturated, stuck};
 pub use savitzky_golay::savitzky_golay;
-pub use sections::{Section, Sections, decimate};
+pub use sections::{Section, Sections, anti_alias, decimate};
 pub use spline::{Lambda, Smoothed, Spline, smooth};
+pub use trend::{Trend, trend_filter};

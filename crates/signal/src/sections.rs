@@ -151,8 +151,17 @@ impl Sections {
     }
 }
 
-/// Every `factor`-th row from the first on, behind a Chebyshev filter of order 8 with 0.05 dB of ripples up to 0.8 of the new Nyquist frequency, run both ways: what lies above the new
-/// Nyquist frequency does not come back as something else (`scipy.signal.decimate`).
+/// Takes out what lies above the Nyquist frequency of rows that are `ratio` times as far apart: a Chebyshev filter of order 8 with 0.05 dB of ripples up to 0.8 of that frequency, run both
+/// ways (as in `scipy.signal.decimate`), so that it does not come back as something else once fewer rows are kept.
+///
+/// # Errors
+/// A ratio below 1; those of [`Sections::zero_phase`].
+pub fn anti_alias(values: &[f64], ratio: f64) -> Result<Vec<f64>, SignalError> {
+    check(ratio >= 1.0, "ratio", ratio, "rows that are kept are as far apart as before, or farther")?;
+    Sections::chebyshev(8, 0.05, 0.4 / ratio, 1.0)?.zero_phase(values)
+}
+
+/// Every `factor`-th row from the first on, without what these cannot hold ([`anti_alias`]; `scipy.signal.decimate`).
 ///
 /// # Errors
 /// A factor of zero; those of [`Sections::zero_phase`].
@@ -161,6 +170,5 @@ pub fn decimate(values: &[f64], factor: usize) -> Result<Vec<f64>, SignalError> 
     if factor == 1 {
         return Ok(values.to_vec());
     }
-    let filter = Sections::chebyshev(8, 0.05, 0.4 / factor as f64, 1.0)?;
-    Ok(filter.zero_phase(values)?.into_iter().step_by(factor).collect())
+    Ok(anti_alias(values, factor as f64)?.into_iter().step_by(factor).collect())
 }

@@ -12,8 +12,8 @@
 //! so that a Kalman filter and a smoother find it in O(n) (Wecker and Ansley, "The signal extraction approach to nonlinear
 //! regression and spline smoothing", JASA 78, 1983), with the derivatives as further states, standard deviations of all, and the likelihood of lambda.
 
-mod chain;
-mod filter;
+pub(crate) mod chain;
+pub(crate) mod filter;
 mod head;
 mod smoother;
 
@@ -21,7 +21,7 @@ use smoother::{Likelihood, Residuals, Rows, Smoother};
 
 use crate::{
     SignalError,
-    error::{check, check_stamps},
+    error::{check, check_channel},
 };
 
 /// Width of the logarithm of the bandwidth at which the search for it ends.
@@ -133,19 +133,7 @@ struct Channel<'a> {
 
 impl<'a> Channel<'a> {
     fn new(times: &[f64], values: &[f64], weights: Option<&'a [f64]>, order: usize) -> Result<Self, SignalError> {
-        let length = |what, found: usize| match found == times.len() {
-            true => Ok(()),
-            false => Err(SignalError::Length { what, found, expected: times.len() }),
-        };
-        length("the channel", values.len())?;
-        length("the list of weights", weights.map_or(times.len(), <[f64]>::len))?;
-        check_stamps(times)?;
-        if let Some(row) = weights.and_then(|weights| weights.iter().position(|w| !(w.is_finite() && *w >= 0.0))) {
-            return Err(SignalError::Weight { row, weight: weights.map_or(0.0, |weights| weights[row]) });
-        }
-        if let Some(row) = values.iter().position(|value| value.is_infinite()) {
-            return Err(SignalError::NotFinite { row, value: values[row] });
-        }
+        check_channel(times, values, weights)?;
         let rows = Rows { times, values, weights };
         let measured: Vec<(f64, f64)> = (0..times.len()).filter_map(|row| rows.measured(row)).collect();
         if measured.len() <= order {
@@ -208,7 +196,7 @@ impl<'a> Channel<'a> {
 
     /// n rss / (n - tr A)^2.
     fn gcv<const M: usize>(&self, lambda: f64) -> f64 {
-        let (_, residuals) = Smoother::<M>::new(self.rows(), lambda).smooth(|_, _| ());
+        let residuals = Smoother::<M>::new(self.rows(), lambda).smooth(|_, _| ());
         let rest = self.measured as f64 - residuals.freedom;
         self.measured as f64 * residuals.squares.max(self.floor()) / (rest * rest)
     }
@@ -223,7 +211,7 @@ impl<'a> Channel<'a> {
     fn fit<const M: usize>(&self, lambda: f64) -> Smoothed {
         let mut derivatives = vec![vec![0.0; self.times.len()]; M];
         let mut deviations = derivatives.clone();
-        let (_, Residuals { squares, freedom }) = Smoother::<M>::new(self.rows(), lambda).smooth(|row, state| {
+        let Residuals { squares, freedom } = Smoother::<M>::new(self.rows(), lambda).smooth(|row, state| {
             for k in 0..M {
                 derivatives[k][row] = state.mean[k];
                 deviations[k][row] = state.covariance[k][k];
@@ -241,7 +229,7 @@ impl<'a> Channel<'a> {
 }
 
 /// The median of the steps between stamps, of which there is one at least.
-fn median_step(times: &[f64]) -> f64 {
+pub(crate) fn median_step(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle = steps.len() / 2;
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1

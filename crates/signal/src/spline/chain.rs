@@ -8,7 +8,7 @@
 //! | q | spectral density of the noise, in units of the variance of a measurement of weight one: 1 / lambda |
 
 /// A small square matrix, row by row.
-pub(super) type Matrix<const M: usize> = [[f64; M]; M];
+pub(crate) type Matrix<const M: usize> = [[f64; M]; M];
 
 /// A chain of `M` integrators.
 #[derive(Debug, Clone, Copy)]

@@ -8,11 +8,11 @@ use super::chain::{Matrix, Step};
 
 /// What is known of the state from the measurements up to a row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Belief<const M: usize> {
+pub(crate) struct Belief<const M: usize> {
     /// Mean.
-    pub(super) mean: [f64; M],
+    pub(crate) mean: [f64; M],
     /// S.
-    pub(super) root: Matrix<M>,
+    pub(crate) root: Matrix<M>,
 }
 
 /// What is known of the state from all measurements.
@@ -26,11 +26,11 @@ pub(super) struct Posterior<const M: usize> {
 
 /// A measurement beside what was expected of it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Innovation {
+pub(crate) struct Innovation {
     /// Measured less expected.
-    pub(super) error: f64,
+    pub(crate) error: f64,
     /// Its variance.
-    pub(super) variance: f64,
+    pub(crate) variance: f64,
 }
 
 /// A row of the array [A, B] that a step triangularises.
@@ -86,7 +86,7 @@ fn triangularise<const M: usize>(head: &mut [Row<M>; M], carried: &mut [Row<M>])
 
 impl<const M: usize> Belief<M> {
     /// A belief with this mean, and any square root of its covariance.
-    pub(super) fn new(mean: [f64; M], square_root: Matrix<M>) -> Self {
+    pub(crate) fn new(mean: [f64; M], square_root: Matrix<M>) -> Self {
         let mut head = square_root.map(|own| Row { own, noise: [0.0; M] });
         triangularise(&mut head, &mut []);
         Self { mean, root: head.map(|row| row.own) }
@@ -95,15 +95,20 @@ impl<const M: usize> Belief<M> {
     /// After a step.
     #[inline]
     pub(super) fn predicted(&self, step: &Step<M>) -> Self {
-        let moved = step.forward_matrix(&self.root);
-        let mut head: [Row<M>; M] = std::array::from_fn(|i| Row { own: moved[i], noise: step.root[i] });
+        Self::stepped(step.forward(&self.mean), &step.forward_matrix(&self.root), &step.root)
+    }
+
+    /// With this mean and the covariance A A' + B B', B lower triangular.
+    #[inline]
+    pub(crate) fn stepped(mean: [f64; M], a: &Matrix<M>, b: &Matrix<M>) -> Self {
+        let mut head: [Row<M>; M] = std::array::from_fn(|i| Row { own: a[i], noise: b[i] });
         triangularise(&mut head, &mut []);
-        Self { mean: step.forward(&self.mean), root: head.map(|row| row.own) }
+        Self { mean, root: head.map(|row| row.own) }
     }
 
     /// Learns of a measurement of the first state with an error of this variance.
     #[inline]
-    pub(super) fn measure(&mut self, value: f64, variance: f64) -> Innovation {
+    pub(crate) fn measure(&mut self, value: f64, variance: f64) -> Innovation {
         let first = self.root[0][0];
         let innovation = Innovation { error: value - self.mean[0], variance: first * first + variance };
         let gain = first * innovation.error / innovation.variance;

@@ -2,12 +2,13 @@
 
 use super::{
     chain::Chain,
-    filter::{Belief, Posterior},
+    filter::{Belief, Innovation, Posterior},
     head::{Eliminated, Information},
 };
 
-/// Rows between the beliefs that are kept on the way out. On the way back a stretch is filtered once more, so that what is held does not grow with the rows.
-const STRETCH: usize = 512;
+/// Rows whose beliefs are held at a time, and rows between the beliefs that are kept on the way out: on the way back all stretches but the last are filtered once more, so that what is
+/// held does not grow with the rows. Twelve megabytes of the quintic spline; most records are shorter, and filtered once.
+const STRETCH: usize = 1 << 17;
 
 /// Rows of a channel, scaled: stamps in units of the median step, values about zero.
 #[derive(Debug, Clone, Copy)]
@@ -89,17 +90,12 @@ impl<'a, const M: usize> Smoother<'a, M> {
         }
     }
 
-    /// The belief of `row` from that of the row before.
+    /// The belief of `row` from that of the row before, and what was measured beside what it expected.
     #[inline]
-    fn advance(&self, belief: &Belief<M>, row: usize, sums: &mut Likelihood) -> Belief<M> {
+    fn advance(&self, belief: &Belief<M>, row: usize) -> (Belief<M>, Option<Innovation>) {
         let mut next = belief.predicted(&self.chain.step(self.rows.step_to(row)));
-        if let Some((value, weight)) = self.rows.measured(row) {
-            let innovation = next.measure(value, 1.0 / weight);
-            sums.squares += innovation.error * innovation.error / innovation.variance;
-            sums.log_variance += innovation.variance.ln();
-            sums.count += 1;
-        }
-        next
+        let innovation = self.rows.measured(row).map(|(value, weight)| next.measure(value, 1.0 / weight));
+        (next, innovation)
     }
 
     /// The filter alone.
@@ -107,15 +103,21 @@ impl<'a, const M: usize> Smoother<'a, M> {
         let start = self.start();
         let (mut belief, mut sums) = (start.belief, Likelihood::default());
         for row in start.row + 1..self.rows.times.len() {
-            belief = self.advance(&belief, row, &mut sums);
+            let innovation;
+            (belief, innovation) = self.advance(&belief, row);
+            if let Some(innovation) = innovation {
+                sums.squares += innovation.error * innovation.error / innovation.variance;
+                sums.log_variance += innovation.variance.ln();
+                sums.count += 1;
+            }
         }
         sums
     }
 
     /// Hands out the state of every row given all measurements, from the last row to the first.
-    pub(super) fn smooth(&self, mut emit: impl FnMut(usize, &Posterior<M>)) -> (Likelihood, Residuals) {
+    pub(super) fn smooth(&self, mut emit: impl FnMut(usize, &Posterior<M>)) -> Residuals {
         let start = self.start();
-        let (kept, sums) = self.kept(&start);
+        let (kept, mut stretch) = self.kept(&start);
         let mut residuals = Residuals::default();
         let mut emit = |row: usize, state: &Posterior<M>| {
             if let Some((value, weight)) = self.rows.measured(row) {
@@ -125,10 +127,11 @@ impl<'a, const M: usize> Smoother<'a, M> {
             emit(row, state);
         };
         let mut state: Option<Posterior<M>> = None;
-        let mut stretch: Vec<Belief<M>> = Vec::with_capacity(STRETCH);
         for (at, belief) in kept.iter().enumerate().rev() {
             let first = start.row + at * STRETCH;
-            self.filter_again(belief, first, &mut stretch);
+            if at + 1 < kept.len() {
+                self.filter_again(belief, first, &mut stretch);
+            }
             for (row, belief) in stretch.iter().enumerate().rev().map(|(at, belief)| (first + at, belief)) {
                 let own = match &state {
                     None => belief.posterior(),
@@ -145,20 +148,23 @@ impl<'a, const M: usize> Smoother<'a, M> {
             }
             state = own;
         }
-        (sums, residuals)
+        residuals
     }
 
-    /// The beliefs of every [`STRETCH`]-th row from the start on.
-    fn kept(&self, start: &Start<M>) -> (Vec<Belief<M>>, Likelihood) {
-        let (mut belief, mut sums) = (start.belief, Likelihood::default());
-        let mut kept = vec![belief];
+    /// The beliefs of every [`STRETCH`]-th row from the start on, and all of the last stretch.
+    fn kept(&self, start: &Start<M>) -> (Vec<Belief<M>>, Vec<Belief<M>>) {
+        let mut belief = start.belief;
+        let (mut kept, mut stretch) = (vec![belief], Vec::with_capacity(STRETCH.min(self.rows.times.len())));
+        stretch.push(belief);
         for row in start.row + 1..self.rows.times.len() {
-            belief = self.advance(&belief, row, &mut sums);
+            belief = self.advance(&belief, row).0;
             if (row - start.row).is_multiple_of(STRETCH) {
                 kept.push(belief);
+                stretch.clear();
             }
+            stretch.push(belief);
         }
-        (kept, sums)
+        (kept, stretch)
     }
 
     /// The beliefs of the rows from `first` up to the next that was kept.
@@ -167,7 +173,7 @@ impl<'a, const M: usize> Smoother<'a, M> {
         stretch.push(*belief);
         let mut belief = *belief;
         for row in first + 1..(first + STRETCH).min(self.rows.times.len()) {
-            belief = self.advance(&belief, row, &mut Likelihood::default());
+            belief = self.advance(&belief, row).0;
             stretch.push(belief);
         }
     }

@@ -7,6 +7,8 @@ mod clocks;
 mod common;
 mod dense;
 mod filters;
+mod interpolate;
 mod outliers;
 mod peer;
 mod spline;
+mod trend;

@@ -7,7 +7,7 @@ use std::{
     process::Command,
 };
 
-use fleetfoot_signal::{Lambda, Sections, Spline, decimate, savitzky_golay, smooth};
+use fleetfoot_signal::{Interpolant, Interpolation, Lambda, Sections, Spline, decimate, savitzky_golay, smooth};
 
 use crate::{
     common::{distance, normal, uniform},
@@ -56,6 +56,7 @@ fn scipy_agrees() {
     let Some(python) = outside::python("numpy, scipy.signal, scipy.interpolate") else { return };
     splines(&python);
     filters(&python);
+    interpolations(&python);
 }
 
 /// The peer solves a banded system in coefficients of B-splines, whose condition grows with the penalty: its own digits are what is left of 1e-8.
@@ -93,5 +94,19 @@ fn filters(python: &OsStr) {
     }
     for factor in [2, 10] {
         check(decimate(&rows.values, factor).unwrap(), "decimate", &[factor as f64], 1e-10);
+    }
+}
+
+/// Values and slopes at the stamps and between them, over steps that differ by up to nine times.
+fn interpolations(python: &OsStr) {
+    let rows = Rows::new(2000);
+    let at: Vec<f64> = rows.times.windows(2).flat_map(|pair| [pair[0], 0.7 * pair[0] + 0.3 * pair[1]]).collect();
+    for (kind, work) in [(Interpolation::NotAKnot, "not_a_knot"), (Interpolation::ShapePreserving, "pchip")] {
+        let [values, slopes, seconds] = Interpolant::new(&rows.times, &rows.values, kind).unwrap().all(&at);
+        let answer = rows.ask(python, work, &[]);
+        for (own, other) in [values, slopes, seconds].iter().zip(answer.chunks(at.len())) {
+            let apart = distance(own, other);
+            assert!(apart < 1e-12, "{work}: {apart:e}");
+        }
     }
 }
