@@ -2,6 +2,13 @@
 
 use std::{collections::BTreeSet, fs};
 
+use fleetfoot::{
+    Recipe, Silent,
+    log::{McapOptions, McapWriter},
+    message::write::{Header, Imu, Pose, PoseStamped, Time},
+    read_rows,
+};
+
 use crate::runner::*;
 
 const ROWS: usize = 3000;
@@ -160,4 +167,120 @@ fn what_cannot_be_prepared_is_told() {
     let empty = fleetfoot(path, &["prepare", "-c", "robot.toml", "empty.csv", "-o", "clean"]);
     empty.fails(&["long enough", "empty.csv", "`x`"]);
     assert!(!path.join("clean/robot.toml").exists());
+}
+
+const START: i64 = 1_700_000_000_000_000_000;
+
+/// A swing, and its rate; seconds.
+fn swing(t: f64) -> [f64; 2] {
+    [(2.0 * t).sin() + 0.2 * (9.0 * t).cos(), 2.0 * (2.0 * t).cos() - 1.8 * (9.0 * t).sin()]
+}
+
+/// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its stamps, with noise of a millimetre.
+fn two_rates(path: &Path) {
+    let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
+    let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
+    let pose = writer.channel::<PoseStamped<'_>>("/camera").unwrap();
+    let stamp = |t: f64| START + (t * 1e9).round() as i64;
+    let header = |t: f64| Header { stamp: Time::from_nanoseconds(stamp(t)).unwrap(), frame_id: "body" };
+    for row in 0..10_000 {
+        let t = 0.002 * row as f64;
+        let mean = (swing(t)[0] - swing(t - 0.02)[0]) / 0.02;
+        let angular_velocity = [mean + 0.003 * noise(5, row), 0.0, 0.0];
+        writer.write(imu, stamp(t), stamp(t), &Imu { header: header(t), angular_velocity, ..Imu::default() }).unwrap();
+        if row % 5 == 2 {
+            let t = t + 0.0007;
+            let seen = Pose { position: [swing(t)[0] + 1.7e-3 * noise(6, row), 0.0, 0.0], ..Pose::default() };
+            writer.write(pose, stamp(t), stamp(t), &PoseStamped { header: header(t), pose: seen }).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+const TWO_RATES: &str = "[columns]\nx = \"/camera.pose.position.x\"\nw = \"/imu.angular_velocity.x\"\n[states]\nx = { unit = \"m\" }\nw = { unit = \"rad/s\" }\n\
+                         [time]\nbase = \"/imu\"\n[prepare]\nclip = 0.2\n";
+
+/// The root of the mean square of a written column beside a function of time.
+fn apart(folder: &Path, column: &str, truth: impl Fn(f64) -> f64) -> f64 {
+    let names = [column.to_owned()];
+    let rows = read_rows(&Recipe::default(), Some(&names), &[folder.join("clean/run.clean.parquet")], &Silent).unwrap();
+    let truth = rows.stamps.iter().map(|stamp| truth((stamp - START) as f64 * 1e-9));
+    let squares: f64 = rows.columns[0].1.iter().zip(truth).map(|(found, truth)| (found - truth).powi(2)).sum();
+    (squares / rows.stamps.len() as f64).sqrt()
+}
+
+fn prepared(folder: &Path, recipe: &str, flags: &[&str]) -> serde_json::Value {
+    fs::write(folder.join("robot.toml"), recipe).expect("a file");
+    let command = ["prepare", "-c", "robot.toml", "run.mcap", "-o", "clean", "--force", "--json"];
+    fleetfoot(folder, &[&command[..], flags].concat()).ok().json()
+}
+
+/// A state whose topic is slower than the rows is smoothed at its own samples: what a join puts between two of them is no measurement, and the true ones are no gross errors.
+#[test]
+fn a_slower_topic_is_smoothed_at_its_own_samples() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    two_rates(&path.join("run.mcap"));
+    let said = prepared(path, TWO_RATES, &[]);
+    let piece = &said["episodes"][0]["pieces"][0];
+    let (x, w) = (&piece["channels"][0], &piece["channels"][1]);
+    assert_eq!((x["topic"].as_str(), w["topic"].as_str()), (Some("/camera"), None), "{piece:#}");
+    assert_eq!((x["rejected"]["rows"].as_u64(), x["left_empty"]["rows"].as_u64()), (Some(0), Some(0)), "{x:#}");
+    let (samples, rows) = (x["samples"].as_u64().unwrap_or(0), piece["rows"].as_u64().unwrap_or(0));
+    assert!((1955..=1965).contains(&samples) && rows > 9700, "{samples} {rows}");
+    let found = x["noise"].as_f64().expect("a noise");
+    // Uniform noise of 1.7 mm has a deviation of 0.98 mm; a cubic spline, whose rate is a random walk and not as smooth as this motion, follows a tenth of it.
+    assert!((0.83e-3..1.0e-3).contains(&found), "{found}");
+    // As the samples alone, smoothed from a table, have it: 0.60 mm and 0.050 m/s.
+    let (value, rate) = (apart(path, "x", |t| swing(t)[0]), apart(path, "x_dot", |t| swing(t)[1]));
+    assert!(value < 0.7e-3 && rate < 0.06, "{value} {rate}");
+    // Told by the same random walk, deviations are on the safe side.
+    let told = (apart(path, "x_deviation", |_| 0.0), apart(path, "x_dot_deviation", |_| 0.0));
+    assert!((0.8..1.3).contains(&(told.0 / value)) && (1.0..2.5).contains(&(told.1 / rate)), "{told:?} {value} {rate}");
+    // Joined as the recipe tells, the corners of the join are what is smoothed.
+    let joined = format!("{TWO_RATES}[join]\n\"/camera.pose.position.*\" = \"linear\"\n");
+    let said = prepared(path, &joined, &[]);
+    assert!(said["episodes"][0]["pieces"][0]["channels"][0]["topic"].is_null());
+}
+
+/// Every method reads the curve of the slower topic off at the rows.
+#[test]
+fn every_method_comes_to_the_rows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    two_rates(&path.join("run.mcap"));
+    for (flags, value, rate) in [
+        (&["--method", "quintic"][..], 0.5e-3, 0.05),
+        (&["--method", "trend-filter"], 0.7e-3, 0.1),
+        (&["--method", "trend-filter", "--degree", "3", "--lambda", "gcv"], 0.7e-3, 0.1),
+        (&["--method", "savitzky-golay"], 0.7e-3, 0.1),
+        (&["--method", "butterworth", "--cutoff", "8"], 0.7e-3, 0.1),
+        (&["--method", "not-a-knot"], 1.2e-3, 0.3),
+        (&["--method", "pchip"], 1.2e-3, 0.3),
+    ] {
+        let said = prepared(path, TWO_RATES, flags);
+        let channel = &said["episodes"][0]["pieces"][0]["channels"][0];
+        assert_eq!(channel["method"], flags[1]);
+        let found = (apart(path, "x", |t| swing(t)[0]), apart(path, "x_dot", |t| swing(t)[1]));
+        assert!(found.0 < value && found.1 < rate, "{flags:?}: {found:?}");
+    }
+}
+
+/// The mean of the last 20 ms is late by 10 ms; told so, the curve belongs to its stamps.
+#[test]
+fn a_mean_is_late_by_half_its_window() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    two_rates(&path.join("run.mcap"));
+    prepared(path, TWO_RATES, &[]);
+    let late = apart(path, "w", |t| swing(t)[1]);
+    let told = format!("{TWO_RATES}[channels.w]\naverage = 0.02\n");
+    prepared(path, &told, &[]);
+    let found = apart(path, "w", |t| swing(t)[1]);
+    // What is left is what a mean takes from a motion of 9 rad/s, 0.13 % of 1.8, and the noise of the curve.
+    assert!(late > 0.1 && found < 4e-3, "{late} {found}");
+    let delayed = format!("{TWO_RATES}[channels.w]\ndelay = 0.01\n");
+    prepared(path, &delayed, &[]);
+    let other = apart(path, "w", |t| swing(t)[1]);
+    assert_eq!(found.to_bits(), other.to_bits());
 }

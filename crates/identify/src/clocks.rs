@@ -148,13 +148,14 @@ impl Clocks {
         if !(reach > 0.0 && reach.is_finite()) {
             return Err(Error::value(format!("[clocks.{name}] reach = {reach}: write seconds above 0")));
         }
-        let own_set = Dataset::for_channel(recipe, own, &self.topics, logs, progress)?;
+        let own_set = Dataset::for_channels(recipe, std::slice::from_ref(own), &self.topics, logs, progress)?;
         if !is_stamped(&own_set, topics, std::iter::once(section)) {
             return Err(Error::conflict(format!(
                 "{place}: `{own}` is of none of the topics of [clocks.{name}]; the first of the two is by the reference clock, the second by this one"
             )));
         }
-        let reference_set = Dataset::for_channel(recipe, reference, &self.topics, logs, progress)?;
+        let reference_set =
+            Dataset::for_channels(recipe, std::slice::from_ref(reference), &self.topics, logs, progress)?;
         if is_stamped(&reference_set, topics, later) {
             return Err(Error::conflict(format!(
                 "{place}: `{reference}` is stamped by this clock or by one that stands after it; compare with the reference clock or with one that stands before"

@@ -40,7 +40,9 @@ pub struct Dataset {
     aliases: Vec<(Column, Expr)>,
     recodings: Vec<(String, Vec<f64>)>,
     clocks: Vec<AlignedClock>,
-    /// Of the first log, where a model opened it.
+    /// The same as the join knows them.
+    topic_clocks: Vec<TopicClock>,
+    /// Of the first log, where a model or a preparation opened it.
     topics: Vec<TopicInfo>,
     notes: Vec<String>,
     /// Looks for rows that trained the model which the logs were opened for.
@@ -205,10 +207,10 @@ impl Dataset {
         Self::open(&named.recipe, &named.columns, &named.expressions, Clock::Needed, logs, progress)
     }
 
-    /// Opens logs for one column alone, an alias or an expression: its rows are the samples of its own topic, at stamps that are corrected by the clocks which are known already.
-    pub(crate) fn for_channel(
+    /// Opens logs for columns of one topic alone, aliases or expressions: the rows are the topic's own samples, at stamps that are corrected by the clocks which are known already.
+    pub(crate) fn for_channels(
         recipe: &Recipe,
-        channel: &String,
+        channels: &[String],
         known: &[TopicClock],
         logs: &Logs,
         progress: &dyn Progress,
@@ -216,7 +218,7 @@ impl Dataset {
         let mut recipe = recipe.clone();
         recipe.clocks.clear();
         (recipe.time.base, recipe.time.rate, recipe.time.only) = (None, None, None);
-        let Named { recipe, columns, expressions } = Self::named(&recipe, Some(std::slice::from_ref(channel)), logs)?;
+        let Named { recipe, columns, expressions } = Self::named(&recipe, Some(channels), logs)?;
         let clocks = Clocks { topics: known.to_vec(), ..Clocks::default() };
         Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
     }
@@ -269,7 +271,8 @@ impl Dataset {
         if columns.is_empty() {
             return Err(Error::missing("there is nothing to prepare: name states in the recipe ([states])".into()));
         }
-        let dataset = Self::open(&recipe, &columns, &expressions, Clock::Needed, logs, progress)?;
+        let mut dataset = Self::open(&recipe, &columns, &expressions, Clock::Needed, logs, progress)?;
+        dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         Ok((dataset, recipe, columns))
     }
 
@@ -438,6 +441,7 @@ impl Dataset {
         if !clocks.topics.is_empty() && selection.time == TimeSpec::Auto {
             selection.join.stamp.get_or_insert(Stamp::Header);
         }
+        let topic_clocks = clocks.topics.clone();
         selection.join.clocks = clocks.topics;
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();
@@ -461,6 +465,7 @@ impl Dataset {
             aliases,
             recodings: Vec::new(),
             clocks: clocks.reports,
+            topic_clocks,
             topics: Vec::new(),
             notes,
             watch: None,
@@ -519,6 +524,11 @@ impl Dataset {
     /// The clocks of other computers that were found, log by log.
     pub fn clocks(&self) -> &[AlignedClock] {
         &self.clocks
+    }
+
+    /// What these clocks show, for the join of the same logs once more.
+    pub(crate) fn topic_clocks(&self) -> &[TopicClock] {
+        &self.topic_clocks
     }
 
     /// The aliases, and the expressions over fields that give them.

@@ -5,9 +5,11 @@
 mod body;
 mod channel;
 mod columns;
+mod grid;
 mod options;
 mod pieces;
 mod report;
+mod samples;
 mod write;
 
 use std::{collections::BTreeMap, ops::Range, path::PathBuf};
@@ -27,7 +29,8 @@ use crate::{
 };
 use channel::{Channel, Curve};
 use columns::{Planned, written_recipe};
-use options::EpisodeOptions;
+use options::{EpisodeOptions, Method};
+use samples::{Samples, Topics};
 use write::{Names, Written, is_prepared};
 
 /// Where clean episodes go.
@@ -88,8 +91,11 @@ pub fn prepare(
     let is_free = |time: &&&str| planned.iter().all(|own| own.name != **time);
     let time = TIMES.iter().find(is_free).copied().unwrap_or(TIMES[0]);
     let folder = Folder::create(&request.folder, request.force, &logs.files(), is_prepared)?;
+    let topics = Topics::new(&recipe, &dataset, &planned, logs, options.dejitter, progress)?;
     let mut job = Job {
         view: &view,
+        dataset: &dataset,
+        topics: &topics,
         planned: &planned,
         columns: write::columns(&planned, time)?,
         options,
@@ -162,9 +168,21 @@ impl PrepareReport {
     }
 }
 
+/// An episode as it was read.
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    block: &'a Block,
+    /// Seconds of the rows.
+    times: &'a [f64],
+    /// What was sampled at other stamps, by the places of the columns.
+    samples: &'a BTreeMap<usize, Samples>,
+}
+
 /// A preparation under way.
 struct Job<'a> {
     view: &'a dyn Source,
+    dataset: &'a Dataset,
+    topics: &'a Topics,
     planned: &'a [Planned],
     columns: Vec<WriteColumn>,
     options: EpisodeOptions,
@@ -184,12 +202,13 @@ impl Job<'_> {
         let info = &self.view.episodes()[episode];
         let block = self.view.read(episode, 0..info.rows, Halo::default())?;
         let (times, clock) = self.times(&block, &info.name)?;
+        let samples = self.topics.of_episode(self.dataset, episode, &block, &mut self.notes)?;
         let bounds = self.planned.iter().enumerate();
         let bounds = bounds.filter_map(|(at, own)| Some((block.column(at), own.options?.bounds?)));
         let found = pieces::pieces(&times, &bounds.collect::<Vec<_>>(), self.options.clip, self.options.min_rows);
         let (mut pieces, mut too_short) = (Vec::new(), found.too_short);
         for rows in found.pieces {
-            match self.piece(episode, &block, &times, rows.clone())? {
+            match self.piece(episode, Rows { block: &block, times: &times, samples: &samples }, rows.clone())? {
                 Some(piece) => pieces.push(piece),
                 None => too_short.extend(rows),
             }
@@ -219,13 +238,7 @@ impl Job<'_> {
                 even.correlation
             ));
         }
-        let clock = ClockReport {
-            period: even.period,
-            period_deviation: even.period_deviation,
-            jitter: even.jitter,
-            correlation: even.correlation,
-            missing: even.gaps.iter().map(|(_, missing)| missing).sum(),
-        };
+        let clock = ClockReport::of(&even);
         Ok((even.times, Some(clock)))
     }
 
@@ -234,17 +247,12 @@ impl Job<'_> {
     }
 
     /// Prepares and writes a piece; `None` where a channel of it has too few values, which a note tells.
-    fn piece(
-        &mut self,
-        episode: usize,
-        block: &Block,
-        times: &[f64],
-        rows: Range<usize>,
-    ) -> Result<Option<PieceReport>, Error> {
+    fn piece(&mut self, episode: usize, all: Rows<'_>, rows: Range<usize>) -> Result<Option<PieceReport>, Error> {
+        let Rows { block, times, .. } = all;
         let info = &self.view.episodes()[episode];
         let curves: Vec<Result<Option<Curve>, SignalError>> =
             parallel_map(self.planned.len(), &fleetfoot_data::Silent, |at| {
-                Ok::<_, Error>(self.curve(at, block, times, rows.clone()).transpose())
+                Ok::<_, Error>(self.curve(at, all, rows.clone()).transpose())
             })?;
         let mut columns: Vec<Written<'_>> = Vec::new();
         let mut channels = Vec::new();
@@ -275,17 +283,34 @@ impl Job<'_> {
     }
 
     /// A state or input, prepared.
-    fn curve(&self, at: usize, block: &Block, times: &[f64], rows: Range<usize>) -> Option<Result<Curve, SignalError>> {
+    fn curve(&self, at: usize, all: Rows<'_>, rows: Range<usize>) -> Option<Result<Curve, SignalError>> {
         let own = &self.planned[at];
+        let options = own.options?;
+        let (samples, seconds) = (all.samples.get(&at), &all.times[rows.clone()]);
+        let late = if options.method == Method::None { 0.0 } else { options.late };
+        let (times, values) = match samples {
+            Some(samples) => samples.within(seconds[0] + late, seconds[seconds.len() - 1] + late),
+            None => (seconds, &all.block.column(at)[rows]),
+        };
+        let earlier: Vec<f64> = if late == 0.0 { Vec::new() } else { times.iter().map(|time| time - late).collect() };
         let channel = Channel {
             name: &own.name,
             angle: own.angle,
-            options: own.options?,
-            times: &times[rows.clone()],
-            values: &block.column(at)[rows],
+            options,
+            times: if late == 0.0 { times } else { &earlier },
+            values,
+            rows: (samples.is_some() || late != 0.0).then_some(seconds),
             decimate: self.options.decimate,
         };
-        Some(channel.curve())
+        if times.is_empty() {
+            return Some(Err(SignalError::TooFew { found: 0, needed: 2 }));
+        }
+        let curve = channel.curve().map(|mut curve| {
+            curve.report.topic = samples.map(|samples| samples.topic.clone());
+            curve.report.clock = samples.and_then(|samples| samples.clock.clone());
+            curve
+        });
+        Some(curve)
     }
 
     /// The labels of an episode belong to its file.

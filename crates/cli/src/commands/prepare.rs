@@ -104,13 +104,14 @@ fn to_text(report: &PrepareReport) -> String {
     let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
     let channels = if rows.is_empty() { String::new() } else { format!("{}\n", table(&header, cells)) };
     format!(
-        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{doubts}",
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{}{doubts}",
         report.rows,
         count(report.episodes.len(), "episode"),
         report.written,
         count(report.pieces().count(), "piece"),
         seconds(report.smoothed),
         report.body.as_ref().map(body).unwrap_or_default(),
+        topics(&rows),
         clocks(report),
         report.clocks.iter().map(aligned).collect::<String>(),
     )
@@ -144,6 +145,22 @@ fn body(own: &BodyReport) -> String {
         number(own.pose_noise[1]),
         if own.noise_fitted { "told by the residuals" } else { "as given" },
     )
+}
+
+/// The topics at whose own samples states were smoothed, where these are not the rows.
+fn topics(rows: &BTreeMap<&str, Row<'_>>) -> String {
+    let mut topics: BTreeMap<&str, (Vec<&str>, usize)> = BTreeMap::new();
+    for (channel, row) in rows {
+        if let Some(topic) = row.pieces.iter().find_map(|piece| piece.topic.as_deref()) {
+            let own = topics.entry(topic).or_default();
+            own.0.push(channel);
+            own.1 = row.pieces.iter().map(|piece| piece.samples).sum();
+        }
+    }
+    let line = |(topic, (channels, samples)): (&&str, &(Vec<&str>, usize))| {
+        format!("from {} of {topic}, read off at the rows: {}\n", count(*samples, "sample"), channels.join(", "))
+    };
+    topics.iter().map(line).collect()
 }
 
 /// What stamps said of the clocks, where they were evened out.

@@ -3,11 +3,12 @@
 use std::f64::consts::{PI, TAU};
 
 use fleetfoot_signal::{
-    Lambda, Sections, SignalError, Smoothed, Spline, decimate, hampel, noise_of_differences, reject, saturated,
-    savitzky_golay, smooth, stuck,
+    Interpolant, Interpolation, Lambda, Sections, SignalError, Smoothed, Spline, anti_alias, hampel,
+    noise_of_differences, reject, resampled, saturated, savitzky_golay, smooth, stuck, trend_filter,
 };
 
 use super::{
+    grid::{empty_rows, merged},
     options::{ChannelOptions, Method},
     report::{ChannelReport, Places},
 };
@@ -18,6 +19,12 @@ const HAMPEL: f64 = 6.0;
 /// The share of a period by which steps may differ where a filter counts rows.
 const UNEVEN: f64 = 0.01;
 
+/// Periods of samples over which an interpolation goes: what a join bridges.
+const BRIDGED: f64 = 5.0;
+
+/// Periods between two samples none of which is missing.
+const BETWEEN: f64 = 1.5;
+
 /// A prepared channel: every list has a value a row.
 pub(super) struct Curve {
     /// Value, rate, acceleration: as many as the method has.
@@ -27,14 +34,19 @@ pub(super) struct Curve {
     pub(super) report: ChannelReport,
 }
 
+/// A value and its derivatives, each at every row.
+type Lists = Vec<Vec<f64>>;
+
 /// A channel of a piece.
 pub(super) struct Channel<'a> {
     pub(super) name: &'a str,
     pub(super) angle: bool,
     pub(super) options: ChannelOptions,
-    /// Seconds of the episode.
+    /// Seconds of the episode at which it was sampled, and what was.
     pub(super) times: &'a [f64],
     pub(super) values: &'a [f64],
+    /// Seconds of the rows, where these are others.
+    pub(super) rows: Option<&'a [f64]>,
     /// Every n-th row is written.
     pub(super) decimate: usize,
 }
@@ -48,11 +60,16 @@ impl Channel<'_> {
         let (mut derivatives, mut deviations) = match self.options.method {
             Method::Spline(spline, lambda) => {
                 let smoothed = self.smoothed(&mut values, spline, lambda, &mut report)?;
-                self.leave_gaps_empty(&values, smoothed, &mut report)
+                self.at_rows(&values, smoothed, spline)?
             }
-            Method::None => (vec![values], Vec::new()),
-            filter => (self.filtered(filter, values, &mut report)?, Vec::new()),
+            Method::None => (vec![values.clone()], Vec::new()),
+            Method::Interpolate(kind) => (self.interpolated(&mut values, kind, &mut report)?, Vec::new()),
+            Method::Trend { degree, lambda } => (self.trend(&mut values, degree, lambda, &mut report)?, Vec::new()),
+            Method::SavitzkyGolay { .. } | Method::Butterworth { .. } => {
+                (self.filtered(values.clone(), &mut report)?, Vec::new())
+            }
         };
+        self.leave_gaps_empty(&values, derivatives.iter_mut().chain(&mut deviations), &mut report);
         if self.angle {
             derivatives[0].iter_mut().for_each(|angle| *angle = wrapped(*angle));
         }
@@ -63,16 +80,12 @@ impl Channel<'_> {
     }
 
     fn nothing_done(&self) -> ChannelReport {
-        let method = match self.options.method {
-            Method::Spline(Spline::Quintic, _) => "quintic",
-            Method::Spline(..) => "cubic",
-            Method::SavitzkyGolay { .. } => "savitzky-golay",
-            Method::Butterworth { .. } => "butterworth",
-            Method::None => "none",
-        };
         ChannelReport {
             channel: self.name.to_owned(),
-            method: method.to_owned(),
+            method: self.options.method.word().to_owned(),
+            topic: None,
+            clock: None,
+            samples: self.values.len(),
             missing: self.values.iter().filter(|value| value.is_nan()).count(),
             saturated: Places::default(),
             stuck: Places::default(),
@@ -132,45 +145,116 @@ impl Channel<'_> {
         Ok(smoothed)
     }
 
-    /// Values and deviations of a spline; rows stay empty where nothing was measured over longer than it smooths.
-    fn leave_gaps_empty(
-        &self,
-        values: &[f64],
-        smoothed: Smoothed,
-        report: &mut ChannelReport,
-    ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-        let is_long = |run: &std::ops::Range<usize>| {
-            let (first, last) = (run.start.saturating_sub(1), run.end.min(self.times.len() - 1));
-            self.times[last] - self.times[first] > report.smoothed
-        };
-        let rows: Vec<usize> = missing_runs(values).into_iter().filter(is_long).flatten().collect();
-        let Smoothed { mut derivatives, mut deviations, .. } = smoothed;
-        for list in derivatives.iter_mut().chain(&mut deviations) {
-            rows.iter().for_each(|&row| list[row] = f64::NAN);
+    /// Leaves out what a spline rejects, where that is asked for.
+    fn reject(&self, values: &mut [f64], report: &mut ChannelReport) -> Result<(), SignalError> {
+        if self.options.reject.is_some() {
+            self.smoothed(values, Spline::Cubic, Lambda::Likelihood, report)?;
+            (report.lambda, report.lambda_at_end, report.noise, report.smoothed) = (None, false, None, 0.0);
         }
-        report.left_empty = Places::of(&rows, self.times);
-        (derivatives, deviations)
+        Ok(())
     }
 
-    fn period(&self) -> f64 {
-        (self.times[self.times.len() - 1] - self.times[0]) / (self.times.len() - 1) as f64
+    /// Values and deviations of a spline at the rows: where these are not the samples, they are rows without a measurement for the same spline.
+    fn at_rows(&self, values: &[f64], smoothed: Smoothed, spline: Spline) -> Result<(Lists, Lists), SignalError> {
+        let Some(rows) = self.rows else { return Ok((smoothed.derivatives, smoothed.deviations)) };
+        let all = merged(self.times, values, rows);
+        let found = smooth(&all.times, &all.values, None, spline, Lambda::Given(smoothed.lambda))?;
+        let pick = |list: &Vec<f64>| all.rows.iter().map(|&at| list[at]).collect();
+        Ok((found.derivatives.iter().map(pick).collect(), found.deviations.iter().map(pick).collect()))
     }
 
-    /// A filter on even rows; what is missing comes from a spline.
-    fn filtered(
+    /// The curve through every measurement.
+    fn interpolated(
         &self,
-        method: Method,
-        mut values: Vec<f64>,
+        values: &mut [f64],
+        kind: Interpolation,
         report: &mut ChannelReport,
     ) -> Result<Vec<Vec<f64>>, SignalError> {
-        let period = self.even()?;
+        self.reject(values, report)?;
+        let mut lists = Vec::from(Interpolant::new(self.times, values, kind)?.all(self.rows.unwrap_or(self.times)));
+        lists.truncate(1 + self.options.method.rates());
+        // A hundredth of a measurement reaches three steps to either side: the weights of a cubic spline fall by 2 + sqrt(3) a step.
+        report.smoothed = 7.0 * self.period();
+        Ok(lists)
+    }
+
+    /// The curve of few polynomials.
+    fn trend(
+        &self,
+        values: &mut [f64],
+        degree: usize,
+        lambda: Lambda,
+        report: &mut ChannelReport,
+    ) -> Result<Vec<Vec<f64>>, SignalError> {
+        self.reject(values, report)?;
+        let trend = trend_filter(self.times, values, None, degree, lambda)?;
+        (report.lambda, report.lambda_at_end, report.noise) = (Some(trend.lambda), trend.at_end, Some(trend.noise));
+        let ends = [0].into_iter().chain(trend.borders.iter().copied()).chain([self.times.len() - 1]);
+        let ends: Vec<f64> = ends.map(|row| self.times[row]).collect();
+        report.smoothed = ends.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        Ok(match self.rows {
+            None => trend.derivatives,
+            Some(rows) => resampled(self.times, &trend.derivatives, rows, degree == 1),
+        })
+    }
+
+    /// Rows stay empty where nothing was measured over longer than the curve reaches.
+    fn leave_gaps_empty<'b>(
+        &self,
+        values: &[f64],
+        lists: impl Iterator<Item = &'b mut Vec<f64>>,
+        report: &mut ChannelReport,
+    ) {
+        let bridged = match self.options.method {
+            Method::None => return,
+            // What is missing among the rows was filled by a spline already.
+            Method::SavitzkyGolay { .. } | Method::Butterworth { .. } if self.rows.is_none() => return,
+            Method::Interpolate(_) => BRIDGED * self.period(),
+            _ if self.rows.is_none() => report.smoothed,
+            // Between two samples there is always a curve.
+            _ => report.smoothed.max(BETWEEN * self.period()),
+        };
+        let empty = empty_rows(self.times, values, self.rows.unwrap_or(self.times), bridged);
+        for list in lists {
+            empty.iter().for_each(|&row| list[row] = f64::NAN);
+        }
+        report.left_empty = Places::of(&empty, self.rows.unwrap_or(self.times));
+    }
+
+    /// Seconds a sample.
+    fn period(&self) -> f64 {
+        period(self.times)
+    }
+
+    /// A filter on even samples; what is missing, whether its stamp is there or not, comes from a spline.
+    fn filtered(&self, values: Vec<f64>, report: &mut ChannelReport) -> Result<Vec<Vec<f64>>, SignalError> {
+        let counts = self.counts()?;
+        let last = counts[counts.len() - 1];
+        let period = (self.times[self.times.len() - 1] - self.times[0]) / last.max(1) as f64;
+        if last + 1 == values.len() {
+            return self.filtered_even(values, period, report);
+        }
+        let mut grid = vec![f64::NAN; last + 1];
+        counts.iter().zip(&values).for_each(|(&count, value)| grid[count] = *value);
+        let times: Vec<f64> = (0..=last).map(|count| self.times[0] + period * count as f64).collect();
+        let rows = self.rows.unwrap_or(self.times);
+        let whole = Channel { times: &times, values: &grid, rows: Some(rows), ..*self };
+        whole.filtered_even(grid.clone(), period, report)
+    }
+
+    fn filtered_even(
+        &self,
+        mut values: Vec<f64>,
+        period: f64,
+        report: &mut ChannelReport,
+    ) -> Result<Vec<Vec<f64>>, SignalError> {
         if self.options.reject.is_some() || values.iter().any(|value| value.is_nan()) {
             let curve = self.smoothed(&mut values, Spline::Cubic, Lambda::Likelihood, report)?;
             for (value, smooth) in values.iter_mut().zip(&curve.derivatives[0]) {
                 *value = if value.is_nan() { *smooth } else { *value };
             }
         }
-        let lists = match method {
+        let lists = match self.options.method {
             Method::SavitzkyGolay { window, degree } => {
                 report.smoothed = report.smoothed.max(window as f64 * period);
                 let derivative = |k| savitzky_golay(&values, period, window, degree, k);
@@ -185,47 +269,55 @@ impl Channel<'_> {
                 let acceleration = central(&rate, period);
                 vec![value, rate, acceleration]
             }
-            Method::Spline(..) | Method::None => vec![values],
+            _ => vec![values],
         };
-        lists.into_iter().map(|list| self.without_aliases(list)).collect()
+        let lists: Vec<Vec<f64>> =
+            lists.into_iter().map(|list| self.without_aliases(list, period)).collect::<Result<_, _>>()?;
+        Ok(match self.rows {
+            None => lists,
+            Some(rows) => resampled(self.times, &lists, rows, false),
+        })
     }
 
-    /// What is above the Nyquist frequency of the rows that will be written is taken out of all rows.
-    fn without_aliases(&self, list: Vec<f64>) -> Result<Vec<f64>, SignalError> {
-        if self.decimate == 1 {
-            return Ok(list);
-        }
-        let kept = decimate(&list, self.decimate)?;
-        let mut rows = vec![f64::NAN; list.len()];
-        rows.iter_mut().step_by(self.decimate).zip(kept).for_each(|(row, value)| *row = value);
-        Ok(rows)
+    /// What is above the Nyquist frequency of the rows that will be written is taken out.
+    fn without_aliases(&self, list: Vec<f64>, own: f64) -> Result<Vec<f64>, SignalError> {
+        let rows = self.rows.map_or(own, median_step);
+        let ratio = self.decimate as f64 * rows / own;
+        // Periods that are equal but for what stamps are rounded to are no reason to filter.
+        if ratio < 1.0 + UNEVEN { Ok(list) } else { anti_alias(&list, ratio) }
     }
 
-    /// The period of even rows.
-    fn even(&self) -> Result<f64, SignalError> {
-        let period = self.period();
-        let step = |row: usize| self.times[row] - self.times[row - 1];
-        match (1..self.times.len()).find(|&row| (step(row) - period).abs() > UNEVEN * period) {
-            None => Ok(period),
-            Some(row) => Err(SignalError::Parameter {
-                what: "a step between rows, s,",
-                value: step(row),
-                expected: "a filter counts rows, which must be evenly spaced; smooth by a spline, or even the stamps out with dejitter = true",
-            }),
+    /// The number of every sample where all are whole periods apart.
+    fn counts(&self) -> Result<Vec<usize>, SignalError> {
+        let period = median_step(self.times);
+        let mut counts = vec![0];
+        for (row, pair) in self.times.windows(2).enumerate() {
+            let step = pair[1] - pair[0];
+            let periods = (step / period).round();
+            // What a period is off by adds up over a gap.
+            if periods < 1.0 || (step - periods * period).abs() > UNEVEN * period * periods {
+                return Err(SignalError::Parameter {
+                    what: "a step between samples, s,",
+                    value: step,
+                    expected: "a filter counts samples, which must be whole periods apart; smooth by a spline, or even the stamps out with dejitter = true",
+                });
+            }
+            counts.push(counts[row] + periods as usize);
         }
+        Ok(counts)
     }
 }
 
-/// Runs of rows without a value.
-fn missing_runs(values: &[f64]) -> Vec<std::ops::Range<usize>> {
-    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
-    for row in (0..values.len()).filter(|&row| values[row].is_nan()) {
-        match runs.last_mut() {
-            Some(last) if last.end == row => last.end += 1,
-            _ => runs.push(row..row + 1),
-        }
-    }
-    runs
+/// Seconds a stamp; stamps are not empty.
+fn period(times: &[f64]) -> f64 {
+    (times[times.len() - 1] - times[0]) / times.len().saturating_sub(1).max(1) as f64
+}
+
+/// The median step between stamps.
+fn median_step(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() { 1.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// Central differences, to one side at the ends.

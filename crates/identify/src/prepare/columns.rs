@@ -64,11 +64,7 @@ impl Planned {
 
     /// How many derivatives beside the value are written.
     pub(super) fn rates(&self) -> usize {
-        match self.options.map(|options| options.method) {
-            None | Some(Method::None) => 0,
-            Some(Method::Spline(spline, _)) => spline.states() - 1,
-            Some(_) => 2,
-        }
+        self.options.map_or(0, |options| options.method.rates())
     }
 
     /// Whether standard deviations are written.

@@ -1,7 +1,7 @@
 //! How channels are prepared: the words of `[prepare]` and `[channels.NAME]`, checked once.
 
 use fleetfoot_data::{did_you_mean, nearest};
-use fleetfoot_signal::{Lambda, Spline};
+use fleetfoot_signal::{Interpolation, Lambda, Spline};
 
 use crate::{Error, Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tunable};
 
@@ -9,6 +9,8 @@ use crate::{Error, Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tuna
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Method {
     Spline(Spline, Lambda),
+    Trend { degree: usize, lambda: Lambda },
+    Interpolate(Interpolation),
     SavitzkyGolay { window: usize, degree: usize },
     Butterworth { order: usize, cutoff: f64 },
     None,
@@ -25,6 +27,34 @@ pub(super) struct ChannelOptions {
     pub(super) stuck: usize,
     pub(super) range: Option<[f64; 2]>,
     pub(super) bounds: Option<[f64; 2]>,
+    /// Seconds by which stamps are later than what they stamp.
+    pub(super) late: f64,
+}
+
+impl Method {
+    /// How many derivatives beside the value it gives.
+    pub(super) fn rates(self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::Spline(spline, _) => spline.states() - 1,
+            Self::Trend { degree: 1, .. } | Self::Interpolate(Interpolation::ShapePreserving) => 1,
+            Self::Trend { .. } | Self::Interpolate(_) | Self::SavitzkyGolay { .. } | Self::Butterworth { .. } => 2,
+        }
+    }
+
+    /// Its word in a recipe.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Spline(Spline::Cubic, _) => "cubic",
+            Self::Spline(Spline::Quintic, _) => "quintic",
+            Self::Trend { .. } => "trend-filter",
+            Self::Interpolate(Interpolation::NotAKnot) => "not-a-knot",
+            Self::Interpolate(Interpolation::ShapePreserving) => "pchip",
+            Self::SavitzkyGolay { .. } => "savitzky-golay",
+            Self::Butterworth { .. } => "butterworth",
+            Self::None => "none",
+        }
+    }
 }
 
 /// What is done to whole episodes.
@@ -81,15 +111,15 @@ impl ChannelOptions {
             None => PrepareMethod::Cubic,
             Some(method) => method,
         };
-        if second_order && matches!(method, PrepareMethod::Cubic | PrepareMethod::None) {
-            let allowed = "quintic, savitzky-golay or butterworth with second_order: an acceleration is wanted";
-            return Err(refused(&place, "method", format!("{method:?}").to_lowercase(), allowed));
-        }
         Self::read(&place, &section, method, second_order)
     }
 
     fn read(place: &str, section: &PrepareSection, method: PrepareMethod, second_order: bool) -> Result<Self, Error> {
         let method = read_method(place, section, method)?;
+        if second_order && method.rates() < 2 {
+            let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth with second_order: an acceleration is wanted";
+            return Err(refused(place, "method", method.word(), allowed));
+        }
         let by_default = if matches!(method, Method::Spline(..)) { 4.0 } else { 0.0 };
         let is_number = |sigmas: f64| sigmas >= 0.0 && sigmas.is_finite();
         let allowed = "a number of standard deviations, zero for none";
@@ -108,8 +138,17 @@ impl ChannelOptions {
             stuck: section.stuck.unwrap_or(0),
             range: limits("range", section.range)?,
             bounds: limits("bounds", section.bounds)?,
+            late: late(place, section)?,
         })
     }
+}
+
+/// Half of a mean's window, and the delay.
+fn late(place: &str, section: &PrepareSection) -> Result<f64, Error> {
+    let is_window = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
+    let window = checked(place, "average", section.average.unwrap_or(0.0), is_window, "seconds, zero or more")?;
+    let delay = checked(place, "delay", section.delay.unwrap_or(0.0), |seconds: f64| seconds.is_finite(), "seconds")?;
+    Ok(delay + 0.5 * window)
 }
 
 fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
@@ -117,6 +156,13 @@ fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> 
         PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(place, section)?),
         PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(place, section)?),
         PrepareMethod::None => Method::None,
+        PrepareMethod::NotAKnot => Method::Interpolate(Interpolation::NotAKnot),
+        PrepareMethod::Pchip => Method::Interpolate(Interpolation::ShapePreserving),
+        PrepareMethod::TrendFilter => {
+            let is_degree = |degree: usize| (1..=3).contains(&degree);
+            let degree = checked(place, "degree", section.degree.unwrap_or(2), is_degree, "1, 2 or 3")?;
+            Method::Trend { degree, lambda: lambda(place, section)? }
+        }
         PrepareMethod::SavitzkyGolay => {
             let odd = |rows: usize| rows % 2 == 1 && rows >= 3;
             let window =
@@ -197,6 +243,11 @@ mod tests {
         let input = options(&channels, "u").unwrap();
         assert_eq!((input.method, input.second_order), (Method::Butterworth { order: 4, cutoff: 3.0 }, false));
         assert_eq!(options(&channels, "q").unwrap().method, Method::Spline(Spline::Quintic, Lambda::Given(2.5)));
+        let way = |text: &str| options(text, "q").unwrap().method;
+        assert_eq!(way("[prepare]\nmethod = \"pchip\"\n"), Method::Interpolate(Interpolation::ShapePreserving));
+        let trend = way("[prepare]\nmethod = \"trend-filter\"\nlambda = \"gcv\"\n");
+        assert_eq!(trend, Method::Trend { degree: 2, lambda: Lambda::Gcv });
+        assert_eq!(options("[channels.q]\ndelay = 0.01\naverage = 0.02\n", "q").unwrap().late, 0.02);
         // A range is no reason to smooth an input.
         assert_eq!(options("[channels.u]\nrange = [0.0, 1.0]\n", "u").unwrap().method, Method::None);
     }
@@ -214,6 +265,13 @@ mod tests {
             ("[prepare]\nreject = -1.0\n", ["reject = -1", "zero for none"]),
             ("[prepare]\nbounds = [2.0, 1.0]\n", ["bounds = [2, 1]", "least"]),
             ("[prepare]\nmethod = \"cubic\"\nsecond_order = true\n", ["method = cubic", "acceleration"]),
+            ("[prepare]\nmethod = \"pchip\"\nsecond_order = true\n", ["method = pchip", "acceleration"]),
+            (
+                "[prepare]\nmethod = \"trend-filter\"\ndegree = 1\nsecond_order = true\n",
+                ["method = trend-filter", "degree 2 or 3"],
+            ),
+            ("[prepare]\nmethod = \"trend-filter\"\ndegree = 4\n", ["[prepare] degree = 4", "1, 2 or 3"]),
+            ("[channels.q]\naverage = -0.1\n", ["[channels.q] average = -0.1", "zero or more"]),
         ] {
             let error = options(text, "q").unwrap_err();
             assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");

@@ -1,5 +1,6 @@
 //! What preparation did, for people and programs.
 
+use fleetfoot_signal::Dejittered;
 use serde::Serialize;
 
 use crate::clocks::AlignedClock;
@@ -92,7 +93,15 @@ pub struct ChannelReport {
     pub channel: String,
     /// How it became smooth.
     pub method: String,
-    /// Rows without a value.
+    /// The topic whose samples the curve goes through, where that is not the rows' own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
+    /// What the stamps of these samples say of their clock, where they were evened out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockReport>,
+    /// Samples: rows, or messages of the topic.
+    pub samples: usize,
+    /// Samples without a value.
     pub missing: usize,
     /// Values at or beyond the ends of what the sensor can measure.
     pub saturated: Places,
@@ -114,6 +123,19 @@ pub struct ChannelReport {
     pub noise: Option<f64>,
     /// Seconds over which neighbouring rows share smoothed values.
     pub smoothed: f64,
+}
+
+impl ClockReport {
+    /// What evening out found.
+    pub(super) fn of(even: &Dejittered) -> Self {
+        Self {
+            period: even.period,
+            period_deviation: even.period_deviation,
+            jitter: even.jitter,
+            correlation: even.correlation,
+            missing: even.gaps.iter().map(|(_, missing)| missing).sum(),
+        }
+    }
 }
 
 impl Places {

@@ -12,6 +12,12 @@ pub enum PrepareMethod {
     Cubic,
     /// The quintic smoothing spline: value, rate and acceleration, with standard deviations.
     Quintic,
+    /// Few polynomials, joined where the data say: value, rate and, from degree 2 on, acceleration.
+    TrendFilter,
+    /// The cubic spline through every measurement: value, rate and acceleration.
+    NotAKnot,
+    /// The curve through every measurement that rises and falls where they do: value and rate.
+    Pchip,
     /// Polynomials through windows of rows.
     SavitzkyGolay,
     /// A low-pass filter run both ways, then central differences.
@@ -46,11 +52,12 @@ settings! {
         /// A state's rate is a state too, and its acceleration is what is fitted: for positions whose rates nobody measured (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub second_order: bool,
-        /// The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or what it is chosen by: likelihood or gcv (default: likelihood).
+        /// The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of trend-filter, in units of the state times s^degree, or what it is chosen by: likelihood or gcv
+        /// (default: likelihood).
         #[arg(long, value_name = "VALUE|RULE", allow_negative_numbers = true)]
         pub lambda: Tunable,
-        /// Values further off the curve than so many standard deviations are left out, again and again until there are none; 0 for none (default: 4 for splines,
-        /// 0 for filters).
+        /// Values further off the curve than so many standard deviations are left out, again and again until there are none; 0 for none (default: 4 for cubic and
+        /// quintic, 0 for the others).
         #[arg(long, value_name = "SIGMAS", allow_negative_numbers = true)]
         pub reject: f64,
         /// Values further off the median of so many rows on either side than six robust standard deviations are left out first; 0 for none (default: 0).
@@ -68,7 +75,7 @@ settings! {
         /// Rows of a window of savitzky-golay, an odd number (default: 11).
         #[arg(long, value_name = "ROWS")]
         pub window: usize,
-        /// Degree of the polynomials of savitzky-golay (default: 3).
+        /// Degree of the polynomials of savitzky-golay (default: 3), or of trend-filter, 1 to 3 (default: 2).
         #[arg(long, value_name = "N")]
         pub degree: usize,
         /// Frequency at which butterworth has halved the power, run one way (default: none, it must be given).
@@ -77,13 +84,19 @@ settings! {
         /// Order of butterworth, run one way (default: 4).
         #[arg(long, value_name = "N")]
         pub order: usize,
+        /// Seconds by which a sensor's stamps are late (default: 0).
+        #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+        pub delay: f64,
+        /// Seconds before its stamp of which a sensor reports the mean: the mean is late by half of them (default: 0).
+        #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+        pub average: f64,
         /// Seconds that are cut off at both ends of every episode, before anything else (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub clip: f64,
         /// Replace stamps by their regression on the sample count: for a sensor that samples evenly and a computer that stamps late (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub dejitter: bool,
-        /// Write every n-th row; what savitzky-golay and butterworth made goes through an anti-alias filter first (default: 1).
+        /// Write every n-th row; what savitzky-golay and butterworth made goes through an anti-alias filter first, as it does where a state's own topic is faster than the rows (default: 1).
         #[arg(long, value_name = "N")]
         pub decimate: usize,
         /// Pieces of fewer rows are not written (default: 50).

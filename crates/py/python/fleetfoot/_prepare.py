@@ -68,6 +68,8 @@ def prepare(
     degree: int | None = None,
     cutoff: float | None = None,
     order: int | None = None,
+    delay: float | None = None,
+    average: float | None = None,
     clip: float | None = None,
     dejitter: bool | None = None,
     decimate: int | None = None,
@@ -96,16 +98,18 @@ def prepare(
         Topics that another computer stamps, and what tells how its clock goes: ``{"mocap": {"topics": ["/mocap/*"],
         "motion": ["speed", "turning"]}}``, two channels that saw one motion, by the reference clock and by this one.
         ``wave`` in place of ``motion`` for a square wave; ``offset`` in seconds, ``reach`` about it.
-    method : {"cubic", "quintic", "savitzky-golay", "butterworth", "none"}, optional
-        How states become smooth (``"cubic"``; ``"quintic"`` with ``second_order``). Inputs stay as they are unless
-        ``channels`` says how.
+    method : str, optional
+        How states become smooth: the smoothing splines ``"cubic"`` (the default) and ``"quintic"`` (that with
+        ``second_order``), ``"trend-filter"``, the curves through every measurement ``"not-a-knot"`` and ``"pchip"``,
+        ``"savitzky-golay"``, ``"butterworth"``, ``"none"``. Inputs stay as they are unless ``channels`` says how.
     second_order : bool, optional
         A state's rate is a state too, and its acceleration is what is fitted (``False``).
     lam : float or {"likelihood", "gcv"}, optional
-        The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or what it is chosen by (``"likelihood"``).
+        The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of the trend filter, in units of the state times
+        s^degree, or what it is chosen by (``"likelihood"``).
     reject : float, optional
         Values further off the curve than so many standard deviations are left out, again and again until there are
-        none; 0 for none (4 for splines, 0 for filters).
+        none; 0 for none (4 for cubic and quintic, 0 for the others).
     hampel : int, optional
         Values off the median of so many rows on either side by more than six robust standard deviations are left out
         first; 0 for none (0).
@@ -116,11 +120,16 @@ def prepare(
     bounds : (float, float), optional
         Where a channel may be: a row beyond these ends an episode.
     window, degree : int, optional
-        Rows of a window and degree of the polynomials of Savitzky and Golay (11 and 3).
+        Rows of a window and degree of the polynomials of Savitzky and Golay (11 and 3); degree of the trend filter's
+        pieces, 1 to 3 (2).
     cutoff : float, optional
         Frequency in Hz at which the Butterworth filter has halved the power, run one way.
     order : int, optional
         Order of the Butterworth filter, run one way (4).
+    delay : float, optional
+        Seconds by which a sensor's stamps are late (0).
+    average : float, optional
+        Seconds before its stamp of which a sensor reports the mean, which is late by half of them (0).
     clip : float, optional
         Seconds that are cut off at both ends of every episode, before anything else (0).
     dejitter : bool, optional
@@ -170,6 +179,8 @@ def prepare(
         degree=degree,
         cutoff=cutoff,
         order=order,
+        delay=delay,
+        average=average,
         clip=clip,
         dejitter=dejitter,
         decimate=decimate,

@@ -75,6 +75,19 @@ def test_channels_say_otherwise_and_arguments_stand_above_the_recipe(swing, tmp_
     found = method(channels={"q": {"method": "cubic", "lam": 1e-7}})
     assert (found["method"], found["lambda"]) == ("cubic", 1e-7)
     assert method(method="savitzky-golay", window=9, degree=2)["method"] == "savitzky-golay"
+    trend = method(method="trend-filter", degree=3, lam="gcv", reject=4.0)
+    assert trend["method"] == "trend-filter" and trend["rejected"]["rows"] >= len(WRONG)
+    assert method(method="not-a-knot")["noise"] is None and method(method="pchip")["method"] == "pchip"
+
+
+def test_a_mean_is_moved_by_half_its_window(swing, tmp_path):
+    t, _, _ = swing
+    truth = lambda times: np.sin(3.0 * times)  # noqa: E731
+    measured = truth(t - 0.03) + np.random.default_rng(2).normal(0.0, 1e-3, ROWS)
+    log = ff.open({"t": t, "q": measured}, t="t", recipe={"states": {"q": {}}})
+    clean = ff.prepare(log, tmp_path / "clean", average=0.04, delay=0.01, clip=0.2)
+    rows = ff.read(clean.files[0])
+    assert np.sqrt(np.mean((rows["q"] - truth(t[20:-20])) ** 2)) < 1e-3
 
 
 def test_every_setting_is_an_argument():
