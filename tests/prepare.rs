@@ -176,15 +176,16 @@ fn swing(t: f64) -> [f64; 2] {
     [(2.0 * t).sin() + 0.2 * (9.0 * t).cos(), 2.0 * (2.0 * t).cos() - 1.8 * (9.0 * t).sin()]
 }
 
-/// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its stamps, with noise of a millimetre.
-fn two_rates(path: &Path) {
+/// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its stamps, with noise of a millimetre; half of the way both pause for
+/// some seconds.
+fn two_rates(path: &Path, pause: f64) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
     let pose = writer.channel::<PoseStamped<'_>>("/camera").unwrap();
     let stamp = |t: f64| START + (t * 1e9).round() as i64;
     let header = |t: f64| Header { stamp: Time::from_nanoseconds(stamp(t)).unwrap(), frame_id: "body" };
     for row in 0..10_000 {
-        let t = 0.002 * row as f64;
+        let t = 0.002 * row as f64 + if row < 5000 { 0.0 } else { pause };
         let mean = (swing(t)[0] - swing(t - 0.02)[0]) / 0.02;
         let angular_velocity = [mean + 0.003 * noise(5, row), 0.0, 0.0];
         writer.write(imu, stamp(t), stamp(t), &Imu { header: header(t), angular_velocity, ..Imu::default() }).unwrap();
@@ -220,7 +221,7 @@ fn prepared(folder: &Path, recipe: &str, flags: &[&str]) -> serde_json::Value {
 fn a_slower_topic_is_smoothed_at_its_own_samples() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
-    two_rates(&path.join("run.mcap"));
+    two_rates(&path.join("run.mcap"), 0.0);
     let said = prepared(path, TWO_RATES, &[]);
     let piece = &said["episodes"][0]["pieces"][0];
     let (x, w) = (&piece["channels"][0], &piece["channels"][1]);
@@ -248,7 +249,7 @@ fn a_slower_topic_is_smoothed_at_its_own_samples() {
 fn every_method_comes_to_the_rows() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
-    two_rates(&path.join("run.mcap"));
+    two_rates(&path.join("run.mcap"), 0.0);
     for (flags, value, rate) in [
         (&["--method", "quintic"][..], 0.5e-3, 0.05),
         (&["--method", "trend-filter"], 0.7e-3, 0.1),
@@ -266,12 +267,35 @@ fn every_method_comes_to_the_rows() {
     }
 }
 
+/// Samples on the other side of a pause belong to another episode: a curve that is late, and so reaches beyond its own last row, does not go on to them.
+#[test]
+fn a_pause_is_not_bridged() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    two_rates(&path.join("run.mcap"), 7.3713);
+    let late = TWO_RATES.replace("clip = 0.2", "clip = 0") + "[channels.x]\ndelay = 0.05\n";
+    for flags in [&["--method", "cubic"][..], &["--method", "savitzky-golay"], &["--method", "pchip"]] {
+        let said = prepared(path, &late, flags);
+        let episodes = said["episodes"].as_array().expect("episodes");
+        assert_eq!(episodes.len(), 2, "{said:#}");
+        let [before, after] = [0, 1].map(|at| &episodes[at]["pieces"][0]["channels"][0]);
+        assert_eq!((&before["topic"], &after["topic"]), (&"/camera".into(), &"/camera".into()));
+        let empty = |channel: &serde_json::Value| channel["left_empty"]["rows"].as_u64().expect("a count");
+        assert_eq!(empty(before), empty(after), "{flags:?}: {before:#} {after:#}");
+        // Of the filter its window, 11 samples of a period that no pause is part of.
+        let smoothed = |channel: &serde_json::Value| channel["smoothed"].as_f64().expect("seconds");
+        let window = 0.11;
+        let is_own = |channel| flags[1] != "savitzky-golay" || (smoothed(channel) / window - 1.0).abs() < 1e-6;
+        assert!(is_own(before) && is_own(after), "{before:#} {after:#}");
+    }
+}
+
 /// The mean of the last 20 ms is late by 10 ms; told so, the curve belongs to its stamps.
 #[test]
 fn a_mean_is_late_by_half_its_window() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
-    two_rates(&path.join("run.mcap"));
+    two_rates(&path.join("run.mcap"), 0.0);
     prepared(path, TWO_RATES, &[]);
     let late = apart(path, "w", |t| swing(t)[1]);
     let told = format!("{TWO_RATES}[channels.w]\naverage = 0.02\n");

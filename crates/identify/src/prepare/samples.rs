@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Block, Halo, Progress, Source};
+use fleetfoot_data::{Block, Episode, Halo, Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_signal::dejitter;
 
@@ -126,15 +126,18 @@ impl Topics {
 }
 
 impl OfTopic {
-    /// The topic's samples in a log about the rows of a block, channel by channel; `None` where their stamps do not rise.
+    /// The topic's samples in a log about the rows of a block, channel by channel, of those of its episodes that meet the rows; `None` where their stamps do not rise.
     fn samples(&self, log: &std::path::Path, rows: &Block, even: bool) -> Result<Option<Vec<Samples>>, Error> {
         let seconds = rows.seconds();
         let (Some(&first), Some(&last)) = (seconds.first(), seconds.last()) else { return Ok(None) };
         let view = self.dataset.view()?;
+        // A pause of the topic is a border here as it is for the rows: what was sampled beyond it is no part of their curve.
+        let meets = |episode: &Episode| episode.start <= stamp_at(rows, last) && episode.end >= stamp_at(rows, first);
+        let of_log = |(at, episode): &(usize, &Episode)| self.dataset.origin(*at) == log && meets(episode);
         let empty = Samples { topic: self.topic.clone(), ..Samples::default() };
         let mut all = vec![empty; self.channels.len()];
         let mut longest = 0;
-        for (at, episode) in view.episodes().iter().enumerate().filter(|(at, _)| self.dataset.origin(*at) == log) {
+        for (at, episode) in view.episodes().iter().enumerate().filter(of_log) {
             let block = view.read(at, 0..episode.rows, Halo::default())?;
             let since = (block.start - rows.start) as f64 * 1e-9;
             let mut times: Vec<f64> = block.seconds();
@@ -160,6 +163,11 @@ impl OfTopic {
         let rises = |own: &Samples| own.times.windows(2).all(|pair| pair[0] < pair[1]);
         Ok(all.iter().all(rises).then_some(all))
     }
+}
+
+/// The stamp at so many seconds of a block.
+fn stamp_at(block: &Block, seconds: f64) -> i64 {
+    block.start + (seconds * 1e9).round() as i64
 }
 
 #[cfg(test)]
