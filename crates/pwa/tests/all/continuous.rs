@@ -1,13 +1,13 @@
 //! Maps that meet at the borders of their regions: closed forms, the equality-constrained problem solved whole, and borders walked over.
 
 use faer::Mat;
-use fleetfoot_data::{Silent, with_threads};
+use fleetfoot_data::Silent;
 use fleetfoot_model::{Model, Rule};
 use fleetfoot_pwa::{Options, Problem, Selection, Shrinkage, identify};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::refined::{Row, normal, options, problem, run, source};
+use crate::refined::{Row, normal, options, problem, run, same_bits, source};
 
 fn continuous(partitions: &str, folds: u16) -> Options {
     let mut options = options(partitions, folds);
@@ -250,20 +250,5 @@ fn what_cannot_meet_is_refused() {
 #[test]
 fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
     let rows = sampled(3, 9000, 0.2, 10, |x| (2.0 * x[0] + x[1]).sin() + x[2].abs());
-    let said = |source: &fleetfoot_data::MemorySource| {
-        let found = run(&problem(3), &continuous("kmeans:3,refined:3,tree:2", 3), source);
-        let mut model = found.model;
-        model.training.episodes.sort();
-        let told: Vec<_> =
-            found.candidates.iter().map(|s| (s.loss.to_bits(), s.continuity.map(|c| c.numbers))).collect();
-        (model.to_json(), told, found.notes)
-    };
-    let whole = source(&rows, 6);
-    let alone = with_threads(1, || said(&whole));
-    for threads in [2, 7] {
-        assert_eq!(with_threads(threads, || said(&whole)), alone);
-    }
-    let mut reversed: Vec<Row> = Vec::new();
-    rows.chunks(1500).rev().for_each(|part| reversed.extend_from_slice(part));
-    assert_eq!(said(&source(&reversed, 6)), alone);
+    same_bits(&problem(3), &continuous("kmeans:3,refined:3,tree:2", 3), &rows);
 }

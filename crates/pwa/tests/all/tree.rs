@@ -1,13 +1,13 @@
 //! Trees of cuts on systems of known truth, and their invariants.
 
-use fleetfoot_data::{Silent, with_threads};
+use fleetfoot_data::Silent;
 use fleetfoot_model::{Branch, Rule, Tree};
 use fleetfoot_pwa::{Specification, identify, partition};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::refined::{Row, normal, options, problem, run, source};
+use crate::refined::{Row, normal, options, problem, run, same_bits, source};
 
 /// Three maps of three inputs: below 0.3 of the second input, and on both sides of -1 of the third beyond; noise of so much.
 fn boxes(rows: usize, noise: f64, seed: u64) -> Vec<Row> {
@@ -91,24 +91,8 @@ fn the_trees_of_labels_are_their_own() {
 
 #[test]
 fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
-    let rows = boxes(9000, 0.3, 5);
-    let options = options("tree:1..4", 3);
-    let said = |source: &fleetfoot_data::MemorySource| {
-        let found = run(&problem(3), &options, source);
-        let mut model = found.model;
-        model.training.episodes.sort();
-        let losses: Vec<u64> = found.candidates.iter().map(|score| score.loss.to_bits()).collect();
-        (model.to_json(), losses, found.notes)
-    };
-    let whole = source(&rows, 6);
-    let alone = with_threads(1, || said(&whole));
-    assert!(alone.0.contains("\"tree\""));
-    for threads in [2, 7] {
-        assert_eq!(with_threads(threads, || said(&whole)), alone);
-    }
-    let mut reversed: Vec<Row> = Vec::new();
-    rows.chunks(1500).rev().for_each(|part| reversed.extend_from_slice(part));
-    assert_eq!(said(&source(&reversed, 6)), alone);
+    let model = same_bits(&problem(3), &options("tree:1..4", 3), &boxes(9000, 0.3, 5));
+    assert!(model.contains("\"tree\""));
 }
 
 #[test]
