@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use fleetfoot_data::{Block, Halo};
 
-use crate::{Expr, Program, Scratch, UnknownColumn};
+use crate::{Expr, Program, Scratch, UnknownColumn, kernel::all_within};
 
 /// Groups of expressions (regressors, targets, whatever the caller needs beside them) evaluated together.
 pub struct Design {
@@ -85,7 +85,9 @@ impl Design {
         rows: Range<usize>,
         out: &mut DesignRows,
     ) -> Result<(), TooLarge> {
-        self.evaluate(block, rows, out);
+        if self.evaluate_within(block, rows, out, LARGEST) {
+            return Ok(());
+        }
         let count = out.index.len().max(1);
         let largest = |column: &[f64]| column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
         // The first: what others are made of stands before them.
@@ -102,6 +104,11 @@ impl Design {
 
     /// Evaluates the tile `rows` (core rows) of a block into `out`, which is overwritten.
     pub fn evaluate(&self, block: &Block, rows: Range<usize>, out: &mut DesignRows) {
+        self.evaluate_within(block, rows, out, f64::MAX);
+    }
+
+    /// [`Design::evaluate`]; whether all rows are complete and no value is larger than `limit`.
+    fn evaluate_within(&self, block: &Block, rows: Range<usize>, out: &mut DesignRows, limit: f64) -> bool {
         let valid = self.program.valid_rows(block);
         let (first, last) = (rows.start.max(valid.start), rows.end.min(valid.end));
         let count = last.saturating_sub(first);
@@ -111,28 +118,41 @@ impl Design {
         // What is left of the last tile is overwritten.
         out.values.resize(count * self.outputs(), 0.0);
         if count == 0 {
-            return;
+            return true;
         }
         self.program.evaluate_block(block, first..last, &mut out.values, count, &mut out.scratch);
+        if all_within(&out.values, limit) {
+            out.index.extend(first..last);
+            return true;
+        }
+        out.leave_out_incomplete(first..last, self.outputs());
+        false
+    }
+}
+
+impl DesignRows {
+    /// Keeps the complete ones of these core rows, which all have values.
+    fn leave_out_incomplete(&mut self, rows: Range<usize>, outputs: usize) {
+        let count = rows.len();
         // A sum of x * 0 is 0 unless some x is not finite.
         let mut poison = vec![0.0f64; count];
-        for column in out.values.chunks_exact(count) {
+        for column in self.values.chunks_exact(count) {
             for (sum, value) in poison.iter_mut().zip(column) {
                 *sum += value * 0.0;
             }
         }
-        out.index.extend((0..count).filter(|&row| poison[row] == 0.0).map(|row| first + row));
-        let complete = out.index.len();
+        self.index.extend((0..count).filter(|&row| poison[row] == 0.0).map(|row| rows.start + row));
+        let complete = self.index.len();
         if complete < count {
-            out.incomplete = (count - complete) as u64;
+            self.incomplete = (count - complete) as u64;
             let mut to = 0;
-            for output in 0..self.outputs() {
+            for output in 0..outputs {
                 for row in 0..complete {
-                    out.values[to] = out.values[output * count + out.index[row] - first];
+                    self.values[to] = self.values[output * count + self.index[row] - rows.start];
                     to += 1;
                 }
             }
-            out.values.truncate(complete * self.outputs());
+            self.values.truncate(complete * outputs);
         }
     }
 }

@@ -183,6 +183,40 @@ impl pulp::WithSimd for Tiles<'_> {
     }
 }
 
+/// Whether no value is NaN or larger than a limit, either sign.
+pub(crate) fn all_within(values: &[f64], limit: f64) -> bool {
+    pulp::Arch::new().dispatch(AllWithin { values, limit })
+}
+
+struct AllWithin<'a> {
+    values: &'a [f64],
+    limit: f64,
+}
+
+impl pulp::WithSimd for AllWithin<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
+        let (vectors, tail) = S::as_simd_f64s(self.values);
+        let (limit, zero) = (simd.splat_f64s(self.limit), simd.splat_f64s(0.0));
+        let yes = simd.less_than_or_equal_f64s(zero, zero);
+        let mut within = [yes; 4];
+        let (fours, rest) = pulp::as_arrays::<4, _>(vectors);
+        for four in fours {
+            for k in 0..4 {
+                within[k] = simd.and_m64s(within[k], simd.less_than_or_equal_f64s(simd.abs_f64s(four[k]), limit));
+            }
+        }
+        for &v in rest {
+            within[0] = simd.and_m64s(within[0], simd.less_than_or_equal_f64s(simd.abs_f64s(v), limit));
+        }
+        let all = simd.and_m64s(simd.and_m64s(within[0], within[1]), simd.and_m64s(within[2], within[3]));
+        simd.first_true_m64s(simd.xor_m64s(all, yes)) == S::F64_LANES
+            && tail.iter().all(|value| value.abs() <= self.limit)
+    }
+}
+
 /// One argument of an instruction over a tile.
 #[derive(Clone, Copy)]
 enum Input<'a> {
@@ -278,4 +312,26 @@ fn unary(function: Unary, target: &mut [f64], x: Input<'_>) {
 fn binary(function: Binary, target: &mut [f64], a: Input<'_>, b: Input<'_>) {
     one_loop_each!(function in Binary: Add Sub Mul Div Pow Atan2 Min Max
         => zip(target, a, b, |a, b| function.apply(a, b)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_value_that_is_none_is_found_wherever_it_stands() {
+        for length in [1, 7, 64, 101] {
+            let mut values: Vec<f64> = (0..length).map(|i| f64::from(i - 50)).collect();
+            assert!(all_within(&values, 51.0));
+            for at in 0..values.len() {
+                for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e151, -1e151] {
+                    let kept = std::mem::replace(&mut values[at], bad);
+                    assert!(!all_within(&values, 1e150), "{bad} at {at} of {length}");
+                    assert_eq!(all_within(&values, f64::MAX), bad.is_finite());
+                    values[at] = kept;
+                }
+            }
+        }
+        assert!(all_within(&[], 0.0));
+    }
 }

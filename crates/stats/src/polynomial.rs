@@ -401,13 +401,19 @@ fn program(library: &Graded, moments: &Graded, degree: usize, targets: usize, re
     let (variables, top) = (library.exponent(0).len(), 2 * degree);
     let split = tiling::best_split(variables, top);
     let (first, second) = (Graded::new(split, top), Graded::new(variables - split, top));
-    let low = Graded::new(split, degree);
+    let (low, low_second) = (Graded::new(split, degree), Graded::new(variables - split, degree));
+    let functions = Functions::below(&first, 0, top);
+    let highest = if functions.all_stored() { top } else { top - 1 };
+    let of_first = |i: usize| [first.exponent(i), second.exponent(0)].concat();
     Program {
-        moments: Tiling::staircase(&first, &second, top, moments, registers),
-        cross: Tiling::staircase(&low, &Graded::new(variables - split, degree), degree, library, registers),
-        pairs: (0..targets).map(|t| Tiling::strip(t + 1, registers, |j| t * (t + 1) / 2 + j)).collect(),
+        moments: Tiling::staircase((&first, highest), &second, top, moments, registers),
+        tops: (highest < top)
+            .then(|| Tiling::alone(first.of_degree(top), registers, |i| moments.index(&of_first(i)).unwrap_or(0))),
+        cross: Tiling::staircase((&low, degree), &low_second, degree, library, registers),
+        pairs: (0..targets).map(|t| Tiling::alone(0..t + 1, registers, |j| t * (t + 1) / 2 + j)).collect(),
         low: low.len(),
-        first: Functions::stored(&first, 0),
-        second: Functions::with_leaves(&second, split),
+        first: functions,
+        targets: Functions::given(targets),
+        second: Functions::with_leaves(&second, split, degree, top),
     }
 }

@@ -15,7 +15,7 @@ const LANES: usize = 8;
 const ALIAS: usize = 64;
 /// Columns are padded to whole blocks of the product.
 const BLOCK: usize = 4;
-/// Left and right columns of a block of the product: 3 x 8 sums stay in registers. The right ones stay in first-level cache while all left ones pass, so
+/// Left and right columns of a block of the product: 3 x 8 sums stay in registers, 3 x 4 where there are sixteen. The right ones stay in first-level cache while all left ones pass, so
 /// that there should be more of them.
 const LEFT: usize = 3;
 const RIGHT: usize = 8;
@@ -259,7 +259,7 @@ impl WithSimd for Multiply<'_> {
         if S::REGISTER_COUNT >= 32 {
             blocks::<S, LEFT, RIGHT>(simd, (values, stride), (product, columns));
         } else {
-            blocks::<S, { LEFT - 1 }, BLOCK>(simd, (values, stride), (product, columns));
+            blocks::<S, LEFT, BLOCK>(simd, (values, stride), (product, columns));
         }
     }
 }
@@ -322,14 +322,15 @@ fn dots<S: Simd, const A: usize, const B: usize>(
     }
     let mut sums = [[simd.splat_f64s(0.0); B]; A];
     for row in 0..length {
-        let mut b = [simd.splat_f64s(0.0); B];
-        for l in 0..B {
-            b[l] = right[l][row];
-        }
+        // The shorter side is held: 3 x 4 sums, three vectors and a passing one are sixteen registers.
+        let mut a = [simd.splat_f64s(0.0); A];
         for k in 0..A {
-            let a = left[k][row];
-            for l in 0..B {
-                sums[k][l] = simd.mul_add_f64s(a, b[l], sums[k][l]);
+            a[k] = left[k][row];
+        }
+        for l in 0..B {
+            let b = right[l][row];
+            for k in 0..A {
+                sums[k][l] = simd.mul_add_f64s(a[k], b, sums[k][l]);
             }
         }
     }

@@ -65,41 +65,75 @@ impl WithSimd for Solve<'_> {
             rest = after;
             let (known, unknown) = panel.split_at_mut(columns * BLOCK * PANEL);
             let (above, diagonal) = packed.split_at(block * BLOCK);
-            block_solve(simd, known, &mut unknown[..BLOCK * PANEL], above, diagonal);
+            let unknown = &mut unknown[..BLOCK * PANEL];
+            // Values, vectors of a known column and a factor stay in registers: 16 + 2 + 1, or 8 + 2 + 1 where there are sixteen of them. In either case every
+            // value meets the columns before it in their order.
+            if S::REGISTER_COUNT >= 32 {
+                block_solve::<S, BLOCK, 2>(simd, known, unknown, (above, diagonal), 0);
+            } else {
+                block_solve::<S, { BLOCK / 2 }, 2>(simd, known, unknown, (above, diagonal), 0);
+                block_solve::<S, { BLOCK / 2 }, 2>(simd, known, unknown, (above, diagonal), BLOCK / 2);
+            }
         }
     }
 }
 
-/// Solves one block of columns for all rows of the panel, given the columns before it.
+/// Solves `C` columns of a block, from column `first` of it on, for all rows of the panel, `V` vectors of rows at a time, given the columns before them.
 #[inline(always)]
-fn block_solve<S: Simd>(simd: S, known: &[f64], block: &mut [f64], above: &[f64], diagonal: &[f64]) {
+fn block_solve<S: Simd, const C: usize, const V: usize>(
+    simd: S,
+    known: &[f64],
+    block: &mut [f64],
+    (above, diagonal): (&[f64], &[f64]),
+    first: usize,
+) {
     let (known, _) = S::as_simd_f64s(known);
-    let (block, _) = S::as_mut_simd_f64s(block);
+    let (done, own) = block.split_at_mut(first * PANEL);
+    let (done, own) = (S::as_simd_f64s(done).0, S::as_mut_simd_f64s(&mut own[..C * PANEL]).0);
     let vectors = PANEL / S::F64_LANES;
-    for at in (0..vectors).step_by(2) {
-        let mut x = [[simd.splat_f64s(0.0); 2]; BLOCK];
-        for (j, x) in x.iter_mut().enumerate() {
-            *x = [block[j * vectors + at], block[j * vectors + at + 1]];
+    for at in (0..vectors).step_by(V) {
+        let mut x = [[simd.splat_f64s(0.0); V]; C];
+        for j in 0..C {
+            x[j] = load(own, j * vectors + at);
         }
-        for (column, t) in known.chunks_exact(vectors).zip(above.chunks_exact(BLOCK)) {
-            let y = [simd.neg_f64s(column[at]), simd.neg_f64s(column[at + 1])];
-            for j in 0..BLOCK {
-                let t = simd.splat_f64s(t[j]);
-                x[j][0] = simd.mul_add_f64s(y[0], t, x[j][0]);
-                x[j][1] = simd.mul_add_f64s(y[1], t, x[j][1]);
+        let before = known.chunks_exact(vectors).zip(above.chunks_exact(BLOCK));
+        let within = done.chunks_exact(vectors).zip(diagonal.chunks_exact(BLOCK));
+        for (column, t) in before.chain(within) {
+            subtract(simd, load(column, at), &t[first..first + C], &mut x);
+        }
+        for j in 0..C {
+            let t = &diagonal[(first + j) * BLOCK + first..][..C];
+            let inverse = simd.splat_f64s(t[j]);
+            for v in 0..V {
+                x[j][v] = simd.mul_f64s(x[j][v], inverse);
             }
+            let (solved, unsolved) = x.split_at_mut(j + 1);
+            subtract(simd, solved[j], &t[j + 1..], unsolved);
         }
-        for j in 0..BLOCK {
-            let inverse = simd.splat_f64s(diagonal[j * BLOCK + j]);
-            x[j] = [simd.mul_f64s(x[j][0], inverse), simd.mul_f64s(x[j][1], inverse)];
-            let y = [simd.neg_f64s(x[j][0]), simd.neg_f64s(x[j][1])];
-            for l in j + 1..BLOCK {
-                let t = simd.splat_f64s(diagonal[j * BLOCK + l]);
-                x[l] = [simd.mul_add_f64s(y[0], t, x[l][0]), simd.mul_add_f64s(y[1], t, x[l][1])];
-            }
-        }
-        for (j, x) in x.iter().enumerate() {
-            [block[j * vectors + at], block[j * vectors + at + 1]] = *x;
+        for j in 0..C {
+            own[j * vectors + at..][..V].copy_from_slice(&x[j]);
         }
     }
+}
+
+/// `x_j -= t_j y`.
+#[inline(always)]
+fn subtract<S: Simd, const V: usize>(simd: S, y: [S::f64s; V], t: &[f64], x: &mut [[S::f64s; V]]) {
+    let mut minus = y;
+    for v in 0..V {
+        minus[v] = simd.neg_f64s(y[v]);
+    }
+    for (x, &t) in x.iter_mut().zip(t) {
+        let t = simd.splat_f64s(t);
+        for v in 0..V {
+            x[v] = simd.mul_add_f64s(minus[v], t, x[v]);
+        }
+    }
+}
+
+#[inline(always)]
+fn load<V: Copy, const N: usize>(values: &[V], from: usize) -> [V; N] {
+    let mut loaded = [values[from]; N];
+    loaded.copy_from_slice(&values[from..from + N]);
+    loaded
 }

@@ -1,21 +1,22 @@
 //! The least and greatest values of monomials over rows, without evaluating them on most rows.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
 
-use fleetfoot_stats::{
-    PolynomialPlan,
-    scan::{RegionRanges, extreme},
-};
-use pulp::NullaryFnOnce;
+use fleetfoot_stats::{PolynomialPlan, scan::RegionRanges};
+use pulp::{Simd, WithSimd};
 
 /// Rows whose monomials are bounded together.
-const BLOCK: usize = 128;
+const SPAN: usize = 16;
+/// Spans that are bounded side by side: lanes of the widest vector.
+const SPANS: usize = 8;
+/// Their rows.
+const BLOCK: usize = SPAN * SPANS;
 
 /// The ranges of all monomials of a polynomial library.
 ///
-/// Consecutive rows of a trajectory are near each other. For every few of them the monomials are bounded by interval arithmetic from the ranges of the variables,
-/// and evaluated only if a bound leaves what is already known. Products of bounds are rounded as products of values are, and rounding is monotone, so nothing is
-/// missed.
+/// Consecutive rows of a trajectory are near each other. For every few of them, a span, the monomials are bounded by interval arithmetic from the ranges of the variables,
+/// several spans at once, and those whose bound leaves what is already known are evaluated. Products of bounds are rounded as products of values are, and rounding is
+/// monotone, so nothing is missed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MonomialRanges {
     /// Every monomial in graded order: the one that it is a multiple of (`None`: the constant) and the variable.
@@ -32,11 +33,15 @@ struct Recipe {
     even: bool,
 }
 
-/// Working memory: ranges in graded order, bounds of a block, its monomials.
+/// Working memory.
 #[derive(Debug, Default)]
 pub(super) struct RangesScratch {
-    bounds: Vec<[f64; 2]>,
+    /// Of every monomial the lower bounds over the spans, then the upper ones.
+    bounds: Vec<f64>,
+    /// Of every monomial the values on the rows of a span.
     values: Vec<f64>,
+    /// Of every monomial, over the spans: 1 where its bound leaves what is known, or that of a multiple of it does; else 0.
+    wanted: Vec<f64>,
 }
 
 impl MonomialRanges {
@@ -61,8 +66,10 @@ impl MonomialRanges {
 
     /// Widens ranges (graded order) by the monomials of rows, whose variables are finite.
     pub(super) fn add(&self, ranges: &mut [[f64; 2]], variables: &[&[f64]], scratch: &mut RangesScratch) {
-        scratch.bounds.resize(self.recipes.len(), RegionRanges::EMPTY);
-        scratch.values.resize(self.recipes.len() * BLOCK, 0.0);
+        let count = self.recipes.len();
+        scratch.bounds.resize(count * 2 * SPANS, 0.0);
+        scratch.values.resize(count * SPAN, 0.0);
+        scratch.wanted.resize(count * SPANS, 0.0);
         pulp::Arch::new().dispatch(AddBlocks { recipes: &self.recipes, ranges, variables, scratch });
     }
 }
@@ -74,64 +81,159 @@ struct AddBlocks<'a> {
     scratch: &'a mut RangesScratch,
 }
 
-impl NullaryFnOnce for AddBlocks<'_> {
+impl WithSimd for AddBlocks<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(mut self) {
+    fn with_simd<S: Simd>(mut self, simd: S) {
         let rows = self.variables.first().map_or(0, |column| column.len());
         for from in (0..rows).step_by(BLOCK) {
-            let to = (from + BLOCK).min(rows);
-            if self.may_widen(from, to) {
-                self.evaluate(from, to);
+            let block = from..(from + BLOCK).min(rows);
+            self.bound_variables(block.clone());
+            if let Some(spans) = self.bound(simd) {
+                for (span, from) in block.clone().step_by(SPAN).enumerate().filter(|&(span, _)| spans[span] > 0.0) {
+                    self.evaluate(simd, span, from..(from + SPAN).min(block.end));
+                }
             }
         }
     }
 }
 
 impl AddBlocks<'_> {
-    /// Whether the bound of a monomial over the rows leaves its range.
+    /// The ranges of the variables over the spans of a block: the first monomials, in the order of the variables.
     #[inline(always)]
-    fn may_widen(&mut self, from: usize, to: usize) -> bool {
-        let (bounds, mut widens) = (&mut self.scratch.bounds, false);
-        // Monomials of degree 1 come first, and in the order of the variables.
-        for (bound, column) in bounds.iter_mut().zip(self.variables) {
-            *bound = extreme(RegionRanges::EMPTY, &column[from..to]);
-        }
-        for (i, recipe) in self.recipes.iter().enumerate() {
-            if let Some(parent) = recipe.parent {
-                let ([a, b], [c, d]) = (bounds[parent], bounds[recipe.variable]);
-                let [p, q, r, s] = [a * c, a * d, b * c, b * d];
-                let mut bound = [min(min(p, q), min(r, s)), max(max(p, q), max(r, s))];
-                if recipe.even {
-                    // The parent is an odd power, of the variable's sign; in between lies zero or not.
-                    bound[0] = if c > 0.0 || d < 0.0 { min(p, s) } else { 0.0 };
-                }
-                bounds[i] = bound;
+    fn bound_variables(&mut self, block: Range<usize>) {
+        for (bounds, column) in self.scratch.bounds.chunks_exact_mut(2 * SPANS).zip(self.variables) {
+            let (low, high) = bounds.split_at_mut(SPANS);
+            let spans = column[block.clone()].chunks(SPAN);
+            let count = spans.len();
+            for (span, (low, high)) in spans.zip(low.iter_mut().zip(high.iter_mut())) {
+                [*low, *high] = range_of(span);
             }
-            widens |= bounds[i][0] < self.ranges[i][0] || bounds[i][1] > self.ranges[i][1];
+            // Spans that are not there are as the first.
+            for i in count..SPANS {
+                (low[i], high[i]) = (low[0], high[0]);
+            }
         }
-        widens
     }
 
+    /// Bounds all monomials, and says which must be evaluated where; 1 for the spans over which some must, `None` where none does.
     #[inline(always)]
-    fn evaluate(&mut self, from: usize, to: usize) {
-        let count = to - from;
-        for (i, recipe) in self.recipes.iter().enumerate() {
-            let (known, values) = self.scratch.values.split_at_mut(i * BLOCK);
-            let (values, variable) = (&mut values[..count], &self.variables[recipe.variable][from..to]);
-            match recipe.parent {
-                Some(parent) => {
-                    let known = &known[parent * BLOCK..parent * BLOCK + count];
-                    for ((value, a), b) in values.iter_mut().zip(known).zip(variable) {
-                        *value = a * b;
-                    }
-                }
-                None => values.copy_from_slice(variable),
+    fn bound<S: Simd>(&mut self, simd: S) -> Option<[f64; SPANS]> {
+        let RangesScratch { bounds, wanted, .. } = &mut *self.scratch;
+        let vectors = SPANS / S::F64_LANES;
+        let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+        let mut spans = [0.0; SPANS];
+        let any = S::as_mut_simd_f64s(&mut spans).0;
+        for (i, (recipe, wanted)) in self.recipes.iter().zip(wanted.chunks_exact_mut(SPANS)).enumerate() {
+            let (known, own) = bounds.split_at_mut(i * 2 * SPANS);
+            let own = S::as_mut_simd_f64s(&mut own[..2 * SPANS]).0;
+            if let Some(parent) = recipe.parent {
+                let of = |monomial: usize| S::as_simd_f64s(&known[monomial * 2 * SPANS..][..2 * SPANS]).0;
+                multiply(simd, recipe.even, of(parent), of(recipe.variable), own);
             }
-            self.ranges[i] = extreme(self.ranges[i], values);
+            let [least, most] = self.ranges[i].map(|end| simd.splat_f64s(end));
+            let wanted = S::as_mut_simd_f64s(wanted).0;
+            for k in 0..vectors {
+                // Not so where a bound is not a number.
+                let above = simd.less_than_or_equal_f64s(least, own[k]);
+                let below = simd.less_than_or_equal_f64s(own[vectors + k], most);
+                wanted[k] = simd.select_f64s(simd.and_m64s(above, below), zero, one);
+                any[k] = simd.max_f64s(any[k], wanted[k]);
+            }
+        }
+        if spans.iter().all(|&span| span == 0.0) {
+            return None;
+        }
+        // What a wanted monomial is a multiple of is wanted.
+        for (i, recipe) in self.recipes.iter().enumerate().rev() {
+            if let Some(parent) = recipe.parent {
+                let (before, own) = wanted.split_at_mut(i * SPANS);
+                let parent = S::as_mut_simd_f64s(&mut before[parent * SPANS..][..SPANS]).0;
+                let own = S::as_simd_f64s(&own[..SPANS]).0;
+                parent.iter_mut().zip(own).for_each(|(parent, &own)| *parent = simd.max_f64s(*parent, own));
+            }
+        }
+        Some(spans)
+    }
+
+    /// Evaluates the wanted monomials on the rows of a span, its first row again in the place of those that are not there.
+    #[inline(always)]
+    fn evaluate<S: Simd>(&mut self, simd: S, span: usize, rows: Range<usize>) {
+        let RangesScratch { values, wanted, .. } = &mut *self.scratch;
+        for (values, column) in values.chunks_exact_mut(SPAN).zip(self.variables) {
+            let column = &column[rows.clone()];
+            values[..column.len()].copy_from_slice(column);
+            values[column.len()..].fill(column[0]);
+        }
+        for (i, recipe) in self.recipes.iter().enumerate() {
+            if wanted[i * SPANS + span] == 0.0 {
+                continue;
+            }
+            let (known, own) = values.split_at_mut(i * SPAN);
+            let own = S::as_mut_simd_f64s(&mut own[..SPAN]).0;
+            if let Some(parent) = recipe.parent {
+                let of = |monomial: usize| S::as_simd_f64s(&known[monomial * SPAN..][..SPAN]).0;
+                let factors = of(parent).iter().zip(of(recipe.variable));
+                own.iter_mut().zip(factors).for_each(|(own, (&a, &b))| *own = simd.mul_f64s(a, b));
+            }
+            let (mut least, mut most) = (own[0], own[0]);
+            for &own in &*own {
+                least = simd.min_f64s(own, least);
+                most = simd.max_f64s(own, most);
+            }
+            let range = &mut self.ranges[i];
+            let (least, most) = (simd.reduce_min_f64s(least), simd.reduce_max_f64s(most));
+            *range = [min(least, range[0]), max(most, range[1])];
         }
     }
+}
+
+/// The bounds of a product over spans, lower ones first: of a monomial and a variable, or, where it is even, of an odd power of the variable and it.
+#[inline(always)]
+fn multiply<S: Simd>(simd: S, even: bool, a: &[S::f64s], b: &[S::f64s], out: &mut [S::f64s]) {
+    let vectors = out.len() / 2;
+    let zero = simd.splat_f64s(0.0);
+    for k in 0..vectors {
+        let ([a, b], [c, d]) = ([a[k], a[vectors + k]], [b[k], b[vectors + k]]);
+        let [p, q] = [simd.mul_f64s(a, c), simd.mul_f64s(a, d)];
+        let [r, s] = [simd.mul_f64s(b, c), simd.mul_f64s(b, d)];
+        let least = if even {
+            // The parent is an odd power, of the variable's sign; in between lies zero or not.
+            let one_sign = simd.or_m64s(simd.less_than_f64s(zero, c), simd.less_than_f64s(d, zero));
+            simd.select_f64s(one_sign, simd.min_f64s(p, s), zero)
+        } else {
+            simd.min_f64s(simd.min_f64s(p, q), simd.min_f64s(r, s))
+        };
+        out[k] = least;
+        out[vectors + k] = simd.max_f64s(simd.max_f64s(p, q), simd.max_f64s(r, s));
+    }
+}
+
+/// Least and greatest value of a span.
+#[inline(always)]
+fn range_of(values: &[f64]) -> [f64; 2] {
+    const LANES: usize = 8;
+    let [low, high] = RegionRanges::EMPTY;
+    let (mut least, mut most) = ([low; LANES], [high; LANES]);
+    let (whole, rest) = values.as_chunks::<LANES>();
+    for values in whole {
+        for i in 0..LANES {
+            least[i] = min(values[i], least[i]);
+            most[i] = max(values[i], most[i]);
+        }
+    }
+    for (i, &value) in rest.iter().enumerate() {
+        least[i] = min(value, least[i]);
+        most[i] = max(value, most[i]);
+    }
+    for half in [4, 2, 1] {
+        for i in 0..half {
+            least[i] = min(least[i + half], least[i]);
+            most[i] = max(most[i + half], most[i]);
+        }
+    }
+    [least[0], most[0]]
 }
 
 /// Of numbers, without the care for NaN that costs instructions.

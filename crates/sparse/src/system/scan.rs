@@ -3,6 +3,7 @@
 use std::{
     collections::{BTreeSet, btree_map::Entry},
     ops::Range,
+    sync::{Mutex, PoisonError},
 };
 
 use faer::{MatMut, MatRef};
@@ -73,8 +74,12 @@ impl SystemPlan {
                 },
                 |chunk, parts| {
                     let episode = source.episodes()[chunk.episode].id;
-                    let mut all = places.iter().zip(parts);
-                    all.try_for_each(|(&at, part)| found[at].insert(episode, chunk, part)).map_err(SystemError::from)
+                    let mut all = places.iter().zip(&passes).zip(parts);
+                    all.try_for_each(|((&at, pass), mut part)| {
+                        pass.end(&mut part);
+                        found[at].insert(episode, chunk, part)
+                    })
+                    .map_err(SystemError::from)
                 },
             )?;
         }
@@ -92,12 +97,23 @@ struct Pass<'a> {
     plan: &'a SystemPlan,
     columns: Columns,
     sample: Sample,
+    /// Memory of chunks that are done, for the next ones.
+    spare: Mutex<Vec<Spare>>,
+}
+
+/// Working memory of a chunk: what it holds says nothing.
+#[derive(Default)]
+struct Spare {
+    moments: Option<(PolynomialScratch, RangesScratch)>,
+    rows: DesignRows,
+    windows: WindowRows,
+    work: Vec<f64>,
 }
 
 impl<'a> Pass<'a> {
     fn new(plan: &'a SystemPlan, source: &dyn Source) -> Result<Self, SystemError> {
         let columns = Columns::compile(&plan.system, plan.regressors(), source)?;
-        Ok(Self { plan, columns, sample: Sample::compile(&plan.system.sampled, source)? })
+        Ok(Self { plan, columns, sample: Sample::compile(&plan.system.sampled, source)?, spare: Mutex::default() })
     }
 
     fn halo(&self) -> Halo {
@@ -105,7 +121,13 @@ impl<'a> Pass<'a> {
     }
 
     fn start(&self) -> Part {
-        Part::new(self.plan, &self.columns)
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        Part::new(self.plan, &self.columns, spare.unwrap_or_default())
+    }
+
+    /// Takes back the memory of a chunk that is done.
+    fn end(&self, part: &mut Part) {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(std::mem::take(&mut part.spare));
     }
 
     fn add(
@@ -117,7 +139,7 @@ impl<'a> Pass<'a> {
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
         if block.first + tile.start == chunk.rows.start {
-            self.sample.add(&mut part.sampled, &mut part.rows, block, tile.clone());
+            self.sample.add(&mut part.sampled, &mut part.spare.rows, block, tile.clone());
         }
         part.add_tile(self.plan, &self.columns, episode, block, tile)
     }
@@ -156,37 +178,29 @@ struct Part {
     also: Gram,
     sampled: Gram,
     told: EpisodeSums,
-    rows: DesignRows,
-    windows: WindowRows,
     regions: Vec<u32>,
-    work: Vec<f64>,
+    spare: Spare,
 }
 
 /// The sums of a chunk.
 enum PartSums {
     Grams(RegionGrams),
-    Moments(Box<(PolynomialMoments, PolynomialScratch, RangesScratch)>),
+    Moments(PolynomialMoments),
 }
 
 impl Part {
-    fn new(plan: &SystemPlan, columns: &Columns) -> Self {
+    fn new(plan: &SystemPlan, columns: &Columns, spare: Spare) -> Self {
         let system = &plan.system;
         Self {
             sums: match &plan.coordinates {
                 Coordinates::General(_) => PartSums::Grams(RegionGrams::new(system.regions())),
-                Coordinates::Polynomial(polynomial) => PartSums::Moments(Box::new((
-                    polynomial.plan.moments(),
-                    polynomial.plan.scratch(),
-                    RangesScratch::default(),
-                ))),
+                Coordinates::Polynomial(polynomial) => PartSums::Moments(polynomial.plan.moments()),
             },
             also: Gram::new(system.also.len()),
             sampled: Gram::new(system.sampled.len()),
             told: plan.no_rows(),
-            rows: DesignRows::default(),
-            windows: WindowRows::default(),
             regions: Vec::with_capacity(columns.tile_rows()),
-            work: Vec::new(),
+            spare,
         }
     }
 
@@ -204,7 +218,7 @@ impl Part {
         if let Some(weak) = &columns.weak {
             return tiles.try_for_each(|(from, to)| self.add_windows(plan, (columns, weak), episode, block, from..to));
         }
-        let mut rows = std::mem::take(&mut self.rows);
+        let mut rows = std::mem::take(&mut self.spare.rows);
         for (from, to) in tiles {
             let tile = columns.rows.evaluate(block, episode, from..to, &mut rows)?;
             self.told.counts.add(tile.counts());
@@ -212,7 +226,7 @@ impl Part {
                 self.add_rows(plan, columns, &mut rows);
             }
         }
-        self.rows = rows;
+        self.spare.rows = rows;
         Ok(())
     }
 
@@ -227,8 +241,9 @@ impl Part {
         }
         let regressors = tile.columns(REGRESSORS..REGRESSORS + 1);
         match (&plan.coordinates, &mut self.sums) {
-            (Coordinates::Polynomial(polynomial), PartSums::Moments(sums)) => {
-                let (moments, scratch, ranges) = &mut **sums;
+            (Coordinates::Polynomial(polynomial), PartSums::Moments(moments)) => {
+                let memory = || (polynomial.plan.scratch(), RangesScratch::default());
+                let (scratch, ranges) = self.spare.moments.get_or_insert_with(memory);
                 polynomial.add(moments, scratch, &tile.columns(REGRESSION), tile.weights());
                 polynomial.ranges.add(&mut self.told.ranges.0[0], &regressors, ranges);
             }
@@ -252,7 +267,7 @@ impl Part {
         block: &Block,
         tile: Range<usize>,
     ) -> Result<(), SystemError> {
-        let mut windows = std::mem::take(&mut self.windows);
+        let mut windows = std::mem::take(&mut self.spare.windows);
         windows.evaluate((columns, weak), block, episode, tile)?;
         let n = windows.count();
         let counts = RowCounts { complete: n as u64, at_border: windows.at_border, incomplete: windows.incomplete };
@@ -280,7 +295,7 @@ impl Part {
             let weights = Some(windows.weights.as_slice()).filter(|weights| !weights.is_empty());
             self.add_products(MatRef::from_column_major_slice(&windows.values, n, d), weights);
         }
-        self.windows = windows;
+        self.spare.windows = windows;
         Ok(())
     }
 
@@ -297,7 +312,7 @@ impl Part {
             return;
         };
         self.regions.resize(tile.len(), 0);
-        own.assign(&partition(tile), &mut self.work, &mut self.regions);
+        own.assign(&partition(tile), &mut self.spare.work, &mut self.regions);
     }
 
     fn count_unassigned(&mut self) {
@@ -318,7 +333,7 @@ impl SystemSums {
     fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: Part) -> Result<(), MergeError> {
         let key = |region: u32| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region };
         match part.sums {
-            PartSums::Moments(sums) if sums.0.rows() > 0 => self.moments.insert(key(0), sums.0)?,
+            PartSums::Moments(moments) if moments.rows() > 0 => self.moments.insert(key(0), moments)?,
             PartSums::Moments(_) => {}
             PartSums::Grams(grams) => {
                 for (region, gram) in grams.into_regions().filter(|(_, gram)| gram.rows > 0) {

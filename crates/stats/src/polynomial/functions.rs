@@ -1,5 +1,7 @@
 //! The Chebyshev functions of a tile of rows.
 
+use std::ops::Range;
+
 use pulp::Simd;
 
 use super::graded::Graded;
@@ -32,43 +34,51 @@ enum Recipe {
 pub(super) struct Functions {
     /// The functions that are stored, in graded order.
     recipes: Vec<Recipe>,
-    /// For each function of the group the two stored ones that it is the product of; empty when all are stored.
+    /// For each function of the group the two stored ones that it is the product of (of a stored one: itself and 0); empty when all are stored.
     leaves: Vec<(usize, usize)>,
+    /// How many functions from the first on are stored, at their places in graded order.
+    prefix: usize,
 }
 
 impl Functions {
-    /// All functions of the group are stored.
-    pub(super) fn stored(list: &Graded, from: usize) -> Self {
-        Self {
-            recipes: (0..list.len()).map(|i| recipe(list.exponent(i), from, |e| list.index(e).unwrap_or(0))).collect(),
-            leaves: Vec::new(),
-        }
+    /// So many values that stand where functions would.
+    pub(super) fn given(count: usize) -> Self {
+        Self { recipes: Vec::new(), leaves: Vec::new(), prefix: count }
     }
 
-    /// Only functions without the group's last variable, and those of nothing else, are stored; the others are products of two of them and made
-    /// when they are needed: a store that misses the first-level cache costs more than six products.
-    pub(super) fn with_leaves(list: &Graded, from: usize) -> Self {
+    /// Functions of degree `top` are not stored but for powers of one variable: they are products of two others, meet nothing but the constant, and are made
+    /// when they are needed.
+    pub(super) fn below(list: &Graded, from: usize, top: usize) -> Self {
+        Self::without(list, from, |exponent| degree(exponent) == top)
+    }
+
+    /// Beyond degree `low` only functions without the group's last variable, and powers of one variable, are stored, and of degree `top` only the latter; the
+    /// others are products of two of them and made when they are needed: a store that misses the first-level cache costs more than six products.
+    pub(super) fn with_leaves(list: &Graded, from: usize, low: usize, top: usize) -> Self {
+        let meets_last = |exponent: &[u8]| exponent.last().is_some_and(|&last| last > 0);
+        Self::without(list, from, |e| degree(e) == top || degree(e) > low && meets_last(e))
+    }
+
+    /// The group without those functions of several variables that are said to be leaves. What a leaf is the product of, itself without its last variable and the power
+    /// of that, is no leaf.
+    fn without(list: &Graded, from: usize, is_leaf: impl Fn(&[u8]) -> bool) -> Self {
+        let last = |exponent: &[u8]| exponent.iter().rposition(|&e| e > 0);
         let is_stored = |exponent: &[u8]| {
-            exponent.split_last().is_none_or(|(&last, rest)| last == 0 || rest.iter().all(|&e| e == 0))
+            let alone = last(exponent).is_none_or(|k| exponent[..k].iter().all(|&e| e == 0));
+            alone || !is_leaf(exponent)
         };
         let stored: Vec<usize> = (0..list.len()).filter(|&i| is_stored(list.exponent(i))).collect();
-        if stored.len() == list.len() {
-            return Self::stored(list, from);
-        }
         let place = |exponent: &[u8]| list.index(exponent).and_then(|i| stored.binary_search(&i).ok()).unwrap_or(0);
         let leaf = |i: usize| {
             let exponent = list.exponent(i);
-            if is_stored(exponent) {
-                return (place(exponent), 0);
-            }
-            let (mut rest, mut last) = (exponent.to_vec(), vec![0; exponent.len()]);
-            std::mem::swap(&mut rest[exponent.len() - 1], &mut last[exponent.len() - 1]);
-            (place(&rest), place(&last))
+            let Some(k) = last(exponent).filter(|_| !is_stored(exponent)) else { return (place(exponent), 0) };
+            let (mut rest, mut power) = (exponent.to_vec(), vec![0; exponent.len()]);
+            std::mem::swap(&mut rest[k], &mut power[k]);
+            (place(&rest), place(&power))
         };
-        Self {
-            recipes: stored.iter().map(|&i| recipe(list.exponent(i), from, place)).collect(),
-            leaves: (0..list.len()).map(leaf).collect(),
-        }
+        let leaves = if stored.len() < list.len() { (0..list.len()).map(leaf).collect() } else { Vec::new() };
+        let prefix = stored.iter().enumerate().take_while(|&(place, &i)| place == i).count();
+        Self { recipes: stored.iter().map(|&i| recipe(list.exponent(i), from, place)).collect(), leaves, prefix }
     }
 
     /// How many are stored.
@@ -79,6 +89,11 @@ impl Functions {
     /// Whether every function is stored, at its place in graded order.
     pub(super) fn all_stored(&self) -> bool {
         self.leaves.is_empty()
+    }
+
+    /// Whether these functions are stored at their places in graded order.
+    pub(super) fn are_stored(&self, range: &Range<usize>) -> bool {
+        range.end <= self.prefix
     }
 
     /// The stored functions on a tile of rows, one every [`STRIDE`] values.
@@ -106,19 +121,11 @@ impl Functions {
         }
     }
 
-    /// The `width` functions from `start` on, from the stored ones.
+    /// The functions `range`, from the stored ones.
     #[inline(always)]
-    pub(super) fn strip<S: Simd>(
-        &self,
-        simd: S,
-        stored: &[f64],
-        start: usize,
-        width: usize,
-        steps: usize,
-        out: &mut [f64],
-    ) {
+    pub(super) fn strip<S: Simd>(&self, simd: S, stored: &[f64], range: Range<usize>, steps: usize, out: &mut [f64]) {
         let get = |j: usize| &S::as_simd_f64s(&stored[j * STRIDE..][..TILE]).0[..steps];
-        for (&(a, b), out) in self.leaves[start..start + width].iter().zip(out.chunks_exact_mut(STRIDE)) {
+        for (&(a, b), out) in self.leaves[range].iter().zip(out.chunks_exact_mut(STRIDE)) {
             let out = &mut S::as_mut_simd_f64s(&mut out[..TILE]).0[..steps];
             if b == 0 {
                 out.copy_from_slice(get(a));
@@ -127,6 +134,10 @@ impl Functions {
             }
         }
     }
+}
+
+fn degree(exponent: &[u8]) -> usize {
+    exponent.iter().map(|&e| usize::from(e)).sum()
 }
 
 /// The recipe of a function; `place` finds functions of the group by exponent.

@@ -8,7 +8,7 @@ use pulp::{Simd, WithSimd};
 use super::{
     affine::AffineMap,
     functions::{Functions, LANES, STRIDE, TILE},
-    tiling::{LIMITS, Tiling},
+    tiling::{LIMITS, STRIP, Tiling},
 };
 
 /// Rows whose products are summed in plain arithmetic before the sums go to the compensated totals.
@@ -44,9 +44,13 @@ impl Buffer {
 pub(super) struct Program {
     pub(super) first: Functions,
     pub(super) second: Functions,
+    /// The targets, which are stored.
+    pub(super) targets: Functions,
     /// Functions of the first group up to the library's degree: what a target is multiplied by.
     pub(super) low: usize,
     pub(super) moments: Tiling,
+    /// Sums of the functions of the first group that are not stored.
+    pub(super) tops: Option<Tiling>,
     /// Sums for one target: library functions times the target.
     pub(super) cross: Tiling,
     /// Sums of target t with targets 0..=t, for each t.
@@ -57,7 +61,12 @@ impl Program {
     /// Sums per row in all: moments, cross-moments, products of targets.
     pub(super) fn sums(&self) -> usize {
         let pairs: usize = self.pairs.iter().map(|tiling| tiling.index.len()).sum();
-        self.moments.index.len() + self.pairs.len() * self.cross.index.len() + pairs
+        self.moments() + self.pairs.len() * self.cross.index.len() + pairs
+    }
+
+    /// Moments.
+    fn moments(&self) -> usize {
+        self.moments.index.len() + self.tops.as_ref().map_or(0, |tops| tops.index.len())
     }
 }
 
@@ -82,7 +91,7 @@ impl Workspace {
             targets: Buffer::new(program.pairs.len() * STRIDE),
             first: Buffer::new(program.first.len() * STRIDE),
             second: Buffer::new(program.second.len() * STRIDE),
-            strip: Buffer::new(LIMITS.1 * STRIDE),
+            strip: Buffer::new(STRIP * STRIDE),
             weighted: Buffer::new(program.low * STRIDE),
             sums: Buffer::new(program.sums() * LANES),
         }
@@ -134,12 +143,14 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
     #[inline(always)]
     fn load<S: Simd>(&mut self, simd: S, from: usize, to: usize) {
         let count = to - from;
-        let w = self.workspace.weights.get_mut();
-        match self.rows.weights {
-            Some(weights) => w[..count].copy_from_slice(&weights[from..to]),
-            None => w[..count].fill(1.0),
+        if self.rows.weights.is_some() || count < TILE {
+            let w = self.workspace.weights.get_mut();
+            match self.rows.weights {
+                Some(weights) => w[..count].copy_from_slice(&weights[from..to]),
+                None => w[..count].fill(1.0),
+            }
+            w[count..].fill(0.0);
         }
-        w[count..].fill(0.0);
         for (t, column) in self.rows.targets.iter().enumerate() {
             let y = &mut self.workspace.targets.get_mut()[t * STRIDE..][..TILE];
             for (y, value) in y.iter_mut().zip(&column[from..to]) {
@@ -166,38 +177,54 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
 
     #[inline(always)]
     fn add_tile<S: Simd>(&mut self, simd: S, count: usize) {
-        let (program, space) = (self.program, &mut *self.workspace);
         let steps = count.div_ceil(S::F64_LANES);
+        let weighted = self.rows.weights.is_some() || count < steps * S::F64_LANES;
+        let (program, space) = (self.program, &mut *self.workspace);
         let (v, w) = (space.variables.get(), space.weights.get());
         program.first.evaluate(simd, v, space.first.get_mut());
         program.second.evaluate(simd, v, space.second.get_mut());
-        if self.rows.weights.is_some() || count < steps * S::F64_LANES {
+        let (sums, mut rest) = space.sums.get_mut().split_at_mut(program.moments() * S::F64_LANES);
+        let (sums, tops) = sums.split_at_mut(program.moments.index.len() * S::F64_LANES);
+        let (second, leaves) = (space.second.get(), space.strip.get_mut());
+        if let Some(tiling) = &program.tops {
+            // Before the stored ones, of which they are products, are weighted.
+            let (first, factors) = (space.first.get(), weighted.then_some(w));
+            let functions = &program.first;
+            // The second group's function 0 is the constant.
+            simd.vectorize(Products {
+                tiling,
+                functions,
+                factors,
+                leaves,
+                first: second,
+                second: first,
+                sums: tops,
+                steps,
+            });
+        }
+        if weighted {
             space.first.get_mut().chunks_exact_mut(STRIDE).for_each(|f| multiply(simd, f, w));
         }
-        let (first, second) = (space.first.get(), space.second.get());
-        let (sums, mut rest) = space.sums.get_mut().split_at_mut(program.moments.index.len() * S::F64_LANES);
-        let leaves = space.strip.get_mut();
-        let functions = (!program.second.all_stored()).then_some(&program.second);
-        simd.vectorize(Products { tiling: &program.moments, functions, leaves, first, second, sums, steps });
+        let (first, functions, factors) = (space.first.get(), &program.second, None);
+        let tiling = &program.moments;
+        simd.vectorize(Products { tiling, functions, factors, leaves, first, second, sums, steps });
         for (t, pairs) in program.pairs.iter().enumerate() {
             let targets = space.targets.get();
             let weighted = space.weighted.get_mut();
-            weighted.copy_from_slice(&first[..weighted.len()]);
-            weighted.chunks_exact_mut(STRIDE).for_each(|f| multiply(simd, f, &targets[t * STRIDE..][..TILE]));
+            let target = &targets[t * STRIDE..][..TILE];
+            for (out, f) in weighted.chunks_exact_mut(STRIDE).zip(first.chunks_exact(STRIDE)) {
+                product_of(simd, &f[..TILE], target, &mut out[..TILE]);
+            }
             let (sums, others) = rest.split_at_mut(program.cross.index.len() * S::F64_LANES);
-            simd.vectorize(Products {
-                tiling: &program.cross,
-                functions,
-                leaves,
-                first: weighted,
-                second,
-                sums,
-                steps,
-            });
+            let tiling = &program.cross;
+            simd.vectorize(Products { tiling, functions, factors, leaves, first: weighted, second, sums, steps });
             let (sums, others) = others.split_at_mut(pairs.index.len() * S::F64_LANES);
+            // They are all there, as the functions up to the library's degree are.
+            let (tiling, functions) = (pairs, &program.targets);
             simd.vectorize(Products {
-                tiling: pairs,
-                functions: None,
+                tiling,
+                functions,
+                factors,
                 leaves,
                 first: weighted,
                 second: targets,
@@ -212,10 +239,11 @@ impl<F: FnMut(usize, f64)> AddRows<'_, F> {
     #[inline(always)]
     fn flush<S: Simd>(&mut self, simd: S) {
         let (sums, _) = S::as_simd_f64s(self.workspace.sums.get());
-        let (library, moments) = (self.program.cross.index.len(), self.program.moments.index.len());
+        let (library, moments) = (self.program.cross.index.len(), self.program.moments());
         let mut sums = sums.iter().map(|&sum| simd.reduce_sum_f64s(sum));
         let targets = self.program.pairs.len();
-        for (&i, sum) in self.program.moments.index.iter().zip(&mut sums) {
+        let tops = self.program.tops.iter().flat_map(|tops| &tops.index);
+        for (&i, sum) in self.program.moments.index.iter().chain(tops).zip(&mut sums) {
             (self.total)(i, sum);
         }
         for (t, pairs) in self.program.pairs.iter().enumerate() {
@@ -249,11 +277,21 @@ fn multiply<S: Simd>(simd: S, values: &mut [f64], factors: &[f64]) {
     values.iter_mut().zip(factors).for_each(|(value, &factor)| *value = simd.mul_f64s(*value, factor));
 }
 
+/// `out = values * factors`.
+#[inline(always)]
+fn product_of<S: Simd>(simd: S, values: &[f64], factors: &[f64], out: &mut [f64]) {
+    let ((values, _), (factors, _)) = (S::as_simd_f64s(values), S::as_simd_f64s(factors));
+    let (out, _) = S::as_mut_simd_f64s(out);
+    out.iter_mut().zip(values).zip(factors).for_each(|((out, &value), &factor)| *out = simd.mul_f64s(value, factor));
+}
+
 /// Adds the products of all tiles to their sums.
 struct Products<'a> {
     tiling: &'a Tiling,
-    /// The second group, if its functions are to be made from the stored ones strip by strip.
-    functions: Option<&'a Functions>,
+    /// The second group, of which what is not stored is made strip by strip.
+    functions: &'a Functions,
+    /// What the functions that are made are multiplied by.
+    factors: Option<&'a [f64]>,
     /// Where a strip is made: it stays in first-level cache.
     leaves: &'a mut [f64],
     first: &'a [f64],
@@ -270,15 +308,19 @@ impl WithSimd for Products<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let (sums, _) = S::as_mut_simd_f64s(self.sums);
         for strip in &self.tiling.strips {
-            let second = match self.functions {
-                Some(functions) => {
-                    functions.strip(simd, self.second, strip.start, strip.width, self.steps, self.leaves);
-                    &*self.leaves
+            let range = strip.start..strip.start + strip.width;
+            let second = if self.functions.are_stored(&range) {
+                &self.second[strip.start * STRIDE..]
+            } else {
+                self.functions.strip(simd, self.second, range, self.steps, self.leaves);
+                if let Some(factors) = self.factors {
+                    let made = self.leaves.chunks_exact_mut(STRIDE).take(strip.width);
+                    made.for_each(|f| multiply(simd, f, factors));
                 }
-                None => &self.second[strip.start * STRIDE..],
+                &*self.leaves
             };
             for tile in &strip.tiles {
-                let first = &self.first[tile.first * STRIDE..];
+                let (first, second) = (&self.first[tile.first * STRIDE..], &second[tile.second * STRIDE..]);
                 let (a, b) = if tile.swapped { (second, first) } else { (first, second) };
                 let sums = &mut sums[tile.slot..][..tile.rows * tile.columns];
                 macro_rules! shapes {
@@ -321,6 +363,9 @@ impl WithSimd for Products<'_> {
 }
 
 /// `R x C` sums in registers over the rows of the tile.
+///
+/// The short side is held and the long one passes: `R + 1` registers beside the sums, where the other way round would want `C + 1`, which sixteen registers
+/// do not have for 3 x 4 sums.
 #[inline(always)]
 fn products<S: Simd, const R: usize, const C: usize>(
     simd: S,
@@ -331,13 +376,14 @@ fn products<S: Simd, const R: usize, const C: usize>(
 ) {
     let a: [&[S::f64s]; R] = std::array::from_fn(|i| &S::as_simd_f64s(&a[i * STRIDE..][..TILE]).0[..steps]);
     let b: [&[S::f64s]; C] = std::array::from_fn(|j| &S::as_simd_f64s(&b[j * STRIDE..][..TILE]).0[..steps]);
+    let sums = &mut sums[..R * C];
     let mut local: [[S::f64s; C]; R] = std::array::from_fn(|i| std::array::from_fn(|j| sums[i * C + j]));
     for s in 0..steps {
-        let right: [S::f64s; C] = std::array::from_fn(|j| b[j][s]);
-        for i in 0..R {
-            let left = a[i][s];
-            for j in 0..C {
-                local[i][j] = simd.mul_add_e_f64s(left, right[j], local[i][j]);
+        let left: [S::f64s; R] = std::array::from_fn(|i| a[i][s]);
+        for j in 0..C {
+            let right = b[j][s];
+            for i in 0..R {
+                local[i][j] = simd.mul_add_e_f64s(left[i], right, local[i][j]);
             }
         }
     }

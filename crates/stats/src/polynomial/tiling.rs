@@ -5,6 +5,8 @@
 //! group one)' x (functions of group two). Functions of one degree are neighbours in graded order: the staircase is a set of
 //! rectangles, and the rectangles are cut into tiles whose sums fit into registers.
 
+use std::ops::Range;
+
 use super::graded::{self, Graded};
 
 /// `rows x columns` sums of products of consecutive functions of two operands; `rows <= columns`.
@@ -12,6 +14,8 @@ use super::graded::{self, Graded};
 pub(super) struct Tile {
     /// First function of the first group.
     pub(super) first: usize,
+    /// First function of the second group, from the start of the strip.
+    pub(super) second: usize,
     pub(super) rows: usize,
     pub(super) columns: usize,
     /// Whether the short side is the strip.
@@ -20,7 +24,8 @@ pub(super) struct Tile {
     pub(super) slot: usize,
 }
 
-/// Consecutive functions of the second group, at most as many as the kernel's long side, and the tiles that use them.
+/// Consecutive functions of the second group, at most [`STRIP`] of them, and the tiles that use them: they stay in first-level cache while the functions of the
+/// first group pass, which come from further away.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Strip {
     pub(super) start: usize,
@@ -35,6 +40,8 @@ pub(super) struct Tiling {
     pub(super) index: Vec<usize>,
 }
 
+/// Functions of a strip, at most: half of a first-level cache of 32 KiB.
+pub(super) const STRIP: usize = 16;
 /// Longest short side and long side that the kernel has code for.
 pub(super) const LIMITS: (usize, usize) = (4, 8);
 
@@ -74,56 +81,67 @@ fn best_cut(rows: usize, columns: usize, registers: usize) -> (usize, usize) {
 }
 
 impl Tiling {
-    /// All products of total degree at most `degree` of the functions of two groups of variables; `target` is the list of the moments.
-    pub(super) fn staircase(first: &Graded, second: &Graded, degree: usize, target: &Graded, registers: usize) -> Self {
+    /// All products of total degree at most `degree` of the functions of two groups of variables, of the first group those up to degree `highest`; `target` is the
+    /// list of the moments.
+    pub(super) fn staircase(
+        (first, highest): (&Graded, usize),
+        second: &Graded,
+        degree: usize,
+        target: &Graded,
+        registers: usize,
+    ) -> Self {
         let mut tiling = Self::default();
         for d in 0..=degree {
             let columns = second.of_degree(d);
-            let rows = 0..first.of_degree(degree - d).end;
+            let rows = 0..first.of_degree(highest.min(degree - d)).end;
             if columns.is_empty() {
                 continue;
             }
             let cut = best_cut(rows.len(), columns.len(), registers);
-            for j in 0..cut.1 {
-                let (b, width) = part(columns.len(), cut.1, j);
-                tiling.begin(columns.start + b, width);
+            let parts: Vec<(usize, usize)> = (0..cut.1).map(|j| part(columns.len(), cut.1, j)).collect();
+            let widest = parts.iter().map(|&(_, width)| width).max().unwrap_or(1);
+            for parts in parts.chunks((STRIP / widest).max(1)) {
+                tiling.begin(columns.start + parts[0].0);
                 for i in 0..cut.0 {
                     let (a, height) = part(rows.len(), cut.0, i);
-                    tiling.push(a, height, |a, b| {
-                        let exponent = [first.exponent(a), second.exponent(b)].concat();
-                        target.index(&exponent).unwrap_or(0)
-                    });
+                    for &(b, width) in parts {
+                        tiling.push((a, height), (columns.start + b, width), |a, b| {
+                            let exponent = [first.exponent(a), second.exponent(b)].concat();
+                            target.index(&exponent).unwrap_or(0)
+                        });
+                    }
                 }
             }
         }
         tiling
     }
 
-    /// Products of the first function of one operand with functions `0..count` of another; `index(j)` says which sum it is.
-    pub(super) fn strip(count: usize, registers: usize, index: impl Fn(usize) -> usize) -> Self {
+    /// The functions `range` of a group by themselves, strip by strip; `index(j)` says which sum function j is.
+    pub(super) fn alone(range: Range<usize>, registers: usize, index: impl Fn(usize) -> usize) -> Self {
         let mut tiling = Self::default();
-        let cut = best_cut(1, count, registers);
+        let cut = best_cut(1, range.len(), registers);
         for j in 0..cut.1 {
-            let (b, width) = part(count, cut.1, j);
-            tiling.begin(b, width);
-            tiling.push(0, 1, |_, b| index(b));
+            let (b, width) = part(range.len(), cut.1, j);
+            tiling.begin(range.start + b);
+            tiling.push((0, 1), (range.start + b, width), |_, b| index(b));
         }
         tiling
     }
 
-    fn begin(&mut self, start: usize, width: usize) {
-        self.strips.push(Strip { start, width, tiles: Vec::new() });
+    fn begin(&mut self, start: usize) {
+        self.strips.push(Strip { start, width: 0, tiles: Vec::new() });
     }
 
-    /// A tile of `height` functions of the first operand, from `a` on, with the functions of the last strip.
-    fn push(&mut self, a: usize, height: usize, index: impl Fn(usize, usize) -> usize) {
+    /// A tile of some functions of the first operand (the first and how many) with some of the last strip.
+    fn push(&mut self, (a, height): (usize, usize), (b, width): (usize, usize), index: impl Fn(usize, usize) -> usize) {
         let Some(strip) = self.strips.last_mut() else {
             return;
         };
-        let (b, width) = (strip.start, strip.width);
         let swapped = height > width;
         let (rows, columns) = if swapped { (width, height) } else { (height, width) };
-        strip.tiles.push(Tile { first: a, rows, columns, swapped, slot: self.index.len() });
+        let second = b - strip.start;
+        strip.width = strip.width.max(second + width);
+        strip.tiles.push(Tile { first: a, second, rows, columns, swapped, slot: self.index.len() });
         for i in 0..rows {
             for j in 0..columns {
                 self.index.push(if swapped { index(a + j, b + i) } else { index(a + i, b + j) });
@@ -150,17 +168,21 @@ mod tests {
             let split = best_split(variables, degree);
             let (a, b, all) =
                 (Graded::new(split, degree), Graded::new(variables - split, degree), Graded::new(variables, degree));
-            let tiling = Tiling::staircase(&a, &b, degree, &all, registers);
-            let mut seen = tiling.index.clone();
-            seen.sort_unstable();
-            assert_eq!(seen, (0..all.len()).collect::<Vec<_>>(), "{variables} {degree} {registers}");
-            assert!(
-                tiling
-                    .strips
-                    .iter()
-                    .flat_map(|strip| &strip.tiles)
-                    .all(|t| t.rows <= t.columns && fits(t.rows, t.columns, registers))
-            );
+            for highest in [degree, degree - 1] {
+                let tiling = Tiling::staircase((&a, highest), &b, degree, &all, registers);
+                let tops = a.of_degree(degree);
+                let alone = Tiling::alone(tops.clone(), registers, |i| {
+                    all.index(&[a.exponent(i), &vec![0; variables - split]].concat()).unwrap()
+                });
+                let tops = if highest < degree { alone.index } else { Vec::new() };
+                let mut seen = [tiling.index.clone(), tops].concat();
+                seen.sort_unstable();
+                assert_eq!(seen, (0..all.len()).collect::<Vec<_>>(), "{variables} {degree} {registers}");
+                let strips = || tiling.strips.iter().chain(&alone.strips);
+                assert!(strips().all(|strip| strip.width <= STRIP.max(LIMITS.1)));
+                let tiles = || strips().flat_map(|strip| &strip.tiles);
+                assert!(tiles().all(|t| t.rows <= t.columns && fits(t.rows, t.columns, registers)));
+            }
         }
     }
 

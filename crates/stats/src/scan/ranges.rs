@@ -4,6 +4,8 @@ use pulp::NullaryFnOnce;
 
 /// Values that are compared at once.
 const LANES: usize = 32;
+/// Those of them whose extremes stay in registers, where there are sixteen of four values.
+const HALF: usize = LANES / 2;
 
 /// Least and greatest value of every column in every region of a partition (regions x columns).
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -74,10 +76,14 @@ impl NullaryFnOnce for Extremes<'_> {
 pub fn extreme(range: [f64; 2], values: &[f64]) -> [f64; 2] {
     let (mut least, mut most) = ([range[0]; LANES], [range[1]; LANES]);
     let (whole, rest) = values.as_chunks::<LANES>();
-    for values in whole {
-        for i in 0..LANES {
-            least[i] = if values[i] < least[i] { values[i] } else { least[i] };
-            most[i] = if values[i] > most[i] { values[i] } else { most[i] };
+    for from in [0, HALF] {
+        let (least, most) = (&mut least[from..from + HALF], &mut most[from..from + HALF]);
+        for values in whole {
+            let values = &values[from..from + HALF];
+            for i in 0..HALF {
+                least[i] = if values[i] < least[i] { values[i] } else { least[i] };
+                most[i] = if values[i] > most[i] { values[i] } else { most[i] };
+            }
         }
     }
     let least = least.iter().chain(rest).fold(range[0], |least, &value| least.min(value));
