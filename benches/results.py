@@ -165,8 +165,56 @@ def hexapod(fleetfoot, _data):
 
 
 
+def horizons(rollout, steps):
+    """Mahalanobis scores at some steps, the whole rollout's mean with its interval, and how many diverged."""
+    scores = rollout["model"]["mahalanobis"]
+    return [f"{scores[step - 1][0]:.3g}" for step in steps] + [with_interval(rollout["model"]["summary"]["average"]), f"{rollout['diverged']} of {rollout['rollouts']}"]
 
-TABLES = {"recordings": recordings, "hexapod": hexapod}
+
+def compared(bench, label, fit, test, partitions, steps, rollout=()):
+    """Every partition as it is, bounded (`--stable`), and held at the border of what regions saw."""
+    rows = []
+    for kind, options in (("free", ()), ("stable", ("--stable",))):
+        found = bench.run("fit", "pwa", *fit, "--partition", ",".join(partitions), "--keep-all", "-o", f"{kind}.json", *options)
+        for partition, candidate in zip(partitions, found["candidates"]):
+            model = f"{kind}_{partition.replace(':', '')}.json"
+            moved = candidate.get("stability", {}).get("moved")
+            for outside in ("tell", "hold"):
+                told = bench.run("rollout", model, *test, "--horizon", max(steps), "--starts", 1000, "--outside", outside, *rollout)
+                name = f"{partition}, {kind}" + (f", {moved} moved" if moved is not None else "") + (", held" if outside == "hold" else "")
+                loss = candidate["loss"]
+                rows.append([name, "-" if loss is None else f"{loss:.4g}", *horizons(told, steps)])
+    header = [label, "held-out loss", *(f"{step} steps" for step in steps), "mean of all steps", "diverged"]
+    return [f"| {' | '.join(header)} |", "|---" * len(header) + "|", *(f"| {' | '.join(row)} |" for row in rows), ""]
+
+
+def stability(fleetfoot, data):
+    rows = []
+    with bench(fleetfoot) as own:
+        for folder, options in (("train", ("--minutes", 10, "--runs", 10, "--seed", 1)), ("test", ("--minutes", 3, "--runs", 3, "--seed", 2))):
+            words = [own.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "--format", "parquet", "-o", folder]
+            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
+        fit = ("-c", "train/robot.toml", "train", "--folds", 5)
+        rows += compared(own, "hexapod, ten minutes", fit, ("test",), ("average", "kmeans:10", "kmeans:50"), (1, 2, 11, 40, 100, 200), ("--controller", "treadmill"))
+    with bench(fleetfoot) as own:
+        for _ in quadrotor_in_wind(own, data):
+            break
+        fit = ("-c", "quad.toml", *(f"train-{name}.csv" for name in ("nowind", "35wind", "70wind", "100wind")))
+        test = [f"test-{name}.csv" for name in ("nowind", "35wind", "70wind", "100wind")]
+        rows += compared(own, "quadrotor (`neural-fly`)", fit, test, ("average", "kmeans:5", "kmeans:20"), (1, 5, 20, 50))
+    with bench(fleetfoot) as own:
+        own.split(data / "pick-and-place.csv", 50_000 / 60_000)
+        fit = ("train.csv", "--states", "y", "--inputs", "u", "--predict", "next", "--lags", 3, "--partition-on", "y,lag(y,1),u", "--purge", "0.05")
+        rows += compared(own, "placement head (`pick-and-place`)", fit, ("test.csv",), ("average", "kmeans:5", "kmeans:20"), (1, 10, 100, 500))
+    with bench(fleetfoot) as own:
+        file = data / "mcap" / "nav2_turtlebot.mcap"
+        own.write("robot.toml", '[columns]\nv = "/odom.twist.twist.linear.x"\nw = "/odom.twist.twist.angular.z"\n[states]\nv = {}\nw = {}\n[time]\nbase = "/odom"\nstamp = "header"\n')
+        fit = ("-c", "robot.toml", file, "--predict", "next", "--lags", 5, "--where", "time() < 40")
+        rows += compared(own, "wheeled robot (`nav2_turtlebot`)", fit, (file, "--where", "time() > 41"), ("average", "kmeans:3", "kmeans:8"), (1, 5, 20, 50))
+    return "\n".join(rows).rstrip()
+
+
+TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability}
 
 
 def machine():

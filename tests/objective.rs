@@ -74,11 +74,43 @@ fn noisy_states_are_simulated_better_by_every_method() {
         };
         let (one, steps) = (read("one.json"), read("steps.json"));
         assert_ne!(one["model"]["latents"], steps["model"]["latents"]);
+        if method == "pwa" {
+            residuals_are_those_of_the_rows(&steps["model"]);
+        }
         let recipe = steps["model"]["training"]["recipe"].as_str().expect("a recipe");
         assert!(recipe.contains("objective = \"steps:10\""), "{recipe}");
         let text = fit(folder.path(), method, &format!("{options} --objective steps:10 -o again.json")).ok();
         assert!(text.out.contains("The model fitted to simulations is written"), "{}", text.out);
         assert_eq!(fs::read(folder.path().join("again.json")).ok(), fs::read(folder.path().join("steps.json")).ok());
+    }
+}
+
+/// The residual covariance of the written coefficients, told without a pass, is that of the rows.
+fn residuals_are_those_of_the_rows(model: &serde_json::Value) {
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let latents = model["latents"].as_array().expect("latents");
+    let mut moments = [0.0; 3];
+    let mut rows = 0.0;
+    for seed in 0..6 {
+        let text = oscillator(400, seed, 0.3);
+        let row =
+            |line: &str| line.split(',').skip(1).map(|value| value.parse().expect("a number")).collect::<Vec<f64>>();
+        let log: Vec<Vec<f64>> = text.lines().skip(1).map(row).collect();
+        for pair in log.windows(2) {
+            let error = |t: usize| {
+                let own = latents[t]["coefficients"][0].as_array().expect("coefficients");
+                let map: f64 = own.iter().zip(&pair[0]).map(|(a, x)| number(a) * x).sum();
+                pair[1][t] - map - number(&latents[t]["constants"][0])
+            };
+            let [a, b] = [error(0), error(1)];
+            moments.iter_mut().zip([a * a, a * b, b * b]).for_each(|(sum, value)| *sum += value);
+            rows += 1.0;
+        }
+    }
+    let told = model["partitions"][0]["regions"][0]["residual_covariance"].as_array().expect("a covariance");
+    for (told, sum) in told.iter().zip(moments) {
+        // The logs' numbers are read to the bit; sums of 2,394 rows round.
+        assert!((number(told) - sum / rows).abs() < 1e-10, "{told} {}", sum / rows);
     }
 }
 

@@ -5,7 +5,7 @@ use std::fs;
 use crate::runner::*;
 
 /// A method, flags that say something of each kind, and a recipe that says otherwise.
-const METHODS: [(&str, &[&str], &str); 6] = [
+const METHODS: [(&str, &[&str], &str); 7] = [
     (
         "pwa",
         &[
@@ -26,6 +26,7 @@ const METHODS: [(&str, &[&str], &str); 6] = [
         "[model]\npartition = \"null\"\n[pwa]\nselect = \"cv\"\nfolds = 8\npurge = 0.2\nshrinkage = \"auto\"\nunseen_labels = \"refuse\"\nseed = 1\n\
          restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\nobjective = \"steps:3\"\n",
     ),
+    ("pwa", &["--partition=kmeans:3", "--stable=0.9"], "[pwa]\nstable = 0.5\n"),
     (
         "sparse",
         &["--degree=2", "--lambda=auto", "--select=cv", "--folds=4", "--l1-ratio=0.9", "--adaptive=false", "--seed=2"],

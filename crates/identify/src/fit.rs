@@ -1,6 +1,7 @@
 //! From files and a recipe to a piecewise-affine model.
 
 mod options;
+mod residuals;
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,7 @@ use crate::{
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };
 pub use options::PwaOptions;
+use residuals::move_residuals;
 
 /// What is wanted beside the model.
 #[derive(Debug, Clone, Copy, Default)]
@@ -235,14 +237,19 @@ fn refined(
     let mut trial = options.clone();
     (trial.folds, trial.keep_all, trial.tsqr) = (0, false, false);
     trial.partitions = vec![chosen.specification.clone()];
-    (trial.selection, trial.shrinkage) = (Selection::Given(0), Shrinkage::Rows(chosen.shrinkage));
+    let shrinkage = chosen.shrinkage;
+    (trial.selection, trial.shrinkage) = (Selection::Given(0), Shrinkage::Rows(shrinkage));
     let fit = |train: &dyn Source| Ok(fleetfoot_pwa::identify(problem, &trial, train, progress)?.model);
     let refinement = objective::refine(objective, &identification.model, (source, options.smoothed), progress, fit)?;
     if let Some(found) = refinement.as_ref().filter(|found| found.written) {
-        identification.model.clone_from(&found.fitted.model);
-        // What the coefficients of one step left is not what these leave.
-        let regions = identification.model.partitions.iter_mut().flat_map(|partition| &mut partition.regions);
-        regions.for_each(|region| region.residual_covariance.fill(f64::NAN));
+        let before = std::mem::replace(&mut identification.model, found.fitted.model.clone());
+        if shrinkage > 0.0 {
+            // What is pulled towards one region is not orthogonal to its rows, and sums do not tell the rest.
+            let regions = identification.model.partitions.iter_mut().flat_map(|partition| &mut partition.regions);
+            regions.for_each(|region| region.residual_covariance.fill(f64::NAN));
+        } else {
+            move_residuals(&before, &mut identification.model);
+        }
     }
     Ok(refinement)
 }

@@ -119,6 +119,32 @@ pub enum Error {
     /// No equation has a target.
     #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
     NothingToFit,
+    /// Aliases that cannot be written out.
+    #[error(transparent)]
+    Closed(#[from] fleetfoot_model::ClosedError),
+    /// A regressor bends with a state, so that no matrix tells how the state moves.
+    #[error(
+        "stability: the regressor `{function}` is not linear in the state `{state}`, whose motion is to be bounded; leave it out of the library, or leave the bound away"
+    )]
+    Bends {
+        /// The regressor.
+        function: String,
+        /// The state.
+        state: String,
+    },
+    /// No regressor reads a fitted state.
+    #[error(
+        "stability: no regressor reads a state that the model advances by fitted equations, so that there is nothing to bound; leave the bound away"
+    )]
+    NothingToBound,
+    /// No metric is found.
+    #[error(
+        "stability: no metric is found in which all regions could contract by {bound} a sampling period; ask for a greater bound"
+    )]
+    NoMetric {
+        /// The bound.
+        bound: f64,
+    },
     /// A row that cannot be summed.
     #[error(transparent)]
     Row(#[from] fleetfoot_stats::scan::RowError),

@@ -9,7 +9,7 @@ use fleetfoot_stats::{
 };
 
 use crate::{
-    Error, Options, Problem, Specification,
+    Error, Options, Problem, Specification, Stability,
     errors::{Errors, Measure, PartErrors},
     fit::{Base, Roots, Solver},
     lattice::{Sets, Tree, bytes as cell_bytes, described},
@@ -19,6 +19,7 @@ use crate::{
     rows::Rows,
     scan::{Scan, sum},
     select::{Order, choose, effective_rows, evaluate, fitted},
+    stable::Loop,
     survey::{Survey, example_bytes, examples, kept_bytes},
     tsqr::factor_regions,
 };
@@ -100,6 +101,10 @@ pub struct Score {
     pub bic: f64,
     /// What it costs that maps meet at their borders, where they do.
     pub continuity: Option<Continuity>,
+    /// How its maps contract, where [`Options::stability`] asks for it.
+    pub stability: Option<Stability>,
+    /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
+    pub free_loss: f64,
     /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
     pub objective: Vec<f64>,
 }
@@ -137,6 +142,7 @@ pub fn identify(
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
+    let bound = options.stability.map(|bound| Loop::new(problem, bound)).transpose()?;
     let Prepared { rows, grid, folds, chunks, survey, mut segmentation } = prepare(problem, options, source, progress)?;
     let preconditioner = rows.coordinates(source)?;
     progress.stage("regression");
@@ -154,6 +160,7 @@ pub fn identify(
         scan: &scanned,
         joined: joined.as_ref(),
         preconditioner: &preconditioner,
+        bound,
     };
     fit.finish(source, &chunks, progress)
 }
@@ -243,6 +250,8 @@ pub(crate) struct Fit<'a> {
     /// Sums of the cells and their trees, where there are any.
     joined: Option<&'a (Sets, Vec<Tree>)>,
     preconditioner: &'a Preconditioner,
+    /// What the models' maps are bounded by.
+    bound: Option<Loop>,
 }
 
 impl Fit<'_> {
@@ -270,7 +279,8 @@ impl Fit<'_> {
         let folds = if self.options.folds > 1 { self.options.folds } else { 0 };
         let regions = |partition: usize| self.segmentation.partitions[partition].rule.count();
         let candidates = (self.segmentation.candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
-        let mut orders = evaluate(&solver, candidates, (folds, self.options.shrinkage), &base, independent);
+        let rule = (folds, self.options.shrinkage);
+        let mut orders = evaluate(&solver, candidates, rule, self.bound.as_ref(), &base, independent)?;
         let specifications: Vec<&Specification> =
             self.segmentation.candidates.iter().map(|c| &c.specification).collect();
         let (chosen, rule) = choose(self.options.selection, &specifications, &orders);
@@ -359,6 +369,9 @@ impl Fit<'_> {
         let Some(base) = factor(0)?.remove(&0).map(Base::new) else { return Ok(None) };
         let roots = factor(candidate.full)?;
         order.full = fitted(candidate, None, order.full.len(), &base, &roots, order.shrinkage).models;
+        if let (Some(bound), Some((told, _))) = (&self.bound, &mut order.stability) {
+            *told = bound.bound(&mut order.full, &base, &roots, order.shrinkage)?;
+        }
         Ok(Some(roots))
     }
 
@@ -408,6 +421,8 @@ impl Fit<'_> {
                 losses: order.losses.clone(),
                 bic: order.bic,
                 continuity: order.continuity,
+                stability: order.stability.as_ref().map(|(told, _)| told.clone()),
+                free_loss: order.stability.as_ref().map_or(order.loss, |(_, free)| *free),
                 objective: candidate.objective.clone(),
             })
             .collect()

@@ -40,6 +40,7 @@ mod rows;
 mod scan;
 mod select;
 mod specification;
+mod stable;
 mod summed;
 mod survey;
 mod tree;
@@ -55,4 +56,5 @@ pub use kmeans::{
 pub use partition::{Partitioned, partition};
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError, Within};
+pub use stable::{Stability, StableRegion};
 pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

@@ -39,6 +39,8 @@ pub struct Options {
     pub selection: Selection,
     /// Pull of each region towards the one-region model.
     pub shrinkage: Shrinkage,
+    /// Bound of the norm of every region's map over one sampling period, in a metric that all share (1: stable); `None`: free. See [`crate::Stability`].
+    pub stability: Option<f64>,
     /// What happens to labels not seen in training.
     pub unseen: UnseenLabel,
     /// Seed of k-means++.
@@ -68,6 +70,7 @@ impl Default for Options {
             smoothed: 0,
             selection: Selection::CrossValidation,
             shrinkage: Shrinkage::Rows(0.0),
+            stability: None,
             unseen: UnseenLabel::Refuse,
             seed: 0,
             restarts: 1,

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats};
 
 use crate::{
-    Continuity, Selection, Shrinkage, Specification,
+    Continuity, Error, Selection, Shrinkage, Specification, Stability,
     continuous::{Fitted, Ties},
     fit::{Base, RegionModel, Roots, held_out_error, region_models},
     regions::Candidate,
+    stable::Loop,
 };
 
 /// Shrinkage in rows that [`Shrinkage::Auto`] tries.
@@ -39,6 +40,8 @@ pub(crate) struct Order {
     pub(crate) numbers: usize,
     /// What it costs that maps meet at their borders, where they do.
     pub(crate) continuity: Option<Continuity>,
+    /// How the models from all rows contract, where that is asked for, and the loss of the free ones.
+    pub(crate) stability: Option<(Stability, f64)>,
 }
 
 impl Candidate {
@@ -91,6 +94,7 @@ impl Order {
             full: Vec::new(),
             numbers: 0,
             continuity: None,
+            stability: None,
         }
     }
 }
@@ -100,9 +104,10 @@ pub(crate) fn evaluate(
     solver: &dyn Roots,
     (candidates, regions): (&[Candidate], &dyn Fn(usize) -> usize),
     (folds, shrinkage): (u16, Shrinkage),
+    bound: Option<&Loop>,
     all: &Base,
     effective_rows: f64,
-) -> Vec<Order> {
+) -> Result<Vec<Order>, Error> {
     let bases: Vec<Option<Base>> = (0..folds).map(|fold| solver.base(Some(fold))).collect();
     let variance: Vec<f64> = all.root.total.iter().map(|total| total / all.root.weight).collect();
     let of_candidate = |candidate: &Candidate| {
@@ -130,6 +135,9 @@ pub(crate) fn evaluate(
         let training = solver.training(candidate.full, None);
         let found = fitted(candidate, None, regions(candidate.full), all, &training, order.shrinkage);
         (order.full, order.numbers) = (found.models, found.numbers);
+        if let Some(bound) = bound.filter(|_| candidate.specification != Specification::Null) {
+            hold(bound, &mut order, (all, &training), &sets, &variance)?;
+        }
         let error = held_out_error(&order.full, &training, variance.len());
         order.bic = bic(&error, all.root.weight, order.numbers, effective_rows);
         if order.losses.is_empty() {
@@ -140,7 +148,7 @@ pub(crate) fn evaluate(
             let apart = held_out(&sets, folds, &variance, order.shrinkage, maps).loss;
             Continuity { borders: ties.borders(), numbers: order.numbers, apart, jump: ties.jump(&order.full, all) }
         });
-        order
+        Ok(order)
     };
     candidates.iter().map(of_candidate).collect()
 }
@@ -160,7 +168,7 @@ fn held_out(
     folds: u16,
     variance: &[f64],
     shrinkage: f64,
-    maps: impl Fn(&Set<'_>) -> Vec<RegionModel>,
+    mut maps: impl FnMut(&Set<'_>) -> Vec<RegionModel>,
 ) -> Order {
     let mut errors = Vec::new();
     let mut by_fold = vec![Vec::new(); usize::from(folds)];
@@ -173,6 +181,33 @@ fn held_out(
         by_fold[usize::from(set.fold)] = models;
     }
     Order::of_folds(shrinkage, &errors, variance, by_fold)
+}
+
+/// Bounds the models of all rows and those of every fold, each with the metric that its own training rows give; what is held out is the error of the bounded ones.
+fn hold(
+    bound: &Loop,
+    order: &mut Order,
+    (all, training): (&Base, &BTreeMap<u32, SquareRoot>),
+    sets: &[Set<'_>],
+    variance: &[f64],
+) -> Result<(), Error> {
+    // Where nothing is held out, the loss on all rows.
+    let free = if order.loss.is_finite() {
+        order.loss
+    } else {
+        scaled(&held_out_error(&order.full, training, variance.len()), variance, all.root.weight)
+    };
+    let mut by_fold = std::mem::take(&mut order.by_fold);
+    let folds = by_fold.len() as u16;
+    for set in sets {
+        bound.bound(&mut by_fold[usize::from(set.fold)], set.base, &set.training, order.shrinkage)?;
+    }
+    let told = bound.bound(&mut order.full, all, training, order.shrinkage)?;
+    let (full, numbers) = (std::mem::take(&mut order.full), order.numbers);
+    let maps = |set: &Set<'_>| std::mem::take(&mut by_fold[usize::from(set.fold)]);
+    let held = held_out(sets, folds, variance, order.shrinkage, maps);
+    *order = Order { full, numbers, stability: Some((told, free)), ..held };
+    Ok(())
 }
 
 /// The index of the chosen candidate, and the rule that chose it, for people; no rule where there was nothing to choose from, or the caller chose.

@@ -16,6 +16,7 @@ use crate::{
     notes::confounded,
     regions::Candidate,
     select::{Order, choose, evaluate},
+    stable::Loop,
 };
 
 /// The sums of the rows of a partition's regions: library and targets of the problem, raw units.
@@ -89,7 +90,8 @@ pub fn identify_summed(
     let candidates: Vec<Candidate> = partitions.iter().enumerate().map(|(at, own)| candidate(at, own, rows)).collect();
     let regions = |partition: usize| sums.count(partition);
     let shapes = (candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
-    let orders = evaluate(&sums, shapes, (rows.folds, options.shrinkage), &base, independent);
+    let bound = options.stability.map(|bound| Loop::new(problem, bound)).transpose()?;
+    let orders = evaluate(&sums, shapes, (rows.folds, options.shrinkage), bound.as_ref(), &base, independent)?;
     let specifications: Vec<&Specification> = partitions.iter().map(|one| &one.specification).collect();
     let (chosen, rule) = choose(options.selection, &specifications, &orders);
     let q = base.root.targets();
@@ -169,6 +171,8 @@ fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64]) -> Score {
         losses: order.losses.clone(),
         bic: order.bic,
         continuity: None,
+        stability: order.stability.as_ref().map(|(told, _)| told.clone()),
+        free_loss: order.stability.as_ref().map_or(order.loss, |(_, free)| *free),
         objective: Vec::new(),
     }
 }

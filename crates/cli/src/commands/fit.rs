@@ -4,7 +4,7 @@ use fleetfoot::{
     Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe, Refinement,
     RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::{Score, Specification},
+    pwa::{Score, Specification, Stability, StableRegion},
     rival, write_model,
 };
 use serde_json::json;
@@ -171,6 +171,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
         + &refinement(&found.candidates[found.chosen])
         + &continuity(&found.candidates[found.chosen])
+        + &stability(&found.candidates, found.held_out)
 }
 
 /// What it costs that maps meet at their borders.
@@ -196,6 +197,37 @@ fn refinement(score: &Score) -> String {
         ),
         _ => String::new(),
     }
+}
+
+/// How the regions' maps contract, and what that costs one step ahead.
+fn stability(candidates: &[Score], held_out: bool) -> String {
+    let bounded: Vec<(&Score, &Stability)> =
+        candidates.iter().filter_map(|score| Some((score, score.stability.as_ref()?))).collect();
+    let Some((_, any)) = bounded.first() else { return String::new() };
+    let greatest =
+        |of: &dyn Fn(&StableRegion) -> f64, found: &Stability| found.regions.iter().map(of).fold(0.0, f64::max);
+    let row = |(score, found): &(&Score, &Stability)| {
+        vec![
+            score.specification.to_string(),
+            format!("{} of {}", found.moved(), found.regions.len()),
+            format!("{:.4}", greatest(&|one| one.free_radius, found)),
+            format!("{:.4}", greatest(&|one| one.radius, found)),
+            format!("{:.4}", greatest(&|one| one.norm, found)),
+            ratio(score.free_loss),
+            ratio(if held_out { score.loss } else { 1.0 - score.r2.iter().sum::<f64>() / score.r2.len() as f64 }),
+        ]
+    };
+    let header = ["partition", "moved", "free radius", "radius", "norm", "free loss", "loss"];
+    let inputs = match any.inputs.as_slice() {
+        [] => String::new(),
+        inputs => format!("; {} act as inputs", inputs.join(", ")),
+    };
+    format!(
+        "\n\nstable: all regions' maps of {} over one sampling period contract by {} in one metric{inputs}; greatest of the regions\n{}",
+        any.variables.join(", "),
+        any.bound,
+        table(&header, bounded.iter().map(row).collect())
+    )
 }
 
 /// Tells what a fit to simulations will cost, before it begins.

@@ -45,6 +45,16 @@ impl PwaOptions {
             None | Some(PartitionChoice::Cv | PartitionChoice::Rollout) => Selection::CrossValidation,
         };
         options.shrinkage = section.shrinkage.as_ref().map_or(Ok(options.shrinkage), shrinkage)?;
+        let is_bound = |bound: &f64| *bound > 0.0 && bound.is_finite();
+        let stable = section.stable.map(|bound| checked("stable", bound, is_bound, "a bound above 0, such as 1"));
+        options.stability = stable.transpose()?;
+        if let (Some(bound), Some(objective)) =
+            (options.stability, section.objective.filter(|o| *o != Objective::OneStep))
+        {
+            return Err(Error::conflict(format!(
+                "[pwa] stable = {bound} (--stable) and objective = \"{objective}\": a fit to simulations does not keep the bound; leave one of them away"
+            )));
+        }
         options.unseen = match section.unseen_labels {
             None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
             Some(UnseenLabels::Pool) => UnseenLabel::Pool,
@@ -60,6 +70,11 @@ impl PwaOptions {
         if let (true, Some(Objective::Steps(steps))) = (options.continuous, section.objective) {
             return Err(Error::conflict(format!(
                 "--continuous with --objective steps:{steps}: simulations move the maps of regions apart; leave one of them away"
+            )));
+        }
+        if let (true, Some(bound)) = (options.continuous, options.stability) {
+            return Err(Error::conflict(format!(
+                "--continuous with --stable={bound}: maps that are bounded region by region do not meet at borders; leave one of them away"
             )));
         }
         if let Some(mebibytes) = section.memory {
@@ -147,12 +162,13 @@ mod tests {
         assert_eq!(format!("{:?}", default.identification), format!("{own:?}"), "what is not said is the default");
         assert_eq!((default.purge, default.rollouts), (None, None));
         let text = "[pwa]\nselect = \"bic\"\nfolds = 4\npurge = 0.25\nshrinkage = \"auto\"\nunseen_labels = \"pool\"\nseed = 3\nrestarts = 2\n\
-                    iterations = 9\nmemory = 0.5\ntsqr = true\n[model]\npartition = \"average,kmeans:4\"\n";
+                    iterations = 9\nmemory = 0.5\ntsqr = true\nstable = 0.99\n[model]\npartition = \"average,kmeans:4\"\n";
         let given = options(text).unwrap();
         let found = &given.identification;
         assert_eq!((found.selection, found.folds, found.shrinkage), (Selection::Bic, 4, Shrinkage::Auto));
         assert_eq!((found.unseen, found.seed, found.restarts), (UnseenLabel::Pool, 3, 2));
         assert_eq!((found.iterations, found.memory, found.tsqr), (9, 512 << 10, true));
+        assert_eq!(found.stability, Some(0.99));
         assert_eq!(found.partitions, [Specification::Average, Specification::KMeans(4)]);
         assert_eq!((given.of_step(0.01).purge, given.of_step(0.0).purge), (Some(25), None));
         assert_eq!(options("[pwa]\nshrinkage = 10").unwrap().identification.shrinkage, Shrinkage::Rows(10.0));
@@ -181,6 +197,9 @@ mod tests {
             ("[pwa]\nhorizon = 20", ["horizon = 20", "--select rollout"]),
             ("[pwa]\nhorizon = 0\nselect = \"rollout\"", ["horizon = 0", "from 1 on"]),
             ("[pwa]\nfold = 3", ["fold", "folds"]),
+            ("[pwa]\nstable = 1.0\ncontinuous = true", ["stable=1", "do not meet"]),
+            ("[pwa]\nstable = 0.0", ["stable = 0", "above 0"]),
+            ("[pwa]\nstable = 1.0\nobjective = \"steps:5\"", ["stable = 1", "leave one of them away"]),
             ("[model]\npartition = \"kmeens:3\"", ["kmeens:3", "kmeans:10"]),
         ] {
             let message = options(text).expect_err(text);

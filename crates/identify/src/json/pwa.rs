@@ -1,6 +1,6 @@
 //! The report of a piecewise-affine fit.
 
-use fleetfoot_pwa::{Continuity, Score};
+use fleetfoot_pwa::{Continuity, Score, Stability, StableRegion};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
@@ -107,6 +107,10 @@ struct Candidate<'a> {
     bic: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     continuity: Option<Meeting>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    free_loss: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stability: Option<Contracting<'a>>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     objective_by_pass: &'a [f64],
 }
@@ -127,6 +131,8 @@ impl<'a> From<&'a Score> for Candidate<'a> {
             fold_losses: &score.losses,
             bic: score.bic,
             continuity: score.continuity.map(Meeting::from),
+            free_loss: score.stability.as_ref().map(|_| score.free_loss),
+            stability: score.stability.as_ref().map(Contracting::from),
             objective_by_pass: &score.objective,
         }
     }
@@ -144,5 +150,38 @@ struct Meeting {
 impl From<Continuity> for Meeting {
     fn from(Continuity { borders, numbers, apart, jump, .. }: Continuity) -> Self {
         Self { borders, numbers, loss_apart: apart, jump }
+    }
+}
+
+/// How the regions' maps contract.
+#[derive(Serialize)]
+struct Contracting<'a> {
+    bound: f64,
+    variables: &'a [String],
+    inputs: &'a [String],
+    metric: &'a [f64],
+    moved: usize,
+    free_radii: Vec<f64>,
+    free_norms: Vec<f64>,
+    radii: Vec<f64>,
+    norms: Vec<f64>,
+    gaps: Vec<f64>,
+}
+
+impl<'a> From<&'a Stability> for Contracting<'a> {
+    fn from(found: &'a Stability) -> Self {
+        let each = |of: fn(&StableRegion) -> f64| found.regions.iter().map(of).collect();
+        Self {
+            bound: found.bound,
+            variables: &found.variables,
+            inputs: &found.inputs,
+            metric: &found.metric,
+            moved: found.moved(),
+            free_radii: each(|one| one.free_radius),
+            free_norms: each(|one| one.free_norm),
+            radii: each(|one| one.radius),
+            norms: each(|one| one.norm),
+            gaps: each(|one| one.gap),
+        }
     }
 }

@@ -53,6 +53,9 @@ settings! {
         /// Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are regressors (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub continuous: bool,
+        /// Bound of every region's map over one sampling period, in a metric that all regions share: stable at 1; at 0.99 states shrink by a hundredth a row (default: free).
+        #[arg(long, value_name = "BOUND", num_args = 0..=1, require_equals = true, default_missing_value = "1", allow_negative_numbers = true)]
+        pub stable: f64,
         /// What happens to labels that were not seen in training (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,

@@ -4,4 +4,5 @@ mod continuous;
 mod identify;
 mod lattice;
 mod refined;
+mod stable;
 mod tree;

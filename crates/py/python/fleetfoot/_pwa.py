@@ -54,6 +54,9 @@ class PWA(Identifier):
     continuous : bool, default=False
         Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are
         regressors. ``report_["candidates"]`` tells beside each loss that of maps that need not meet.
+    stable : float, optional
+        Bound of every region's map over one sampling period, in a metric that all regions share: 1 for a stable model;
+        ``report_["candidates"]`` tells radii, norms, the metric and the loss of the free model.
     unseen_labels : {"refuse", "pool"}, default="refuse"
         What happens to labels that training did not see: an error, or a model fitted on all rows.
     seed, restarts, iterations : int, default=0, 1, 100
@@ -103,6 +106,7 @@ class PWA(Identifier):
         purge: float | None = None,
         shrinkage: float | str = 0.0,
         continuous: bool = False,
+        stable: float | None = None,
         unseen_labels: str = "refuse",
         seed: int = 0,
         restarts: int = 1,
@@ -133,6 +137,7 @@ class PWA(Identifier):
         self.purge = purge
         self.shrinkage = shrinkage
         self.continuous = continuous
+        self.stable = stable
         self.unseen_labels = unseen_labels
         self.seed = seed
         self.restarts = restarts
@@ -168,6 +173,7 @@ class PWA(Identifier):
             purge=self._real("purge"),
             shrinkage=self._real("shrinkage", "auto"),
             continuous=self._said("continuous"),
+            stable=self._real("stable"),
             unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,

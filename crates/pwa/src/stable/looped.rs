@@ -1,0 +1,227 @@
+//! Which states a model's regions advance, and how a region's coefficients do it.
+
+use std::fmt::{self, Display, Formatter};
+
+use faer::Mat;
+use fleetfoot_library::{Expr, Node, Unary};
+use fleetfoot_model::{Equation, Model, Prediction, Training};
+
+use crate::{Error, Problem};
+
+/// A state at some rows back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Variable {
+    pub(crate) name: String,
+    pub(crate) lag: i32,
+}
+
+impl Display for Variable {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self.lag {
+            0 => f.write_str(&self.name),
+            lag => write!(f, "lag({}, {lag})", self.name),
+        }
+    }
+}
+
+/// The maps of a model's regions, `M = C + sum_t gain_t e_row(t) beta_t' reads`, and their bound.
+#[derive(Debug, Clone)]
+pub(crate) struct Loop {
+    /// What is advanced (n).
+    pub(crate) variables: Vec<Variable>,
+    /// C (n x n): the states' own part of a step, given equations, and the rows of lags.
+    pub(crate) offset: Mat<f64>,
+    /// Of every target, the row of M that it makes and what it is multiplied by; `None` for one that advances nothing of the loop (q).
+    pub(crate) targets: Vec<Option<(usize, f64)>>,
+    /// How functions of the library change with the variables (p x n).
+    pub(crate) reads: Mat<f64>,
+    /// The functions that do.
+    pub(crate) regressors: Vec<usize>,
+    /// States that act as inputs.
+    pub(crate) inputs: Vec<String>,
+    /// Variables of given equations.
+    given: Vec<usize>,
+    /// rho.
+    pub(crate) bound: f64,
+}
+
+/// A state with its equation.
+struct Advanced<'a> {
+    equation: &'a Equation,
+    target: Option<usize>,
+}
+
+impl Loop {
+    /// Reads the loop out of a problem.
+    ///
+    /// # Errors
+    /// A function that is not linear in a fitted state, nor bounded; no fitted state that the regressors read.
+    pub(crate) fn new(problem: &Problem, bound: f64) -> Result<Self, Error> {
+        let (equations, library) = closed(problem)?;
+        let mut advanced: Vec<Advanced<'_>> = Vec::new();
+        let mut targets = 0;
+        for equation in &equations {
+            let target = equation.target.is_some().then_some(targets);
+            targets += usize::from(equation.target.is_some());
+            if equation.prediction != Prediction::Value {
+                advanced.push(Advanced { equation, target });
+            }
+        }
+        let is_angle = |name: &str| problem.columns.iter().any(|column| column.name == name && column.angle);
+        let (mut inputs, mut linear): (Vec<String>, Vec<&Advanced<'_>>) = (Vec::new(), Vec::new());
+        for own in &advanced {
+            let subject = own.equation.subject.as_str();
+            let mut readers = library.iter().filter(|function| reads(function, subject)).peekable();
+            if readers.peek().is_none() {
+                continue;
+            }
+            let bent = readers.find(|function| slopes(function, subject).is_none());
+            match bent {
+                // What is read through bounded functions alone feeds back no more than they give.
+                _ if library.iter().filter(|function| reads(function, subject)).all(is_bounded)
+                    || is_angle(subject) =>
+                {
+                    inputs.push(subject.to_owned());
+                }
+                Some(_) if own.target.is_none() => inputs.push(subject.to_owned()),
+                Some(function) => {
+                    return Err(Error::Bends { function: function.to_string(), state: subject.to_owned() });
+                }
+                None => linear.push(own),
+            }
+        }
+        // A given equation that bends, or that reads what is none of the loop, cannot be part of it; leaving one out may leave others without.
+        loop {
+            let names: Vec<&str> = linear.iter().map(|own| own.equation.subject.as_str()).collect();
+            let fits = |own: &&Advanced<'_>| {
+                own.target.is_some() || names.iter().all(|name| slopes(&own.equation.right, name).is_some())
+            };
+            let Some(at) = linear.iter().position(|own| !fits(own)) else { break };
+            inputs.push(linear.remove(at).equation.subject.clone());
+        }
+        if linear.iter().all(|own| own.target.is_none()) {
+            return Err(Error::NothingToBound);
+        }
+        Ok(Self::of(&linear, &library, (problem.step, targets), inputs, bound))
+    }
+
+    fn of(
+        linear: &[&Advanced<'_>],
+        library: &[Expr],
+        (step, targets): (f64, usize),
+        inputs: Vec<String>,
+        bound: f64,
+    ) -> Self {
+        let mut variables: Vec<Variable> = Vec::new();
+        for own in linear {
+            let name = &own.equation.subject;
+            let read = library.iter().chain(std::iter::once(&own.equation.right)).flat_map(Expr::reads);
+            let deepest = read.filter(|(of, _)| of.as_deref() == Some(name)).map(|(_, lag)| lag).max().unwrap_or(0);
+            variables.extend((0..=deepest.max(0)).map(|lag| Variable { name: name.clone(), lag }));
+        }
+        let n = variables.len();
+        let place = |name: &str, lag: i32| variables.iter().position(|own| own.name == name && own.lag == lag);
+        let row_of = |expression: &Expr| {
+            let mut row = vec![0.0; n];
+            for own in linear {
+                for (lag, slope) in slopes(expression, &own.equation.subject).into_iter().flatten() {
+                    if let Some(at) = place(&own.equation.subject, lag) {
+                        row[at] += slope;
+                    }
+                }
+            }
+            row
+        };
+        let functions: Vec<Vec<f64>> = library.iter().map(&row_of).collect();
+        let mut offset = Mat::zeros(n, n);
+        let (mut of_targets, mut given) = (vec![None; targets], Vec::new());
+        for own in linear {
+            let Some(row) = place(&own.equation.subject, 0) else { continue };
+            let (factor, gain) = match own.equation.prediction {
+                Prediction::Derivative => (1.0, step),
+                Prediction::Difference => (1.0, 1.0),
+                Prediction::Next | Prediction::Value => (0.0, 1.0),
+            };
+            offset[(row, row)] += factor;
+            match own.target {
+                Some(target) => of_targets[target] = Some((row, gain)),
+                None => {
+                    given.push(row);
+                    row_of(&own.equation.right)
+                        .iter()
+                        .enumerate()
+                        .for_each(|(k, slope)| offset[(row, k)] += gain * slope);
+                }
+            }
+        }
+        for (row, own) in variables.iter().enumerate().filter(|(_, own)| own.lag > 0) {
+            if let Some(before) = place(&own.name, own.lag - 1) {
+                offset[(row, before)] = 1.0;
+            }
+        }
+        let regressors = (0..functions.len()).filter(|&j| functions[j].iter().any(|&slope| slope != 0.0)).collect();
+        let reads = Mat::from_fn(functions.len(), n, |j, k| functions[j][k]);
+        Self { variables, offset, targets: of_targets, reads, regressors, inputs, given, bound }
+    }
+
+    /// The loop without the states that given equations advance; `None` where there are none.
+    pub(crate) fn without_given(&self) -> Option<Self> {
+        if self.given.is_empty() {
+            return None;
+        }
+        let is_given = |at: usize| self.given.iter().any(|&row| self.variables[row].name == self.variables[at].name);
+        let kept: Vec<usize> = (0..self.variables.len()).filter(|&at| !is_given(at)).collect();
+        let place = |row: usize| kept.iter().position(|&at| at == row);
+        let reads = Mat::from_fn(self.reads.nrows(), kept.len(), |j, k| self.reads[(j, kept[k])]);
+        let mut inputs = self.inputs.clone();
+        inputs.extend(self.given.iter().map(|&row| self.variables[row].name.clone()));
+        Some(Self {
+            variables: kept.iter().map(|&at| self.variables[at].clone()).collect(),
+            offset: Mat::from_fn(kept.len(), kept.len(), |i, k| self.offset[(kept[i], kept[k])]),
+            targets: self.targets.iter().map(|own| own.and_then(|(row, gain)| Some((place(row)?, gain)))).collect(),
+            regressors: (0..reads.nrows()).filter(|&j| (0..reads.ncols()).any(|k| reads[(j, k)] != 0.0)).collect(),
+            reads,
+            inputs,
+            given: Vec::new(),
+            bound: self.bound,
+        })
+    }
+}
+
+/// Equations and library with everything written out that follows from states, inputs and time, as a simulation sees them.
+fn closed(problem: &Problem) -> Result<(Vec<Equation>, Vec<Expr>), Error> {
+    let mut model = Model::new("pwa", problem.columns.clone(), problem.step, Training::default());
+    model.libraries = vec![problem.library.clone()];
+    model.equations = problem.equations.clone();
+    let mut model = model.closed(problem.step, &[])?.model;
+    // Steps of a lag that is simulated are equations of their own behind them.
+    model.equations.truncate(problem.equations.len());
+    Ok((model.equations, model.libraries.swap_remove(0)))
+}
+
+fn reads(function: &Expr, state: &str) -> bool {
+    function.sources().iter().any(|name| **name == *state)
+}
+
+/// Slopes of a function by a state, lag by lag; `None` where one is no number, or the state is read through a filter.
+fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
+    if function.filters().iter().any(|filter| filter.sources().iter().any(|name| **name == *state)) {
+        return None;
+    }
+    let lags = function.reads().into_iter().filter(|(name, _)| name.as_deref() == Some(state)).map(|(_, lag)| lag);
+    let slope = |lag: i32| {
+        // A name that no column can have.
+        let own = "\u{1}state";
+        let marked = function.replaced(|part| match part.node() {
+            Node::Column { name, lag: read } if **name == *state && *read == lag => Some(Expr::column(own)),
+            _ => None,
+        });
+        Some((lag, marked.derivative(own).simplified().as_number().filter(|slope| slope.is_finite())?))
+    };
+    lags.map(slope).collect()
+}
+
+/// Whether the values of a function are bounded, whatever it reads.
+fn is_bounded(function: &Expr) -> bool {
+    matches!(function.node(), Node::Unary(Unary::Sin | Unary::Cos | Unary::Tanh | Unary::Sign | Unary::Step, _))
+}

@@ -1,0 +1,121 @@
+//! One region's coefficients in coordinates in which the price is a distance.
+
+// Matrices are capitals.
+#![allow(non_snake_case)]
+
+use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
+use fleetfoot_stats::{Contraction, SquareRoot, svd};
+
+use super::{Loop, metric::Metric};
+use crate::fit::RegionModel;
+
+/// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not tell.
+const UNTOLD: f64 = 1e-9;
+
+/// Pull on how the other coefficients follow, in squares of a row at one standard deviation. Where the rows of a region tell less than that they stay: rows elsewhere would pay for it.
+const FOLLOWED: f64 = 1.0;
+
+/// A region: for coefficients A (s x q) of the functions that read the loop's variables, all others following, the squared errors over their variance grow by
+/// `|Y - Y0|^2` with `Y = L' A diag(1 / sigma)`, L L' being what the other functions leave of the Gram matrix.
+pub(crate) struct Region {
+    /// Y0 (s x q).
+    pub(crate) free: Mat<f64>,
+    /// `L^-1 reads` (s x n).
+    right: Mat<f64>,
+    /// `L'` (s x s).
+    upper: Mat<f64>,
+    /// How the other coefficients follow (others x s).
+    follow: Mat<f64>,
+    others: Vec<usize>,
+    /// 1 / sigma of every target (q).
+    scale: Vec<f64>,
+}
+
+impl Region {
+    /// Of a region's free model and the rows that it was fitted on; `noise` are the variances of the targets' errors. `None` where a number is not finite.
+    pub(crate) fn new(
+        own: &Loop,
+        model: &RegionModel,
+        root: &SquareRoot,
+        (units, shrinkage): (&[f64], f64),
+        noise: &[f64],
+    ) -> Option<Self> {
+        let (p, rows) = (root.regressors(), &own.regressors);
+        let others: Vec<usize> = (0..p).filter(|j| !rows.contains(j)).collect();
+        // Rows of the pull towards the one-region model stand below those of the region.
+        let pull = if shrinkage > 0.0 { p } else { 0 };
+        let entry = |i: usize, j: usize| match i.checked_sub(p) {
+            None => root.r[(i, j)],
+            Some(row) => {
+                if row == j {
+                    shrinkage.sqrt() * units[j]
+                } else {
+                    0.0
+                }
+            }
+        };
+        // In units of the columns, so that rank is told.
+        let columns = |of: &[usize]| Mat::from_fn(p + pull, of.len(), |i, k| entry(i, of[k]) / units[of[k]]);
+        let (read, other) = (columns(rows), columns(&others));
+        let follow = solved(other.as_ref(), read.as_ref(), FOLLOWED)?;
+        let left = &read - &other * &follow;
+        let mut H = left.transpose() * &left;
+        let s = rows.len();
+        let mean = (0..s).map(|k| H[(k, k)]).sum::<f64>() / s as f64;
+        (0..s).for_each(|k| H[(k, k)] += UNTOLD * mean.max(1.0));
+        let L = H.llt(Side::Lower).ok()?.L().to_owned();
+        let scale: Vec<f64> = noise.iter().map(|variance| 1.0 / variance.sqrt()).collect();
+        // From the units of the columns back to raw ones.
+        let upper = Mat::from_fn(s, s, |i, k| if k >= i { L[(k, i)] * units[rows[k]] } else { 0.0 });
+        let follow = Mat::from_fn(others.len(), s, |i, k| follow[(i, k)] * units[rows[k]] / units[others[i]]);
+        let reads = Mat::from_fn(s, own.variables.len(), |k, v| own.reads[(rows[k], v)]);
+        let right = upper.transpose().partial_piv_lu().solve(&reads);
+        let mut region = Self { free: Mat::zeros(0, 0), right, upper, follow, others, scale };
+        let A = Mat::from_fn(s, noise.len(), |k, t| model.coefficients[(rows[k], t)]);
+        region.free = region.inner(A.as_ref());
+        Some(region)
+    }
+
+    /// Y of coefficients A (s x q).
+    pub(crate) fn inner(&self, A: MatRef<'_, f64>) -> Mat<f64> {
+        let Y = &self.upper * A;
+        Mat::from_fn(Y.nrows(), Y.ncols(), |k, t| Y[(k, t)] * self.scale[t])
+    }
+
+    /// The map in a metric.
+    pub(crate) fn contraction(&self, own: &Loop, metric: &Metric) -> Contraction {
+        let n = own.variables.len();
+        let left =
+            |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| metric.root[(i, row)] * gain / self.scale[t]);
+        Contraction {
+            offset: &metric.root * &own.offset * &metric.inverse,
+            left: Mat::from_fn(n, own.targets.len(), left),
+            right: &self.right * &metric.inverse,
+            bound: own.bound,
+        }
+    }
+
+    /// Writes Y into a model of the region; functions that read no variable, and the constant, follow.
+    pub(crate) fn write(&self, own: &Loop, values: &Mat<f64>, model: &mut RegionModel, root: &SquareRoot) {
+        let (s, q) = (values.nrows(), values.ncols());
+        let raw = Mat::from_fn(s, q, |k, t| values[(k, t)] / self.scale[t]);
+        let A = self.upper.partial_piv_lu().solve(&raw);
+        let change = Mat::from_fn(s, q, |k, t| A[(k, t)] - model.coefficients[(own.regressors[k], t)]);
+        let followed = &self.follow * &change;
+        for t in 0..q {
+            own.regressors.iter().enumerate().for_each(|(k, &j)| model.coefficients[(j, t)] = A[(k, t)]);
+            self.others.iter().enumerate().for_each(|(k, &j)| model.coefficients[(j, t)] -= followed[(k, t)]);
+            let explained = |(j, mean): (usize, &f64)| mean * model.coefficients[(j, t)];
+            model.intercept[t] = root.mean_y[t] - root.mean_x.iter().enumerate().map(explained).sum::<f64>();
+        }
+    }
+}
+
+/// `X` for which `|A X - B|^2 + pull |X|^2` is least.
+fn solved(A: MatRef<'_, f64>, B: MatRef<'_, f64>, pull: f64) -> Option<Mat<f64>> {
+    let found = svd(A)?;
+    let along = found.u.transpose() * B;
+    let scaled =
+        Mat::from_fn(found.s.len(), B.ncols(), |k, j| along[(k, j)] * found.s[k] / (found.s[k].powi(2) + pull));
+    Some(found.v.subcols(0, found.s.len()) * &scaled)
+}

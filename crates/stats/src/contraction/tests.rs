@@ -1,0 +1,131 @@
+use faer::Mat;
+use proptest::prelude::*;
+
+use super::*;
+
+fn matrix(rows: usize, columns: usize, mut next: impl FnMut() -> f64) -> Mat<f64> {
+    Mat::from_fn(rows, columns, |_, _| next())
+}
+
+fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = fleetfoot_data::mix(state);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+    }
+}
+
+/// With every entry free the nearest matrix has the same singular vectors and its singular values cut off: the closed form.
+#[test]
+fn all_entries_free_cuts_singular_values_off() {
+    let mut next = random(7);
+    for n in [1, 2, 5, 8] {
+        let wanted = matrix(n, n, || 2.0 * next());
+        let own =
+            Contraction { offset: Mat::zeros(n, n), left: Mat::identity(n, n), right: Mat::identity(n, n), bound: 0.8 };
+        let found = own.nearest(wanted.as_ref(), Mat::zeros(n, n).as_ref(), 1e-9).unwrap();
+        let Svd { u, s, v } = svd(wanted.as_ref()).unwrap();
+        let cut = Mat::from_fn(n, n, |i, j| (0..n).map(|k| u[(i, k)] * s[k].min(0.8) * v[(j, k)]).sum::<f64>());
+        let distance = 0.5 * s.iter().map(|s| (s - 0.8).max(0.0).powi(2)).sum::<f64>();
+        // f is strongly convex: a gap bounds the squared distance to the minimum.
+        assert!((&found.values - &cut).norm_l2() <= (2.0 * found.gap).sqrt() + 1e-12);
+        assert!(found.distance >= distance && found.distance - distance <= found.gap + 1e-14);
+        assert!(found.gap <= 1e-9 * found.distance && found.norm <= 0.8);
+    }
+}
+
+/// y(k+1) = a y(k) + b y(k-1) with a metric in which both the wanted map and the answer are small: the optimum on a grid is no better.
+#[test]
+fn a_companion_matrix_keeps_its_given_row() {
+    let offset = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == 1 && j == 0)));
+    let M = Mat::from_fn(2, 2, |i, j| [[1.2, -0.5], [1.0, 0.0]][i][j]);
+    let P = lyapunov(M.as_ref(), Mat::identity(2, 2).as_ref()).unwrap();
+    let T = P.llt(Side::Lower).unwrap().L().transpose().to_owned();
+    let inverse = T.as_ref().partial_piv_lu().solve(Mat::<f64>::identity(2, 2));
+    let own = Contraction {
+        offset: &T * &offset * &inverse,
+        left: T.subcols(0, 1).to_owned(),
+        right: inverse.clone(),
+        bound: 1.0,
+    };
+    let start = Mat::from_fn(2, 1, |i, _| [1.2, -0.5][i]);
+    let wanted = Mat::from_fn(2, 1, |i, _| [1.9, -0.85][i]);
+    let found = own.nearest(wanted.as_ref(), start.as_ref(), 1e-8).unwrap();
+    let back = &inverse * &found.matrix * &T;
+    assert!((back[(1, 0)] - 1.0).abs() < 1e-12 && back[(1, 1)].abs() < 1e-12, "the given row stays");
+    assert!(spectral_radius(back.as_ref()) <= found.norm + 1e-12 && found.norm < 1.0);
+    for i in -200..=200 {
+        for j in -200..=200 {
+            let other = Mat::from_fn(2, 1, |k, _| found.values[(k, 0)] + [f64::from(i), f64::from(j)][k] * 2e-3);
+            let distance = 0.5 * (&other - &wanted).squared_norm_l2();
+            if distance < found.distance - found.gap {
+                let norm = svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0];
+                assert!(norm > 1.0, "a point of the grid is nearer and within the bound");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_contracts_already_stays_to_the_bit_and_a_bad_start_is_refused() {
+    let own =
+        Contraction { offset: Mat::zeros(2, 2), left: Mat::identity(2, 2), right: Mat::identity(2, 2), bound: 1.0 };
+    let wanted = Mat::from_fn(2, 2, |i, j| if i == j { 0.5 } else { 0.1 });
+    assert_eq!(own.nearest(wanted.as_ref(), wanted.as_ref(), 1e-8).unwrap().values, wanted);
+    let far = Mat::from_fn(2, 2, |_, _| 3.0);
+    assert!(own.nearest(far.as_ref(), far.as_ref(), 1e-8).is_none());
+}
+
+#[test]
+fn lyapunov_solves_its_equation_and_refuses_unstable_maps() {
+    let M = Mat::from_fn(3, 3, |i, j| [[0.99, 0.3, 0.0], [-0.1, 0.9, 0.2], [0.0, 0.0, -0.7]][i][j]);
+    let W = Mat::<f64>::identity(3, 3);
+    let P = lyapunov(M.as_ref(), W.as_ref()).unwrap();
+    let left = &P - M.transpose() * &P * &M;
+    assert!((&left - &W).norm_max() < 1e-12 * P.norm_max());
+    let unstable = Mat::from_fn(2, 2, |i, j| [[1.001, 0.0], [0.5, 0.2]][i][j]);
+    assert!(lyapunov(unstable.as_ref(), Mat::identity(2, 2).as_ref()).is_none());
+    // A rotation by 90 degrees, stretched.
+    let turn = Mat::from_fn(2, 2, |i, j| [[0.0, -1.5], [1.5, 0.0]][i][j]);
+    assert!((spectral_radius(turn.as_ref()) - 1.5).abs() < 1e-12);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// The certificate holds the distance from below: no random feasible point is nearer by more than the gap.
+    #[test]
+    fn nothing_within_the_bound_is_nearer_than_the_gap_allows(seed in 0_u64..10_000, n in 2_usize..6, q in 1_usize..4, s in 1_usize..5) {
+        let (q, s) = (q.min(n), s.min(n));
+        let mut next = random(seed);
+        let own = Contraction {
+            offset: matrix(n, n, || 0.3 * next()),
+            left: matrix(n, q, &mut next),
+            right: matrix(s, n, &mut next),
+            bound: 1.0,
+        };
+        let start = own.least().unwrap();
+        prop_assume!(svd(own.matrix(start.as_ref()).as_ref()).unwrap().s[0] < 0.95);
+        let wanted = matrix(s, q, || 3.0 * next());
+        let found = own.nearest(wanted.as_ref(), start.as_ref(), 1e-7).unwrap();
+        prop_assert!(found.norm <= 1.0 && found.gap <= 1e-7 * found.distance.max(f64::MIN_POSITIVE) || found.distance == 0.0);
+        for _ in 0..50 {
+            let noise = 0.05 * next().abs();
+            let mut other = Mat::from_fn(s, q, |b, t| found.values[(b, t)] + noise * next());
+            let norm = svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0];
+            if norm > 1.0 {
+                // Towards the answer until it is within: the set is convex.
+                for _ in 0..60 {
+                    other = Mat::from_fn(s, q, |b, t| 0.5 * (other[(b, t)] + found.values[(b, t)]));
+                    if svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
+                        break;
+                    }
+                }
+            }
+            if svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
+                let distance = 0.5 * (&other - &wanted).squared_norm_l2();
+                prop_assert!(distance >= found.distance - found.gap - 1e-12);
+            }
+        }
+    }
+}
