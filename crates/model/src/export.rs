@@ -29,6 +29,7 @@ mod python;
 mod rust;
 mod rust_syntax;
 mod step_jacobian;
+mod transitions;
 mod vectors;
 mod walk;
 mod zip;

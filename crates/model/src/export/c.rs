@@ -10,13 +10,20 @@ use super::{
     names::{comment, constants},
     options::Precision,
     public::{Public, fold},
+    transitions::{TransitionTables, c_declarations, c_source},
 };
 
-/// The files `prefix.h` and `prefix.c`.
+/// The files `prefix.h` and `prefix.c`, and `prefix_transitions.c` where transitions were counted.
 pub(super) fn files(assembled: &Assembled<'_>, options: &ExportOptions, cost: &Cost) -> Vec<ExportedFile> {
     let printer = Printer { c: C { precision: options.precision, prefix: &options.prefix }, assembled, cost };
     let file = |extension: &str, text: String| ExportedFile::text(format!("{}.{extension}", options.prefix), text);
-    vec![file("h", printer.header()), file("c", printer.source())]
+    let mut files = vec![file("h", printer.header()), file("c", printer.source())];
+    files.extend(
+        TransitionTables::of(assembled).map(|tables| {
+            ExportedFile::text(format!("{}_transitions.c", options.prefix), c_source(&tables, &printer.c))
+        }),
+    );
+    files
 }
 
 struct Printer<'a> {
@@ -40,7 +47,11 @@ impl Printer<'_> {
         for line in self.cost.lines() {
             out += &format!(" * {line}\n");
         }
-        out += &format!(" */\n#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n");
+        let tables = TransitionTables::of(self.assembled);
+        let include = if tables.is_some() { "#include <stdint.h>\n\n" } else { "" };
+        out += &format!(
+            " */\n#ifndef {upper}_H\n#define {upper}_H\n\n{include}#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n"
+        );
         self.names(&mut out);
         self.variable(&mut out);
         for (head, doc) in self.declarations() {
@@ -49,6 +60,9 @@ impl Printer<'_> {
                 out += &format!(" * {line}\n");
             }
             out += &format!(" */\n{head};\n\n");
+        }
+        if let Some(tables) = &tables {
+            c_declarations(tables, &self.c, &mut out);
         }
         out += &format!("#ifdef __cplusplus\n}}\n#endif\n\n#endif /* {upper}_H */\n");
         out

@@ -2,14 +2,15 @@
 //!
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 
-use super::{ExportOptions, ExportedFile, zip::archive};
+use super::{ExportOptions, ExportedFile, transitions::arrays as transition_arrays, zip::archive};
 use crate::{Cut, Model, Partition, Rule, UnseenLabel};
 
 /// The file `prefix.npz`.
 ///
 /// Per latent `latent/NAME/constants` (regions) and `latent/NAME/coefficients` (regions x functions) with the functions' texts in
 /// `latent/NAME/functions` and the number of its partition; per partition `partition/N/...` its columns, centres, scales and weights, per
-/// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`.
+/// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`; where transitions were counted
+/// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and `.../dwell` (rows).
 pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     let mut arrays = Arrays::default();
     let texts = |values: Vec<String>| values;
@@ -64,6 +65,13 @@ fn partition_arrays(arrays: &mut Arrays, index: usize, partition: &Partition) {
         arrays.reals(&name("ranges"), &ranges, &[regions.len(), functions, 2]);
     }
     rule_arrays(arrays, &name("rule"), &partition.rule, columns);
+    if let Some(counted) = &partition.transitions {
+        let (counts, shares, dwells) = transition_arrays(counted);
+        let square = [dwells.len(), dwells.len()];
+        arrays.integers(&name("transitions/count"), &counts, &square);
+        arrays.reals(&name("transitions/probability"), &shares, &square);
+        arrays.reals(&name("transitions/dwell"), &dwells, &square[..1]);
+    }
 }
 
 fn rule_arrays(arrays: &mut Arrays, name: &str, rule: &Rule, columns: usize) {

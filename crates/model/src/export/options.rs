@@ -5,7 +5,7 @@ use super::ExportError;
 /// The language of the code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
-    /// C99 without heap: a header, a source, a test with vectors.
+    /// C99 without heap: a header, a source, a test with vectors, and a source of tables where transitions were counted.
     C,
     /// A module that needs `core` only (and the crate `libm` where the model needs its functions).
     Rust,

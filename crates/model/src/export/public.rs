@@ -5,7 +5,7 @@ use super::{
     code::{Function, Kind},
     plan::{Advance, Plan, Signal, Source},
 };
-use crate::Prediction;
+use crate::{Partition, Prediction};
 
 /// A public function: the inner one behind it and its documentation.
 pub(super) struct Public<'a> {
@@ -79,13 +79,16 @@ impl Assembled<'_> {
         self.step.is_none()
     }
 
+    /// The partition whose regions are given; `None` where there is but one region.
+    pub(super) fn reported(&self) -> Option<&Partition> {
+        let evaluation = self.plan.advance.as_ref().or(self.plan.predict.as_ref())?;
+        let cells = &evaluation.partitions[evaluation.reported?];
+        Some(&self.plan.model.partitions[cells.partition])
+    }
+
     /// Names of the regions that are given.
     pub(super) fn regions(&self) -> Vec<&str> {
-        let evaluation = self.plan.advance.as_ref().or(self.plan.predict.as_ref());
-        let partition = evaluation
-            .and_then(|evaluation| evaluation.reported.map(|index| evaluation.partitions[index].partition))
-            .map(|partition| &self.plan.model.partitions[partition]);
-        match partition {
+        match self.reported() {
             Some(partition) => partition.regions.iter().map(|region| region.name.as_str()).collect(),
             None => vec!["all"],
         }

@@ -13,6 +13,7 @@ use super::{
     plan::Source,
     print::{Syntax, arguments, block, index, place, real},
     public::{Public, fold},
+    transitions::{self, TransitionTables},
 };
 
 /// The file `prefix.py`.
@@ -35,6 +36,9 @@ fn module(assembled: &Assembled<'_>, class: &str) -> String {
     }
     out += "\nimport math\n\n";
     names(assembled, &mut out);
+    if let Some(tables) = TransitionTables::of(assembled) {
+        transitions::python(&tables, &mut out);
+    }
     for table in &assembled.code.tables {
         let values: Vec<String> = match &table.values {
             Values::Reals(values) => values.iter().map(|&value| Python.number(value)).collect(),

@@ -15,6 +15,7 @@ use super::{
     plan::Source,
     print::{Syntax, block},
     public::{Public, fold},
+    transitions::{self, TransitionTables},
 };
 
 /// The file `prefix.rs`.
@@ -66,6 +67,9 @@ impl Rust {
     fn body(&self, assembled: &Assembled<'_>, used: &Used) -> String {
         let mut out = String::from("\n#![allow(clippy::all, non_snake_case, unused_mut, unused_variables)]\n\n");
         self.names(assembled, &mut out);
+        if let Some(tables) = TransitionTables::of(assembled) {
+            transitions::rust(&tables, self.real(), &|value| self.number(value), &mut out);
+        }
         for table in &assembled.code.tables {
             self.table_of(table, &mut out);
         }

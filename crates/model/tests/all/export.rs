@@ -14,7 +14,7 @@ use fleetfoot_model::{
 use crate::models;
 
 /// Strict C: what a certified project's build would use.
-const FLAGS: [&str; 10] = [
+pub(crate) const FLAGS: [&str; 10] = [
     "-std=c99",
     "-Wall",
     "-Wextra",
@@ -28,10 +28,10 @@ const FLAGS: [&str; 10] = [
 ];
 
 /// A folder of a test, removed when it is done.
-struct Folder(PathBuf);
+pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("fleetfoot-export-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&path).expect("a folder for the test");
         Self(path)
@@ -47,7 +47,7 @@ impl Drop for Folder {
 }
 
 /// Whether a program is there; says so where it is not.
-fn present(program: &str) -> bool {
+pub(crate) fn present(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
         eprintln!("no `{program}` on this machine: exported code is not compiled");
@@ -102,7 +102,7 @@ fn c_compiles_without_a_warning_and_agrees() {
 }
 
 /// A crate `libm` over the standard library, so that nothing is fetched.
-const LIBM: &str = "
+pub(crate) const LIBM: &str = "
 macro_rules! unary { ($($name:ident $float:ident $method:ident,)*) => { $(
     pub fn $name(x: f64) -> f64 { x.$method() }
     pub fn $float(x: f32) -> f32 { x.$method() }

@@ -6,3 +6,4 @@ mod outside;
 mod export;
 mod file;
 mod models;
+mod transitions;
