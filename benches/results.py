@@ -164,6 +164,10 @@ def hexapod(fleetfoot, _data):
     return "\n".join(rows)
 
 
+def parameters(file):
+    """Fitted numbers of a model: constants and coefficients of all regions."""
+    latents = json.loads(file.read_text())["model"]["latents"]
+    return sum(len(latent["constants"]) + sum(map(len, latent["coefficients"])) for latent in latents)
 
 def horizons(rollout, steps):
     """Mahalanobis scores at some steps, the whole rollout's mean with its interval, and how many diverged."""
@@ -214,7 +218,20 @@ def stability(fleetfoot, data):
     return "\n".join(rows).rstrip()
 
 
-TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability}
+def autoregressions(fleetfoot, data):
+    """The pick-and-place head: regions of an autoregression chosen on the first 50,000 rows alone, simulated through the others."""
+    rows = ["| regions | chosen | numbers | FIT % of the rows that trained | FIT % of the last rows |", "|---|---|---:|---:|---:|"]
+    recipe = ("--time", "t", "--outputs", "y", "--inputs", "u", "--decimate", 10, "--test-share", 0.16668, "--lags-out", 4, "--lags-in", 3, "--degree", 1, "--terms", "all", "--order", "auto", "--partition-on", "y,y - lag(y, 1),u")
+    for partition in ("kmeans:2..20", "refined:2..20"):
+        with bench(fleetfoot) as own:
+            fit = own.run("fit", "narx", data / "pick-and-place.csv", *recipe, "--partition", partition)
+            order = fit["order"]
+            runs = [f"{fit[part]['free_run'][0]['fit']:.2f}" for part in ("train", "test")]
+            rows.append(f"| {partition} | {fit['partition']}, ny {order['lags_out']}, nu {order['lags_in']} | {parameters(own.folder / 'model.json')} | {runs[0]} | {runs[1]} |")
+    return "\n".join(rows)
+
+
+TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions}
 
 
 def machine():
