@@ -36,6 +36,9 @@ pub(crate) struct Clocks {
     pub(crate) notes: Vec<String>,
 }
 
+/// The share of a period beyond which stamps are not those of an even sensor.
+const UNEVEN: f64 = 0.25;
+
 /// What a channel is compared with.
 #[derive(Clone, Copy)]
 enum By {
@@ -262,6 +265,10 @@ fn channels(dataset: &Dataset, even: bool) -> Result<Vec<Channel>, Stopped> {
     }
     for channel in channels.iter_mut().filter(|channel| even && channel.times.len() > 2) {
         let found = dejitter(&channel.times).map_err(|source| Stopped::Signal(channel.log.clone(), source))?;
+        // Messages of what happens now and then are not even, and have nothing to even out.
+        if found.jitter > UNEVEN * found.period {
+            continue;
+        }
         // Four deviations of the line at its ends, which is where it is known least.
         channel.margin = 8.0 * found.jitter / (channel.times.len() as f64).sqrt();
         channel.times = found.times;

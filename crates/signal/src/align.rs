@@ -5,6 +5,7 @@ use fleetfoot_data::{Cancelled, Silent, parallel_map};
 use crate::{
     ClockLine, Lambda, SignalError, Spline,
     error::{check, check_stamps},
+    outliers::gross_errors,
     smooth,
 };
 
@@ -45,6 +46,8 @@ pub struct Alignment {
     pub at_end: bool,
     /// How far the lag is off the line in each quarter of the record.
     pub parts: Vec<PartLag>,
+    /// Rows of the first and of the second channel that were left out as gross errors, in order.
+    pub left_out: [Vec<usize>; 2],
 }
 
 /// The lag of a part of the record beside the line through all of it.
@@ -115,6 +118,13 @@ impl<'a> Record<'a> {
         Some((value, slope))
     }
 
+    /// The values without their gross errors, and where these were.
+    fn without_gross_errors(&self) -> Result<(Vec<f64>, Vec<usize>), SignalError> {
+        let (mut values, rows) = (self.values.to_vec(), gross_errors(self.values)?);
+        rows.iter().for_each(|&row| values[row] = f64::NAN);
+        Ok((values, rows))
+    }
+
     fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }
@@ -162,7 +172,7 @@ impl Sums {
 /// the values do not matter, nor their rates.
 ///
 /// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
-/// lags which fall there would look better than they are. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
+/// lags which fall there would look better than they are. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
 /// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
 ///
 /// # Errors
@@ -173,9 +183,12 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
     check((0.0..0.1).contains(&skew), "the greatest skew", skew, "a skew is 0 or more, and below 0.1")?;
     check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
-    let smoothed = smooth(second.times, second.values, None, Spline::Cubic, Lambda::Likelihood)?;
-    let second = Record { times: second.times, values: &smoothed.derivatives[0] };
-    let pair = Pair { first, second, within, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };
+    let ((own, first_out), (other, second_out)) = (first.without_gross_errors()?, second.without_gross_errors()?);
+    let smoothed = smooth(second.times, &other, None, Spline::Cubic, Lambda::Likelihood)?;
+    let (first, second) = (Record { values: &own, ..first }, Record { values: &smoothed.derivatives[0], ..second });
+    let left_out = [first_out, second_out];
+    let pair =
+        Pair { first, second, within, left_out, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };
     let (skew, curve) = pair.search();
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1)).unwrap_or(0);
     if curve[best].1.is_infinite() {
@@ -195,6 +208,7 @@ struct Pair<'a> {
     second: Record<'a>,
     within: Within,
     at: f64,
+    left_out: [Vec<usize>; 2],
 }
 
 /// A row of the first channel, and what the second one is at its time.
@@ -286,7 +300,8 @@ impl Pair<'_> {
         let linear = Linear::new(self, line);
         let [deviation, skew_deviation] = linear.deviations();
         let (unexplained, parts) = (linear.of_x.unexplained(), linear.parts());
-        Alignment { line, deviation, skew_deviation, curve, unexplained, at_end, parts }
+        let left_out = self.left_out.clone();
+        Alignment { line, deviation, skew_deviation, curve, unexplained, at_end, parts, left_out }
     }
 }
 

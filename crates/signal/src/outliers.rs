@@ -16,6 +16,15 @@ const FARTHEST: usize = 100;
 /// A share of the measurements that is no longer a few gross errors.
 const MOST: f64 = 0.2;
 
+/// Robust deviations beyond which a value is a gross error, of its neighbours and of the whole record.
+const GROSS: f64 = 6.0;
+
+/// Rows to either side that tell what is usual around a row.
+const NEIGHBOURS: usize = 5;
+
+/// The share of the measurements that the curve must leave free, so that there is a noise to measure by.
+const LEAST: f64 = 0.02;
+
 /// A channel smoothed without its gross errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rejected {
@@ -25,7 +34,7 @@ pub struct Rejected {
     pub rows: Vec<usize>,
     /// Splines that were fitted to find them.
     pub passes: usize,
-    /// Whether the search was given up and nothing is left out: a fifth of the measurements would be, or the noise without them would be larger than with them. What stands
+    /// Whether the search was given up and nothing is left out: a fifth of the measurements would be, the noise without them would be larger than with them, or the curve goes through nearly every measurement. What stands
     /// out is motion then, jumps of it, and no error of the sensor.
     pub gave_up: bool,
 }
@@ -57,7 +66,9 @@ pub fn reject(
         smoothed = search.smooth(&channel, lambda)?;
         search.leave_out(&channel, &mut smoothed, most)?;
     }
-    if search.rows.len() > most || smoothed.noise > with_all.noise {
+    // A curve through nearly every measurement knows no noise that anything could stand out of.
+    let rest = smoothed.measured as f64 - smoothed.freedom;
+    if search.rows.len() > most || smoothed.noise > with_all.noise || rest < LEAST * smoothed.measured as f64 {
         return Ok(Rejected { smoothed: with_all, rows: Vec::new(), passes: search.passes, gave_up: true });
     }
     Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes, gave_up: false })
@@ -179,6 +190,21 @@ pub fn hampel(values: &[f64], reach: usize, sigmas: f64, floor: f64) -> Result<V
         (values[row] - middle).abs() > sigmas * scale.max(floor)
     };
     Ok((0..values.len()).filter(|&row| stands_out(row)).collect())
+}
+
+/// Rows that no motion explains: off their neighbours by Hampel's rule, as [`hampel`] with five rows to either side and the noise of the differences for a floor, and off the whole record by as
+/// many of its own robust deviations. A peak of the motion is one of both at most: its neighbours rise with it, or the record has others like it. NaN are no values.
+///
+/// # Errors
+/// None: those of [`hampel`] are of its settings, which are given here.
+pub(crate) fn gross_errors(values: &[f64]) -> Result<Vec<usize>, SignalError> {
+    let mut measured: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    let Some(middle) = median(&mut measured) else { return Ok(Vec::new()) };
+    measured.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    let far = GROSS * DEVIATIONS * median(&mut measured).unwrap_or(0.0);
+    let mut rows = hampel(values, NEIGHBOURS, GROSS, noise_of_differences(values))?;
+    rows.retain(|&row| (values[row] - middle).abs() > far);
+    Ok(rows)
 }
 
 /// The standard deviation of the noise of a channel, from its second differences: those of motion are small beside those of noise at the rates of sensors. By their median, so that gross

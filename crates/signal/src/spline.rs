@@ -27,6 +27,9 @@ use crate::{
 /// Width of the logarithm of the bandwidth at which the search for it ends.
 const WIDTH: f64 = 1e-4;
 
+/// Deviations of white noise, of what differences say of it, beyond which there is none.
+const WHITE: f64 = 1.25;
+
 /// Which spline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Spline {
@@ -64,7 +67,8 @@ pub enum Lambda {
     Given(f64),
     /// The least score of generalised cross-validation, `n rss / (n - tr A)^2` (Craven and Wahba, 1979).
     Gcv,
-    /// The greatest marginal likelihood, sigma profiled out and the unknown start left out (REML; Wahba, "A comparison of GCV and GML", Annals of Statistics 13, 1985).
+    /// The greatest marginal likelihood, sigma profiled out and the unknown start left out (REML; Wahba, "A comparison of GCV and GML", Annals of Statistics 13, 1985), of the penalties under which
+    /// the noise is no greater than white noise that the differences of neighbours allow: what oscillates is motion, not noise.
     #[default]
     Likelihood,
 }
@@ -170,7 +174,10 @@ impl<'a> Channel<'a> {
                 (lambda / to_seconds, false)
             }
             Lambda::Gcv => self.search::<M>(|lambda| self.gcv::<M>(lambda)),
-            Lambda::Likelihood => self.search::<M>(|lambda| self.deviance::<M>(lambda)),
+            Lambda::Likelihood => {
+                let most = self.most_noise();
+                self.search::<M>(|lambda| self.deviance::<M>(lambda, most))
+            }
         };
         let mut smoothed = self.fit::<M>(lambda);
         (smoothed.lambda, smoothed.at_end) = (lambda * to_seconds, at_end);
@@ -201,9 +208,30 @@ impl<'a> Channel<'a> {
         self.measured as f64 * residuals.squares.max(self.floor()) / (rest * rest)
     }
 
-    /// Minus twice the marginal log-likelihood, up to a constant.
-    fn deviance<const M: usize>(&self, lambda: f64) -> f64 {
+    /// The variance that white noise of this channel can have, gross errors and all. It shows in full in the second differences of neighbours, to which motion only adds; an oscillation, which no
+    /// integrated random walk is, looks like noise to the likelihood alone. A channel of weights has a variance of its own at every row.
+    fn most_noise(&self) -> f64 {
+        if self.weights.is_some() {
+            return f64::INFINITY;
+        }
+        let measured: Vec<f64> = self.values.iter().copied().filter(|value| !value.is_nan()).collect();
+        let last = measured.len() as isize - 1;
+        // Mirrored at the ends, so that the error of every measurement counts six times.
+        let at = |i: isize| measured[(last - (last - i.abs()).abs()) as usize];
+        let second = |i: isize| at(i - 1) - 2.0 * at(i) + at(i + 1);
+        let squares: f64 = (-1..=last + 1).map(|i| second(i).powi(2)).sum();
+        // The mean of so many squares is no closer to the variance than that.
+        let doubt = 1.0 + 5.0 / (measured.len() as f64).sqrt();
+        (WHITE * doubt).powi(2) * squares / 6.0 / measured.len() as f64
+    }
+
+    /// Minus twice the marginal log-likelihood, up to a constant; infinite where the variance of the noise would be above `most`.
+    fn deviance<const M: usize>(&self, lambda: f64, most: f64) -> f64 {
         let Likelihood { squares, log_variance, count } = Smoother::<M>::new(self.rows(), lambda).likelihood();
+        // What is rounding is none either.
+        if squares > (most * count as f64).max(self.floor()) {
+            return f64::INFINITY;
+        }
         count as f64 * squares.max(self.floor()).ln() + log_variance
     }
 

@@ -186,7 +186,12 @@ fn aligned(own: &AlignedClock) -> String {
     }
     let ppm = |skew: f64| format!("{:.3}", 1e6 * skew);
     let evidence = match (own.unexplained, own.edges) {
-        (Some(share), _) => format!("motion, {:.2} % unexplained", 100.0 * share),
+        (Some(share), _) => {
+            let errors = own.left_out.map_or(0, |left_out| left_out.iter().sum());
+            let errors =
+                if errors > 0 { format!(", {} left out", count(errors, "gross error")) } else { String::new() };
+            format!("motion, {:.2} % unexplained{errors}", 100.0 * share)
+        }
         (_, edges) => count(edges.unwrap_or(0), "edge"),
     };
     format!(

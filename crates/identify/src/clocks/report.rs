@@ -35,6 +35,9 @@ pub struct AlignedClock {
     /// By motion: how far each quarter of the log is off the line; clocks that do not run evenly are told by that.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<LagOfPart>,
+    /// By motion: values of the channel that was compared with, and of this clock's, that were left out as gross errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<[usize; 2]>,
     /// By a wave: edges that both saw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub edges: Option<usize>,
@@ -75,6 +78,7 @@ impl AlignedClock {
             unexplained: None,
             curve: Vec::new(),
             parts: Vec::new(),
+            left_out: None,
             edges: None,
             alone: None,
             contradiction: None,
@@ -96,6 +100,7 @@ impl AlignedClock {
             unexplained: Some(found.unexplained),
             curve: thinned(&found.curve),
             parts: found.parts.iter().map(part).collect(),
+            left_out: Some(found.left_out.each_ref().map(Vec::len)),
             ..Self::new(clock, log, "motion", [line.at - start, line.offset, line.skew])
         }
     }

@@ -136,6 +136,29 @@ fn offset_and_skew_are_found_together() {
     assert!(offsets >= 4 && skews >= 4, "{offsets} and {skews} of 6 within two deviations");
 }
 
+/// A motion capture that sees another body now and then: one value of a hundred deviations, as each of the two rows about it has after differencing, weighs more than all of the motion. They are
+/// left out, all of them and few others, and the line is where it is without them.
+#[test]
+fn gross_errors_do_not_move_the_line() {
+    let truth = ClockLine { at: 60.0, offset: -0.165, skew: -35e-6 };
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let search = Within { about: 0.0, reach: 0.5, skew: 5e-4 };
+    for seed in 0..3 {
+        let (a, mut b) = (wandering(30_000, 0.004, same, 100 + seed), wandering(12_000, 0.01, truth, 200 + seed));
+        let clean = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+        let wrong: Vec<usize> = [977, 979, 4_100, 4_102, 8_888, 11_001].into_iter().collect();
+        wrong.iter().for_each(|&row| b.1[row] = 150.0 + row as f64 * 1e-3);
+        let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+        assert!(wrong.iter().all(|row| found.left_out[1].contains(row)), "{:?}", found.left_out);
+        assert!(found.left_out[0].len() < 30 && found.left_out[1].len() < 12 + wrong.len(), "{:?}", found.left_out);
+        assert!(!found.at_end && (found.unexplained - clean.unexplained).abs() < 0.01, "{}", found.unexplained);
+        // Six rows of twelve thousand: a small part of the deviation.
+        assert!((found.line.offset - clean.line.offset).abs() < 0.5 * clean.deviation, "{:?}", found.line);
+        let error = found.line.offset - (truth.second(found.line.at) - found.line.at);
+        assert!(error.abs() < 4.5 * found.deviation, "{error} {}", found.deviation);
+    }
+}
+
 /// A clock that does not run evenly is told by the quarters of the record.
 #[test]
 fn a_bent_clock_is_told_by_its_quarters() {

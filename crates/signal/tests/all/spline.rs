@@ -1,6 +1,6 @@
 //! Smoothing splines.
 
-use fleetfoot_signal::{Lambda, SignalError, Smoothed, Spline, smooth};
+use fleetfoot_signal::{Lambda, SignalError, Smoothed, Spline, reject, smooth};
 use proptest::prelude::*;
 
 use crate::{
@@ -221,5 +221,40 @@ proptest! {
         prop_assert!(distance(&back, &own.derivatives[0]) < 1e-10);
         prop_assert!(distance(&slopes, &own.derivatives[1]) < 1e-9);
         prop_assert!((other.noise / size / own.noise - 1.0).abs() < 1e-9);
+    }
+}
+
+/// An oscillation of ten rows or so a half-period is no integrated random walk, and to the likelihood alone all of it is noise about a straight line. Its neighbours tell that it is not: the curve follows,
+/// and the noise is that of the sensor.
+#[test]
+fn an_oscillation_is_not_taken_for_noise() {
+    for spline in [Spline::Cubic, Spline::Quintic] {
+        for seed in 0..3 {
+            let (rows, noise) = (4000_u64, 0.25);
+            let motion = |t: f64| (31.0 * t).sin() + 0.3 * (62.0 * t + 1.0).cos();
+            let times: Vec<f64> = (0..rows).map(|row| 0.01 * row as f64).collect();
+            let mut values: Vec<f64> =
+                times.iter().zip(0..).map(|(&t, row)| motion(t) + noise * normal(seed, row)).collect();
+            for wrong in [0, 777, 2500] {
+                let smoothed = smooth(&times, &values, None, spline, Lambda::Likelihood).unwrap();
+                let error = times.iter().zip(&smoothed.derivatives[0]).map(|(&t, own)| (own - motion(t)).powi(2));
+                let error = (error.sum::<f64>() / rows as f64).sqrt();
+                if wrong == 0 {
+                    assert!(
+                        error < 0.8 * noise && (smoothed.noise / noise - 1.0).abs() < 0.35,
+                        "{error} {smoothed:?}",
+                        smoothed = smoothed.noise
+                    );
+                }
+                // Gross errors are found under the bound, at an end of the record as well.
+                values[wrong] += 1000.0;
+            }
+            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            assert!(
+                [0, 777, 2500].iter().all(|row| found.rows.contains(row)) && found.rows.len() < 8,
+                "{:?}",
+                found.rows
+            );
+        }
     }
 }
