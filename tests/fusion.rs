@@ -41,6 +41,7 @@ const NOISE: BodyNoise = BodyNoise {
     imu: ImuNoise { gyro: 7e-3, accelerometer: 4e-2, gyro_walk: 1.9393e-5, accelerometer_walk: 3e-3 },
     position: 2e-4,
     attitude: 2e-3,
+    jerk: 100.0,
 };
 
 /// Roots of mean squares an axis between the published state and the fused one, at every published stamp from `times[0]` to `times[1]`.
@@ -362,6 +363,80 @@ fn fused_bytes_do_not_depend_on_threads() {
     assert!(written[0] == written[1] && written[0].0.contains("\"noise_fitted\": false"), "{}", written[0].0);
 }
 
+/// The recipe without the accelerometer.
+fn gyroscope() -> String {
+    let forces = ["x", "y", "z"].map(|axis| format!(", \"/imu.linear_acceleration.{axis}\"")).concat();
+    RECIPE.replace("kind = \"imu\"", "kind = \"gyro\"").replace(&forces, "")
+}
+
+/// Without an accelerometer attitude, rate and delay are known as with it, and the poses tell position, velocity and acceleration; a joint stands beside the body, at the stamps of the gyroscope.
+#[test]
+fn a_gyroscope_alone_and_a_joint_beside_the_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_body(&path.join("run.mcap"));
+    let recipe = gyroscope().replace("lever = \"auto\"", &format!("lever = {MOUNT:?}"))
+        + "[joint.arm]\n[sensor.encoder]\nkind = \"position\"\nchannels = [\"/lamp.illuminance\"]\nnoise = [1e-4]\n";
+    let said = prepare(path, &recipe, &["--json"]).ok().json();
+    let (body, joint) = (&said["body"], &said["joints"][0]);
+    assert!(body["converged"] == true && body["accelerometer"] == false && body["jerk"].as_f64().unwrap() > 0.0);
+    let [delay, deviation] = ["delay", "delay_deviation"].map(|name| body[name].as_f64().unwrap());
+    assert!((delay - 0.008).abs() < 4.0 * deviation && deviation < 5e-4, "{body:#}");
+    assert_eq!(body["rejected"][0]["positions"]["rows"], 6, "{body:#}");
+    assert!(joint["joint"] == "arm" && joint["converged"] == true, "{joint:#}");
+    let names = ["x", "vx", "ax", "ax_deviation", "yaw", "wx", "gyro_bias_x", "arm", "arm_dot"].map(str::to_owned);
+    let rows = read_rows(&Recipe::default(), Some(&names), &[path.join("clean/run.clean.parquet")], &Silent).unwrap();
+    let times: Vec<f64> = rows.stamps.iter().map(|stamp| (stamp - START) as f64 * 1e-9).collect();
+    let rms = |name: &str, truth: &dyn Fn(f64) -> f64| {
+        let column = &rows.columns.iter().find(|(column, _)| column.name == name).unwrap().1;
+        let squares: f64 = column.iter().zip(&times).map(|(own, &t)| (own - truth(t)).powi(2)).sum();
+        (squares / times.len() as f64).sqrt()
+    };
+    let [size, rate_of, phase] = AXES[0];
+    let errors = [
+        rms("x", &|t| position_at(t)),
+        rms("vx", &|t| size * rate_of * (rate_of * t + phase).cos()),
+        rms("ax", &|t| acceleration(t)[0]),
+        rms("yaw", &|t| angles(t).0[2]),
+        rms("wx", &|t| rate(t)[0]),
+        rms("gyro_bias_x", &|_| BIAS[0]),
+        rms("arm", &|t| (0.5 * t).sin()),
+        rms("arm_dot", &|t| 0.5 * (0.5 * t).cos()),
+    ];
+    let allowed = [2e-3, 0.02, 0.5, 2e-3, 7e-3, 2e-3, 1e-4, 1e-3];
+    assert!(errors.iter().zip(allowed).all(|(error, most)| *error < most), "{errors:?}");
+    // The acceleration's deviation is of the size of its error.
+    let ratio = errors[2] / rms("ax_deviation", &|_| 0.0);
+    assert!(ratio < 3.0 && ratio > 0.1, "{ratio}");
+    fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
+}
+
+/// A preparation that is killed while it fuses goes on, and writes what one that was let alone does.
+#[test]
+fn a_killed_preparation_writes_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_body(&path.join("run.mcap"));
+    let files = || ["run.clean.parquet", "robot.toml"].map(|name| fs::read(path.join("clean").join(name)).unwrap());
+    prepare(path, RECIPE, &[]).ok();
+    let whole = files();
+    fs::remove_dir_all(path.join("clean")).unwrap();
+    let kept = path.join("clean/.fusing");
+    let mut killed = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        .current_dir(path)
+        .args(["prepare", "-c", "body.toml", "run.mcap", "-o", "clean", "--quiet"])
+        .spawn()
+        .unwrap();
+    while !kept.exists() {
+        assert!(killed.try_wait().unwrap().is_none(), "it ended without a file of where it stands");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    killed.kill().unwrap();
+    assert!(!killed.wait().unwrap().success() && kept.exists() && !path.join("clean/run.clean.parquet").exists());
+    prepare(path, RECIPE, &[]).ok();
+    assert!(files() == whole && !kept.exists());
+}
+
 #[test]
 fn bodies_that_cannot_be_fused_are_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -382,6 +457,16 @@ fn bodies_that_cannot_be_fused_are_told() {
         (format!("{RECIPE}[time]\nbase = \"/lamp\"\n"), vec!["[body]", "base and rate of [time]"]),
         (format!("{RECIPE}[time]\nrate = 50.0\n"), vec!["[body]", "base and rate of [time]"]),
         (RECIPE.split("[sensor.mocap]").next().unwrap().to_owned(), vec!["pose", "[sensor.NAME]"]),
+        (gyroscope(), vec!["without an accelerometer nothing tells the lever", "give it"]),
+        (RECIPE.replace("gravity = 9.81", "huber = 4.0\nstudent = 4.0"), vec!["[body]", "huber and student"]),
+        (
+            RECIPE.replace("kind = \"pose\"", "kind = \"pose\"\naverage = -0.01"),
+            vec!["[sensor.mocap] average", "seconds"],
+        ),
+        (
+            RECIPE.replace("kind = \"imu\"", "kind = \"imu\"\nresolution = 0.1"),
+            vec!["[sensor.imu] resolution", "joint"],
+        ),
     ] {
         prepare(path, &recipe, &[]).fails(&words);
     }

@@ -11,6 +11,7 @@ mod folds;
 mod fusion;
 mod generate;
 mod guards;
+mod joints;
 mod narx;
 mod narx_search;
 mod objective;

@@ -207,6 +207,29 @@ impl Dataset {
         Self::open(&named.recipe, &named.columns, &named.expressions, Clock::Needed, logs, progress)
     }
 
+    /// [`Dataset::for_columns`] of logs whose clocks are known.
+    pub(crate) fn for_columns_by(
+        recipe: &Recipe,
+        names: &[String],
+        clocks: Clocks,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let Named { recipe, columns, expressions } = Self::named(recipe, Some(names), logs)?;
+        Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
+    }
+
+    /// What the clocks of a recipe show in these logs.
+    pub(crate) fn find_clocks(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<Clocks, Error> {
+        if recipe.clocks.is_empty() {
+            return Ok(Clocks::default());
+        }
+        let info = fields(recipe, logs)?.1;
+        let topics: Vec<String> =
+            info.into_iter().flat_map(|info| info.topics).map(|topic: TopicInfo| topic.name).collect();
+        clocks::find(recipe, logs, &topics, progress)
+    }
+
     /// Opens logs for columns of one topic alone, aliases or expressions: the rows are the topic's own samples, at stamps that are corrected by the clocks which are known already.
     pub(crate) fn for_channels(
         recipe: &Recipe,
@@ -398,13 +421,7 @@ impl Dataset {
         logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let mut clocks = Clocks::default();
-        if !recipe.clocks.is_empty() {
-            let info = fields(recipe, logs)?.1;
-            let topics: Vec<String> =
-                info.into_iter().flat_map(|info| info.topics).map(|topic: TopicInfo| topic.name).collect();
-            clocks = clocks::find(recipe, logs, &topics, progress)?;
-        }
+        let clocks = Self::find_clocks(recipe, logs, progress)?;
         Self::open_by(recipe, model, aliases, clock, clocks, logs, progress)
     }
 

@@ -88,10 +88,10 @@ pub use parameters::{
 pub use project::{Projected, project};
 pub use recipe::{
     BodySection, ClockSection, Derivative, EpisodeRule, EstimateMethod, EstimateSection, Gap, Gravity, Input,
-    InputTable, Join, JoinTable, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection,
-    NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe,
-    SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time,
-    Tunable, UnseenLabels,
+    InputTable, Join, JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting,
+    NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod, PrepareSection,
+    PwaSection, Recipe, SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State,
+    TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};

@@ -2,9 +2,9 @@
 //!
 //! One episode is in memory at a time: the columns that are read, and those that are written of it.
 
-mod body;
 mod channel;
 mod columns;
+mod fused;
 mod grid;
 mod options;
 mod pieces;
@@ -18,8 +18,8 @@ use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_signal::{SignalError, dejitter};
 
-pub use body::{BodyReport, RejectedPoses};
 pub(crate) use columns::aliases;
+pub use fused::{BodyReport, CorrelationReport, JointReport, JointSensorReport, RejectedPoses};
 pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, Places, PrepareReport};
 
 use crate::{
@@ -81,8 +81,8 @@ pub fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, Error> {
     let logs = &logs.into();
-    if recipe.body.is_some() || !recipe.sensor.is_empty() {
-        return body::prepare(recipe, request, logs, progress);
+    if recipe.body.is_some() || !recipe.joint.is_empty() || !recipe.sensor.is_empty() {
+        return fused::prepare(recipe, request, logs, progress);
     }
     let options = EpisodeOptions::new(&recipe.prepare)?;
     let (dataset, recipe, columns) = Dataset::for_preparation(recipe, logs, progress)?;
@@ -147,7 +147,8 @@ impl PrepareReport {
     ) -> Result<Self, Error> {
         let channels = too_few.first().map_or(String::new(), |first| format!(" ({first})"));
         notes.extend(too_few);
-        let mut report = Self { rows: 0, written: 0, smoothed: 0.0, clocks, body: None, episodes, notes };
+        let mut report =
+            Self { rows: 0, written: 0, smoothed: 0.0, clocks, body: None, joints: Vec::new(), episodes, notes };
         report.rows = report.episodes.iter().map(|episode| episode.rows).sum();
         report.written = report.pieces().map(|piece| piece.rows).sum();
         report.smoothed =

@@ -20,7 +20,7 @@ mod settings;
 mod sindy;
 mod sparse;
 
-pub use body::{BodySection, Gravity, Mounting, SensorKind, SensorSection};
+pub use body::{BodySection, Gravity, JointSection, Mounting, SensorKind, SensorSection};
 pub use clocks::ClockSection;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
@@ -81,7 +81,10 @@ pub struct Recipe {
     /// A rigid body whose motion `prepare` fuses of the sensors that `[sensor]` names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodySection>,
-    /// The sensors of the body, by names of their own.
+    /// Joints whose motion `prepare` fuses, by names of their own.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub joint: IndexMap<String, JointSection>,
+    /// The sensors of the body and of joints, by names of their own.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub sensor: IndexMap<String, SensorSection>,
     /// The clock and the episodes.

@@ -5,15 +5,18 @@
 //!
 //! ```text
 //! sum_i |preintegrated readings between i and i+1, less the motion|^2 + |walk of the biases|^2
-//!   + sum_i huber(|(p_m - p(tau) - R(tau) l) / sigma_p|) + huber(|Log((R(tau) M)^T R_m) / sigma_R|)
+//!   + sum_i loss(|(p_m - p(tau) - R(tau) l) / sigma_p|) + loss(|Log((R(tau) M)^T R_m) / sigma_R|)
 //!   + what is known beforehand of biases and constants
 //! ```
 //!
 //! is found by Gauss and Newton's steps with Levenberg's damping: an iterated extended Kalman smoother (Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3),
 //! 1994). A step costs O(n): square-root elimination along the chain, and back. The constants of all runs, lever l and mounting M of the markers' frame, time offset tau and the direction of
 //! gravity, are a dense border; what the runs say of them is stacked. Readings between nodes are summed once an iteration (Forster et al., 2017).
+//!
+//! Without an accelerometer position, velocity and acceleration are a chain of integrators an axis, whose jerk is white noise: the acceleration takes the place of the accelerometer's bias in the state.
 
 mod chain;
+mod checkpoint;
 mod factors;
 mod options;
 mod preintegration;
@@ -26,9 +29,14 @@ mod state;
 mod tests;
 mod track;
 
+pub use checkpoint::Checkpoint;
 pub use options::{BodyNoise, BodyRun, FuseOptions, ImuNoise, ImuRecord, PoseRecord, Prior};
 pub use result::{BodyState, BodyTrack, Fused, StaticEstimates};
 
+pub use start::gaps;
+pub(crate) use start::slack;
+
+use checkpoint::Progress;
 use problem::Problem;
 use track::{BiasPrior, Setting, Track};
 
@@ -49,7 +57,7 @@ const SAME: f64 = 1.002;
 /// Fuses the runs of one body: the same constants in all, states and biases of their own in each.
 ///
 /// Times of a run are seconds from any moment, the same for both of its records. Poses outside of what the inertial sensor heard, and poses alone between two of its gaps, are left out and counted,
-/// as are stretches whose positions or attitudes all contradict the readings. The answer does not depend on the number of threads. Memory beside records and answer is some 600 bytes a pose.
+/// as are stretches whose positions or attitudes all contradict the readings. The answer does not depend on the number of threads. Memory beside records and answer is some 260 bytes a pose.
 ///
 /// ```
 /// use fleetfoot_signal::fuse::{BodyRun, FuseOptions, ImuRecord, PoseRecord, fuse};
@@ -72,7 +80,20 @@ const SAME: f64 = 1.002;
 /// Records of different lengths, stamps that do not increase, values that are not finite or whose squares are not, options that are none, no two neighbouring poses that the inertial sensor heard,
 /// motion that does not determine what is asked for, poses that most readings contradict, an offset further off than three of its deviations or 0.1 s.
 pub fn fuse(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<Fused, SignalError> {
+    fuse_from(runs, options, &mut ())
+}
+
+/// [`fuse`] that keeps where it stands after every round (some 140 bytes a pose), and goes on from what was kept of the same problem: the answer is that of a fusion that was never stopped, to the last bit.
+///
+/// # Errors
+/// Those of [`fuse`]. What was kept of another problem, by another version, or is damaged, does not count.
+pub fn fuse_from(
+    runs: &[BodyRun<'_>],
+    options: &FuseOptions,
+    checkpoint: &mut dyn Checkpoint,
+) -> Result<Fused, SignalError> {
     options.check()?;
+    let options = &known_by(runs, options)?;
     let (mut tracks, mut outside) = (Vec::new(), 0);
     for (at, run) in runs.iter().enumerate() {
         run.check()?;
@@ -86,15 +107,45 @@ pub fn fuse(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<Fused, Signal
         });
     }
     let bias = |prior: &Prior<[f64; 3]>| BiasPrior { value: prior.value.into(), deviation: prior.deviation };
+    let mut noise = options.noise;
+    if options.fit_noise && !has_forces(runs) {
+        noise.jerk = start::jerk(&tracks, noise.jerk);
+    }
     let setting = Setting {
-        noise: options.noise,
-        huber: options.huber,
+        noise,
+        loss: options.loss,
         biases: [bias(&options.gyro_bias), bias(&options.accelerometer_bias)],
         anchor: options.offset.value,
     };
     let border = start::begin(&mut tracks, options, &setting);
     let mut problem = Problem { tracks, border, setting, options: options.clone() };
-    solve(&mut problem, outside)
+    let digest = checkpoint::digest(runs, options);
+    solve(&mut problem, outside, checkpoint, digest)
+}
+
+/// Whether there is an accelerometer.
+fn has_forces(runs: &[BodyRun<'_>]) -> bool {
+    runs.iter().all(|run| run.imu.has_forces())
+}
+
+/// The options as far as the sensors can tell what they ask for: without an accelerometer gravity is not felt, and nothing else tells how far off the markers are.
+fn known_by(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<FuseOptions, SignalError> {
+    if has_forces(runs) {
+        return Ok(options.clone());
+    }
+    if runs.iter().any(|run| run.imu.has_forces()) {
+        return Err(SignalError::NotFused {
+            problem: "some runs have an accelerometer, and some have none: fuse them apart",
+        });
+    }
+    if options.lever.deviation.is_infinite() {
+        return Err(SignalError::NotFused {
+            problem: "without an accelerometer nothing tells the lever: give it, or name a sensor of the specific force",
+        });
+    }
+    let gravity = Prior { deviation: 0.0, ..options.gravity };
+    let accelerometer_bias = Prior { value: [0.0; 3], deviation: f64::INFINITY };
+    Ok(FuseOptions { gravity, accelerometer_bias, ..options.clone() })
 }
 
 impl From<chain::Undetermined> for SignalError {
@@ -106,40 +157,53 @@ impl From<chain::Undetermined> for SignalError {
 }
 
 /// Goes down, moves the nodes, chooses what counts and tells the noise, until none of it changes.
-fn solve(problem: &mut Problem<'_>, outside: usize) -> Result<Fused, SignalError> {
-    let (mut steps, mut converged, mut moving, mut last, mut contradicted) = (0, false, true, f64::INFINITY, 0);
-    for round in 0..ROUNDS {
-        let descent = problem.descend()?;
-        steps += descent.steps;
-        // Readings between noisy stamps are averages, so that the least depends a little on where between them nodes stand: nodes that do not come to rest are left where they are.
-        let late = problem.border.late.abs();
-        moving = moving && late > STILL && (round < FREE || late < 0.5 * last);
-        last = late;
-        if moving {
-            problem.move_nodes();
-        }
-        let mut change = 1.0;
-        if problem.options.fit_noise {
-            let whole = problem.whole()?;
-            let spreads = problem.spread(&whole, true)?;
-            change = problem.take_noise(&spreads);
-        }
-        // What is far off is known once the noise nearly is.
-        let mut chosen = false;
-        if problem.options.gate > 0.0 && change < 2.0 {
-            chosen = choose(problem, &mut contradicted)?;
-        }
-        if descent.converged && !moving && !chosen && change < SAME && round > 0 {
-            converged = true;
-            break;
+fn solve(
+    problem: &mut Problem<'_>,
+    outside: usize,
+    checkpoint: &mut dyn Checkpoint,
+    digest: u64,
+) -> Result<Fused, SignalError> {
+    let saved = checkpoint.load().and_then(|bytes| checkpoint::restore(problem, &bytes, digest));
+    let (mut progress, mut converged) = (saved.unwrap_or(Progress::BEGIN), false);
+    while progress.round < ROUNDS && !converged {
+        converged = round(problem, &mut progress)?;
+        progress.round += 1;
+        if !converged {
+            checkpoint.save(&checkpoint::write(problem, &progress, digest));
         }
     }
+    let Progress { steps, contradicted, .. } = progress;
     if !problem.is_within_slack() {
         return Err(SignalError::NotFused {
             problem: "poses and readings are further apart in time than three deviations of the offset, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give an offset nearer to what it is",
         });
     }
     Ok(result::fused(problem, [outside, contradicted], steps, converged)?)
+}
+
+/// A round. Whether all came to rest.
+fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, SignalError> {
+    let descent = problem.descend()?;
+    progress.steps += descent.steps;
+    // Readings between noisy stamps are averages, so that the least depends a little on where between them nodes stand: nodes that do not come to rest are left where they are.
+    let late = problem.border.late.abs();
+    progress.moving = progress.moving && late > STILL && (progress.round < FREE || late < 0.5 * progress.last);
+    progress.last = late;
+    if progress.moving {
+        problem.move_nodes();
+    }
+    let mut change = 1.0;
+    if problem.options.fit_noise {
+        let whole = problem.whole()?;
+        let shares = problem.shares(&whole)?;
+        change = problem.take_noise(&shares);
+    }
+    // What is far off is known once the noise nearly is.
+    let mut chosen = false;
+    if problem.options.gate > 0.0 && change < 2.0 {
+        chosen = choose(problem, &mut progress.contradicted)?;
+    }
+    Ok(descent.converged && !progress.moving && !chosen && change < SAME && progress.round > 0)
 }
 
 /// Chooses which poses count. A track that these do not determine any more is dropped, and its poses are added to `contradicted`. Whether the choice changed.

@@ -2,7 +2,7 @@
 //!
 //! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
 //! [`trend_filter`] is the curve of few pieces, [`Interpolant`] goes through every measurement. [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
-//! [`align`] and [`align_edges`] are for clocks. [`fuse`] makes one motion of an inertial sensor and measured poses.
+//! [`align`] and [`align_edges`] are for clocks. [`fuse`] makes one motion of an inertial sensor and measured poses, [`joint`] one of encoders and sensors of rate.
 //!
 //! ```
 //! use fleetfoot_signal::{Lambda, Spline, smooth};
@@ -21,7 +21,9 @@ mod edges;
 mod error;
 pub mod fuse;
 mod interpolate;
+pub mod joint;
 mod least;
+mod loss;
 mod outliers;
 mod savitzky_golay;
 mod sections;
@@ -34,6 +36,7 @@ pub use clock_line::ClockLine;
 pub use edges::{EdgeAlignment, align_edges};
 pub use error::SignalError;
 pub use interpolate::{Interpolant, Interpolation, resampled};
+pub use loss::Loss;
 pub use outliers::{Rejected, hampel, noise_of_differences, reject, saturated, stuck};
 pub use savitzky_golay::savitzky_golay;
 pub use sections::{Section, Sections, anti_alias, decimate};

@@ -14,8 +14,8 @@
 
 pub(crate) mod chain;
 pub(crate) mod filter;
-mod head;
-mod smoother;
+pub(crate) mod head;
+pub(crate) mod smoother;
 
 use smoother::{Likelihood, Residuals, Rows, Smoother};
 
@@ -203,7 +203,8 @@ impl<'a> Channel<'a> {
 
     /// n rss / (n - tr A)^2.
     fn gcv<const M: usize>(&self, lambda: f64) -> f64 {
-        let residuals = Smoother::<M>::new(self.rows(), lambda).smooth(|_, _| ());
+        let (rows, mut residuals) = (self.rows(), Residuals::default());
+        Smoother::<_, M>::new(rows, lambda).smooth(|row, state| rows.add(&mut residuals, row, state));
         let rest = self.measured as f64 - residuals.freedom;
         self.measured as f64 * residuals.squares.max(self.floor()) / (rest * rest)
     }
@@ -227,7 +228,7 @@ impl<'a> Channel<'a> {
 
     /// Minus twice the marginal log-likelihood, up to a constant; infinite where the variance of the noise would be above `most`.
     fn deviance<const M: usize>(&self, lambda: f64, most: f64) -> f64 {
-        let Likelihood { squares, log_variance, count } = Smoother::<M>::new(self.rows(), lambda).likelihood();
+        let Likelihood { squares, log_variance, count } = Smoother::<_, M>::new(self.rows(), lambda).likelihood();
         // What is rounding is none either.
         if squares > (most * count as f64).max(self.floor()) {
             return f64::INFINITY;
@@ -239,12 +240,15 @@ impl<'a> Channel<'a> {
     fn fit<const M: usize>(&self, lambda: f64) -> Smoothed {
         let mut derivatives = vec![vec![0.0; self.times.len()]; M];
         let mut deviations = derivatives.clone();
-        let Residuals { squares, freedom } = Smoother::<M>::new(self.rows(), lambda).smooth(|row, state| {
+        let (rows, mut residuals) = (self.rows(), Residuals::default());
+        Smoother::<_, M>::new(rows, lambda).smooth(|row, state| {
+            rows.add(&mut residuals, row, state);
             for k in 0..M {
                 derivatives[k][row] = state.mean[k];
                 deviations[k][row] = state.covariance[k][k];
             }
         });
+        let Residuals { squares, freedom } = residuals;
         let noise = (squares / (self.measured as f64 - freedom)).sqrt();
         for k in 0..M {
             let unit = self.unit.powi(k as i32);

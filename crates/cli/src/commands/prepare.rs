@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use fleetfoot::{
     Error, Recipe,
     clocks::AlignedClock,
-    prepare::{BodyReport, ChannelReport, Places, PrepareReport, PrepareRequest, RejectedPoses, prepare as run},
+    prepare::{
+        BodyReport, ChannelReport, JointReport, Places, PrepareReport, PrepareRequest, RejectedPoses, prepare as run,
+    },
 };
 
 use super::{Context, files, fit};
@@ -104,13 +106,14 @@ fn to_text(report: &PrepareReport) -> String {
     let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
     let channels = if rows.is_empty() { String::new() } else { format!("{}\n", table(&header, cells)) };
     format!(
-        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{}{doubts}",
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{}{}{doubts}",
         report.rows,
         count(report.episodes.len(), "episode"),
         report.written,
         count(report.pieces().count(), "piece"),
         seconds(report.smoothed),
         report.body.as_ref().map(body).unwrap_or_default(),
+        joints(&report.joints),
         topics(&rows),
         clocks(report),
         report.clocks.iter().map(aligned).collect::<String>(),
@@ -129,8 +132,16 @@ fn body(own: &BodyReport) -> String {
         false => ", as given".into(),
     };
     let rejected = |of: fn(&RejectedPoses) -> &Places| own.rejected.iter().map(|log| of(log).rows).sum::<usize>();
+    // Without an accelerometer gravity is not felt.
+    let (gravity, moved) = match own.jerk {
+        None => (
+            format!("  gravity   {} m/s^2{gravity}\n", list(&own.gravity)),
+            format!("force {} m/s^2/sqrt(Hz)", number(own.imu_noise[1])),
+        ),
+        Some(jerk) => (String::new(), format!("jerk {} m/s^3/sqrt(Hz)", number(jerk))),
+    };
     format!(
-        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n  gravity   {} m/s^2{gravity}\n  noise     rate {} rad/s/sqrt(Hz), force {} m/s^2/sqrt(Hz), position {} m, attitude {} rad, {}\n",
+        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n{gravity}  noise     rate {} rad/s/sqrt(Hz), {moved}, position {} m, attitude {} rad, {}\n",
         count(own.poses, "pose"),
         rejected(|log| &log.positions),
         rejected(|log| &log.attitudes),
@@ -138,9 +149,7 @@ fn body(own: &BodyReport) -> String {
         with(&own.lever, &own.lever_deviation),
         with(&own.mounting, &own.mounting_deviation),
         with(&[own.delay], &[own.delay_deviation]),
-        list(&own.gravity),
         number(own.imu_noise[0]),
-        number(own.imu_noise[1]),
         number(own.pose_noise[0]),
         number(own.pose_noise[1]),
         if own.noise_fitted { "told by the residuals" } else { "as given" },
@@ -161,6 +170,45 @@ fn topics(rows: &BTreeMap<&str, Row<'_>>) -> String {
         format!("from {} of {topic}, read off at the rows: {}\n", count(*samples, "sample"), channels.join(", "))
     };
     topics.iter().map(line).collect()
+}
+
+/// What fusion found of joints, a row a sensor.
+fn joints(all: &[JointReport]) -> String {
+    if all.is_empty() {
+        return String::new();
+    }
+    let found = |value: f64, deviation: f64| match deviation > 0.0 {
+        true => format!("{} ({})", number(value), number(deviation)),
+        false => number(value),
+    };
+    let header = ["joint", "sensor", "readings", "left out", "noise", "delay, s", "bias", "jerk", "smoothed over, s"];
+    let row = |joint: &JointReport, at: usize| {
+        let own = &joint.sensors[at];
+        vec![
+            joint.joint.clone(),
+            own.sensor.clone(),
+            own.readings.to_string(),
+            own.rejected.iter().map(|log| log.rows).sum::<usize>().to_string(),
+            number(own.noise),
+            found(own.delay, own.delay_deviation),
+            found(own.bias, own.bias_deviation),
+            number(joint.jerk),
+            number(joint.smoothed),
+        ]
+    };
+    let rows = all.iter().flat_map(|joint| (0..joint.sensors.len()).map(move |at| row(joint, at)));
+    let together: String = all
+        .iter()
+        .flat_map(|joint| joint.correlations.iter().map(move |pair| (joint, pair)))
+        .map(|(joint, pair)| {
+            let [first, second] = &pair.sensors;
+            format!(
+                "errors of `{first}` and `{second}` of {} have a correlation of {:.2}\n",
+                joint.joint, pair.correlation
+            )
+        })
+        .collect();
+    format!("{}\n{together}", table(&header, rows.collect()))
 }
 
 /// What stamps said of the clocks, where they were evened out.

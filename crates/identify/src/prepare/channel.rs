@@ -331,7 +331,7 @@ fn central(values: &[f64], period: f64) -> Vec<f64> {
 }
 
 /// An angle without its jumps of a turn.
-fn unwrapped(values: &[f64]) -> Vec<f64> {
+pub(super) fn unwrapped(values: &[f64]) -> Vec<f64> {
     let (mut last, mut turns) = (f64::NAN, 0.0);
     let next = |&value: &f64| {
         if !value.is_nan() {
@@ -346,6 +346,6 @@ fn unwrapped(values: &[f64]) -> Vec<f64> {
 }
 
 /// The angle from -pi to pi.
-fn wrapped(angle: f64) -> f64 {
+pub(super) fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }

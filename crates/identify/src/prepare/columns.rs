@@ -86,7 +86,7 @@ impl Planned {
 }
 
 /// A name as it stands in an expression.
-fn quoted(name: &str) -> String {
+pub(super) fn quoted(name: &str) -> String {
     Expr::column(name).to_string()
 }
 
@@ -99,6 +99,7 @@ pub(super) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
     recipe.channels.clear();
     recipe.clocks.clear();
     recipe.body = None;
+    recipe.joint.clear();
     recipe.sensor.clear();
     recipe.prepare = Default::default();
     recipe.episodes.clear();

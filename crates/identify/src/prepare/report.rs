@@ -21,6 +21,9 @@ pub struct PrepareReport {
     /// What fusion found of a body's sensors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<super::BodyReport>,
+    /// What fusion found of the joints' sensors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<super::JointReport>,
     /// Every episode that was read.
     pub episodes: Vec<EpisodeReport>,
     /// What the user should know.

@@ -1,8 +1,8 @@
-//! `[body]` and `[sensor.NAME]`: sensors of one rigid body, whose motion `prepare` fuses of them.
+//! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors of one rigid body and of joints, whose motion `prepare` fuses of them.
 
 use serde::{Deserialize, Serialize};
 
-use super::Tunable;
+use super::{Kind, Tunable};
 
 /// How the motion of a body is fused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -14,9 +14,45 @@ pub struct BodySection {
     /// Deviations beyond which a measured position, or an attitude, counts by its distance and no more by its square (4).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub huber: Option<f64>,
+    /// Degrees of freedom of Student's law, which the errors of positions and attitudes have in place of `huber`: the fewer, the less count those that are far off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub student: Option<f64>,
     /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is (10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<f64>,
+    /// Without an accelerometer: density of the white noise that an axis' jerk is taken for, m/s^3/sqrt(Hz) (told by the residuals).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk: Option<f64>,
+}
+
+/// How the motion of a joint is fused.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointSection {
+    /// The sensors of the joint, by their names in `[sensor]` (of the only joint: all of positions and rates).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<String>,
+    /// `angle` where positions jump by a turn (`linear`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<Kind>,
+    /// The unit of positions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz) with `u` the unit of positions (told by the readings).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk: Option<f64>,
+    /// Deviations beyond which a reading counts by its distance and no more by its square (4).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub huber: Option<f64>,
+    /// Degrees of freedom of Student's law, which the errors of readings have in place of `huber`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub student: Option<f64>,
+    /// Deviations beyond which a reading is left out; 0: none is (10).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gate: Option<f64>,
+    /// Whether sensors are fused whose errors go together, as those of a rate that was computed from the encoder do (false: they are refused).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub correlated: Option<bool>,
 }
 
 /// Gravity: its size, or its components.
@@ -41,9 +77,20 @@ pub enum SensorKind {
     Gyro,
     /// Specific force alone.
     Accelerometer,
+    /// The position of a joint: one channel.
+    Position,
+    /// The rate of a joint: one channel.
+    Rate,
 }
 
-/// A sensor of the body.
+impl SensorKind {
+    /// Whether it is of a joint.
+    pub fn is_of_joint(self) -> bool {
+        matches!(self, Self::Position | Self::Rate)
+    }
+}
+
+/// A sensor of the body or of a joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSection {
@@ -57,13 +104,22 @@ pub struct SensorSection {
     /// How the frame of a pose is turned in the body, a quaternion x, y, z, w, or `auto`: it is found (not at all).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mounting: Option<Mounting>,
-    /// Seconds by which a pose is stamped late beside the readings, or `auto`: it is found (0).
+    /// Seconds by which a pose is stamped late beside the readings, or a reading of a joint beside those of its other sensors, or `auto`: it is found (0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay: Option<Tunable>,
     /// Of a pose the deviations of position (m) and attitude (rad); of an imu the densities of rate (rad/s/sqrt(Hz)) and force (m/s^2/sqrt(Hz)); of the others one
-    /// density. Where a sensor says nothing, all are told by the residuals.
+    /// density; of a joint's the deviation of a reading. Where a sensor of the body says nothing, all of the body's are told by the residuals; of a joint's its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<Vec<f64>>,
+    /// Seconds before its stamp over which a reading is the mean (0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub average: Option<f64>,
+    /// Of a joint's: the step between two values that it can say (none).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resolution: Option<f64>,
+    /// Of a joint's: what a reading says too much, or `auto`: it is found (0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias: Option<Tunable>,
     /// How biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz) (2e-5, 3e-3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Vec<f64>>,

@@ -34,6 +34,12 @@ class Prepared:
         places of everything that was left out.
     clocks : list of dict
         What the clock of another computer shows more, log by log: offset and skew with their intervals, and why.
+    body : dict or None
+        Of a recipe with ``[body]``: lever, mounting, delay and gravity with their deviations, the noise of each sensor,
+        and the poses that were left out.
+    joints : list of dict
+        Of a recipe with ``[joint.NAME]``: the noise, delay and bias of each sensor, the readings that were left out, the
+        density of the jerk, and how errors of sensors go together.
     """
 
     files: list[Path]
@@ -43,6 +49,8 @@ class Prepared:
     smoothed: float
     episodes: list[dict[str, Any]]
     clocks: list[dict[str, Any]]
+    body: dict[str, Any] | None
+    joints: list[dict[str, Any]]
 
     def open(self) -> Dataset:
         """The clean episodes with their recipe, for a fit."""
@@ -209,6 +217,8 @@ def prepare(
         made["smoothed"],
         made["episodes"],
         made.get("clocks", []),
+        made.get("body"),
+        made.get("joints", []),
     )
 
 

@@ -2,7 +2,7 @@
 //!
 //! A node is eliminated by reflectors from the rows that see it, so that R x_i + U x_(i+1) + V theta = z is left of it, and rows on x_(i+1) and theta are carried on (a square-root information
 //! filter: Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapter VI). The rows on theta that the last node leaves are the square root of the Schur complement of the
-//! whole chain: those of several chains are stacked. No normal matrix is formed. The way back keeps the carried rows of every 256th node and eliminates again between them, so that memory is some
+//! whole chain: those of several chains are stacked. No normal matrix is formed. The way back keeps the carried rows of every 1024th node and eliminates again between them, so that memory is some
 //! hundred bytes a node.
 
 use fleetfoot_data::checkpoint;
@@ -26,7 +26,7 @@ const REST: f64 = 1e-13;
 pub(super) type Row = [f64; WIDTH];
 
 /// Nodes between two that are kept.
-pub(super) const KEPT: usize = 256;
+pub(super) const KEPT: usize = 1024;
 
 /// A chain: how many nodes it has, and what pushes the rows whose first node is `node`.
 pub(super) struct Chain<'a> {
@@ -46,7 +46,7 @@ struct Squares {
 
 /// A chain whose nodes are eliminated.
 pub(super) struct Eliminated {
-    /// The carried rows at every 256th node.
+    /// The carried rows at every 1024th node.
     kept: Vec<Vec<Row>>,
     /// What is left on theta.
     pub(super) border: Vec<Row>,

@@ -8,6 +8,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::{Loss, spline::chain::Chain};
+
 use super::{
     BodyNoise,
     chain::{BORDER_AT, NEXT_AT, RIGHT, Row, WIDTH},
@@ -26,7 +28,7 @@ pub(super) struct Block<const N: usize> {
     pub(super) border: SMatrix<f64, N, BORDER>,
 }
 
-/// Residuals of the inertial sensor: rotation, velocity, position, walk of both biases.
+/// Residuals of the inertial sensor: rotation, velocity, position, walk of both biases. Of a gyroscope alone those of the motion are of the chain of position, velocity and acceleration.
 pub(super) const INERTIAL: usize = 15;
 
 impl<const N: usize> Block<N> {
@@ -72,13 +74,85 @@ fn inertial_residual(between: &Preintegrated, reference: &[Vector; 2], states: [
     [log(&turned), gained - velocity, moved - position]
 }
 
-/// The residual between two nodes; `reference` are the biases with which the readings were summed.
+/// The residual between two nodes; `reference` are the biases with which the readings were summed. Without an accelerometer, the place of its bias holds the acceleration in the world.
 pub(super) fn inertial(
     between: &Preintegrated,
     reference: &[Vector; 2],
     states: [&State; 2],
     border: &Border,
     noise: &BodyNoise,
+    has_forces: bool,
+) -> Block<INERTIAL> {
+    let mut block = if has_forces {
+        moved_by_forces(between, reference, states, border)
+    } else {
+        turned_alone(between, reference, states)
+    };
+    walk(&mut block, states, between.dt, noise);
+    if !has_forces {
+        chain(&mut block, states, between.dt, noise);
+    }
+    block
+}
+
+/// What a gyroscope alone says between two nodes.
+fn turned_alone(between: &Preintegrated, reference: &[Vector; 2], states: [&State; 2]) -> Block<INERTIAL> {
+    let mut block = Block::<INERTIAL>::zeros();
+    let still = Border::default();
+    let [turned, ..] = inertial_residual(between, reference, states, &still.gravity);
+    block.residual.fixed_rows_mut::<3>(0).copy_from(&turned);
+    turn(&mut block, between, reference, states, &turned);
+    whiten(&mut block, between, 3);
+    block
+}
+
+/// The motion of a body of which no force is measured: each axis of the world a chain of integrators whose jerk is white noise, the prior of a quintic spline.
+fn chain(block: &mut Block<INERTIAL>, states: [&State; 2], dt: f64, noise: &BodyNoise) {
+    use part::{ACCELEROMETER, POSITION, VELOCITY};
+    let (rows, columns) = ([6, 3, 12], [POSITION, VELOCITY, ACCELEROMETER]);
+    let back = whitening(dt, noise.jerk);
+    let left = chain_residual(states, dt);
+    // How much of position, velocity and acceleration is carried on from each of the first node.
+    let forward = [[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]];
+    for (row, own) in rows.into_iter().zip(&back) {
+        for axis in 0..3 {
+            block.residual[row + axis] = (0..3).map(|k| own[k] * left[k][axis]).sum();
+            for (column, j) in columns.into_iter().zip(0..) {
+                block.own[(row + axis, column + axis)] = -(0..3).map(|k| own[k] * forward[k][j]).sum::<f64>();
+                block.next[(row + axis, column + axis)] = own[j];
+            }
+        }
+    }
+}
+
+/// What position, velocity and acceleration of the second node are beside those that the first goes on to.
+fn chain_residual([from, to]: [&State; 2], dt: f64) -> [Vector; 3] {
+    [
+        to.position - from.position - from.velocity * dt - from.accelerometer * (0.5 * dt * dt),
+        to.velocity - from.velocity - from.accelerometer * dt,
+        to.accelerometer - from.accelerometer,
+    ]
+}
+
+/// The inverse of the lower root of the covariance of a chain's increments.
+fn whitening(dt: f64, jerk: f64) -> [[f64; 3]; 3] {
+    let root = Chain::<3>::new((jerk * jerk).recip()).step(dt).root;
+    let mut back = [[0.0; 3]; 3];
+    for j in 0..3 {
+        for i in j..3 {
+            let known: f64 = (j..i).map(|k| root[i][k] * back[k][j]).sum();
+            back[i][j] = (f64::from(u8::from(i == j)) - known) / root[i][i];
+        }
+    }
+    back
+}
+
+/// What an inertial sensor says between two nodes.
+fn moved_by_forces(
+    between: &Preintegrated,
+    reference: &[Vector; 2],
+    states: [&State; 2],
+    border: &Border,
 ) -> Block<INERTIAL> {
     use part::{ACCELEROMETER, ATTITUDE, GRAVITY, GYRO, POSITION, VELOCITY};
     let [from, to] = states;
@@ -89,15 +163,10 @@ pub(super) fn inertial(
     for (row, part) in [(0, turned), (3, gained), (6, moved)] {
         block.residual.fixed_rows_mut::<3>(row).copy_from(&part);
     }
-    let inverse = right_jacobian_inverse(&turned);
+    turn(&mut block, between, reference, states, &turned);
     let mut own = |row: usize, column: usize, slope: Matrix| {
         block.own.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
     };
-    let attitude = (to.attitude.inverse() * from.attitude).to_rotation_matrix().into_inner();
-    own(0, ATTITUDE, -inverse * attitude);
-    let shift = between.rotation_g * (from.gyro - reference[0]);
-    let by_gyro = exp(&turned).inverse().to_rotation_matrix() * right_jacobian(&shift) * between.rotation_g;
-    own(0, GYRO, -inverse * by_gyro);
     own(3, ATTITUDE, (back * (to.velocity - from.velocity - g * dt)).cross_matrix());
     own(3, VELOCITY, -back);
     own(3, GYRO, -between.velocity_g);
@@ -111,15 +180,30 @@ pub(super) fn inertial(
     let mut next = |row: usize, column: usize, slope: Matrix| {
         block.next.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
     };
-    next(0, ATTITUDE, inverse);
     next(3, VELOCITY, back);
     next(6, POSITION, back);
     let tilt = border.gravity_slope();
     block.border.fixed_view_mut::<3, 2>(3, GRAVITY).copy_from(&(back * tilt * -dt));
     block.border.fixed_view_mut::<3, 2>(6, GRAVITY).copy_from(&(back * tilt * (-0.5 * dt * dt)));
-    whiten(&mut block, between);
-    walk(&mut block, states, dt, noise);
+    whiten(&mut block, between, 9);
     block
+}
+
+/// The slopes of the turn between two nodes.
+fn turn(
+    block: &mut Block<INERTIAL>,
+    between: &Preintegrated,
+    reference: &[Vector; 2],
+    [from, to]: [&State; 2],
+    turned: &Vector,
+) {
+    let inverse = right_jacobian_inverse(turned);
+    let attitude = (to.attitude.inverse() * from.attitude).to_rotation_matrix().into_inner();
+    let shift = between.rotation_g * (from.gyro - reference[0]);
+    let by_gyro = exp(turned).inverse().to_rotation_matrix() * right_jacobian(&shift) * between.rotation_g;
+    block.own.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-inverse * attitude));
+    block.own.fixed_view_mut::<3, 3>(0, part::GYRO).copy_from(&(-inverse * by_gyro));
+    block.next.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&inverse);
 }
 
 /// The Cholesky factor of the covariance of a motion, which is positive, as its noise is.
@@ -135,11 +219,11 @@ fn root(covariance: &Covariance) -> Covariance {
     root
 }
 
-/// Divides the rows of the motion by the root of their covariance.
-fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated) {
+/// Divides the first so many rows of the motion by the root of their covariance.
+fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated, rows: usize) {
     let root = root(&between.covariance);
     let gravity = part::GRAVITY..BORDER;
-    for i in 0..9 {
+    for i in 0..rows {
         for k in 0..i {
             let factor = root[(i, k)];
             block.residual[i] -= factor * block.residual[k];
@@ -170,12 +254,13 @@ pub(super) fn inertial_cost(
     states: [&State; 2],
     gravity: &Vector,
     noise: &BodyNoise,
+    has_forces: bool,
 ) -> f64 {
     let root = root(&between.covariance);
     let left = inertial_residual(between, reference, states, gravity);
     let mut residual: [f64; 9] = std::array::from_fn(|i| left[i / 3][i % 3]);
     let mut sum = 0.0;
-    for i in 0..9 {
+    for i in 0..if has_forces { 9 } else { 3 } {
         let known: f64 = (0..i).map(|k| root[(i, k)] * residual[k]).sum();
         residual[i] = (residual[i] - known) / root[(i, i)];
         sum += residual[i] * residual[i];
@@ -183,6 +268,12 @@ pub(super) fn inertial_cost(
     let [from, to] = states;
     let densities = [noise.imu.gyro_walk, noise.imu.accelerometer_walk];
     let walks = [to.gyro - from.gyro, to.accelerometer - from.accelerometer];
+    if !has_forces {
+        let left = chain_residual(states, between.dt);
+        let own = |row: &[f64; 3]| (left[0] * row[0] + left[1] * row[1] + left[2] * row[2]).norm_squared();
+        let walked = walks[0].norm_squared() / (densities[0] * densities[0] * between.dt);
+        return sum + walked + whitening(between.dt, noise.jerk).iter().map(own).sum::<f64>();
+    }
     sum + walks.iter().zip(densities).map(|(step, own)| step.norm_squared() / (own * own * between.dt)).sum::<f64>()
 }
 
@@ -243,22 +334,11 @@ pub(super) fn pose(
     [position.scaled(noise.position.recip()), angle.scaled(noise.attitude.recip())]
 }
 
-/// The share of a residual's square that counts, and the square root of its weight (Huber, "Robust estimation of a location parameter", 1964): squares up to `threshold` deviations,
-/// straight lines beyond.
-pub(super) fn huber(residual: &SVector<f64, 3>, threshold: f64) -> (f64, f64) {
-    let size = residual.norm();
-    if size <= threshold {
-        (size * size, 1.0)
-    } else {
-        (threshold * (2.0 * size - threshold), (threshold / size).sqrt())
-    }
-}
-
 impl Block<3> {
-    /// The block as it counts under Huber's loss.
-    pub(super) fn weighted(self, threshold: f64) -> Self {
-        let (_, weight) = huber(&self.residual, threshold);
-        if weight < 1.0 { self.scaled(weight) } else { self }
+    /// The block as it counts under a loss.
+    pub(super) fn weighted(self, loss: Loss) -> Self {
+        let (_, weight) = loss.of(self.residual.norm_squared(), 3.0);
+        if weight == 1.0 { self } else { self.scaled(weight.sqrt()) }
     }
 }
 
@@ -274,6 +354,7 @@ mod tests {
         imu: ImuNoise { gyro: 0.01, accelerometer: 0.1, gyro_walk: 0.02, accelerometer_walk: 0.03 },
         position: 0.02,
         attitude: 0.03,
+        jerk: 2.0,
     };
 
     fn state(k: f64) -> State {
@@ -331,7 +412,13 @@ mod tests {
             let reference = [Vector::new(0.01, 0.02, -0.01), Vector::new(0.1, 0.0, -0.1)];
             let between = Preintegrated::new(imu, 0.033, 0.291, &reference, &NOISE.imu);
             assert!((between.dt - 0.258).abs() < 1e-14);
-            check("inertial", |a, b, c| inertial(&between, &reference, [a, b], c, &NOISE));
+            for has_forces in [true, false] {
+                check("inertial", |a, b, c| inertial(&between, &reference, [a, b], c, &NOISE, has_forces));
+                let (a, b, c) = (state(1.0), state(1.3), border());
+                let squares = inertial(&between, &reference, [&a, &b], &c, &NOISE, has_forces).residual.norm_squared();
+                let cost = inertial_cost(&between, &reference, [&a, &b], &c.gravity, &NOISE, has_forces);
+                assert!((squares / cost - 1.0).abs() < 1e-10, "{squares} {cost}");
+            }
         });
     }
 

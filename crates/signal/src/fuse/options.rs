@@ -1,18 +1,18 @@
 //! What is fused, and what is known of it beforehand.
 
 use crate::{
-    SignalError,
+    Loss, SignalError,
     error::{check, check_stamps},
 };
 
-/// The readings of an inertial sensor: angular rate (rad/s) and specific force (m/s^2) in the body frame, a row a stamp (s).
+/// The readings of an inertial sensor: angular rate (rad/s) and specific force (m/s^2) in the body frame, a row a stamp (s); or those of a gyroscope alone.
 #[derive(Debug, Clone, Copy)]
 pub struct ImuRecord<'a> {
     /// Increasing.
     pub times: &'a [f64],
     /// Of the body against the world, in the body frame.
     pub rates: &'a [[f64; 3]],
-    /// Acceleration less gravity: at rest it points up.
+    /// Acceleration less gravity: at rest it points up. Empty where there is no accelerometer.
     pub forces: &'a [[f64; 3]],
 }
 
@@ -58,13 +58,15 @@ pub struct BodyNoise {
     pub position: f64,
     /// Standard deviation of a measured attitude, rad an axis.
     pub attitude: f64,
+    /// Density of the white noise that an axis' jerk is taken for where there is no accelerometer, m/s^3/sqrt(Hz).
+    pub jerk: f64,
 }
 
 impl Default for BodyNoise {
     /// A sensor of some ten euros under a motion-capture system: a begin for [`FuseOptions::fit_noise`].
     fn default() -> Self {
         let imu = ImuNoise { gyro: 2e-4, accelerometer: 2e-3, gyro_walk: 2e-5, accelerometer_walk: 3e-3 };
-        Self { imu, position: 1e-3, attitude: 5e-3 }
+        Self { imu, position: 1e-3, attitude: 5e-3, jerk: 100.0 }
     }
 }
 
@@ -103,8 +105,8 @@ pub struct FuseOptions {
     pub gyro_bias: Prior<[f64; 3]>,
     /// The accelerometer's bias at the beginning of every run, m/s^2. Its deviation is not 0.
     pub accelerometer_bias: Prior<[f64; 3]>,
-    /// Deviations beyond which a measured position, or an attitude, counts by its distance and no more by its square.
-    pub huber: f64,
+    /// What residuals of a measured position, or of an attitude, cost.
+    pub loss: Loss,
     /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is.
     pub gate: f64,
 }
@@ -120,7 +122,7 @@ impl Default for FuseOptions {
             offset: 0.0.into(),
             gyro_bias: Prior { value: [0.0; 3], deviation: 0.1 },
             accelerometer_bias: Prior { value: [0.0; 3], deviation: 0.5 },
-            huber: 4.0,
+            loss: Loss::default(),
             gate: 10.0,
         }
     }
@@ -146,7 +148,9 @@ impl BodyRun<'_> {
         let Self { imu, poses } = self;
         check_stamps(imu.times)?;
         check_rows("the angular rate", imu.rates, imu.times.len())?;
-        check_rows("the specific force", imu.forces, imu.times.len())?;
+        if !imu.forces.is_empty() {
+            check_rows("the specific force", imu.forces, imu.times.len())?;
+        }
         check_stamps(poses.times)?;
         check_rows("the position", poses.positions, poses.times.len())?;
         check_rows("the attitude", poses.attitudes, poses.times.len())?;
@@ -165,7 +169,7 @@ impl BodyRun<'_> {
 
 impl FuseOptions {
     pub(super) fn check(&self) -> Result<(), SignalError> {
-        let BodyNoise { imu, position, attitude } = self.noise;
+        let BodyNoise { imu, position, attitude, jerk } = self.noise;
         for (what, value) in [
             ("the noise density of the gyroscope", imu.gyro),
             ("the noise density of the accelerometer", imu.accelerometer),
@@ -173,10 +177,11 @@ impl FuseOptions {
             ("the walk of the accelerometer's bias", imu.accelerometer_walk),
             ("the deviation of positions", position),
             ("the deviation of attitudes", attitude),
-            ("the threshold of Huber's loss", self.huber),
+            ("the density of the jerk", jerk),
         ] {
             check(value > 0.0 && value.is_finite(), what, value, "it is positive and finite")?;
         }
+        self.loss.check()?;
         check(self.gate >= 0.0, "the gate", self.gate, "it is a number of deviations, or 0 for none")?;
         let size = self.gravity.value.iter().map(|part| part * part).sum::<f64>().sqrt();
         check(size > 0.0 && size.is_finite(), "the size of gravity", size, "it is positive and finite")?;

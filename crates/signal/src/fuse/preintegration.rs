@@ -46,6 +46,11 @@ impl ImuRecord<'_> {
         self.times.partition_point(|&time| time <= t).clamp(1, self.times.len() - 1) - 1
     }
 
+    /// Whether there is an accelerometer.
+    pub(super) fn has_forces(&self) -> bool {
+        !self.forces.is_empty()
+    }
+
     /// The reading at `t`, within the step after sample `k`: interpolated, and held beyond the ends of the record.
     fn interpolated(&self, k: usize, t: f64) -> Reading {
         let share = ((t - self.times[k]) / (self.times[k + 1] - self.times[k])).clamp(0.0, 1.0);
@@ -53,7 +58,8 @@ impl ImuRecord<'_> {
             let (a, b) = (Vector::from(values[k]), Vector::from(values[k + 1]));
             a + share * (b - a)
         };
-        Reading { rate: between(self.rates), force: between(self.forces) }
+        let force = if self.has_forces() { between(self.forces) } else { Vector::zeros() };
+        Reading { rate: between(self.rates), force }
     }
 
     /// The reading at `t`.

@@ -6,7 +6,7 @@ use nalgebra::SMatrix;
 use super::{
     BodyNoise, FuseOptions,
     chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, solve_border},
-    factors::{Block, huber},
+    factors::Block,
     rotation::{Vector, log, right_jacobian_inverse},
     start::{rotation, slack},
     state::{BORDER, Border, BorderError, STATE, State, StateError, part},
@@ -35,16 +35,12 @@ pub(super) struct Problem<'a> {
 }
 
 /// A step of all unknowns.
-pub(super) struct Step {
-    pub(super) states: Vec<Vec<StateError>>,
+pub(super) struct Step<T> {
+    /// What was made of the states' errors, track by track.
+    pub(super) states: Vec<Vec<T>>,
     pub(super) border: BorderError,
-}
-
-impl Step {
-    fn size(&self) -> f64 {
-        let states = self.states.iter().flatten().map(|error| error.amax());
-        states.fold(self.border.amax(), f64::max)
-    }
+    /// The greatest number of all errors.
+    size: f64,
 }
 
 /// What Gauss and Newton's steps came to.
@@ -83,13 +79,6 @@ impl Share {
 /// The groups whose noise is told: gyroscope, accelerometer, position, attitude.
 pub(super) type Shares = [Share; 4];
 
-/// What is known of every node of a track.
-pub(super) struct Spread {
-    /// Variances of a state's error.
-    pub(super) variances: Vec<[f64; STATE]>,
-    pub(super) shares: Shares,
-}
-
 /// A visitor of nodes, from the last to the first, with their covariances.
 pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
 
@@ -101,6 +90,11 @@ impl<'a> Problem<'a> {
             checkpoint();
             Undetermined
         })
+    }
+
+    /// Whether there is an accelerometer.
+    pub(super) fn has_forces(&self) -> bool {
+        self.tracks.iter().all(|track| track.imu.has_forces())
     }
 
     /// Which constants are given.
@@ -162,8 +156,11 @@ impl<'a> Problem<'a> {
     /// What these states and constants cost.
     pub(super) fn cost(&self, states: &[Vec<State>], border: &Border) -> Result<f64, Undetermined> {
         let tracks = self.each(|at| Ok(self.tracks[at].cost(&states[at], border, &self.setting)))?;
-        let known: f64 = self.border_rows(border).iter().map(|row| row[RIGHT] * row[RIGHT]).sum();
-        Ok(tracks.iter().sum::<f64>() + known)
+        Ok(tracks.iter().sum::<f64>() + self.known_cost(border))
+    }
+
+    fn known_cost(&self, border: &Border) -> f64 {
+        self.border_rows(border).iter().map(|row| row[RIGHT] * row[RIGHT]).sum()
     }
 
     /// Eliminates all states, track by track, and solves for the constants.
@@ -181,41 +178,57 @@ impl<'a> Problem<'a> {
         work(&Chain { nodes: track.nodes(), rows: &rows, damping })
     }
 
-    /// The step to the least of the linearised problem.
-    pub(super) fn step(&self, damping: f64) -> Result<Step, Undetermined> {
+    /// The step to the least of the linearised problem, and what `of` makes of every node's error.
+    fn stepped<T: Copy + Send + Sync>(
+        &self,
+        damping: f64,
+        none: T,
+        of: impl Fn(&State, &StateError) -> T + Sync,
+    ) -> Result<Step<T>, Undetermined> {
         let (eliminated, border, _) = self.eliminated(damping)?;
         let back = |at: usize| {
             let track = &self.tracks[at];
-            let mut errors = vec![StateError::zeros(); track.nodes()];
-            let mut visit = |node: usize, error: &StateError, _: Option<&Joint>| errors[node] = *error;
+            let (mut found, mut size) = (vec![none; track.nodes()], 0.0_f64);
+            let mut visit = |node: usize, error: &StateError, _: Option<&Joint>| {
+                found[node] = of(&track.states[node], error);
+                size = size.max(error.amax());
+            };
             self.chain(track, damping, |chain| chain.back(&eliminated[at], &border, None, &mut visit))?;
-            Ok(errors)
+            Ok((found, size))
         };
-        Ok(Step { states: self.each(back)?, border })
+        let (states, sizes): (Vec<_>, Vec<f64>) = self.each(back)?.into_iter().unzip();
+        Ok(Step { states, border, size: sizes.into_iter().fold(border.amax(), f64::max) })
+    }
+
+    /// The errors of all states and of the constants.
+    #[cfg(test)]
+    pub(super) fn step(&self, damping: f64) -> Result<Step<StateError>, Undetermined> {
+        self.stepped(damping, StateError::zeros(), |_, error| *error)
+    }
+
+    /// What the states that the tracks have now cost.
+    pub(super) fn cost_now(&self) -> Result<f64, Undetermined> {
+        let tracks = self.each(|at| Ok(self.tracks[at].cost(&self.tracks[at].states, &self.border, &self.setting)))?;
+        Ok(tracks.iter().sum::<f64>() + self.known_cost(&self.border))
     }
 
     /// Goes down until steps change nothing.
     pub(super) fn descend(&mut self) -> Result<Descent, SignalError> {
-        let mut states: Vec<Vec<State>> = self.tracks.iter().map(|track| track.states.clone()).collect();
-        let (mut cost, mut damping) = (self.cost(&states, &self.border)?, 0.0);
+        let (mut cost, mut damping) = (self.cost_now()?, 0.0);
         if !cost.is_finite() {
             return Err(SignalError::NotFused {
                 problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
             });
         }
         for steps in 1..=STEPS {
-            let step = self.step(damping)?;
-            let moved = |(states, errors): (&Vec<State>, &Vec<StateError>)| -> Vec<State> {
-                states.iter().zip(errors).map(|(state, error)| state.moved(error)).collect()
-            };
-            let next: Vec<Vec<State>> = states.iter().zip(&step.states).map(moved).collect();
+            let step = self.stepped(damping, State::default(), State::moved)?;
             let border = self.border.moved(&step.border);
-            let (found, is_small) = (self.cost(&next, &border)?, step.size() < SMALL);
+            let (found, is_small) = (self.cost(&step.states, &border)?, step.size < SMALL);
             let gained = (cost - found) / cost.max(f64::MIN_POSITIVE);
             if found <= cost {
-                (states, cost, self.border) = (next, found, border);
-                for (track, own) in self.tracks.iter_mut().zip(&states) {
-                    track.states.clone_from(own);
+                (cost, self.border) = (found, border);
+                for (track, own) in self.tracks.iter_mut().zip(step.states) {
+                    track.states = own;
                 }
                 damping = if damping > FIRST_DAMPING { 0.1 * damping } else { 0.0 };
             } else if gained < -1e-9 || !found.is_finite() {
@@ -243,22 +256,37 @@ impl<'a> Problem<'a> {
         Ok(Whole { tracks, covariance })
     }
 
-    /// Variances of all states, and, where `shares` are asked for, what residuals say of the noise.
-    pub(super) fn spread(&self, whole: &Whole, shares: bool) -> Result<Vec<Spread>, Undetermined> {
+    /// What residuals say of the noise, track by track.
+    pub(super) fn shares(&self, whole: &Whole) -> Result<Vec<Shares>, Undetermined> {
         let of_track = |at: usize| {
             let track = &self.tracks[at];
-            let mut spread = Spread { variances: vec![[0.0; STATE]; track.nodes()], shares: Shares::default() };
-            let mut next: Option<Joint> = None;
+            let (mut shares, mut next): (_, Option<Joint>) = (Shares::default(), None);
             let mut visit = |node: usize, _: &StateError, joint: Option<&Joint>| {
                 let Some(joint) = joint else { return };
-                spread.variances[node] = std::array::from_fn(|i| joint.own[(i, i)]);
-                if shares {
-                    self.add_shares(track, node, joint, next.as_ref(), &whole.covariance, &mut spread.shares);
-                    next = Some(joint.clone());
-                }
+                self.add_shares(track, node, joint, next.as_ref(), &whole.covariance, &mut shares);
+                next = Some(joint.clone());
             };
             self.visit(at, whole, &mut visit)?;
-            Ok(spread)
+            Ok(shares)
+        };
+        self.each(of_track)
+    }
+
+    /// What `of` makes of every node of a track and the variances of its error.
+    pub(super) fn spread<T: Send>(
+        &self,
+        whole: &Whole,
+        of: impl Fn(usize, usize, &[f64; STATE]) -> T + Sync,
+    ) -> Result<Vec<Vec<T>>, Undetermined> {
+        let of_track = |at: usize| {
+            let mut found = Vec::with_capacity(self.tracks[at].nodes());
+            let mut visit = |node: usize, _: &StateError, joint: Option<&Joint>| {
+                let Some(joint) = joint else { return };
+                found.push(of(at, node, &std::array::from_fn(|i| joint.own[(i, i)])));
+            };
+            self.visit(at, whole, &mut visit)?;
+            found.reverse();
+            Ok(found)
         };
         self.each(of_track)
     }
@@ -275,31 +303,37 @@ impl<'a> Problem<'a> {
         let given = self.given();
         let blocks = track.pose(node, &track.states[node], &self.border, &self.setting);
         for (at, block) in blocks.into_iter().enumerate().filter(|(at, _)| track.used[node][*at]) {
-            let (_, weight) = huber(&block.residual, self.setting.huber);
+            let square = block.residual.norm_squared();
+            let (_, weight) = self.setting.loss.of(square, 3.0);
             let taken = taken(&block, &given, joint, None, theta);
-            let squares = weight * weight * block.residual.norm_squared();
-            shares[2 + at].add(&Share { squares, count: 3.0, taken: weight * weight * taken.sum() });
+            shares[2 + at].add(&Share { squares: weight * square, count: 3.0, taken: weight * taken.sum() });
         }
         let Some(next) = next else { return };
         let block = track.inertial(node, &self.border, &self.setting);
         let taken = taken(&block, &given, joint, Some(next), theta);
-        // The first three rows are of the turn, and see the gyroscope's noise alone.
-        for (at, rows) in [0..3, 3..9].into_iter().enumerate() {
-            let squares = rows.clone().map(|row| block.residual[row].powi(2)).sum();
-            shares[at].add(&Share { squares, count: rows.len() as f64, taken: rows.map(|row| taken[row]).sum() });
+        // The first three rows are of the turn, and see the gyroscope's noise alone; those of the motion are of the accelerometer's, or, without one, of the jerk.
+        let moved: Vec<usize> = if track.imu.has_forces() { (3..9).collect() } else { (3..9).chain(12..15).collect() };
+        for (at, rows) in [(0..3).collect(), moved].iter().enumerate() {
+            let squares = rows.iter().map(|&row| block.residual[row].powi(2)).sum();
+            shares[at].add(&Share {
+                squares,
+                count: rows.len() as f64,
+                taken: rows.iter().map(|&row| taken[row]).sum(),
+            });
         }
     }
 
     /// Takes the noise for what residuals say it is. The greatest ratio of a variance to the one before.
-    pub(super) fn take_noise(&mut self, spreads: &[Spread]) -> f64 {
+    pub(super) fn take_noise(&mut self, found: &[Shares]) -> f64 {
         let mut shares = Shares::default();
         for (sum, at) in shares.iter_mut().zip(0..) {
-            spreads.iter().for_each(|own| sum.add(&own.shares[at]));
+            found.iter().for_each(|own| sum.add(&own[at]));
         }
         let [gyro, accelerometer, position, attitude] = shares.map(|share| share.variance());
-        let BodyNoise { imu, position: own_position, attitude: own_attitude } = &mut self.setting.noise;
+        let has_forces = self.has_forces();
+        let BodyNoise { imu, position: own_position, attitude: own_attitude, jerk } = &mut self.setting.noise;
         imu.gyro *= gyro.sqrt();
-        imu.accelerometer *= accelerometer.sqrt();
+        *if has_forces { &mut imu.accelerometer } else { jerk } *= accelerometer.sqrt();
         *own_position *= position.sqrt();
         *own_attitude *= attitude.sqrt();
         let variances = [gyro, accelerometer, position, attitude];

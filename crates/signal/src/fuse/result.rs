@@ -25,13 +25,13 @@ pub struct BodyState {
     pub velocity: [f64; 3],
     /// rad/s.
     pub gyro_bias: [f64; 3],
-    /// m/s^2.
+    /// m/s^2; 0 without an accelerometer.
     pub accelerometer_bias: [f64; 3],
     /// The reading less the bias: of the body against the world in the body frame, rad/s.
     pub rate: [f64; 3],
     /// In the world, m/s^2.
     pub acceleration: [f64; 3],
-    /// Standard deviations: of the attitude about the axes of the body (rad), position, velocity, bias of the gyroscope, bias of the accelerometer.
+    /// Standard deviations: of the attitude about the axes of the body (rad), position, velocity, bias of the gyroscope, bias of the accelerometer (without one: acceleration).
     pub deviations: [f64; 15],
 }
 
@@ -103,11 +103,9 @@ pub(super) fn fused(
     converged: bool,
 ) -> Result<Fused, Undetermined> {
     let whole = problem.whole()?;
-    let spreads = problem.spread(&whole, false)?;
-    let states: Vec<_> = problem.tracks.iter().map(|track| track.states.clone()).collect();
-    let cost = problem.cost(&states, &problem.border)?;
-    let tracks = problem.tracks.iter().zip(&spreads);
-    let tracks = tracks.map(|(track, spread)| body_track(problem, track, &spread.variances)).collect();
+    let cost = problem.cost_now()?;
+    let states = problem.spread(&whole, |track, node, variances| body_state(problem, track, node, variances))?;
+    let tracks = problem.tracks.iter().zip(states).map(|(track, states)| body_track(track, states)).collect();
     let given = problem.given();
     let deviation = |at: usize| if given[at] { 0.0 } else { whole.covariance[(at, at)].sqrt() };
     let (border, offset) = (&problem.border, problem.setting.anchor + problem.border.late);
@@ -122,30 +120,38 @@ pub(super) fn fused(
     Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, contradicted, cost, steps, converged })
 }
 
-fn body_track(problem: &Problem<'_>, track: &Track<'_>, variances: &[[f64; STATE]]) -> BodyTrack {
-    let state = |node: usize| {
-        let (state, time) = (&track.states[node], track.time(node, &problem.setting));
-        let reading = track.imu.at(time);
-        let force = state.attitude * (reading.force - state.accelerometer);
-        BodyState {
-            time,
-            attitude: quaternion(&state.attitude),
-            position: state.position.into(),
-            velocity: state.velocity.into(),
-            gyro_bias: state.gyro.into(),
-            accelerometer_bias: state.accelerometer.into(),
-            rate: (reading.rate - state.gyro).into(),
-            acceleration: (force + problem.border.gravity).into(),
-            deviations: variances[node].map(f64::sqrt),
+fn body_state(problem: &Problem<'_>, track: usize, node: usize, variances: &[f64; STATE]) -> BodyState {
+    let track = &problem.tracks[track];
+    let (state, time) = (&track.states[node], track.time(node, &problem.setting));
+    let reading = track.imu.at(time);
+    let (acceleration, bias) = match track.imu.has_forces() {
+        true => {
+            let force = state.attitude * (reading.force - state.accelerometer);
+            (force + problem.border.gravity, state.accelerometer)
         }
+        false => (state.accelerometer, Vector::zeros()),
     };
+    BodyState {
+        time,
+        attitude: quaternion(&state.attitude),
+        position: state.position.into(),
+        velocity: state.velocity.into(),
+        gyro_bias: state.gyro.into(),
+        accelerometer_bias: bias.into(),
+        rate: (reading.rate - state.gyro).into(),
+        acceleration: acceleration.into(),
+        deviations: variances.map(f64::sqrt),
+    }
+}
+
+fn body_track(track: &Track<'_>, states: Vec<BodyState>) -> BodyTrack {
     let rejected = |which: usize| {
         (0..track.nodes()).filter(|&node| !track.used[node][which]).map(|node| track.first + node).collect()
     };
     BodyTrack {
         run: track.run,
         first: track.first,
-        states: (0..track.nodes()).map(state).collect(),
+        states,
         positions_rejected: rejected(0),
         attitudes_rejected: rejected(1),
     }
@@ -176,6 +182,10 @@ impl BodyTrack {
         let gyro = Vector::from_fn(|i, _| between(&from.gyro_bias, &to.gyro_bias, i));
         let accelerometer = Vector::from_fn(|i, _| between(&from.accelerometer_bias, &to.accelerometer_bias, i));
         let reading = imu.at(time);
+        let acceleration = match imu.has_forces() {
+            true => attitude * (reading.force - accelerometer) + Vector::from(gravity),
+            false => Vector::from_fn(|i, _| between(&from.acceleration, &to.acceleration, i)),
+        };
         Some(BodyState {
             time,
             attitude: quaternion(&attitude),
@@ -184,7 +194,7 @@ impl BodyTrack {
             gyro_bias: gyro.into(),
             accelerometer_bias: accelerometer.into(),
             rate: (reading.rate - gyro).into(),
-            acceleration: (attitude * (reading.force - accelerometer) + Vector::from(gravity)).into(),
+            acceleration: acceleration.into(),
             deviations: std::array::from_fn(|i| between(&from.deviations, &to.deviations, i)),
         })
     }
@@ -196,6 +206,8 @@ struct Carried {
     attitude: Rotation,
     position: Vector,
     velocity: Vector,
+    /// In the world, where no force is measured.
+    acceleration: Vector,
     biases: [Vector; 2],
 }
 
@@ -206,6 +218,7 @@ impl Carried {
             attitude: rotation(&state.attitude),
             position: state.position.into(),
             velocity: state.velocity.into(),
+            acceleration: state.acceleration.into(),
             biases: [state.gyro_bias.into(), state.accelerometer_bias.into()],
         }
     }
@@ -213,15 +226,17 @@ impl Carried {
     fn carried(&self, imu: &ImuRecord<'_>, gravity: Vector, until: f64) -> Self {
         let noise = BodyNoise::default().imu;
         let sum = Preintegrated::new(imu, self.time, until, &self.biases, &noise);
+        // Without forces the readings say how the body turns, and its acceleration stays.
+        let (pushed, gained, constant) = match imu.has_forces() {
+            true => (self.attitude * sum.position, self.attitude * sum.velocity, gravity),
+            false => (Vector::zeros(), Vector::zeros(), self.acceleration),
+        };
         Self {
             time: until,
             attitude: self.attitude * sum.rotation,
-            position: self.position
-                + self.velocity * sum.dt
-                + gravity * (0.5 * sum.dt * sum.dt)
-                + self.attitude * sum.position,
-            velocity: self.velocity + gravity * sum.dt + self.attitude * sum.velocity,
-            biases: self.biases,
+            position: self.position + self.velocity * sum.dt + constant * (0.5 * sum.dt * sum.dt) + pushed,
+            velocity: self.velocity + constant * sum.dt + gained,
+            ..*self
         }
     }
 }

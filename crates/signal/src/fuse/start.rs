@@ -1,13 +1,13 @@
 //! Where the iteration begins: tracks, states from the poses alone, and constants of which nothing is known.
 
 use super::{
-    BodyRun, FuseOptions, PoseRecord, Prior,
-    factors::Pose,
+    BodyRun, FuseOptions, Prior,
     preintegration::Preintegrated,
     rotation::{Matrix, Rotation, Vector, log},
     state::{Border, State},
     track::{Setting, Track},
 };
+use crate::{Lambda, Spline, smooth};
 use nalgebra::Quaternion;
 
 /// Median periods of the inertial sensor that make a gap.
@@ -29,7 +29,7 @@ pub(super) fn rotation(parts: &[f64; 4]) -> Rotation {
 }
 
 /// Seconds by which the offset may move, either way.
-pub(super) fn slack(offset: &Prior<f64>) -> f64 {
+pub(crate) fn slack(offset: &Prior<f64>) -> f64 {
     (3.0 * offset.deviation).min(MARGIN)
 }
 
@@ -62,8 +62,11 @@ pub(super) fn tracks<'a>(at: usize, run: &BodyRun<'a>, options: &FuseOptions) ->
     (tracks, outside)
 }
 
-/// The gaps between readings: from when to when.
-fn gaps(times: &[f64]) -> Vec<[f64; 2]> {
+/// The gaps between increasing stamps, of which there are two or more: steps of more than five median ones, from when to when.
+pub fn gaps(times: &[f64]) -> Vec<[f64; 2]> {
+    if times.len() < 2 {
+        return Vec::new();
+    }
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle = steps.len() / 2;
     let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
@@ -78,19 +81,31 @@ fn holds(gaps: &[[f64; 2]], from: f64, to: f64) -> bool {
 }
 
 fn track<'a>(at: usize, run: &BodyRun<'a>, rows: std::ops::Range<usize>) -> Track<'a> {
-    let PoseRecord { times, positions, attitudes } = run.poses;
-    let pose = |row: usize| Pose { position: positions[row].into(), attitude: rotation(&attitudes[row]) };
-    let poses: Vec<Pose> = rows.clone().map(pose).collect();
     Track {
         imu: run.imu,
         run: at,
         first: rows.start,
-        stamps: &times[rows],
-        used: vec![[true; 2]; poses.len()],
-        poses,
+        used: vec![[true; 2]; rows.len()],
+        stamps: &run.poses.times[rows],
+        poses: run.poses,
         states: Vec::new(),
         reference: [Vector::zeros(); 2],
     }
+}
+
+/// The density of the jerk to begin with, where no force is measured: what a smoothing spline says of the positions of the longest track.
+pub(super) fn jerk(tracks: &[Track<'_>], otherwise: f64) -> f64 {
+    const ROWS: usize = 20_000;
+    let Some(longest) = tracks.iter().reduce(|most, own| if own.nodes() > most.nodes() { own } else { most }) else {
+        return otherwise;
+    };
+    let rows = longest.nodes().min(ROWS);
+    let of_axis = |axis: usize| {
+        let values: Vec<f64> = (0..rows).map(|node| longest.measured(node).position[axis]).collect();
+        let smoothed = smooth(&longest.stamps[..rows], &values, None, Spline::Quintic, Lambda::Likelihood).ok()?;
+        Some(smoothed.noise / smoothed.lambda.sqrt()).filter(|jerk| *jerk > 0.0 && jerk.is_finite())
+    };
+    (0..3).filter_map(of_axis).reduce(f64::max).unwrap_or(otherwise)
 }
 
 /// Gives every track states that follow from its poses, and hands back the constants to begin with.
@@ -114,7 +129,7 @@ pub(super) fn begin(tracks: &mut [Track<'_>], options: &FuseOptions, setting: &S
 /// Attitudes and positions of the poses, velocities by differences, and the biases that are expected.
 fn states(track: &Track<'_>, border: &Border, setting: &Setting) -> Vec<State> {
     let attitudes = attitudes(track, border, setting);
-    let position = |node: usize| track.poses[node].position - attitudes[node] * border.lever;
+    let position = |node: usize| track.measured(node).position - attitudes[node] * border.lever;
     let last = track.nodes() - 1;
     let velocity = |node: usize| {
         let (a, b) = (node.saturating_sub(1), (node + 1).min(last));
@@ -133,7 +148,7 @@ fn states(track: &Track<'_>, border: &Border, setting: &Setting) -> Vec<State> {
 /// The attitudes of the poses, but for those that differ from what the gyroscope says since the last: half a turn off, the iteration would not find back. Where poses differ again and again, they are right.
 fn attitudes(track: &Track<'_>, border: &Border, setting: &Setting) -> Vec<Rotation> {
     let back = border.mounting.inverse();
-    let seen = |node: usize| track.poses[node].attitude * back;
+    let seen = |node: usize| track.measured(node).attitude * back;
     let (mut attitudes, mut doubted) = (vec![seen(0)], 0);
     for node in 1..track.nodes() {
         let turn = track.between(node - 1, setting).rotation;
@@ -154,7 +169,7 @@ fn mounting(tracks: &[Track<'_>], setting: &Setting) -> Rotation {
                 let (from, to) = (track.time(node - 1, setting), track.time(node, setting));
                 let zero = [Vector::zeros(); 2];
                 let body = log(&Preintegrated::new(&track.imu, from, to, &zero, &setting.noise.imu).rotation);
-                let seen = log(&(track.poses[node - 1].attitude.inverse() * track.poses[node].attitude));
+                let seen = log(&(track.measured(node - 1).attitude.inverse() * track.measured(node).attitude));
                 (to - from, body, seen)
             })
         })

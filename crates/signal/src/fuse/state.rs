@@ -28,7 +28,7 @@ pub(super) type StateError = SVector<f64, STATE>;
 pub(super) type BorderError = SVector<f64, BORDER>;
 
 /// The state of a body.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
     /// Body to world.
     pub(super) attitude: Rotation,
@@ -38,7 +38,7 @@ pub(super) struct State {
     pub(super) velocity: Vector,
     /// rad/s, in the body.
     pub(super) gyro: Vector,
-    /// m/s^2, in the body.
+    /// m/s^2, in the body; without an accelerometer the acceleration in the world.
     pub(super) accelerometer: Vector,
 }
 
@@ -57,7 +57,7 @@ impl State {
 }
 
 /// The constants.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Border {
     /// The origin of the markers' frame in the body frame, m.
     pub(super) lever: Vector,

@@ -1,5 +1,7 @@
 //! Fusion against dense algebra, and against the truth of a simulated body.
 
+mod alone;
+mod checkpoints;
 mod dense;
 mod refusals;
 mod simulation;
@@ -47,7 +49,7 @@ fn problem<'a>(runs: &[BodyRun<'a>], options: &FuseOptions) -> Problem<'a> {
     let bias = |prior: &Prior<[f64; 3]>| BiasPrior { value: prior.value.into(), deviation: prior.deviation };
     let setting = Setting {
         noise: options.noise,
-        huber: options.huber,
+        loss: options.loss,
         biases: [bias(&options.gyro_bias), bias(&options.accelerometer_bias)],
         anchor: options.offset.value,
     };
@@ -180,10 +182,10 @@ fn gross_errors_are_left_out() {
 /// Noise that was stated three times too great or too small is found again to a tenth.
 #[test]
 fn noise_is_told_by_the_residuals() {
-    let recording = Recording::new(25.0, 4);
-    let BodyNoise { imu, position, attitude } = NOISE;
+    let recording = Recording::new(15.0, 4);
+    let BodyNoise { imu, position, attitude, jerk } = NOISE;
     let imu = ImuNoise { gyro: 3.0 * imu.gyro, accelerometer: imu.accelerometer / 3.0, ..imu };
-    let noise = BodyNoise { imu, position: 3.0 * position, attitude: attitude / 3.0 };
+    let noise = BodyNoise { imu, position: 3.0 * position, attitude: attitude / 3.0, jerk };
     let fused = fuse(&[recording.run()], &FuseOptions { noise, fit_noise: true, ..known() }).unwrap();
     let found = fused.noise;
     let ratios = [

@@ -1,13 +1,15 @@
 //! One uninterrupted stretch of poses over which the inertial sensor was heard: a chain of nodes, one a pose.
 
 use super::{
-    BodyNoise, ImuRecord,
+    BodyNoise, ImuRecord, PoseRecord,
     chain::{KEPT, RIGHT, Row, WIDTH},
-    factors::{Block, Pose, huber, inertial, inertial_cost, pose},
+    factors::{Block, Pose, inertial, inertial_cost, pose},
     preintegration::Preintegrated,
     rotation::{Vector, exp},
+    start::rotation,
     state::{Border, State, part},
 };
+use crate::Loss;
 use fleetfoot_data::checkpoint;
 
 /// What is known of a bias at the start: its value, and its deviation; infinite where nothing is known.
@@ -25,7 +27,8 @@ pub(super) struct Track<'a> {
     pub(super) first: usize,
     /// Stamps of the poses by their own clock.
     pub(super) stamps: &'a [f64],
-    pub(super) poses: Vec<Pose>,
+    /// The run's poses.
+    pub(super) poses: PoseRecord<'a>,
     /// Whether position and attitude of a pose count.
     pub(super) used: Vec<[bool; 2]>,
     pub(super) states: Vec<State>,
@@ -37,7 +40,7 @@ pub(super) struct Track<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
     pub(super) noise: BodyNoise,
-    pub(super) huber: f64,
+    pub(super) loss: Loss,
     pub(super) biases: [BiasPrior; 2],
     /// What is added to the stamps of the poses to get the instants of the nodes, s.
     pub(super) anchor: f64,
@@ -45,7 +48,13 @@ pub(super) struct Setting {
 
 impl Track<'_> {
     pub(super) fn nodes(&self) -> usize {
-        self.poses.len()
+        self.stamps.len()
+    }
+
+    /// What was measured at a node.
+    pub(super) fn measured(&self, node: usize) -> Pose {
+        let row = self.first + node;
+        Pose { position: self.poses.positions[row].into(), attitude: rotation(&self.poses.attitudes[row]) }
     }
 
     /// The instant of a node by the clock of the inertial sensor.
@@ -61,13 +70,13 @@ impl Track<'_> {
     /// The residuals between a node and the next.
     pub(super) fn inertial(&self, node: usize, border: &Border, setting: &Setting) -> Block<15> {
         let states = [&self.states[node], &self.states[node + 1]];
-        inertial(&self.between(node, setting), &self.reference, states, border, &setting.noise)
+        inertial(&self.between(node, setting), &self.reference, states, border, &setting.noise, self.imu.has_forces())
     }
 
     /// The residuals of the pose of a node, position and attitude.
     pub(super) fn pose(&self, node: usize, state: &State, border: &Border, setting: &Setting) -> [Block<3>; 2] {
         let reading = self.imu.at(self.time(node, setting));
-        pose(&self.poses[node], state, border, &reading, &setting.noise)
+        pose(&self.measured(node), state, border, &reading, &setting.noise)
     }
 
     /// Pushes the rows whose first node is `node`.
@@ -77,7 +86,7 @@ impl Track<'_> {
         }
         let blocks = self.pose(node, &self.states[node], border, setting);
         for (block, _) in blocks.into_iter().zip(self.used[node]).filter(|(_, used)| *used) {
-            block.weighted(setting.huber).push(rows);
+            block.weighted(setting.loss).push(rows);
         }
         if node + 1 < self.nodes() {
             self.inertial(node, border, setting).push(rows);
@@ -110,11 +119,12 @@ impl Track<'_> {
             }
             let blocks = self.pose(node, &states[node], border, setting);
             let used = blocks.iter().zip(self.used[node]).filter(|(_, used)| *used);
-            sum += used.map(|(block, _)| huber(&block.residual, setting.huber).0).sum::<f64>();
+            sum += used.map(|(block, _)| setting.loss.of(block.residual.norm_squared(), 3.0).0).sum::<f64>();
             if node + 1 < self.nodes() {
                 let pair = [&states[node], &states[node + 1]];
                 let between = self.between(node, setting);
-                sum += inertial_cost(&between, &self.reference, pair, &border.gravity, &setting.noise);
+                let has_forces = self.imu.has_forces();
+                sum += inertial_cost(&between, &self.reference, pair, &border.gravity, &setting.noise, has_forces);
             }
         }
         sum
@@ -125,7 +135,10 @@ impl Track<'_> {
         for node in 0..self.nodes() {
             let reading = self.imu.at(self.time(node, setting) + 0.5 * late);
             let state = &mut self.states[node];
-            let force = state.attitude * (reading.force - state.accelerometer) + border.gravity;
+            let force = match self.imu.has_forces() {
+                true => state.attitude * (reading.force - state.accelerometer) + border.gravity,
+                false => state.accelerometer,
+            };
             state.position += state.velocity * late + force * (0.5 * late * late);
             state.velocity += force * late;
             state.attitude *= exp(&((reading.rate - state.gyro) * late));

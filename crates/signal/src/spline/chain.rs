@@ -12,23 +12,23 @@ pub(crate) type Matrix<const M: usize> = [[f64; M]; M];
 
 /// A chain of `M` integrators.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Chain<const M: usize> {
+pub(crate) struct Chain<const M: usize> {
     /// L of a step of 1 s, times the square root of q.
     root: Matrix<M>,
 }
 
 /// A chain over one step.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step<const M: usize> {
+pub(crate) struct Step<const M: usize> {
     /// `dt^k / k!`.
     powers: [f64; M],
     /// L.
-    pub(super) root: Matrix<M>,
+    pub(crate) root: Matrix<M>,
 }
 
 impl<const M: usize> Chain<M> {
     /// The prior of a spline whose penalty is `lambda` times the integral of the squared M-th derivative.
-    pub(super) fn new(lambda: f64) -> Self {
+    pub(crate) fn new(lambda: f64) -> Self {
         let factorial = |k: usize| (1..=k).map(|i| i as f64).product::<f64>();
         let covariance =
             |i: usize, j: usize| 1.0 / ((2 * M - 1 - i - j) as f64 * factorial(M - 1 - i) * factorial(M - 1 - j));
@@ -46,7 +46,7 @@ impl<const M: usize> Chain<M> {
 
     /// The chain over a step of `dt`.
     #[inline]
-    pub(super) fn step(&self, dt: f64) -> Step<M> {
+    pub(crate) fn step(&self, dt: f64) -> Step<M> {
         let mut powers = [1.0; M];
         for k in 1..M {
             powers[k] = powers[k - 1] * dt / k as f64;
@@ -66,7 +66,7 @@ impl<const M: usize> Chain<M> {
 impl<const M: usize> Step<M> {
     /// F s.
     #[inline]
-    pub(super) fn forward(&self, state: &[f64; M]) -> [f64; M] {
+    pub(crate) fn forward(&self, state: &[f64; M]) -> [f64; M] {
         let mut next = *state;
         for i in 0..M {
             for j in i + 1..M {

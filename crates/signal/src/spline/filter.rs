@@ -17,11 +17,11 @@ pub(crate) struct Belief<const M: usize> {
 
 /// What is known of the state from all measurements.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Posterior<const M: usize> {
+pub(crate) struct Posterior<const M: usize> {
     /// Mean.
-    pub(super) mean: [f64; M],
+    pub(crate) mean: [f64; M],
     /// P.
-    pub(super) covariance: Matrix<M>,
+    pub(crate) covariance: Matrix<M>,
 }
 
 /// A measurement beside what was expected of it.
@@ -31,6 +31,14 @@ pub(crate) struct Innovation {
     pub(crate) error: f64,
     /// Its variance.
     pub(crate) variance: f64,
+}
+
+impl Innovation {
+    /// e^2 / v.
+    #[inline]
+    pub(crate) fn square(self) -> f64 {
+        self.error * self.error / self.variance
+    }
 }
 
 /// A row of the array [A, B] that a step triangularises.
@@ -117,6 +125,34 @@ impl<const M: usize> Belief<M> {
             self.mean[i] += self.root[i][0] * gain;
             self.root[i][0] *= shrink;
         }
+        innovation
+    }
+
+    /// Learns of a measurement of `slopes` times the state with an error of this variance.
+    ///
+    /// A reflector turns the columns of S so that the measurement sees the first alone, which is scaled as in [`Belief::measure`].
+    pub(crate) fn measure_along(&mut self, slopes: &[f64; M], value: f64, variance: f64) -> Innovation {
+        let seen: [f64; M] = std::array::from_fn(|j| (0..M).map(|i| slopes[i] * self.root[i][j]).sum());
+        let square: f64 = seen.iter().map(|x| x * x).sum();
+        let expected: f64 = slopes.iter().zip(&self.mean).map(|(slope, state)| slope * state).sum();
+        let innovation = Innovation { error: value - expected, variance: square + variance };
+        let norm = square.sqrt();
+        if norm == 0.0 {
+            return innovation;
+        }
+        let first = if seen[0] > 0.0 { -norm } else { norm };
+        let mut v = seen;
+        v[0] -= first;
+        let beta = 1.0 / (norm * (norm + seen[0].abs()));
+        let (gain, shrink) = (first * innovation.error / innovation.variance, (variance / innovation.variance).sqrt());
+        let mut root = self.root;
+        for (row, mean) in root.iter_mut().zip(&mut self.mean) {
+            let dot: f64 = beta * v.iter().zip(row.iter()).map(|(v, x)| v * x).sum::<f64>();
+            row.iter_mut().zip(&v).for_each(|(x, v)| *x -= dot * v);
+            *mean += row[0] * gain;
+            row[0] *= shrink;
+        }
+        *self = Self::new(self.mean, root);
         innovation
     }
 

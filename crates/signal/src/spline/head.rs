@@ -9,6 +9,9 @@ use super::{
     filter::{Belief, Posterior, sandwich},
 };
 
+/// The share of the greatest coefficient below which a direction of the state counts as unseen.
+const SEEN: f64 = 1e-4;
+
 /// A row of a least-squares problem: coefficients, and the right side at the end.
 type Equation = Vec<f64>;
 
@@ -25,8 +28,10 @@ pub(super) struct Eliminated<const M: usize> {
 
 /// What is known of a state of which not all is known.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Information<const M: usize> {
+pub(crate) struct Information<const M: usize> {
     equations: Vec<Equation>,
+    /// What measurements beyond those that determine the state contradict each other by: a sum of squares.
+    pub(super) squares: f64,
 }
 
 /// Reduces equations by reflectors until the first `columns` columns are upper triangular. Heavy rows go first, which keeps the digits of the light ones (Cox and Higham,
@@ -85,14 +90,21 @@ fn identity<const M: usize>() -> Matrix<M> {
 }
 
 impl<const M: usize> Information<M> {
-    /// Learns of a measurement of the first state.
-    pub(super) fn measure(&mut self, value: f64, weight: f64) {
-        let mut equation = vec![0.0; M + 1];
-        equation[0] = weight.sqrt();
-        equation[M] = weight.sqrt() * value;
+    /// Learns of a measurement of `slopes` times the state.
+    pub(crate) fn measure(&mut self, slopes: &[f64; M], value: f64, weight: f64) {
+        let root = weight.sqrt();
+        let mut equation: Equation = slopes.iter().map(|slope| slope * root).collect();
+        equation.push(root * value);
         self.equations.push(equation);
         reduce(&mut self.equations, M);
+        self.squares += self.equations.iter().skip(M).map(|row| row[M] * row[M]).sum::<f64>();
         self.equations.truncate(M);
+    }
+
+    /// Whether all directions of the state are seen, in units in which steps and weights are near one.
+    pub(crate) fn is_determined(&self) -> bool {
+        let size = self.equations.iter().flat_map(|row| &row[..M]).fold(0.0_f64, |most, x| most.max(x.abs()));
+        self.equations.len() == M && (0..M).all(|i| self.equations[i][i].abs() > SEEN * size)
     }
 
     /// Goes a step on: the state is eliminated, and what it is, given the next, is handed back.

@@ -20,11 +20,29 @@ pub(super) struct Rows<'a> {
     pub(super) weights: Option<&'a [f64]>,
 }
 
+/// Measurements in the order of their times, scaled so that steps, values and weights are near one.
+pub(crate) trait Sequence<const M: usize>: Copy {
+    /// How many rows there are.
+    fn rows(&self) -> usize;
+
+    /// The time from the row before to this one; 0 where both are of one instant.
+    fn step_to(&self, row: usize) -> f64;
+
+    /// What the row measured, if anything, is learnt.
+    fn learn(&self, row: usize, belief: &mut Belief<M>) -> Option<Innovation>;
+
+    /// The same as long as not all of the state is known. Whether anything was measured.
+    fn begin(&self, row: usize, known: &mut Information<M>) -> bool;
+
+    /// Whether so many measurements determine the state.
+    fn is_begun(&self, measured: usize, known: &Information<M>) -> bool;
+}
+
 /// What the filter alone tells of a channel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Likelihood {
+pub(crate) struct Likelihood {
     /// Sum of e^2 / v over the innovations: the least value of the spline's objective.
-    pub(super) squares: f64,
+    pub(crate) squares: f64,
     /// Sum of log v.
     pub(super) log_variance: f64,
     /// How many innovations: measured rows less the M that determine the start.
@@ -48,8 +66,42 @@ impl Rows<'_> {
         (weight > 0.0 && !value.is_nan()).then_some((value, weight))
     }
 
+    /// Adds what a row's state leaves of its measurement.
+    #[inline]
+    pub(super) fn add<const M: usize>(&self, residuals: &mut Residuals, row: usize, state: &Posterior<M>) {
+        if let Some((value, weight)) = self.measured(row) {
+            residuals.squares += weight * (value - state.mean[0]) * (value - state.mean[0]);
+            residuals.freedom += weight * state.covariance[0][0];
+        }
+    }
+}
+
+impl<const M: usize> Sequence<M> for Rows<'_> {
+    #[inline]
+    fn rows(&self) -> usize {
+        self.times.len()
+    }
+
+    #[inline]
     fn step_to(&self, row: usize) -> f64 {
         self.times[row] - self.times[row - 1]
+    }
+
+    #[inline]
+    fn learn(&self, row: usize, belief: &mut Belief<M>) -> Option<Innovation> {
+        self.measured(row).map(|(value, weight)| belief.measure(value, 1.0 / weight))
+    }
+
+    fn begin(&self, row: usize, known: &mut Information<M>) -> bool {
+        let seen = self.measured(row);
+        if let Some((value, weight)) = seen {
+            known.measure(&std::array::from_fn(|i| f64::from(i == 0)), value, weight);
+        }
+        seen.is_some()
+    }
+
+    fn is_begun(&self, measured: usize, _: &Information<M>) -> bool {
+        measured == M
     }
 }
 
@@ -60,17 +112,44 @@ struct Start<const M: usize> {
     /// The row of the M-th measurement.
     row: usize,
     belief: Belief<M>,
+    /// What the first measurements contradict each other by.
+    squares: f64,
 }
 
-/// A channel under a prior. M measured rows or more.
-pub(super) struct Smoother<'a, const M: usize> {
-    rows: Rows<'a>,
+/// What the way out leaves for the way back.
+struct Kept<const M: usize> {
+    /// The beliefs of every [`STRETCH`]-th row from the start on.
+    beliefs: Vec<Belief<M>>,
+    /// Those of all rows of the last stretch.
+    stretch: Vec<Belief<M>>,
+    /// The least value of the objective.
+    squares: f64,
+}
+
+/// Measurements under a prior, of which there are enough to determine the state.
+pub(crate) struct Smoother<S, const M: usize> {
+    rows: S,
     chain: Chain<M>,
 }
 
-impl<'a, const M: usize> Smoother<'a, M> {
-    pub(super) fn new(rows: Rows<'a>, lambda: f64) -> Self {
+impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
+    pub(crate) fn new(rows: S, lambda: f64) -> Self {
         Self { rows, chain: Chain::new(lambda) }
+    }
+
+    /// Whether the measurements determine the state.
+    pub(crate) fn is_determined(&self) -> bool {
+        let (mut known, mut measured) = (Information::<M>::default(), 0);
+        for row in 0..self.rows.rows() {
+            if row > 0 {
+                known.step(&self.chain.step(self.rows.step_to(row)));
+            }
+            measured += usize::from(self.rows.begin(row, &mut known));
+            if self.rows.is_begun(measured, &known) {
+                return true;
+            }
+        }
+        false
     }
 
     fn start(&self) -> Start<M> {
@@ -78,12 +157,9 @@ impl<'a, const M: usize> Smoother<'a, M> {
         let mut eliminated = Vec::new();
         let (mut measured, mut row) = (0, 0);
         loop {
-            if let Some((value, weight)) = self.rows.measured(row) {
-                known.measure(value, weight);
-                measured += 1;
-            }
-            if measured == M {
-                return Start { eliminated, row, belief: known.belief() };
+            measured += usize::from(self.rows.begin(row, &mut known));
+            if self.rows.is_begun(measured, &known) {
+                return Start { eliminated, row, belief: known.belief(), squares: known.squares };
             }
             row += 1;
             eliminated.push(known.step(&self.chain.step(self.rows.step_to(row))));
@@ -94,19 +170,20 @@ impl<'a, const M: usize> Smoother<'a, M> {
     #[inline]
     fn advance(&self, belief: &Belief<M>, row: usize) -> (Belief<M>, Option<Innovation>) {
         let mut next = belief.predicted(&self.chain.step(self.rows.step_to(row)));
-        let innovation = self.rows.measured(row).map(|(value, weight)| next.measure(value, 1.0 / weight));
+        let innovation = self.rows.learn(row, &mut next);
         (next, innovation)
     }
 
     /// The filter alone.
-    pub(super) fn likelihood(&self) -> Likelihood {
+    pub(crate) fn likelihood(&self) -> Likelihood {
         let start = self.start();
-        let (mut belief, mut sums) = (start.belief, Likelihood::default());
-        for row in start.row + 1..self.rows.times.len() {
+        let mut sums = Likelihood { squares: start.squares, ..Likelihood::default() };
+        let mut belief = start.belief;
+        for row in start.row + 1..self.rows.rows() {
             let innovation;
             (belief, innovation) = self.advance(&belief, row);
             if let Some(innovation) = innovation {
-                sums.squares += innovation.error * innovation.error / innovation.variance;
+                sums.squares += innovation.square();
                 sums.log_variance += innovation.variance.ln();
                 sums.count += 1;
             }
@@ -115,17 +192,10 @@ impl<'a, const M: usize> Smoother<'a, M> {
     }
 
     /// Hands out the state of every row given all measurements, from the last row to the first.
-    pub(super) fn smooth(&self, mut emit: impl FnMut(usize, &Posterior<M>)) -> Residuals {
+    /// The least value of the objective.
+    pub(crate) fn smooth(&self, mut emit: impl FnMut(usize, &Posterior<M>)) -> f64 {
         let start = self.start();
-        let (kept, mut stretch) = self.kept(&start);
-        let mut residuals = Residuals::default();
-        let mut emit = |row: usize, state: &Posterior<M>| {
-            if let Some((value, weight)) = self.rows.measured(row) {
-                residuals.squares += weight * (value - state.mean[0]) * (value - state.mean[0]);
-                residuals.freedom += weight * state.covariance[0][0];
-            }
-            emit(row, state);
-        };
+        let Kept { beliefs: kept, mut stretch, squares } = self.kept(&start);
         let mut state: Option<Posterior<M>> = None;
         for (at, belief) in kept.iter().enumerate().rev() {
             let first = start.row + at * STRETCH;
@@ -148,23 +218,25 @@ impl<'a, const M: usize> Smoother<'a, M> {
             }
             state = own;
         }
-        residuals
+        squares
     }
 
     /// The beliefs of every [`STRETCH`]-th row from the start on, and all of the last stretch.
-    fn kept(&self, start: &Start<M>) -> (Vec<Belief<M>>, Vec<Belief<M>>) {
-        let mut belief = start.belief;
-        let (mut kept, mut stretch) = (vec![belief], Vec::with_capacity(STRETCH.min(self.rows.times.len())));
+    fn kept(&self, start: &Start<M>) -> Kept<M> {
+        let (mut belief, mut squares) = (start.belief, start.squares);
+        let (mut kept, mut stretch) = (vec![belief], Vec::with_capacity(STRETCH.min(self.rows.rows())));
         stretch.push(belief);
-        for row in start.row + 1..self.rows.times.len() {
-            belief = self.advance(&belief, row).0;
+        for row in start.row + 1..self.rows.rows() {
+            let innovation;
+            (belief, innovation) = self.advance(&belief, row);
+            squares += innovation.map_or(0.0, Innovation::square);
             if (row - start.row).is_multiple_of(STRETCH) {
                 kept.push(belief);
                 stretch.clear();
             }
             stretch.push(belief);
         }
-        (kept, stretch)
+        Kept { beliefs: kept, stretch, squares }
     }
 
     /// The beliefs of the rows from `first` up to the next that was kept.
@@ -172,7 +244,7 @@ impl<'a, const M: usize> Smoother<'a, M> {
         stretch.clear();
         stretch.push(*belief);
         let mut belief = *belief;
-        for row in first + 1..(first + STRETCH).min(self.rows.times.len()) {
+        for row in first + 1..(first + STRETCH).min(self.rows.rows()) {
             belief = self.advance(&belief, row).0;
             stretch.push(belief);
         }

@@ -8,6 +8,7 @@ mod common;
 mod dense;
 mod filters;
 mod interpolate;
+mod joint;
 mod outliers;
 mod peer;
 mod spline;

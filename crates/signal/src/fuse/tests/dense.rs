@@ -137,13 +137,13 @@ fn the_solution_is_the_least() {
     problem.move_nodes();
     assert!((0..20).any(|_| problem.descend().unwrap().converged));
     let whole = problem.whole().unwrap();
-    let spread = problem.spread(&whole, false).unwrap();
+    let spread = problem.spread(&whole, |_, _, variances| *variances).unwrap();
     let states: Vec<State> = problem.tracks[0].states.clone();
     let slope = |h: f64, of: &dyn Fn(f64) -> f64| (of(h) - of(-h)) / 2e-4;
     let mut worst: f64 = 0.0;
     for node in 0..states.len() {
         for i in 0..STATE {
-            let h = 1e-4 * spread[0].variances[node][i].sqrt();
+            let h = 1e-4 * spread[0][node][i].sqrt();
             let of = |h: f64| {
                 let mut moved = states.clone();
                 moved[node] = moved[node].moved(&StateError::ith(i, h));

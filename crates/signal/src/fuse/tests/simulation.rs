@@ -18,6 +18,7 @@ pub(super) const NOISE: BodyNoise = BodyNoise {
     imu: ImuNoise { gyro: 1e-3, accelerometer: 1e-2, gyro_walk: 1e-3, accelerometer_walk: 5e-3 },
     position: 1e-3,
     attitude: 3e-3,
+    jerk: 10.0,
 };
 
 fn uniform(seed: u64, at: u64) -> f64 {
@@ -107,6 +108,14 @@ impl Recording {
     pub(super) fn run(&self) -> BodyRun<'_> {
         let poses = PoseRecord { times: &self.stamps, positions: &self.positions, attitudes: &self.attitudes };
         BodyRun { imu: self.imu(), poses }
+    }
+
+    /// The same without an accelerometer: the last three numbers are of the acceleration.
+    pub(super) fn alone_error(&self, state: &BodyState) -> StateError {
+        let mut error = self.error(state);
+        let last = acceleration(state.time) - Vector::from(state.acceleration);
+        error.fixed_rows_mut::<3>(12).copy_from(&last);
+        error
     }
 
     /// The error of a state as it would be added to it.

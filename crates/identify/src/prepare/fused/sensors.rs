@@ -1,27 +1,32 @@
 //! The sensors of a recipe, checked once: their channels, and what is known of them beforehand.
 
-use fleetfoot_signal::fuse::{FuseOptions, Prior};
+use fleetfoot_signal::{
+    Loss,
+    fuse::{FuseOptions, Prior},
+};
 
 use crate::{Error, Gravity, Mounting, Recipe, SensorKind, SensorSection, Tunable};
 
 /// The deviation about the given stamps within which a delay is found, s: clocks that are further apart are told by `[clocks]` first.
-const DELAY: f64 = 0.02;
+pub(super) const DELAY: f64 = 0.02;
 
 /// Sensors that make a body.
 pub(super) struct Sensors {
-    /// Three channels of angular rate, three of specific force.
+    /// Three channels of angular rate, and three of specific force where there is an accelerometer.
     pub(super) readings: Vec<String>,
     /// Position and quaternion x, y, z, w.
     pub(super) poses: Vec<String>,
+    /// Seconds before their stamps over which readings and poses are the mean.
+    pub(super) average: [f64; 2],
     pub(super) options: FuseOptions,
 }
 
-fn refused(name: &str, what: &str, allowed: &str) -> Error {
+pub(super) fn refused(name: &str, what: &str, allowed: &str) -> Error {
     Error::value(format!("[sensor.{name}] {what}: {allowed}"))
 }
 
 /// `N` numbers.
-fn numbers<const N: usize>(name: &str, what: &str, values: &[f64]) -> Result<[f64; N], Error> {
+pub(super) fn numbers<const N: usize>(name: &str, what: &str, values: &[f64]) -> Result<[f64; N], Error> {
     let allowed = format!("write {N} finite numbers");
     let found: [f64; N] = values.try_into().map_err(|_| refused(name, what, &allowed))?;
     if found.iter().all(|value| value.is_finite()) { Ok(found) } else { Err(refused(name, what, &allowed)) }
@@ -44,17 +49,43 @@ fn prior<const N: usize>(
     }
 }
 
+/// How many channels a sensor has.
+pub(super) fn channels(kind: SensorKind) -> usize {
+    match kind {
+        SensorKind::Pose => 7,
+        SensorKind::Imu => 6,
+        SensorKind::Gyro | SensorKind::Accelerometer => 3,
+        SensorKind::Position | SensorKind::Rate => 1,
+    }
+}
+
+/// A number of seconds, 0 where nothing is said.
+pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, Error> {
+    let seconds = said.unwrap_or(0.0);
+    match seconds >= 0.0 && seconds.is_finite() {
+        true => Ok(seconds),
+        false => Err(refused(name, &format!("{what} = {seconds}"), "write seconds, zero or more")),
+    }
+}
+
+/// What residuals cost: `huber` or `student` of a section.
+pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Result<Loss, Error> {
+    match (huber, student) {
+        (Some(_), Some(_)) => Err(Error::conflict(format!("{place}: huber and student; say one of them"))),
+        (Some(threshold), None) => Ok(Loss::Huber(threshold)),
+        (None, Some(freedom)) => Ok(Loss::Student(freedom)),
+        (None, None) => Ok(Loss::default()),
+    }
+}
+
 impl Sensors {
     /// Reads `[body]` and `[sensor.NAME]`.
     pub(super) fn new(recipe: &Recipe) -> Result<Self, Error> {
-        let mut own = Self { readings: Vec::new(), poses: Vec::new(), options: FuseOptions::default() };
+        let mut own =
+            Self { readings: Vec::new(), poses: Vec::new(), average: [0.0; 2], options: FuseOptions::default() };
         let (mut forces, mut silent) = (Vec::new(), false);
-        for (name, sensor) in &recipe.sensor {
-            let channels = match sensor.kind {
-                SensorKind::Pose => 7,
-                SensorKind::Imu => 6,
-                SensorKind::Gyro | SensorKind::Accelerometer => 3,
-            };
+        for (name, sensor) in recipe.sensor.iter().filter(|(_, sensor)| !sensor.kind.is_of_joint()) {
+            let channels = channels(sensor.kind);
             if sensor.channels.len() != channels {
                 let found = sensor.channels.len();
                 return Err(refused(
@@ -79,6 +110,7 @@ impl Sensors {
                 }
                 SensorKind::Gyro => (&mut own.readings, rate),
                 SensorKind::Accelerometer => (&mut forces, rate),
+                SensorKind::Position | SensorKind::Rate => continue,
             };
             if !room.is_empty() {
                 return Err(refused(name, "kind", "one sensor of a kind is fused; leave the other out"));
@@ -87,21 +119,25 @@ impl Sensors {
             own.read(name, sensor)?;
             silent |= sensor.noise.is_none();
         }
-        for (room, what) in [
-            (&own.readings, "angular rate (kind = \"imu\" or \"gyro\")"),
-            (&forces, "specific force (kind = \"imu\" or \"accelerometer\")"),
-            (&own.poses, "pose (kind = \"pose\")"),
-        ] {
+        for (room, what) in
+            [(&own.readings, "angular rate (kind = \"imu\" or \"gyro\")"), (&own.poses, "pose (kind = \"pose\")")]
+        {
             if room.is_empty() {
                 return Err(Error::missing(format!(
-                    "a body is fused of an inertial sensor and poses: name a [sensor.NAME] of its {what}"
+                    "a body is fused of a gyroscope, best with an accelerometer, and poses: name a [sensor.NAME] of its {what}"
                 )));
             }
         }
         own.readings.append(&mut forces);
-        own.options.fit_noise = silent;
+        let alone = own.readings.len() == 3;
         own.body(recipe)?;
+        own.options.fit_noise = silent || (alone && recipe.body.as_ref().is_none_or(|body| body.jerk.is_none()));
         Ok(own)
+    }
+
+    /// Whether there is an accelerometer.
+    pub(super) fn has_forces(&self) -> bool {
+        self.readings.len() > 3
     }
 
     fn body(&mut self, recipe: &Recipe) -> Result<(), Error> {
@@ -119,7 +155,8 @@ impl Sensors {
             }
             Some(Gravity::Components(components)) => components.into(),
         };
-        options.huber = body.huber.unwrap_or(options.huber);
+        options.loss = loss("[body]", body.huber, body.student)?;
+        options.noise.jerk = body.jerk.unwrap_or(options.noise.jerk);
         options.gate = body.gate.unwrap_or(options.gate);
         Ok(())
     }
@@ -137,6 +174,19 @@ impl Sensors {
         if is_pose && sensor.walk.is_some() {
             return Err(refused(name, "walk", "poses have no bias that walks"));
         }
+        if sensor.resolution.is_some() || sensor.bias.is_some() {
+            return Err(refused(name, "resolution, bias", "these are of a joint's sensors"));
+        }
+        let average = seconds(name, "average", sensor.average)?;
+        let own = &mut self.average[usize::from(is_pose)];
+        if !is_pose && *own > 0.0 && *own != average {
+            return Err(refused(
+                name,
+                &format!("average = {average}"),
+                "rate and force are of the same moments: say one window for both",
+            ));
+        }
+        *own = own.max(average);
         let imu = &mut options.noise.imu;
         let (noise, walk) = (sensor.noise.as_deref(), sensor.walk.as_deref());
         match sensor.kind {
@@ -179,6 +229,7 @@ impl Sensors {
                     [imu.accelerometer_walk] = numbers(name, "walk", walk)?;
                 }
             }
+            SensorKind::Position | SensorKind::Rate => {}
         }
         Ok(())
     }

@@ -1,0 +1,174 @@
+//! The body of a recipe: its readings and poses as fusion wants them, and what fusion found.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_signal::{
+    Spline,
+    fuse::{BodyRun, BodyTrack, Fused, ImuRecord, PoseRecord, fuse_from},
+};
+use serde::Serialize;
+
+use super::{super::Places, kept::Kept, rows::LogRows, sensors::Sensors};
+use crate::Error;
+
+/// What fusion found of a body's sensors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct BodyReport {
+    /// The origin of the markers' frame in the body frame, m, and the deviations; 0 of what was given.
+    pub lever: [f64; 3],
+    /// Its deviations.
+    pub lever_deviation: [f64; 3],
+    /// The markers' frame to the body frame: x, y, z, w.
+    pub mounting: [f64; 4],
+    /// Its deviations, rad.
+    pub mounting_deviation: [f64; 3],
+    /// Seconds by which poses are stamped late.
+    pub delay: f64,
+    /// Its deviation.
+    pub delay_deviation: f64,
+    /// In the world, m/s^2.
+    pub gravity: [f64; 3],
+    /// The deviations of its direction about two axes across it, rad.
+    pub gravity_deviation: [f64; 2],
+    /// Whether there is an accelerometer. Without one gravity is not felt, and the jerk is taken for white noise.
+    pub accelerometer: bool,
+    /// Densities of the noise of rate and force.
+    pub imu_noise: [f64; 2],
+    /// Without an accelerometer: the density of the jerk's noise, m/s^3/sqrt(Hz).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk: Option<f64>,
+    /// Deviations of position and attitude, m and rad.
+    pub pose_noise: [f64; 2],
+    /// Whether the noise was told by the residuals.
+    pub noise_fitted: bool,
+    /// Poses that were read.
+    pub poses: usize,
+    /// Poses without readings about them.
+    pub outside: usize,
+    /// Poses of stretches of which fewer than two positions or no attitude lay within the gate: these are not written.
+    pub contradicted: usize,
+    /// Poses that were left out, log by log.
+    pub rejected: Vec<RejectedPoses>,
+    /// Whether the iteration came to rest.
+    pub converged: bool,
+}
+
+/// Poses of a log that are gross errors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RejectedPoses {
+    /// The log.
+    pub log: String,
+    /// Positions, in seconds of the log's readings.
+    pub positions: Places,
+    /// Attitudes.
+    pub attitudes: Places,
+}
+
+/// The poses of a log, in seconds after the first of its readings.
+pub(super) struct Poses {
+    stamps: Vec<f64>,
+    positions: Vec<[f64; 3]>,
+    attitudes: Vec<[f64; 4]>,
+}
+
+impl Poses {
+    /// `seen` has positions as its vectors, and the parts of quaternions as its columns; each pose is the mean of so many seconds before its stamp.
+    pub(super) fn new(seen: LogRows, epoch: i64, average: f64) -> Self {
+        let apart = (seen.epoch - epoch) as f64 * 1e-9 - 0.5 * average;
+        let part = |row: usize| std::array::from_fn(|i| seen.columns[i][row]);
+        Self {
+            attitudes: (0..seen.times.len()).map(part).collect(),
+            stamps: seen.times.into_iter().map(|time| time + apart).collect(),
+            positions: seen.vectors.into_iter().next().unwrap_or_default(),
+        }
+    }
+}
+
+/// Moments of readings: the middle of what each is the mean of.
+pub(super) struct Moments(Option<Vec<f64>>);
+
+impl Moments {
+    pub(super) fn new(rows: &LogRows, average: f64) -> Self {
+        Self((average > 0.0).then(|| rows.times.iter().map(|time| time - 0.5 * average).collect()))
+    }
+
+    /// The readings of a log at these moments.
+    pub(super) fn imu<'a>(&'a self, rows: &'a LogRows) -> ImuRecord<'a> {
+        let forces = rows.vectors.get(1).map_or(&[][..], Vec::as_slice);
+        ImuRecord { times: self.0.as_deref().unwrap_or(&rows.times), rates: &rows.vectors[0], forces }
+    }
+}
+
+/// Fuses the body of all logs.
+pub(super) fn fused(
+    rows: &[LogRows],
+    moments: &[Moments],
+    poses: &[Poses],
+    sensors: &Sensors,
+    kept: &mut Kept,
+) -> Result<Fused, Error> {
+    let records: Vec<BodyRun<'_>> = (0..rows.len())
+        .map(|at| {
+            let Poses { stamps, positions, attitudes } = &poses[at];
+            BodyRun { imu: moments[at].imu(&rows[at]), poses: PoseRecord { times: stamps, positions, attitudes } }
+        })
+        .collect();
+    let error =
+        |log: &Path, source| Error::Signal { episode: log.display().to_string(), channel: "[body]".into(), source };
+    for (rows, record) in rows.iter().zip(&records) {
+        record.check().map_err(|source| error(&rows.log, source))?;
+    }
+    let all = if let [rows] = rows { rows.log.clone() } else { PathBuf::from("all logs") };
+    fuse_from(&records, &sensors.options, kept).map_err(|source| error(&all, source))
+}
+
+/// Seconds after which states share a hundredth of a measurement: a position under the noise of the force, integrated twice, or of the jerk, three times, an attitude under that of the rate, integrated once.
+pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f64 {
+    let rows: usize = poses.iter().map(|run| run.stamps.len()).sum();
+    let seconds: f64 = poses.iter().filter_map(|run| Some(run.stamps.last()? - run.stamps.first()?)).sum();
+    let (period, noise) = (seconds / rows.max(1) as f64, &fused.noise);
+    let (spline, force) = match accelerometer {
+        true => (Spline::Cubic, noise.imu.accelerometer),
+        false => (Spline::Quintic, noise.jerk),
+    };
+    let position = spline.correlation_rows((noise.position / force).powi(2), period, 1.0) * period;
+    position.max(100.0_f64.ln() * noise.attitude / noise.imu.gyro * period.sqrt())
+}
+
+pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: &Sensors) -> BodyReport {
+    let (own, noise) = (&fused.constants, &fused.noise);
+    let rejected = |at: usize| {
+        let places = |of: fn(&BodyTrack) -> &Vec<usize>| {
+            let tracks = fused.tracks.iter().filter(|track| track.run == at);
+            Places::of(&tracks.flat_map(of).copied().collect::<Vec<_>>(), &poses[at].stamps)
+        };
+        RejectedPoses {
+            log: rows[at].log.display().to_string(),
+            positions: places(|track| &track.positions_rejected),
+            attitudes: places(|track| &track.attitudes_rejected),
+        }
+    };
+    BodyReport {
+        lever: own.lever.map(|axis| axis.value),
+        lever_deviation: own.lever.map(|axis| axis.deviation),
+        mounting: own.mounting,
+        mounting_deviation: own.mounting_deviations,
+        // Nothing is 0, and not -0.
+        delay: 0.0 - own.offset.value,
+        delay_deviation: own.offset.deviation,
+        gravity: own.gravity,
+        gravity_deviation: own.gravity_deviations,
+        accelerometer: sensors.has_forces(),
+        jerk: (!sensors.has_forces()).then_some(noise.jerk),
+        imu_noise: [noise.imu.gyro, noise.imu.accelerometer],
+        pose_noise: [noise.position, noise.attitude],
+        noise_fitted: sensors.options.fit_noise,
+        poses: poses.iter().map(|run| run.stamps.len()).sum(),
+        outside: fused.outside,
+        contradicted: fused.contradicted,
+        rejected: (0..poses.len()).map(rejected).collect(),
+        converged: fused.converged,
+    }
+}

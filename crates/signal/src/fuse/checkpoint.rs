@@ -1,0 +1,181 @@
+//! Where a fusion stands after a round, as bytes: a killed one goes on from there, and its answer is the same to the last bit.
+
+use fleetfoot_data::mix;
+use nalgebra::Quaternion;
+
+use super::{
+    BodyRun, FuseOptions, ImuNoise,
+    problem::Problem,
+    rotation::{Rotation, Vector},
+    state::State,
+};
+
+/// Keeps where a fusion stands.
+pub trait Checkpoint {
+    /// What was kept last, if anything was.
+    fn load(&mut self) -> Option<Vec<u8>>;
+
+    /// Keeps this in place of what was kept before.
+    fn save(&mut self, state: &[u8]);
+}
+
+/// Keeps nothing.
+impl Checkpoint for () {
+    fn load(&mut self) -> Option<Vec<u8>> {
+        None
+    }
+
+    fn save(&mut self, _: &[u8]) {}
+}
+
+/// The bytes of this version begin so.
+const VERSION: f64 = 1.0;
+
+/// How far the rounds are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Progress {
+    pub(super) round: usize,
+    /// Steps of Gauss and Newton.
+    pub(super) steps: usize,
+    /// Whether nodes are on their way.
+    pub(super) moving: bool,
+    /// By how much they moved last, s.
+    pub(super) last: f64,
+    /// Poses of tracks that were dropped.
+    pub(super) contradicted: usize,
+}
+
+impl Progress {
+    pub(super) const BEGIN: Self = Self { round: 0, steps: 0, moving: true, last: f64::INFINITY, contradicted: 0 };
+}
+
+/// A hash of all that the answer depends on.
+pub(super) fn digest(runs: &[BodyRun<'_>], options: &FuseOptions) -> u64 {
+    let mut hash = format!("{options:?}").bytes().fold(0, |hash, byte| mix(hash ^ u64::from(byte)));
+    let mut add = |values: &[f64]| {
+        hash = mix(hash ^ values.len() as u64);
+        values.iter().for_each(|value| hash = mix(hash ^ value.to_bits()));
+    };
+    for BodyRun { imu, poses } in runs {
+        [imu.times, imu.rates.as_flattened(), imu.forces.as_flattened()].into_iter().for_each(&mut add);
+        [poses.times, poses.positions.as_flattened(), poses.attitudes.as_flattened()].into_iter().for_each(&mut add);
+    }
+    hash
+}
+
+/// Numbers of a node.
+const NODE: usize = 17;
+
+/// Where the problem stands.
+pub(super) fn write(problem: &Problem<'_>, progress: &Progress, digest: u64) -> Vec<u8> {
+    let Progress { round, steps, moving, last, contradicted } = *progress;
+    let (border, setting) = (&problem.border, &problem.setting);
+    let noise = &setting.noise;
+    let mut words =
+        vec![VERSION, f64::from_bits(digest), round as f64, steps as f64, f64::from(u8::from(moving)), last];
+    words.extend([contradicted as f64, setting.anchor, noise.position, noise.attitude, noise.jerk]);
+    words.extend([noise.imu.gyro, noise.imu.accelerometer, noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
+    words.extend(
+        border.lever.iter().chain(border.gravity.iter()).chain(border.mounting.coords.iter()).chain([&border.late]),
+    );
+    words.push(problem.tracks.len() as f64);
+    for track in &problem.tracks {
+        words.extend([track.run, track.first, track.nodes()].map(|number| number as f64));
+        words.extend(track.reference.iter().flatten());
+        for (state, used) in track.states.iter().zip(&track.used) {
+            let vectors = [&state.position, &state.velocity, &state.gyro, &state.accelerometer];
+            words.extend(state.attitude.coords.iter().chain(vectors.into_iter().flatten()));
+            words.push(f64::from(u8::from(used[0])) + 2.0 * f64::from(u8::from(used[1])));
+        }
+    }
+    let sum = words.iter().fold(0, |hash, word| mix(hash ^ word.to_bits()));
+    words.push(f64::from_bits(sum));
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// Words, one after the other.
+struct Words<'a>(&'a [u8]);
+
+impl Words<'_> {
+    fn next(&mut self) -> Option<f64> {
+        let (word, rest) = self.0.split_first_chunk::<8>()?;
+        self.0 = rest;
+        Some(f64::from_le_bytes(*word))
+    }
+
+    fn number(&mut self) -> Option<usize> {
+        self.next().map(|word| word as usize)
+    }
+
+    fn vector(&mut self) -> Option<Vector> {
+        Some(Vector::new(self.next()?, self.next()?, self.next()?))
+    }
+
+    /// A rotation to the last bit: what was written had the norm that it had.
+    fn rotation(&mut self) -> Option<Rotation> {
+        let [i, j, k, w] = [self.next()?, self.next()?, self.next()?, self.next()?];
+        Some(Rotation::new_unchecked(Quaternion::new(w, i, j, k)))
+    }
+}
+
+/// Puts a problem where it stood; `None`, and the problem as it was, where these bytes are of another one, of another version, or damaged.
+pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> Option<Progress> {
+    let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
+    let mut all = Words(body);
+    let found = std::iter::from_fn(|| all.next()).fold(0, |hash, word| mix(hash ^ word.to_bits()));
+    let mut words = Words(body);
+    let is_ours = body.len().is_multiple_of(8) && Words(sum).next()?.to_bits() == found;
+    if !is_ours || words.next()? != VERSION || words.next()?.to_bits() != digest {
+        return None;
+    }
+    let progress = Progress {
+        round: words.number()?,
+        steps: words.number()?,
+        moving: words.next()? > 0.0,
+        last: words.next()?,
+        contradicted: words.number()?,
+    };
+    let (mut setting, mut border) = (problem.setting, problem.border);
+    setting.anchor = words.next()?;
+    [setting.noise.position, setting.noise.attitude, setting.noise.jerk] =
+        [words.next()?, words.next()?, words.next()?];
+    setting.noise.imu = ImuNoise {
+        gyro: words.next()?,
+        accelerometer: words.next()?,
+        gyro_walk: words.next()?,
+        accelerometer_walk: words.next()?,
+    };
+    (border.lever, border.gravity) = (words.vector()?, words.vector()?);
+    (border.mounting, border.late) = (words.rotation()?, words.next()?);
+    let mut places = Vec::new();
+    let count = words.number()?;
+    for _ in 0..count {
+        let [run, first, nodes] = [words.number()?, words.number()?, words.number()?];
+        let is_it =
+            |track: &super::track::Track<'_>| track.run == run && track.first == first && track.nodes() == nodes;
+        let at = problem.tracks.iter().position(is_it)?;
+        places.push((at, Words(words.0)));
+        words.0 = words.0.get(8 * (6 + NODE * nodes)..)?;
+    }
+    (problem.setting, problem.border) = (setting, border);
+    let mut kept = vec![false; problem.tracks.len()];
+    for (at, mut words) in places {
+        kept[at] = true;
+        let track = &mut problem.tracks[at];
+        track.reference = [words.vector()?, words.vector()?];
+        for node in 0..track.nodes() {
+            track.states[node] = State {
+                attitude: words.rotation()?,
+                position: words.vector()?,
+                velocity: words.vector()?,
+                gyro: words.vector()?,
+                accelerometer: words.vector()?,
+            };
+            let used = words.number()?;
+            track.used[node] = [used & 1 > 0, used & 2 > 0];
+        }
+    }
+    let mut kept = kept.into_iter();
+    problem.tracks.retain(|_| kept.next().unwrap_or(false));
+    Some(progress)
+}

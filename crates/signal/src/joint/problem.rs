@@ -1,0 +1,503 @@
+//! The readings of all runs, what is known of the sensors at present, and what a pass over the readings says of it.
+
+use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
+use nalgebra::{DMatrix, DVector};
+
+use super::{
+    FusedJoint, JointOptions, JointRun, JointSensorEstimate, JointStates,
+    derived::Pairs,
+    events::{Events, Known, STATES, Seen, WANTED, between},
+    result::smoothed,
+    scale::Scale,
+    start,
+};
+use crate::{
+    SignalError,
+    fuse::{Prior, slack},
+    spline::smoother::Smoother,
+};
+
+/// By how much variances change at most between two rounds.
+const GREATEST_CHANGE: f64 = 1e4;
+
+/// The least variance of a sensor, in units of the one that it began with.
+const LEAST: f64 = 1e-8;
+
+/// The share of a constant's column that is left when the states have explained what they can, below which rounding is all that is left.
+const DETERMINED: f64 = 1e-9;
+
+/// A change of a weight that is one.
+const WEIGHT: f64 = 1e-3;
+
+/// A constant that is sought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Sought {
+    Delay(usize),
+    Bias(usize),
+}
+
+impl Sought {
+    fn sensor(self) -> usize {
+        match self {
+            Self::Delay(sensor) | Self::Bias(sensor) => sensor,
+        }
+    }
+}
+
+/// What the readings of a sensor say of its noise.
+#[derive(Debug, Clone, Copy, Default)]
+struct Share {
+    /// Squares over variances, and how much of them the states explain.
+    squares: f64,
+    taken: f64,
+    /// Squares, and their redundancy, as far as they are of the noise that is told, and not of steps and windows.
+    own: f64,
+    redundancy: f64,
+}
+
+/// What a pass over a run leaves.
+pub(super) struct Pass {
+    /// What states leave of every reading, sensor by sensor.
+    left: Vec<Vec<f64>>,
+    /// How readings depend on a delay, of sensors whose delay is sought.
+    slopes: Vec<Vec<f64>>,
+    shares: Vec<Share>,
+    /// The least value of the objective.
+    squares: f64,
+}
+
+/// The whole problem.
+pub(super) struct Problem<'a> {
+    runs: &'a [JointRun<'a>],
+    options: &'a JointOptions,
+    events: Vec<Events>,
+    scales: Vec<Scale>,
+    scale: Scale,
+    known: Vec<Known>,
+    variances: Vec<f64>,
+    /// Where the variances began.
+    first: Vec<f64>,
+    density: f64,
+    delays: Vec<f64>,
+    biases: Vec<f64>,
+    sought: Vec<Sought>,
+    periods: Vec<f64>,
+    /// Whether the readings of a run tell its states.
+    told: Vec<bool>,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn new(runs: &'a [JointRun<'a>], options: &'a JointOptions) -> Result<Self, SignalError> {
+        let start::Begin { scale, variances, density, delays } = start::begin(runs, options)?;
+        let sensors = &options.sensors;
+        let sought = (0..sensors.len()).filter(|&at| sensors[at].delay.deviation > 0.0).map(Sought::Delay);
+        let biases = (0..sensors.len()).filter(|&at| sensors[at].bias.deviation > 0.0).map(Sought::Bias);
+        let mut problem = Self {
+            runs,
+            options,
+            events: runs.iter().map(|run| Events::new(run, sensors)).collect(),
+            scales: runs.iter().map(|run| scale.of_run(run)).collect(),
+            scale,
+            known: Vec::new(),
+            first: variances.clone(),
+            variances,
+            density,
+            sought: sought.chain(biases).collect(),
+            delays,
+            biases: sensors.iter().map(|sensor| sensor.bias.value).collect(),
+            periods: (0..sensors.len()).map(|sensor| start::period(runs, sensor)).collect(),
+            told: Vec::new(),
+        };
+        problem.know();
+        problem.sort(false);
+        problem.told = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
+        if !problem.told.contains(&true) {
+            return Err(SignalError::NotFused {
+                problem: "no record of positions has three readings: give longer records, or other channels",
+            });
+        }
+        Ok(problem)
+    }
+
+    /// The sensors as they are thought to be now.
+    fn know(&mut self) {
+        let sensor = |at: usize| {
+            let own = &self.options.sensors[at];
+            Known::new(own, &self.scale, self.variances[at], self.density, self.delays[at], self.biases[at])
+        };
+        self.known = (0..self.variances.len()).map(sensor).collect();
+    }
+
+    fn sort(&mut self, wanted: bool) {
+        for (events, run) in self.events.iter_mut().zip(self.runs) {
+            events.sort(run, &self.known, wanted);
+        }
+    }
+
+    fn seen<'b>(&'b self, run: usize, column: Option<&'b [Vec<f64>]>) -> Seen<'b> {
+        Seen { run: &self.runs[run], events: &self.events[run], known: &self.known, scale: &self.scales[run], column }
+    }
+
+    fn smoother<'b>(&'b self, run: usize, column: Option<&'b [Vec<f64>]>) -> Smoother<Seen<'b>, STATES> {
+        Smoother::new(self.seen(run, column), self.density.recip())
+    }
+
+    /// The runs whose states are told.
+    fn told(&self) -> Vec<usize> {
+        (0..self.runs.len()).filter(|&run| self.told[run]).collect()
+    }
+
+    /// Works on `count` parts, in any order, and hands back what each gives in theirs.
+    fn each<T: Send>(&self, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        match parallel_map(count, &Silent, |at| Ok::<_, Cancelled>(work(at))) {
+            Ok(found) => found,
+            // A stop was set: the whole work ends here.
+            Err(_) => {
+                checkpoint();
+                Vec::new()
+            }
+        }
+    }
+
+    /// Smooths all runs.
+    pub(super) fn passes(&self) -> Result<Vec<Pass>, SignalError> {
+        let runs = self.told();
+        let passes = self.each(runs.len(), |at| self.pass(runs[at]));
+        if passes.iter().any(|pass| !pass.squares.is_finite()) {
+            return Err(SignalError::NotFused {
+                problem: "squares of the residuals overflow: leave out readings that are too great to have been measured",
+            });
+        }
+        Ok(passes)
+    }
+
+    fn pass(&self, run: usize) -> Pass {
+        checkpoint();
+        let records = &self.runs[run].records;
+        let seen = self.seen(run, None);
+        let empty = |is: &dyn Fn(usize) -> bool| -> Vec<Vec<f64>> {
+            (0..records.len()).map(|at| if is(at) { vec![0.0; records[at].values.len()] } else { Vec::new() }).collect()
+        };
+        let mut pass = Pass {
+            left: empty(&|_| true),
+            slopes: empty(&|sensor| self.sought.contains(&Sought::Delay(sensor))),
+            shares: vec![Share::default(); records.len()],
+            squares: 0.0,
+        };
+        pass.squares = self.smoother(run, None).smooth(|at, state| {
+            let event = seen.events.order[at];
+            let (sensor, row) = (usize::from(event.sensor), event.row as usize);
+            let left = seen.left(sensor, row, &state.mean);
+            pass.left[sensor][row] = left;
+            let known = &seen.known[sensor];
+            if let Some(slope) = pass.slopes[sensor].get_mut(row) {
+                *slope = known.rate(&state.mean);
+            }
+            if let Some((_, _, variance)) = seen.reading(at) {
+                let taken = between(&known.slopes, &state.covariance, &known.slopes) / variance;
+                let (square, own) = (left * left / variance, known.variance / seen.variance(sensor, row));
+                let share = &mut pass.shares[sensor];
+                share.squares += square;
+                share.taken += taken;
+                share.own += square * own;
+                share.redundancy += (1.0 - taken) * own;
+            }
+        });
+        pass
+    }
+
+    /// How the readings of a run depend on a constant, sensor by sensor.
+    fn column(&self, run: usize, pass: &Pass, sought: Sought) -> Vec<Vec<f64>> {
+        let records = &self.runs[run].records;
+        let of = |sensor: usize| match sought {
+            Sought::Delay(own) if own == sensor => pass.slopes[sensor].iter().map(|slope| -slope).collect(),
+            Sought::Bias(own) if own == sensor => vec![1.0; records[sensor].values.len()],
+            _ => Vec::new(),
+        };
+        (0..records.len()).map(of).collect()
+    }
+
+    /// A unit of a constant, in s or in the unit of its sensor.
+    fn unit(&self, sought: Sought) -> f64 {
+        match sought {
+            Sought::Delay(_) => self.scale.unit,
+            Sought::Bias(sensor) => self.scale.back(self.options.sensors[sensor].quantity),
+        }
+    }
+
+    fn prior(&self, sought: Sought) -> (Prior<f64>, f64) {
+        match sought {
+            Sought::Delay(sensor) => (self.options.sensors[sensor].delay, self.delays[sensor]),
+            Sought::Bias(sensor) => (self.options.sensors[sensor].bias, self.biases[sensor]),
+        }
+    }
+
+    /// The step of the constants to the least of the linearised problem, and their covariance, in their units.
+    fn border(&self, passes: &[Pass]) -> Result<(DVector<f64>, DMatrix<f64>), SignalError> {
+        let (count, runs) = (self.sought.len(), self.told());
+        let rows =
+            self.each(count * runs.len(), |at| self.border_row(runs[at / count], &passes[at / count], at % count));
+        let (mut normal, mut right) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
+        let mut whole = DVector::<f64>::zeros(count);
+        for (at, row) in rows.iter().enumerate() {
+            let v = at % count;
+            for (u, product) in row.products.iter().enumerate() {
+                normal[(u, v)] += 0.5 * product;
+                normal[(v, u)] += 0.5 * product;
+            }
+            right[v] += row.right;
+            whole[v] += row.whole;
+        }
+        for (at, &sought) in self.sought.iter().enumerate() {
+            let (prior, value) = self.prior(sought);
+            if prior.deviation.is_finite() {
+                let unit = self.unit(sought) / prior.deviation;
+                normal[(at, at)] += unit * unit;
+                whole[at] += unit * unit;
+                right[at] += unit * (prior.value - value) / prior.deviation;
+            }
+        }
+        let undetermined = SignalError::NotFused {
+            problem: "the motion does not determine what is asked for: give delay or bias, or a record with more motion",
+        };
+        let Some(root) = normal.cholesky() else { return Err(undetermined) };
+        let l = root.l();
+        if !(0..count).all(|at| l[(at, at)].powi(2) > DETERMINED * whole[at]) {
+            return Err(undetermined);
+        }
+        Ok((root.solve(&right), root.inverse()))
+    }
+
+    fn border_row(&self, run: usize, pass: &Pass, v: usize) -> BorderRow {
+        checkpoint();
+        let column = self.column(run, pass, self.sought[v]);
+        let seen = self.seen(run, Some(&column));
+        let mut row = BorderRow { products: vec![0.0; self.sought.len()], right: 0.0, whole: 0.0 };
+        self.smoother(run, Some(&column)).smooth(|at, state| {
+            let Some((sensor, reading, variance)) = seen.reading(at) else { return };
+            let left = seen.left(sensor, reading, &state.mean) / variance;
+            for (u, &sought) in self.sought.iter().enumerate().filter(|(_, sought)| sought.sensor() == sensor) {
+                let slope = match sought {
+                    Sought::Delay(_) => -pass.slopes[sensor][reading],
+                    Sought::Bias(_) => 1.0,
+                };
+                row.products[u] += slope * left;
+                if u == v {
+                    row.right += slope * pass.left[sensor][reading] / variance;
+                    row.whole += slope * slope / variance;
+                }
+            }
+        });
+        row
+    }
+
+    /// Moves delays and biases to where they are thought to be. The greatest step, in deviations.
+    pub(super) fn move_constants(&mut self, passes: &[Pass]) -> Result<f64, SignalError> {
+        if self.sought.is_empty() {
+            return Ok(0.0);
+        }
+        let (step, covariance) = self.border(passes)?;
+        let mut most: f64 = 0.0;
+        for (at, &sought) in self.sought.clone().iter().enumerate() {
+            let moved = step[at] * self.unit(sought);
+            most = most.max(step[at].abs() / covariance[(at, at)].sqrt());
+            match sought {
+                Sought::Bias(sensor) => self.biases[sensor] += moved,
+                Sought::Delay(sensor) => {
+                    let prior = self.options.sensors[sensor].delay;
+                    let (low, high) = (prior.value - slack(&prior), prior.value + slack(&prior));
+                    self.delays[sensor] = (self.delays[sensor] + moved).clamp(low, high);
+                }
+            }
+        }
+        self.know();
+        self.sort(false);
+        Ok(most)
+    }
+
+    /// Takes the noise for what residuals say it is. The greatest ratio of a variance to the one before.
+    pub(super) fn take_noise(&mut self, passes: &[Pass]) -> f64 {
+        let mut change: f64 = 1.0;
+        let mut take = |own: &mut f64, squares: f64, redundancy: f64, least: f64| {
+            if redundancy < 1.0 || squares <= 0.0 {
+                return;
+            }
+            let ratio = (squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE).max(least / *own);
+            *own *= ratio;
+            change = change.max(ratio).max(ratio.recip());
+        };
+        let sum = |of: &dyn Fn(&Pass) -> f64| passes.iter().map(of).sum::<f64>();
+        for (sensor, _) in self.options.sensors.iter().enumerate().filter(|(_, own)| own.noise.is_none()) {
+            let squares = sum(&|pass| pass.shares[sensor].own);
+            let redundancy = sum(&|pass| pass.shares[sensor].redundancy);
+            take(&mut self.variances[sensor], squares, redundancy, LEAST * self.first[sensor]);
+        }
+        if self.options.jerk.is_none() {
+            // What the objective has beyond the readings is of the jerk, and states that readings tell are what it is told by.
+            let of_readings = |pass: &Pass| pass.shares.iter().map(|share| share.squares).sum::<f64>();
+            let squares = sum(&|pass| pass.squares - of_readings(pass));
+            let taken = |pass: &Pass| pass.shares.iter().map(|share| share.taken).sum::<f64>();
+            let redundancy = sum(&|pass| taken(pass) - STATES as f64);
+            take(&mut self.density, squares, redundancy, 0.0);
+        }
+        self.know();
+        change
+    }
+
+    /// Weighs readings by what was left of them, and chooses those beyond the gate, which are left out, where that is `gated`: else that choice stays. Whether anything changed.
+    pub(super) fn weigh(&mut self, passes: &[Pass], gated: bool) -> bool {
+        let mut changed = false;
+        for (&run, pass) in self.told().iter().zip(passes) {
+            for (sensor, left) in pass.left.iter().enumerate() {
+                for (row, left) in left.iter().enumerate() {
+                    let square = left * left / self.seen(run, None).variance(sensor, row);
+                    let (weight, gate) = (self.options.loss.of(square, 1.0).1, self.options.gate);
+                    let own = &mut self.events[run].weights[sensor][row];
+                    let outside = if gated { gate > 0.0 && square > gate * gate } else { *own == 0.0 };
+                    let weight = if outside { 0.0 } else { weight };
+                    changed |= (weight - *own).abs() > WEIGHT;
+                    *own = weight;
+                }
+            }
+        }
+        changed
+    }
+
+    /// Reads the answer from a problem that came to rest.
+    pub(super) fn fused(mut self, rounds: usize, converged: bool) -> Result<FusedJoint, SignalError> {
+        if self.is_far() {
+            return Err(SignalError::NotFused {
+                problem: "a sensor of the joint is stamped later or earlier than another by three deviations of its delay, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give a delay nearer to what it is",
+            });
+        }
+        self.is_rarely_used()?;
+        let passes = self.passes()?;
+        let covariance = match self.sought.is_empty() {
+            true => DMatrix::zeros(0, 0),
+            false => self.border(&passes)?.1,
+        };
+        self.sort(true);
+        let told = self.told();
+        let found = self.each(told.len(), |at| self.states(told[at], &passes[at], &covariance));
+        let mut pairs = Pairs::new(self.periods.clone());
+        let mut runs: Vec<JointStates> = self.runs.iter().map(|run| self.unknown(run)).collect();
+        for (&run, (states, own)) in told.iter().zip(found) {
+            runs[run] = states;
+            pairs.merge(&own);
+        }
+        let smoothed = self.smoothed();
+        let sensors = (0..self.variances.len()).map(|at| self.estimate(at, &covariance)).collect();
+        let jerk = (self.density * self.scale.density()).sqrt();
+        Ok(FusedJoint { runs, jerk, sensors, correlations: pairs.correlations(), rounds, converged, smoothed })
+    }
+
+    fn is_far(&self) -> bool {
+        self.options.sensors.iter().zip(&self.delays).any(|(sensor, delay)| {
+            let (prior, off) = (sensor.delay, (delay - sensor.delay.value).abs());
+            prior.deviation > 0.0 && off >= slack(&prior)
+        })
+    }
+
+    /// What most readings of a sensor contradict is no motion of this joint.
+    fn is_rarely_used(&self) -> Result<(), SignalError> {
+        let rare = |sensor: usize| {
+            let weights = || self.events.iter().flat_map(|events| &events.weights[sensor]);
+            2 * weights().filter(|weight| **weight > 0.0).count() < weights().count()
+        };
+        match (0..self.variances.len()).any(rare) {
+            false => Ok(()),
+            true => Err(SignalError::NotFused {
+                problem: "more than half of the readings of a sensor lie beyond the gate of what the others tell: check clocks, signs and units, or state greater noise",
+            }),
+        }
+    }
+
+    fn unknown(&self, run: &JointRun<'_>) -> JointStates {
+        let none = || std::array::from_fn(|_| vec![f64::NAN; run.at.len()]);
+        JointStates { derivatives: none(), deviations: none(), rejected: vec![Vec::new(); run.records.len()] }
+    }
+
+    /// The states of a run at the instants that are wanted, and how its sensors err together.
+    fn states(&self, run: usize, pass: &Pass, covariance: &DMatrix<f64>) -> (JointStates, Pairs) {
+        checkpoint();
+        let (seen, mut states) = (self.seen(run, None), self.unknown(&self.runs[run]));
+        let (mut pairs, compares) = (Pairs::new(self.periods.clone()), self.variances.len() > 1);
+        self.smoother(run, None).smooth(|at, state| {
+            let event = seen.events.order[at];
+            let row = event.row as usize;
+            if event.sensor == WANTED {
+                for k in 0..STATES {
+                    states.derivatives[k][row] = state.mean[k];
+                    states.deviations[k][row] = state.covariance[k][k];
+                }
+            } else if compares && let Some((sensor, row, _)) = seen.reading(at) {
+                pairs.add(&seen, [sensor, row], seen.left(sensor, row, &state.mean), state);
+            }
+        });
+        self.add_border(run, pass, covariance, &mut states);
+        for k in 0..STATES {
+            let (unit, centre) = (self.scale.derivative(k), if k == 0 { self.scale.centre } else { 0.0 });
+            states.derivatives[k].iter_mut().for_each(|value| *value = *value * unit + centre);
+            states.deviations[k].iter_mut().for_each(|variance| *variance = variance.sqrt() * unit);
+        }
+        for (sensor, weights) in seen.events.weights.iter().enumerate() {
+            states.rejected[sensor] = (0..weights.len()).filter(|&row| weights[row] == 0.0).collect();
+        }
+        (states, pairs)
+    }
+
+    /// Adds to the variances what is not known of the constants: the squares of what the smoother makes of each column of the root of their covariance.
+    fn add_border(&self, run: usize, pass: &Pass, covariance: &DMatrix<f64>, states: &mut JointStates) {
+        let Some(root) = covariance.clone().cholesky().map(|root| root.l()) else { return };
+        let order = &self.events[run].order;
+        for k in 0..self.sought.len() {
+            let mut column: Vec<Vec<f64>> = vec![Vec::new(); self.variances.len()];
+            for (u, &sought) in self.sought.iter().enumerate() {
+                let own = self.column(run, pass, sought);
+                for (sum, own) in column.iter_mut().zip(own) {
+                    sum.resize(sum.len().max(own.len()), 0.0);
+                    sum.iter_mut().zip(own).for_each(|(sum, slope)| *sum += root[(u, k)] * slope);
+                }
+            }
+            self.smoother(run, Some(&column)).smooth(|at, state| {
+                if order[at].sensor == WANTED {
+                    for k in 0..STATES {
+                        states.deviations[k][order[at].row as usize] += state.mean[k] * state.mean[k];
+                    }
+                }
+            });
+        }
+    }
+
+    fn estimate(&self, sensor: usize, covariance: &DMatrix<f64>) -> JointSensorEstimate {
+        let own = &self.options.sensors[sensor];
+        let deviation = |sought: Sought| {
+            let at = self.sought.iter().position(|own| *own == sought);
+            at.map_or(0.0, |at| covariance[(at, at)].sqrt() * self.unit(sought))
+        };
+        JointSensorEstimate {
+            noise: own.noise.unwrap_or(self.variances[sensor].sqrt() * self.scale.back(own.quantity)),
+            alone: self.first[sensor].sqrt() * self.scale.back(own.quantity),
+            delay: Prior { value: self.delays[sensor], deviation: deviation(Sought::Delay(sensor)) },
+            bias: Prior { value: self.biases[sensor], deviation: deviation(Sought::Bias(sensor)) },
+            readings: self.runs.iter().map(|run| run.records[sensor].values.len()).sum(),
+        }
+    }
+
+    /// Seconds after which states share a hundredth of a reading, from how often what is read.
+    fn smoothed(&self) -> f64 {
+        let mut densities = [0.0; 2];
+        for (sensor, known) in self.known.iter().enumerate() {
+            let at = usize::from(known.slopes[0] == 0.0);
+            densities[at] += self.scale.unit / self.periods[sensor] / (known.variance + known.step + known.beyond);
+        }
+        smoothed(densities[0], densities[1], self.density) * self.scale.unit
+    }
+}
+
+/// What a constant's column says of it and of the others.
+struct BorderRow {
+    products: Vec<f64>,
+    right: f64,
+    whole: f64,
+}

@@ -1,0 +1,56 @@
+//! Units in which the numbers of a joint are near one.
+
+use super::{JointRun, Quantity};
+
+/// Units of time and position, and their origins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scale {
+    /// s.
+    pub(super) origin: f64,
+    /// Seconds a unit of time: the median period of the sensor that reads most often.
+    pub(super) unit: f64,
+    /// A position in the middle of all.
+    pub(super) centre: f64,
+    /// Positions a unit of position.
+    pub(super) size: f64,
+}
+
+impl Scale {
+    /// A reading in these units.
+    pub(super) fn of(&self, quantity: Quantity, value: f64) -> f64 {
+        match quantity {
+            Quantity::Position => (value - self.centre) / self.size,
+            Quantity::Rate => value * self.unit / self.size,
+        }
+    }
+
+    /// A deviation, a step or a bias in these units.
+    pub(super) fn scaled(&self, quantity: Quantity, value: f64) -> f64 {
+        value / self.back(quantity)
+    }
+
+    /// What a deviation of one is.
+    pub(super) fn back(&self, quantity: Quantity) -> f64 {
+        match quantity {
+            Quantity::Position => self.size,
+            Quantity::Rate => self.size / self.unit,
+        }
+    }
+
+    /// What a unit of the `k`-th derivative is.
+    pub(super) fn derivative(&self, k: usize) -> f64 {
+        self.size / self.unit.powi(k as i32)
+    }
+
+    /// What a unit of the density of the jerk is.
+    pub(super) fn density(&self) -> f64 {
+        self.size * self.size / self.unit.powi(5)
+    }
+
+    /// The same units for another run: its stamps begin elsewhere.
+    pub(super) fn of_run(&self, run: &JointRun<'_>) -> Self {
+        let first = |times: &[f64]| times.first().copied();
+        let origin = run.records.iter().filter_map(|record| first(record.times)).chain(first(run.at));
+        Self { origin: origin.reduce(f64::min).unwrap_or(0.0), ..*self }
+    }
+}

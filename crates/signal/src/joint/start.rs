@@ -1,0 +1,120 @@
+//! Where the noise of a joint's sensors is begun: what a smoothing spline says of each alone.
+
+use super::{JointOptions, JointRecord, JointRun, JointSensor, Quantity, scale::Scale};
+use crate::{Lambda, Record, Rejected, SignalError, Spline, Within, align, fuse::slack, reject, spline::median_step};
+
+/// Readings that are enough to begin.
+const ROWS: usize = 20_000;
+
+/// The share of what a sensor's readings span that is the least noise to begin with.
+const LEAST: f64 = 1e-9;
+
+/// Deviations off its curve at which a reading is no part of the begin.
+const FAR: f64 = 6.0;
+
+/// The share of a motion that two sensors must have in common to tell a delay.
+const COMMON: f64 = 0.5;
+
+/// What a sensor alone says of itself.
+#[derive(Debug, Clone, Copy)]
+struct Alone {
+    /// Deviation of a reading, steps aside.
+    noise: f64,
+    /// Density of the jerk, squared.
+    density: f64,
+}
+
+/// The readings of the longest record of a sensor, so many at most.
+fn longest<'a>(runs: &[JointRun<'a>], sensor: usize) -> JointRecord<'a> {
+    let records = runs.iter().map(|run| run.records[sensor]);
+    let most = records.reduce(|most, own| if own.times.len() > most.times.len() { own } else { most });
+    most.map_or(JointRecord { times: &[], values: &[] }, |record| {
+        let rows = record.times.len().min(ROWS);
+        JointRecord { times: &record.times[..rows], values: &record.values[..rows] }
+    })
+}
+
+/// Seconds between readings.
+pub(super) fn period(runs: &[JointRun<'_>], sensor: usize) -> f64 {
+    let record = longest(runs, sensor);
+    if record.times.len() < 2 { f64::INFINITY } else { median_step(record.times) }
+}
+
+/// A sensor's curve by itself, without its gross errors.
+fn curve(record: &JointRecord<'_>, quantity: Quantity) -> Result<Rejected, SignalError> {
+    let spline = match quantity {
+        Quantity::Position => Spline::Quintic,
+        Quantity::Rate => Spline::Cubic,
+    };
+    reject(record.times, record.values, None, spline, Lambda::Likelihood, FAR)
+}
+
+fn alone(record: &JointRecord<'_>, sensor: &JointSensor, smoothed: &Rejected) -> Alone {
+    let smoothed = &smoothed.smoothed;
+    let ends = |best: fn(f64, f64) -> f64| record.values.iter().copied().reduce(best).unwrap_or(0.0);
+    let (low, high) = (ends(f64::min), ends(f64::max));
+    let (found, step) = (smoothed.noise.powi(2), sensor.resolution.powi(2) / 12.0);
+    let least = (LEAST * (high - low)).max(f64::EPSILON * high.abs().max(low.abs())).max(f64::MIN_POSITIVE.sqrt());
+    let variance = (found - step).max(1e-2 * step).max(least * least);
+    let noise = sensor.noise.unwrap_or(variance.sqrt());
+    Alone { noise, density: found.max(noise * noise) / smoothed.lambda }
+}
+
+/// Where a problem begins.
+pub(super) struct Begin {
+    /// Units.
+    pub(super) scale: Scale,
+    /// Variances of the sensors in these units.
+    pub(super) variances: Vec<f64>,
+    /// Density of the jerk in these units.
+    pub(super) density: f64,
+    /// Delays, s.
+    pub(super) delays: Vec<f64>,
+}
+
+/// Begins with what each sensor says alone, and with the lags at which one shows what the other does.
+pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Begin, SignalError> {
+    let sensors = &options.sensors;
+    let records: Vec<JointRecord<'_>> = (0..sensors.len()).map(|at| longest(runs, at)).collect();
+    let each = sensors.iter().zip(&records);
+    let curves: Vec<Rejected> =
+        each.map(|(sensor, record)| curve(record, sensor.quantity)).collect::<Result<_, _>>()?;
+    let alone: Vec<Alone> = (0..sensors.len()).map(|at| alone(&records[at], &sensors[at], &curves[at])).collect();
+    let unit = (0..alone.len()).map(|sensor| period(runs, sensor)).fold(f64::INFINITY, f64::min);
+    // A position is known to be there; the one that was read most often, of those whose delay is given, says how the joint moves.
+    let readings = |sensor: usize| runs.iter().map(|run| run.records[sensor].values.len()).sum::<usize>();
+    let rank = |sensor: usize| (sensors[sensor].delay.deviation == 0.0, readings(sensor));
+    let positions = (0..alone.len()).filter(|&at| sensors[at].quantity == Quantity::Position);
+    let main = positions.reduce(|most, own| if rank(own) > rank(most) { own } else { most }).unwrap_or(0);
+    let values = records[main].values;
+    let centre = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let scale = Scale { origin: 0.0, unit, centre, size: alone[main].noise };
+    let density = options.jerk.map_or(alone[main].density, |jerk| jerk * jerk) / scale.density();
+    let variance = |(own, sensor): (&Alone, &JointSensor)| scale.scaled(sensor.quantity, own.noise).powi(2);
+    let variances = alone.iter().zip(sensors).map(variance).collect();
+    let delay = |at: usize| match at == main || sensors[at].delay.deviation == 0.0 {
+        true => sensors[at].delay.value,
+        false => delay(&records, &curves[main], sensors, [main, at]).unwrap_or(sensors[at].delay.value),
+    };
+    Ok(Begin { scale, variances, density, delays: (0..sensors.len()).map(delay).collect() })
+}
+
+/// The delay at which a sensor shows what the main one does, where most of the motion is the same.
+fn delay(
+    records: &[JointRecord<'_>],
+    curve: &Rejected,
+    sensors: &[JointSensor],
+    [main, own]: [usize; 2],
+) -> Option<f64> {
+    let values = match sensors[own].quantity {
+        Quantity::Position => &curve.smoothed.derivatives[0],
+        Quantity::Rate => &curve.smoothed.derivatives[1],
+    };
+    let middle = |sensor: &JointSensor| 0.5 * sensor.average;
+    let (prior, shift) =
+        (sensors[own].delay, sensors[main].delay.value + middle(&sensors[main]) - middle(&sensors[own]));
+    let first = Record { times: records[main].times, values };
+    let second = Record { times: records[own].times, values: records[own].values };
+    let found = align(first, second, Within { about: prior.value - shift, reach: slack(&prior), skew: 0.0 }).ok()?;
+    (found.unexplained < 1.0 - COMMON && !found.at_end).then_some(found.line.offset + shift)
+}
