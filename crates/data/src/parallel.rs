@@ -2,9 +2,12 @@
 //!
 //! Results come back in the order of the pieces, whoever computed them, so that nothing downstream can depend on the number of threads.
 
-use std::sync::{
-    Mutex, PoisonError,
-    atomic::{AtomicUsize, Ordering},
+use std::{
+    cell::Cell,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use crate::stop;
@@ -125,6 +128,42 @@ pub fn parallel_all<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync) -> 
     }
 }
 
+/// Calls `work` with the number and the values of every piece of `size` values (the last may be shorter): pieces are written where they lie, and what `work` says of
+/// them comes in their order. Within a piece of other parallel work all threads are taken: there it is done by the one that asks.
+pub fn parallel_pieces<T: Send, R: Send>(
+    values: &mut [T],
+    size: usize,
+    work: impl Fn(usize, &mut [T]) -> R + Sync,
+) -> Vec<R> {
+    let size = size.max(1);
+    if INSIDE.get() || values.len() <= size {
+        return values.chunks_mut(size).enumerate().map(|(i, piece)| work(i, piece)).collect();
+    }
+    let pieces: Vec<Mutex<&mut [T]>> = values.chunks_mut(size).map(Mutex::new).collect();
+    parallel_all(pieces.len(), |i| {
+        let mut piece = pieces[i].lock().unwrap_or_else(PoisonError::into_inner);
+        work(i, &mut piece)
+    })
+}
+
+thread_local! {
+    /// Whether this thread computes a piece.
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Computes a piece.
+fn inside<R>(work: impl FnOnce() -> R) -> R {
+    /// Puts back what was, however the piece ends.
+    struct Restore(bool);
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            INSIDE.set(self.0);
+        }
+    }
+    let _restore = Restore(INSIDE.replace(true));
+    work()
+}
+
 /// Computes `work(i)` in parallel and hands the results to `fold` in the order of `i`.
 ///
 /// At most a few results per thread are held at any time: while one wave is folded, the next is computed.
@@ -151,7 +190,7 @@ where
             let result = if stopped {
                 Err(Cancelled.into())
             } else {
-                let result = stop::under(stop.as_ref(), || work(i));
+                let result = stop::under(stop.as_ref(), || inside(|| work(i)));
                 progress.advance(1, count);
                 result
             };
@@ -208,6 +247,31 @@ mod tests {
             assert_eq!(squares.unwrap(), (0..1000).map(|i| i * i).collect::<Vec<_>>());
         }
         assert!(parallel_map(0, &Silent, Ok::<_, Cancelled>).unwrap().is_empty());
+    }
+
+    #[test]
+    fn pieces_are_written_where_they_lie() {
+        for threads in [1, 3] {
+            let (written, nested) = with_threads(threads, || {
+                let fill = |values: &mut [usize]| {
+                    parallel_pieces(values, 7, |i, piece| {
+                        piece.iter_mut().enumerate().for_each(|(k, value)| *value = 7 * i + k);
+                        piece.len()
+                    })
+                };
+                let mut written = vec![0; 100];
+                assert_eq!(fill(&mut written), [vec![7; 14], vec![2]].concat());
+                let nested = parallel_all(5, |_| {
+                    let mut values = vec![0; 20];
+                    fill(&mut values);
+                    values
+                });
+                (written, nested)
+            });
+            assert_eq!(written, (0..100).collect::<Vec<_>>());
+            assert!(nested.iter().all(|values| *values == (0..20).collect::<Vec<_>>()));
+        }
+        assert!(parallel_pieces(&mut [0_u8; 0], 0, |_, _| ()).is_empty());
     }
 
     #[test]

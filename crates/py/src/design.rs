@@ -15,7 +15,7 @@ use std::{ops::Range, sync::Arc};
 
 use fleetfoot::sparse::{
     Quadratic,
-    dense::{DenseDesign, DenseError, DenseRows},
+    dense::{DenseDesign, DenseError, DenseRows, Nonzeros},
 };
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -26,6 +26,9 @@ use crate::{
     matrix::Matrix,
     run::{Failure, run_any},
 };
+
+/// Columns of an array that are read together.
+const COLUMNS_AT_ONCE: usize = 32;
 
 /// X and y, borrowed from Python.
 #[derive(Debug)]
@@ -57,6 +60,35 @@ impl DenseRows for Borrowed {
     fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
         self.x.read(rows.clone(), out);
         self.y.read(rows, out);
+    }
+
+    fn columns_at_once(&self) -> usize {
+        match self.x {
+            // A few lines of the cache in every row.
+            Matrix::Dense(_) => COLUMNS_AT_ONCE,
+            // Whose rows are all looked through for any column.
+            Matrix::Sparse(_) => self.regressors() + self.targets(),
+        }
+    }
+
+    fn read_columns(&self, columns: Range<usize>, rows: Range<usize>, out: &mut Vec<f64>) {
+        let p = self.regressors();
+        self.x.read_columns(columns.start.min(p)..columns.end.min(p), rows.clone(), out);
+        self.y.read_columns(columns.start.max(p) - p..columns.end.max(p) - p, rows, out);
+    }
+
+    fn density(&self) -> f64 {
+        match &self.x {
+            Matrix::Dense(_) => 1.0,
+            Matrix::Sparse(rows) => rows.density(),
+        }
+    }
+
+    fn nonzeros(&self, rows: Range<usize>) -> Option<Nonzeros> {
+        match &self.x {
+            Matrix::Dense(_) => None,
+            Matrix::Sparse(sparse) => Some(sparse.nonzeros(rows)),
+        }
     }
 }
 

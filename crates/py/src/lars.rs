@@ -132,12 +132,30 @@ pub(crate) struct LarsRequest {
 
 impl LarsRequest {
     fn follow(&self, problem: &Quadratic) -> Result<LarsPath, Failure> {
+        self.follow_up_to(problem, None)
+    }
+
+    /// The path of every target of a design whose rows were kept for few columns; `None` where one of them takes many.
+    fn follow_few(&self, problems: &[Quadratic]) -> Result<Option<Vec<LarsPath>>, Failure> {
+        let mut paths = Vec::with_capacity(problems.len());
+        for problem in problems {
+            let path = self.follow_up_to(problem, Some(problem.columns() / FEW + 1))?;
+            if path.path.status == PathStatus::MaxFeatures {
+                return Ok(None);
+            }
+            paths.push(path);
+        }
+        Ok(Some(paths))
+    }
+
+    fn follow_up_to(&self, problem: &Quadratic, max_features: Option<usize>) -> Result<LarsPath, Failure> {
         let columns = problem.columns();
         let signs = if self.positive { vec![Sign::NonNegative; columns] } else { Vec::new() };
         let options = LarsOptions {
             method: if self.lasso { Method::Lasso } else { Method::Lars },
             lambda_min: self.alpha_min,
             max_knots: Some(self.max_iter.saturating_add(1)),
+            max_features,
             ..LarsOptions::default()
         };
         let path = lars(problem, &Penalty { signs, ..Penalty::default() }, &options);
@@ -161,9 +179,20 @@ pub(crate) fn lars_paths(
     let groups = design.chosen(groups)?;
     run_any(py, progress, |_| {
         let problems = design.of().problems(groups.as_deref(), intercept)?;
+        if !design.of().keeps_rows() {
+            return problems.iter().map(|problem| request.follow(problem)).collect();
+        }
+        if let Some(paths) = request.follow_few(&problems)? {
+            return Ok(paths);
+        }
+        drop(problems);
+        let problems = design.of().for_many(&Silent)?.problems(None, intercept)?;
         problems.iter().map(|problem| request.follow(problem)).collect()
     })
 }
+
+/// Of how many columns one is few.
+const FEW: usize = 4;
 
 /// The path of products X'X (p x p), X'y (p) and y'y (`None`: not known) of `rows` rows.
 #[pyfunction]

@@ -59,6 +59,22 @@ impl Matrix {
             Self::Sparse(sparse) => sparse.read(rows, out),
         }
     }
+
+    /// Appends some neighbouring columns of some neighbouring rows to `out`, column after column.
+    pub(crate) fn read_columns(&self, columns: Range<usize>, rows: Range<usize>, out: &mut Vec<f64>) {
+        match self {
+            Self::Dense(array) => {
+                let columns: Vec<usize> = columns.collect();
+                array.values(&columns, rows).iter().for_each(|values| out.extend_from_slice(values));
+            }
+            Self::Sparse(_) if columns.is_empty() => {}
+            Self::Sparse(sparse) => {
+                let mut all = Vec::new();
+                sparse.read(rows.clone(), &mut all);
+                out.extend_from_slice(&all[columns.start * rows.len()..columns.end * rows.len()]);
+            }
+        }
+    }
 }
 
 impl KMeansRows for Matrix {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use fleetfoot::data::ScalarBuffer;
+use fleetfoot::{data::ScalarBuffer, sparse::dense::Nonzeros};
 use pyo3::prelude::*;
 
 use crate::{array::Array, error::Kind};
@@ -62,6 +62,35 @@ impl SparseRows {
     /// Number of columns.
     pub(crate) fn columns(&self) -> usize {
         self.columns
+    }
+
+    /// Share of its values that are held.
+    pub(crate) fn density(&self) -> f64 {
+        let cells = self.rows() as f64 * self.columns as f64;
+        if cells > 0.0 { self.starts[self.rows()] as f64 / cells } else { 1.0 }
+    }
+
+    /// The values of some neighbouring rows that are held, by column within a row, those at one place added.
+    pub(crate) fn nonzeros(&self, rows: Range<usize>) -> Nonzeros {
+        let held = self.starts[rows.start]..self.starts[rows.end];
+        let places = self.places.integers(0, held.clone()).unwrap_or_default();
+        let values = self.values.values(&[0], held.clone()).into_iter().next().unwrap_or_default();
+        let mut found = Nonzeros { starts: vec![0], ..Nonzeros::default() };
+        let mut row: Vec<(u32, f64)> = Vec::new();
+        for ends in self.starts[rows.start..=rows.end].windows(2) {
+            row.clear();
+            // That columns fit was checked.
+            row.extend((ends[0] - held.start..ends[1] - held.start).map(|at| (places[at] as u32, values[at])));
+            if !row.is_sorted_by_key(|(column, _)| *column) {
+                row.sort_by_key(|(column, _)| *column);
+            }
+            for part in row.chunk_by(|a, b| a.0 == b.0) {
+                found.columns.push(part[0].0);
+                found.values.push(part.iter().map(|(_, value)| value).sum());
+            }
+            found.starts.push(found.columns.len());
+        }
+        found
     }
 
     /// Appends some neighbouring rows to `out`, column after column.

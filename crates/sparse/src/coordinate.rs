@@ -5,11 +5,14 @@ use crate::{
     descent::{Small, violation},
     path::{Point, finish},
     penalty::{Weights, check_ratio, check_strength, check_tolerance},
+    pivoting::{MANY, Pivots},
     residual::Residual,
 };
 
 /// Columns that join the working set at once, at least.
 const JOIN: usize = 32;
+/// Exchanges of blocks before sweeps are the way.
+const EXCHANGES: usize = 50;
 /// The least violation, as a correlation, that is more than rounding.
 const MOST_EXACT: f64 = 1e-14;
 
@@ -164,13 +167,14 @@ pub(crate) fn equal_factors(largest: f64, count: usize, ratio: f64) -> Vec<f64> 
 struct Descent<'a> {
     weights: &'a Weights,
     left: Residual<'a>,
+    pivots: Pivots,
     /// Strength of the solution that the coefficients are.
     l1: f64,
 }
 
 impl<'a> Descent<'a> {
     fn new(problem: &'a Quadratic, weights: &'a Weights) -> Self {
-        Self { weights, left: Residual::new(problem), l1: f64::INFINITY }
+        Self { weights, left: Residual::new(problem), pivots: Pivots::default(), l1: f64::INFINITY }
     }
 
     /// Goes on from these coefficients, in raw units.
@@ -209,7 +213,13 @@ impl<'a> Descent<'a> {
         loop {
             let small = self.small(&working, &limit, l2);
             let mut delta: Vec<f64> = working.iter().map(|&j| self.left.delta[j]).collect();
-            let (_, used) = small.minimise(&mut delta, 0.5 * tolerance, epochs);
+            let exchanged = match working.len() > MANY {
+                true => {
+                    self.pivots.minimise(&small, (&working, l2), &mut delta, 0.5 * tolerance, epochs.min(EXCHANGES))
+                }
+                false => None,
+            };
+            let used = exchanged.unwrap_or_else(|| small.minimise(&mut delta, 0.5 * tolerance, epochs).1);
             working.iter().zip(&delta).for_each(|(&j, &delta)| self.left.delta[j] = delta);
             self.left.refresh();
             epochs -= used.min(epochs);

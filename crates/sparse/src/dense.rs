@@ -1,6 +1,8 @@
 //! Problems from dense rows in memory, read where they lie: one pass, and a statistic for every group of rows.
 
 mod gather;
+mod nonzeros;
+mod pose;
 mod sums;
 
 use std::{fmt, ops::Range, sync::Arc};
@@ -10,6 +12,7 @@ use fleetfoot_data::{Cancelled, Progress};
 use fleetfoot_stats::{Factor, Gram, SquareRoot};
 
 use crate::{Quadratic, SparseError};
+pub use nonzeros::Nonzeros;
 use sums::Sums;
 
 /// Columns up to which the sums are those of preconditioned rows, and a problem is in square-root form. Beyond, they are plain products (Gram form): the
@@ -34,6 +37,28 @@ pub trait DenseRows: fmt::Debug + Send + Sync {
 
     /// Appends some neighbouring rows to `out`, column after column: p regressors, then q targets.
     fn read(&self, rows: Range<usize>, out: &mut Vec<f64>);
+
+    /// Columns, regressors and targets, that cost little more than their share of all when they are read by themselves.
+    fn columns_at_once(&self) -> usize {
+        self.regressors() + self.targets()
+    }
+
+    /// Appends some neighbouring columns of some neighbouring rows to `out`, column after column: p regressors, then q targets.
+    fn read_columns(&self, columns: Range<usize>, rows: Range<usize>, out: &mut Vec<f64>) {
+        let mut all = Vec::new();
+        self.read(rows.clone(), &mut all);
+        out.extend_from_slice(&all[columns.start * rows.len()..columns.end * rows.len()]);
+    }
+
+    /// Share of the regressors' values that are not zero, where those can be had by themselves ([`DenseRows::nonzeros`]); else 1.
+    fn density(&self) -> f64 {
+        1.0
+    }
+
+    /// The regressors of some neighbouring rows that are not zero, where [`DenseRows::density`] is below 1.
+    fn nonzeros(&self, _rows: Range<usize>) -> Option<Nonzeros> {
+        None
+    }
 }
 
 /// Why a dense design makes no problem.
@@ -63,7 +88,7 @@ pub enum DenseError {
 /// What is kept depends on the shape. Few rows (no more than twice the columns, or so few that a factorisation is quick) are read where they lie for
 /// every problem, and factored directly. Many rows are read once, in parallel: their products are summed group by group in the coordinates that a
 /// pilot sample gives ([`Preconditioner`](fleetfoot_stats::Preconditioner)), so that little is lost to the square of the condition number, or as they
-/// are where there are more than 512 columns. Beside the statistics only the blocks in flight are held.
+/// are where there are more than 512 columns, or where few values are not zero and the columns do not lean on each other. Beside the statistics only the blocks in flight are held.
 ///
 /// Answers do not depend on the number of threads.
 #[derive(Debug)]
@@ -108,6 +133,19 @@ impl DenseDesign {
         Self::made((rows, weights), (Vec::new(), 1), true, progress)
     }
 
+    /// Whether rows are kept because few solutions are wanted.
+    pub fn keeps_rows(&self) -> bool {
+        self.keeps_rows
+    }
+
+    /// The same rows as [`DenseDesign::new`] takes them, in one group.
+    ///
+    /// # Errors
+    /// When the user stops it.
+    pub fn for_many(&self, progress: &dyn Progress) -> Result<Self, DenseError> {
+        Self::new(self.rows.clone(), self.weights.clone(), Vec::new(), 1, progress)
+    }
+
     fn made(
         (rows, weights): (Arc<dyn DenseRows>, Option<Vec<f64>>),
         (labels, groups): (Vec<u32>, usize),
@@ -138,7 +176,11 @@ impl DenseDesign {
         if few && d > ROOT_COLUMNS && n <= FEW_ROWS * d && n.saturating_mul(d) <= FEW_VALUES {
             design.keeps_rows = true;
         } else if n > 2 * d && n.saturating_mul(d * d) > DIRECT {
-            design.sums = Some(Sums::scan(&design, progress)?);
+            let sums = Sums::of_nonzeros(&design, progress)?;
+            design.sums = Some(match sums {
+                Some(sums) => sums,
+                None => Sums::scan(&design, progress)?,
+            });
         }
         Ok(design)
     }
@@ -188,8 +230,7 @@ impl DenseDesign {
             None => {
                 let used = self.used(&chosen);
                 if used.len() <= self.regressors() || self.keeps_rows {
-                    let (values, weights) = self.gathered(&used);
-                    of_rows(&values, used.len(), q, weights.as_deref(), intercept)
+                    self.posed(&used, intercept)
                 } else if self.columns() > ROOT_COLUMNS {
                     of_gram(&self.gram(&used), q, intercept)
                 } else {
@@ -269,19 +310,6 @@ impl DenseDesign {
         });
         gram
     }
-}
-
-fn of_rows(
-    values: &[f64],
-    rows: usize,
-    targets: usize,
-    weights: Option<&[f64]>,
-    intercept: bool,
-) -> Result<Vec<Quadratic>, DenseError> {
-    let x = values.len() - rows * targets;
-    let regressors = MatRef::from_column_major_slice(&values[..x], rows, x.checked_div(rows).unwrap_or(0));
-    let target = |t: usize| &values[x + t * rows..x + (t + 1) * rows];
-    (0..targets).map(|t| Ok(Quadratic::from_rows_as_they_are(regressors, target(t), weights, intercept)?)).collect()
 }
 
 fn of_root(root: &SquareRoot, intercept: bool) -> Result<Vec<Quadratic>, DenseError> {

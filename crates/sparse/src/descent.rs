@@ -30,19 +30,19 @@ pub(crate) struct Small {
 }
 
 impl Small {
-    fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.limit.len()
     }
 
     /// b - M d, padded.
-    fn gradient(&self, delta: &[f64]) -> Vec<f64> {
+    pub(crate) fn gradient(&self, delta: &[f64]) -> Vec<f64> {
         let mut gradient = self.target.clone();
         self.matrix.subtract(delta, &mut gradient);
         gradient
     }
 
     /// Largest violation of the optimality conditions.
-    fn violation(&self, delta: &[f64], gradient: &[f64]) -> f64 {
+    pub(crate) fn violation(&self, delta: &[f64], gradient: &[f64]) -> f64 {
         let violation = |j: usize| violation(self.signs[j], self.limit[j], delta[j], gradient[j]);
         (0..self.columns()).map(violation).fold(0.0, f64::max)
     }
@@ -97,7 +97,7 @@ impl Small {
     }
 
     /// Whether column j keeps its sign in a Newton step.
-    fn watched(&self, j: usize) -> bool {
+    pub(crate) fn watched(&self, j: usize) -> bool {
         self.limit[j] > 0.0 || self.signs[j] != Sign::Free
     }
 

@@ -17,8 +17,10 @@ pub enum SparseError {
         /// The length it must have.
         expected: usize,
     },
-    /// A regressor holds NaN or an infinity.
-    #[error("column {column} holds a value that is not finite: drop the column, or the rows")]
+    /// A regressor holds NaN or an infinity, or values whose squares overflow.
+    #[error(
+        "column {column} holds a value that is not finite, or whose square is not: drop the column or the rows, or divide the column by its scale"
+    )]
     ColumnNotFinite {
         /// The regressor.
         column: usize,

@@ -1,6 +1,7 @@
 //! The factor of the active columns, with rank-one appends and deletions.
 
 use crate::{
+    ahead::Ahead,
     kernel::{Slab, add_scaled, dot, padded, substitute_back},
     penalty::Weights,
     quadratic::{Form, Quadratic},
@@ -16,6 +17,9 @@ const BURIED: f64 = 1e6;
 /// a residual cannot be larger, and coefficients of the size of its inverse would round to as much.
 const LEAST_REMAINDER: f64 = 1e-9;
 
+/// Rounding of products with a basis vector, relative to that of one product, from which on they are formed anew.
+const MAGNIFIED: f64 = 16.0;
+
 /// An orthogonal basis Q of the active columns A_S, never formed in Gram form: `A_S = Q U`, U upper triangular.
 ///
 /// With a ridge the columns carry the rows `sqrt(rho_j)` below them. The solution of the active problem is `U^-1 (q - lambda t)` with
@@ -30,6 +34,9 @@ pub(crate) struct Factor<'a> {
     /// Columns and target with the rows of the ridge below them, compressed: where the form is square root and there is a ridge.
     root: Option<(Slab, Vec<f64>)>,
     basis: Option<Slab>,
+    ahead: Ahead,
+    /// Rounding of every column of W, relative to that of a product of two columns.
+    magnified: Vec<f64>,
     /// Active columns in the order of U.
     pub(crate) order: Vec<usize>,
     active: Vec<bool>,
@@ -77,6 +84,8 @@ impl<'a> Factor<'a> {
             weights,
             root,
             basis,
+            ahead: Ahead::default(),
+            magnified: Vec::new(),
             order: Vec::new(),
             active: vec![false; p],
             signed: Vec::new(),
@@ -218,12 +227,26 @@ impl<'a> Factor<'a> {
             return None;
         }
         v.iter_mut().for_each(|value| *value /= pivot);
-        let mut column = vec![0.0; self.w.stride()];
-        for (value, &i) in column.iter_mut().zip(&self.column_at).skip(self.order.len()) {
-            *value = dot(a.column(i), &v);
-        }
         let target = dot(&v, z);
         basis.push(&v);
+        // Errors of the products before, as independent ones add.
+        let before = u.iter().zip(&self.magnified).map(|(u, magnified)| (u * magnified).powi(2)).sum::<f64>();
+        let magnified = (1.0 + before).sqrt() * whole / pivot;
+        let first = self.order.len();
+        let mut column = vec![0.0; self.w.stride()];
+        if magnified <= MAGNIFIED && Ahead::pays(a) {
+            let next = |most| nearest((&self.e, &self.a), (&self.column_at[first..], first), self.weights, most);
+            let product = self.ahead.of(a, j, next);
+            column.iter_mut().zip(&self.column_at).skip(first).for_each(|(value, &i)| *value = product(i));
+            self.w.subtract_below(first, u, &mut column);
+            column[first..].iter_mut().for_each(|value| *value /= pivot);
+            self.magnified.push(magnified);
+        } else {
+            let mut natural = vec![0.0; a.columns()];
+            a.products(&v, &mut natural);
+            column.iter_mut().zip(&self.column_at).skip(first).for_each(|(value, &i)| *value = natural[i]);
+            self.magnified.push(1.0);
+        }
         Some((pivot, column, target))
     }
 
@@ -260,6 +283,10 @@ impl<'a> Factor<'a> {
         self.w.pop();
         if let Some(basis) = &mut self.basis {
             basis.pop();
+            // Rotations mix neighbours.
+            let worst = self.magnified.iter().skip(place).copied().fold(1.0, f64::max);
+            self.magnified.iter_mut().skip(place).for_each(|magnified| *magnified = worst);
+            self.magnified.pop();
         }
     }
 
@@ -298,6 +325,28 @@ impl<'a> Factor<'a> {
         };
         (0..k).map(entry).collect()
     }
+}
+
+/// Inactive columns that enter next along the present direction: those whose correlations, `e + lambda a`, meet their bounds at the largest lambdas. Entries of
+/// the columns `column_at` begin at `first`.
+fn nearest(
+    (e, a): (&[f64], &[f64]),
+    (column_at, first): (&[usize], usize),
+    weights: &Weights,
+    most: usize,
+) -> Vec<usize> {
+    let meets = |(at, &j): (usize, &usize)| {
+        let side = |side: &f64| {
+            let (push, rate) = (side * e[first + at], weights.omega[j] - side * a[first + at]);
+            if push > 0.0 && rate > 0.0 { push / rate } else { 0.0 }
+        };
+        let lambda = weights.signs[j].sides().iter().map(side).fold(0.0, f64::max);
+        (weights.used(j) && lambda > 0.0).then_some((lambda, j))
+    };
+    let mut next: Vec<(f64, usize)> = column_at.iter().enumerate().filter_map(meets).collect();
+    next.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
+    next.truncate(most);
+    next.into_iter().map(|(_, j)| j).collect()
 }
 
 fn rotated(cos: f64, sin: f64, x: f64, y: f64) -> (f64, f64) {

@@ -53,6 +53,7 @@ pub mod system;
 pub mod threshold;
 
 // what they share
+mod ahead;
 mod certificate;
 mod cholesky;
 mod descent;
@@ -62,6 +63,7 @@ mod homotopy;
 mod moments;
 mod path;
 mod penalty;
+mod pivoting;
 mod products;
 mod quadratic;
 mod residual;

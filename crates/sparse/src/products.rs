@@ -1,6 +1,7 @@
 //! Products of the columns that coordinate descent needs, and no others.
 
-use fleetfoot_data::checkpoint;
+use faer::{Accum, Mat, Par, linalg::matmul::matmul};
+use fleetfoot_data::{checkpoint, parallel_pieces};
 
 use crate::{
     Quadratic,
@@ -105,6 +106,20 @@ impl<'a> Products<'a> {
     }
 }
 
+/// Values of new columns up to which they are multiplied one by one.
+const FEW_VALUES: usize = 1 << 15;
+/// Columns that all new ones are multiplied with at once.
+const PANEL: usize = 64;
+
+/// Some columns beside each other.
+fn gathered(rows: &Slab, columns: &[usize]) -> Mat<f64> {
+    let mut values = Mat::zeros(rows.rows(), columns.len());
+    for (k, &j) in columns.iter().enumerate() {
+        values.col_as_slice_mut(k).copy_from_slice(&rows.column(j)[..rows.rows()]);
+    }
+    values
+}
+
 impl Pairs {
     fn join(&mut self, rows: &Slab, columns: &[usize]) {
         let first = self.joined.len();
@@ -115,11 +130,30 @@ impl Pairs {
             }
         }
         self.products.resize(self.joined.len(), Vec::new());
-        // One column after the other against all new ones, which stay in cache meanwhile.
-        for (i, &column) in self.joined.iter().enumerate() {
+        let new = self.joined.len() - first;
+        if new * rows.rows() < FEW_VALUES {
+            // One column after the other against all new ones, which stay in cache meanwhile.
+            for (i, &column) in self.joined.iter().enumerate() {
+                checkpoint();
+                for k in first.max(i)..self.joined.len() {
+                    self.products[k].push(dot(rows.column(column), rows.column(self.joined[k])));
+                }
+            }
+            return;
+        }
+        let columns = gathered(rows, &self.joined[first..]);
+        let mut panels: Vec<&[usize]> = self.joined.chunks(PANEL).collect();
+        let found = parallel_pieces(&mut panels, 1, |_, panel| {
             checkpoint();
-            for k in first.max(i)..self.joined.len() {
-                self.products[k].push(dot(rows.column(column), rows.column(self.joined[k])));
+            let mut products = Mat::zeros(panel[0].len(), new);
+            let left = gathered(rows, panel[0]);
+            matmul(products.as_mut(), Accum::Replace, left.transpose(), &columns, 1.0, Par::Seq);
+            products
+        });
+        for (k, row) in self.products[first..].iter_mut().enumerate() {
+            for products in &found {
+                let wanted = (first + k + 1 - row.len()).min(products.nrows());
+                row.extend_from_slice(&products.col_as_slice(k)[..wanted]);
             }
         }
     }

@@ -7,7 +7,11 @@
 use std::borrow::Borrow;
 
 use faer::MatRef;
+use fleetfoot_data::parallel_pieces;
 use pulp::{Simd, WithSimd};
+
+/// Values that one thread takes at once: what is more costs longer to read than to hand out.
+const PIECE: usize = 1 << 17;
 
 /// Values of the widest vector.
 pub const LANES: usize = 8;
@@ -106,10 +110,29 @@ impl Slab {
         }
     }
 
-    /// `out_j = column_j . x`.
+    /// `out_j = column_j . x`; of many columns in parallel.
     pub fn products(&self, x: &[f64], out: &mut [f64]) {
         debug_assert_eq!(x.len(), self.stride);
-        pulp::Arch::new().dispatch(Products { slab: self, x, out });
+        let piece = (PIECE / self.stride).max(1);
+        if out.len() <= 2 * piece {
+            return pulp::Arch::new().dispatch(Products { slab: self, first: 0, x, out });
+        }
+        parallel_pieces(out, piece, |at, out| {
+            pulp::Arch::new().dispatch(Products { slab: self, first: at * piece, x, out });
+        });
+    }
+
+    /// Calls `fill` with the number of the first and the values (padding included) of some neighbouring columns, in parallel until all are filled; what it
+    /// says of them, in their order.
+    pub fn fill_columns<R: Send>(
+        &mut self,
+        at_once: usize,
+        fill: impl Fn(usize, &mut [f64]) -> Vec<R> + Sync,
+    ) -> Vec<R> {
+        let at_once = at_once.max(1);
+        let found =
+            parallel_pieces(&mut self.values, at_once * self.stride, |piece, values| fill(piece * at_once, values));
+        found.into_iter().flatten().collect()
     }
 }
 
@@ -236,6 +259,7 @@ impl WithSimd for SubstituteBack<'_> {
 
 struct Products<'a> {
     slab: &'a Slab,
+    first: usize,
     x: &'a [f64],
     out: &'a mut [f64],
 }
@@ -245,7 +269,8 @@ impl WithSimd for Products<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for (out, column) in self.out.iter_mut().zip(self.slab.values.chunks_exact(self.slab.stride)) {
+        let columns = self.slab.values[self.first * self.slab.stride..].chunks_exact(self.slab.stride);
+        for (out, column) in self.out.iter_mut().zip(columns) {
             *out = dot_in(simd, column, self.x);
         }
     }

@@ -18,6 +18,7 @@ from ._linear import LinearModel
 from ._multi_task import TaskPath, Tasks
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
 from ._plain import as_target
+from .exceptions import FitError
 
 __all__ = ["ElasticNet", "Lasso", "enet_path", "lasso_path"]
 
@@ -465,7 +466,17 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(y))
         targets = 1 if y.ndim == 1 else y.shape[1]
         options: dict[str, Any] = {"precompute": self.precompute, "check_gram": check_input, "few": targets == 1}
-        posed = pose(X, y, weight, intercept=self.fit_intercept, **options)
+        try:
+            posed = pose(X, y, weight, intercept=self.fit_intercept, **options)
+        except FitError as error:
+            largest = float(abs(X).max()) if X.shape[0] else 0.0
+            if largest * largest * X.shape[0] < float(np.finfo(np.float64).max):
+                raise
+            # What people search for who meet it elsewhere.
+            raise FitError(
+                "Coordinate descent iterations resulted in non-finite parameter values, or would: squares of X overflow. "
+                f"{error}"
+            ) from error
         starts = self._starts(targets, X.shape[1])
         estimator = _core.Estimator.elastic_net(self.l1_ratio, self.max_iter)
         options = {"estimator": estimator, "positive": self.positive, "max_iter": self.max_iter, "tol": self.tol}

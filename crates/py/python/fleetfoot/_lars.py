@@ -152,7 +152,7 @@ def lars_path(
     known = [X, y]
     products = known_gram(Gram)
     if products is None and Xy is None:
-        path = lars_paths(Design(X, y), None, False, request)[0]
+        path = lars_paths(Design(X, y, few=takes_few(request, X.shape[1])), None, False, request)[0]
     else:
         if products is None:
             products = _wide(X).T @ _wide(X)
@@ -230,6 +230,11 @@ def path_request(method: str, positive: bool, alpha_min: float, max_iter: float)
         raise ValueError("Positive constraint not supported for 'lar' coding method.")
     steps = 2**62 if max_iter == np.inf else int(max_iter)
     return {"lasso": method == "lasso", "positive": bool(positive), "alpha_min": float(alpha_min), "max_iter": steps}
+
+
+def takes_few(request: LarsRequest, features: int) -> bool:
+    """Whether a path may end while most features are still out."""
+    return request["alpha_min"] > 0.0 or 4 * request["max_iter"] <= features
 
 
 def check_eps(owner: str, eps: float | None) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ._base import MultiOutputMixin, check_xy, is_sparse, random_numbers
 from ._core import Design, LarsPath, lars_paths
-from ._lars import EPS, STEPS, LarsRequest, centred_paths, check_eps, known_gram, path_request, tell
+from ._lars import EPS, STEPS, LarsRequest, centred_paths, check_eps, known_gram, path_request, takes_few, tell
 from ._linear import LinearModel
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, one_of, real
 
@@ -189,7 +189,8 @@ class Lars(MultiOutputMixin, LarsModel):
         gram = known_gram(self.precompute)
         # Of sparse rows the products are always summed anew.
         if (gram is None and Xy is None) or is_sparse(X):
-            paths = lars_paths(Design(X, y), None, self.fit_intercept, request)
+            design = Design(X, y, few=takes_few(request, X.shape[1]))
+            paths = lars_paths(design, None, self.fit_intercept, request)
             self._keep(X, y, paths, self.fit_path)
             return self
         known = centred_paths(X, y, gram, Xy, self.fit_intercept, request)

@@ -30,6 +30,10 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    pub(super) fn new(preconditioner: Preconditioner, grams: Vec<Gram>, plain: bool) -> Self {
+        Self { preconditioner, grams, plain }
+    }
+
     /// Reads all rows once.
     pub(super) fn scan(design: &DenseDesign, progress: &dyn Progress) -> Result<Self, DenseError> {
         let (n, d) = (design.rows.rows(), design.columns());

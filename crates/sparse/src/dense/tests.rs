@@ -3,7 +3,7 @@ use std::{ops::Range, sync::Arc};
 use faer::MatRef;
 use fleetfoot_data::{Silent, mix, with_threads};
 
-use super::{DIRECT, DenseDesign, DenseError, DenseRows, ROOT_COLUMNS};
+use super::{DIRECT, DenseDesign, DenseError, DenseRows, Nonzeros, ROOT_COLUMNS};
 use crate::{
     Penalty, Quadratic, SparseError,
     coordinate::{CoordinateOptions, coordinate_descent},
@@ -199,5 +199,93 @@ fn few_solutions_of_many_columns_are_found_on_the_rows() {
                 .zip(&b.coefficients)
                 .for_each(|(a, b)| assert!((a - b).abs() < 1e-7 * b.abs().max(1e-3)));
         }
+    }
+}
+
+/// One value in twenty is not zero.
+#[derive(Debug)]
+struct Scattered {
+    rows: usize,
+    regressors: usize,
+    /// Whether it tells which these are.
+    tells: bool,
+    /// Whether a column repeats another one but for little.
+    leans: bool,
+}
+
+impl Scattered {
+    fn value(&self, row: usize, column: usize) -> f64 {
+        let own = |j: usize| match mix((row * 7919 + j * 31) as u64) % 20 {
+            0 => 1.0 + uniform(row * 911 + j),
+            _ => 0.0,
+        };
+        match column {
+            j if j >= self.regressors => 1e3 + own(3) - 2.0 * own(8) + uniform(row + 5 * j),
+            // Rows without weight leave no trace, whatever they hold.
+            8 if weight(row) == 0.0 && self.regressors > ROOT_COLUMNS => f64::NAN,
+            5 if self.leans => own(4) * (1.0 + 1e-6 * uniform(row)),
+            j => own(j),
+        }
+    }
+}
+
+impl DenseRows for Scattered {
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn regressors(&self) -> usize {
+        self.regressors
+    }
+
+    fn targets(&self) -> usize {
+        2
+    }
+
+    fn read(&self, rows: Range<usize>, out: &mut Vec<f64>) {
+        (0..self.regressors + 2).for_each(|column| out.extend(rows.clone().map(|row| self.value(row, column))));
+    }
+
+    fn density(&self) -> f64 {
+        if self.tells { 0.05 } else { 1.0 }
+    }
+
+    fn nonzeros(&self, rows: Range<usize>) -> Option<Nonzeros> {
+        let mut found = Nonzeros { starts: vec![0], ..Nonzeros::default() };
+        for row in rows {
+            for column in (0..self.regressors).filter(|&column| self.value(row, column) != 0.0) {
+                found.columns.push(column as u32);
+                found.values.push(self.value(row, column));
+            }
+            found.starts.push(found.values.len());
+        }
+        Some(found)
+    }
+}
+
+#[test]
+fn few_values_give_the_sums_of_all() {
+    let many = DIRECT / (20 * 20) + 1;
+    for (rows, regressors, leans) in [(many, 18, false), (many, 18, true), (1100, ROOT_COLUMNS + 10, false)] {
+        let design = |tells| {
+            let rows = Arc::new(Scattered { rows, regressors, tells, leans });
+            let labels = (0..rows.rows).map(label).collect();
+            DenseDesign::new(rows.clone(), Some((0..rows.rows).map(weight).collect()), labels, 3, &Silent).unwrap()
+        };
+        let found = [1, 3].map(|threads| with_threads(threads, || design(true)));
+        let expected = design(false);
+        for (groups, intercept) in [(None, true), (Some(&[0, 2][..]), false)] {
+            let [one, three] = [&found[0], &found[1]].map(|design| design.problems(groups, intercept).unwrap());
+            assert_eq!(one, three);
+            for (problem, expected) in one.iter().zip(&expected.problems(groups, intercept).unwrap()) {
+                // Columns that lean on each other are summed as dense rows are.
+                assert_eq!(leans, problem == expected);
+                assert_same_path(problem, expected, 1e-9);
+            }
+        }
+        let coefficients: Vec<f64> = (0..regressors).map(uniform).collect();
+        let [a, b] =
+            [&found[0], &expected].map(|design| design.mean_squares(Some(&[1]), 0, &coefficients, &[900.0], &Silent));
+        assert!(leans || (a.unwrap()[0] / b.unwrap()[0] - 1.0).abs() < 1e-11);
     }
 }

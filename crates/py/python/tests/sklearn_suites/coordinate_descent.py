@@ -22,10 +22,6 @@ EXPECTED: dict[str, str] = {
     ),
     # Other behaviour, on purpose.
     "test_lasso_alpha_warning": "expects a warning that alpha=0 does not converge well: here it does, to least squares",
-    "test_enet_nonfinite_params": (
-        "expects a message about non-finite coefficients of columns whose squares overflow; here such a column is refused "
-        "by its number with a FitError, a ValueError, before any fit"
-    ),
     "test_check_input_false": (
         "expects an error for X in C order with check_input=False: here any order is read as it lies"
     ),
