@@ -84,9 +84,10 @@ $(DOCS)/bin/sphinx-build: docs/requirements.txt
 bench:
 	cargo bench -p fleetfoot-benches --features arrow-reader
 
-# The package's estimators beside their peers, the wheel optimised: time, memory, difference of the answers.
+# The package's estimators beside their peers, the wheel optimised: time, memory, difference of the answers; then how long Ctrl-C is waited for.
 bench-python: wheel
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install --quiet dist/fleetfoot-*.whl scikit-learn pysindy
 	$(VENV)/bin/python crates/py/benches/side_by_side.py
+	$(VENV)/bin/python crates/py/benches/side_by_side.py --interrupt
