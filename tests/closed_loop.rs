@@ -23,7 +23,7 @@ fn treadmill_csv(rows: usize, phase: f64) -> String {
     text
 }
 
-fn fitted() -> tempfile::TempDir {
+pub(crate) fn fitted() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     for run in 0..3 {
         fs::write(folder.path().join(format!("run_{run}.csv")), treadmill_csv(3000, f64::from(run))).expect("a file");

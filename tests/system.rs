@@ -19,6 +19,7 @@ mod outside;
 mod parameters;
 mod prepare;
 mod real_data;
+mod regulators;
 mod replayed;
 mod report;
 mod robot_logs;

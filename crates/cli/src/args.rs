@@ -1,5 +1,6 @@
 //! Arguments.
 
+mod control;
 mod examples;
 mod export;
 mod narx;
@@ -14,6 +15,7 @@ mod tools;
 use std::{path::PathBuf, sync::Arc};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
@@ -72,6 +74,9 @@ pub(crate) enum Command {
     /// Fit a model to logs.
     #[command(subcommand)]
     Fit(Fit),
+    /// Make a controller from a model.
+    #[command(subcommand)]
+    Control(Control),
     /// Score a model's one-step predictions on logs.
     #[command(after_help = examples::SCORE)]
     Score(Score),
@@ -354,8 +359,8 @@ pub(crate) enum Method {
 /// What drives the inputs of simulations.
 #[derive(Debug, Args)]
 pub(crate) struct ControllerArgs {
-    /// Close the loop: inputs come from this controller, which sees the simulated states: treadmill, or a TOML file with `kind = "treadmill"`
-    /// and its settings (default: inputs as recorded).
+    /// Close the loop: inputs come from this controller, which sees the simulated states: a file of `control lqr`, or treadmill, or a TOML file with
+    /// `kind = "treadmill"` and its settings (default: inputs as recorded).
     #[arg(long, value_name = "KIND|FILE")]
     pub(crate) controller: Option<String>,
     /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
@@ -502,6 +507,9 @@ pub(crate) struct Generate {
     /// What excites the robot, over ranges that suit it (default: the world's).
     #[arg(long, value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::sim::Excitation::KINDS))]
     pub(crate) excitation: Option<String>,
+    /// Let a controller of `control lqr` command the robot in the place of its own (default: its own).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) controller: Option<PathBuf>,
     /// Print all physical parameters with their units as a world file, and stop.
     #[arg(long)]
     pub(crate) print_world: bool,

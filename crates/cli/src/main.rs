@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use commands::Context;
 
-use crate::args::{Cli, Command, Fit};
+use crate::args::{Cli, Command, Control, Fit};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -34,6 +34,7 @@ fn main() -> ExitCode {
         Command::Prepare(arguments) => commands::prepare::prepare(arguments, &context),
         Command::Scan(arguments) => commands::scan::scan(arguments, &context),
         Command::Stats(arguments) => commands::stats::stats(arguments, &context),
+        Command::Control(Control::Lqr(arguments)) => commands::control::lqr(arguments, &context),
         Command::Score(arguments) => commands::score::score(arguments, &context),
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),

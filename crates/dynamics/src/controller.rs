@@ -6,6 +6,8 @@
 mod differential_drive;
 mod driver;
 mod pid;
+mod regulator;
+mod regulator_model;
 mod sampling;
 mod treadmill;
 mod treadmill_loop;
@@ -15,6 +17,7 @@ use std::fmt;
 pub use differential_drive::DifferentialDrive;
 pub(crate) use driver::{Drive, Driver};
 pub use pid::{Pid, PidState};
+pub use regulator::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator};
 pub use sampling::Sampling;
 pub use treadmill::Treadmill;
 pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};

@@ -153,6 +153,9 @@ pub enum Error {
         /// What is wrong with it.
         problem: String,
     },
+    /// A regulator cannot be made for the model.
+    #[error(transparent)]
+    Control(#[from] crate::control::ControlError),
     /// A controller's parameter cannot be used.
     #[error("the controller's {0}")]
     Parameter(#[from] crate::parameter_error::ParameterError),

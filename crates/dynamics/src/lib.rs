@@ -6,6 +6,7 @@
 //! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
 //! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
+//! - [`control`]: linear-quadratic regulators of a model, region by region, and the set points that they hold; [`linear`] has their algebra.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 //!
@@ -37,6 +38,7 @@ mod angle;
 mod baseline;
 mod cell;
 mod compiled;
+pub mod control;
 pub mod controller;
 mod domain;
 mod error;
@@ -47,6 +49,7 @@ mod integrate;
 mod kernel;
 mod layout;
 mod lean;
+pub mod linear;
 mod metrics;
 pub mod parameter_error;
 mod plane;

@@ -8,16 +8,26 @@ use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role};
 use toml::{Table, Value};
 
-use crate::{Error, Recipe};
+use crate::{ControllerFile, Error, Recipe};
 
 /// Controllers that there are.
 const KINDS: [&str; 1] = ["treadmill"];
 
-/// A controller: `what` is its kind (`treadmill`) or a TOML file with `kind` and its settings; `settings` are `KEY=VALUE` and stand above.
+/// A controller: `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, or a file that [`crate::control_lqr`] made, or the text of one;
+/// `settings` are `KEY=VALUE` and stand above those of a kind.
 ///
 /// # Errors
 /// A file that cannot be read or understood, an unknown kind or setting (with the nearest name), a value that cannot be used.
 pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>, Error> {
+    if let Some(made) = made(what)? {
+        return match settings {
+            [] => Ok(Arc::new(made.law)),
+            [setting, ..] => Err(refused(
+                &short(what),
+                format!("{setting}: a controller that was made for a model has no settings; make it again with others"),
+            )),
+        };
+    }
     let mut table = if KINDS.contains(&what) { Table::new() } else { read(what)? };
     let kind = match table.remove("kind") {
         None if KINDS.contains(&what) => what.to_owned(),
@@ -41,6 +51,44 @@ pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>
         table.try_into().map_err(|error: toml::de::Error| refused(what, error.message().to_owned()))?;
     controller.validate().map_err(|error| refused(what, error.to_string()))?;
     Ok(Arc::new(controller))
+}
+
+/// The controller that was made for a model: `what` is its file, or the text of one.
+///
+/// # Errors
+/// What is neither.
+pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
+    made(what)?.ok_or_else(|| refused(what, "no file that `control lqr` made".to_owned()))
+}
+
+/// The same; `None` where it is none, whatever else it may be.
+///
+/// # Errors
+/// Those of [`ControllerFile::from_json`].
+pub fn made_controller(path: &Path) -> Result<Option<ControllerFile>, Error> {
+    // What cannot be read is told by who reads it as something else.
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let marked = is_json(&text) && text.contains("\"fleetfoot_controller\"");
+    marked.then(|| ControllerFile::from_json(&text, &path.display().to_string())).transpose()
+}
+
+/// What is text of JSON, or a file of it, as a controller.
+fn made(what: &str) -> Result<Option<ControllerFile>, Error> {
+    if is_json(what) {
+        return ControllerFile::from_json(what, "the controller").map(Some);
+    }
+    let path = Path::new(what);
+    let text = if path.is_file() { std::fs::read_to_string(path).unwrap_or_default() } else { String::new() };
+    is_json(&text).then(|| ControllerFile::from_json(&text, what)).transpose()
+}
+
+fn is_json(text: &str) -> bool {
+    text.trim_start().starts_with('{')
+}
+
+/// What a message calls a controller.
+fn short(what: &str) -> String {
+    if is_json(what) { "the controller".to_owned() } else { what.to_owned() }
 }
 
 /// What is wrong with the settings, held against the default ones.
@@ -70,7 +118,8 @@ fn check_keys(table: &Table, known: &Table) -> Result<(), String> {
 
 fn read(path: &str) -> Result<Table, Error> {
     if !Path::new(path).is_file() {
-        let problem = format!("neither a controller ({}) nor a TOML file", KINDS.join(", "));
+        let problem =
+            format!("neither a controller ({}) nor a TOML file nor one that `control lqr` made", KINDS.join(", "));
         return Err(refused(path, problem));
     }
     let text = std::fs::read_to_string(path).map_err(|error| refused(path, error.to_string()))?;

@@ -2,7 +2,7 @@
 //!
 //! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. Every method has a request (what is asked), a
 //! plan (what it would cost), a fit and a report: [`fit_pwa`], [`fit_sparse`], [`fit_sindy`], [`fit_narx`], [`fit_parameters`]. [`statistic`] scans logs to the file from
-//! which fits need no logs; [`prepare`] cleans raw channels; [`score`], [`predict`] and [`rollout`] run a model on files, and [`report()`] draws
+//! which fits need no logs; [`prepare`] cleans raw channels; [`control_lqr`] makes a controller of a model; [`score`], [`predict`] and [`rollout`] run a model on files, and [`report()`] draws
 //! what it is worth.
 //!
 //! ```
@@ -23,6 +23,7 @@ extern crate self as fleetfoot;
 pub mod clocks;
 mod concentrated;
 mod condition;
+mod control;
 mod controller;
 mod dataset;
 mod error;
@@ -62,7 +63,8 @@ mod structure;
 mod task;
 mod wildcard;
 
-pub use controller::controller;
+pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr};
+pub use controller::{controller, controller_file, made_controller};
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export};
@@ -87,11 +89,11 @@ pub use parameters::{
 };
 pub use project::{Projected, project};
 pub use recipe::{
-    BodySection, ClockSection, Derivative, EpisodeRule, EstimateMethod, EstimateSection, Gap, Gravity, Input,
-    InputTable, Join, JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting,
-    NarxSection, NarxTerms, Normalize, Over, ParameterSection, PartitionChoice, PrepareMethod, PrepareSection,
-    PwaSection, Recipe, SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State,
-    TaskSection, Time, Tunable, UnseenLabels,
+    BodySection, ClockSection, ControlSchedule, ControlSection, Derivative, EpisodeRule, EstimateMethod,
+    EstimateSection, Gap, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, LatentSection,
+    LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxTerms, Normalize, Over, ParameterSection,
+    PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, SensorKind, SensorSection, Settings,
+    SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};

@@ -11,6 +11,7 @@ use crate::Error;
 
 mod body;
 mod clocks;
+mod control;
 mod derivative;
 mod estimate;
 mod narx;
@@ -22,6 +23,7 @@ mod sparse;
 
 pub use body::{BodySection, Gravity, JointSection, Mounting, SensorKind, SensorSection};
 pub use clocks::ClockSection;
+pub use control::{ControlSchedule, ControlSection};
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
 pub use narx::{NarxSection, NarxTerms};
@@ -72,6 +74,9 @@ pub struct Recipe {
     /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
+    /// What a regulator is to do: what the flags of `control lqr` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub control: ControlSection,
     /// How channels are prepared: what the flags of `prepare` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub prepare: PrepareSection,

@@ -81,6 +81,13 @@ impl Model {
     }
 }
 
+impl Rule {
+    /// Whether its parts fit together, and to this many columns.
+    pub fn fits(&self, columns: usize) -> bool {
+        check_rule(self, columns).is_ok()
+    }
+}
+
 fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Result<(), String> {
     let name = &partition.specification;
     let columns = partition.columns.len();

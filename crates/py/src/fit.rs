@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    EstimateSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe, Settings, SindyRequest,
-    SindySection, SparseRequest, SparseSection, log::Cache,
+    ControlSection, EstimateSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe,
+    Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -58,6 +58,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
         of::<SindySection>(),
         of::<NarxSection>(),
         of::<EstimateSection>(),
+        of::<ControlSection>(),
         of::<PrepareSection>(),
     ]
 }

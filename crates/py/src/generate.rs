@@ -35,6 +35,7 @@ struct Wanted {
     truth: bool,
     force: bool,
     excitation: Option<String>,
+    controller: Option<String>,
 }
 
 /// The parameters of a robot as TOML with comments: its own, changed by TOML text and by single settings.
@@ -79,7 +80,11 @@ pub(crate) fn generate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let wanted: Wanted = wanted.extract()?;
-    let world = world_of(robot, text, &settings, wanted.excitation.as_deref()).map_err(of_engine)?;
+    let mut world = world_of(robot, text, &settings, wanted.excitation.as_deref()).map_err(of_engine)?;
+    if let Some(what) = &wanted.controller {
+        let law = fleetfoot::controller_file(what).map_err(of_engine)?.law;
+        world.regulate(&law).map_err(of_engine)?;
+    }
     let mut job = Job::new(world, folder);
     match wanted.format.as_deref() {
         None => {}

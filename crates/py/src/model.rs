@@ -12,6 +12,7 @@ use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
     error::{Kind, OrRaise},
+    fit::recipe,
     points::{Asked, Given, Rows, array, by_point, points},
     run::{Failure, guard, run, run_any},
 };
@@ -112,6 +113,12 @@ impl Model {
 
     fn to_json(&self) -> String {
         self.model.to_json()
+    }
+
+    /// The linear-quadratic regulator: the text of its file.
+    fn control_lqr(&self, py: Python<'_>, recipe_text: &str) -> PyResult<String> {
+        let said = recipe(recipe_text)?.control;
+        run(py, None, |_| fleetfoot::control_lqr(&self.model, &said).map(|made| made.to_json()))
     }
 
     /// Writes the model's file, whole or not at all.
@@ -316,32 +323,57 @@ impl Model {
         dt: Option<f64>,
         domain: bool,
     ) -> PyResult<(Vec<PathBuf>, usize, Vec<String>)> {
-        let mut options = ExportOptions::new(match target {
-            "c" => Target::C,
-            "rust" => Target::Rust,
-            "python" => Target::Python,
-            "latex" => Target::Latex,
-            "npz" => Target::Npz,
-            other => {
-                return Err(Kind::Model.error(format!("to={other:?}: give 'c', 'rust', 'python', 'latex' or 'npz'")));
-            }
-        });
-        options.precision = match precision {
-            "double" => Precision::Double,
-            "float" => Precision::Float,
-            other => return Err(Kind::Model.error(format!("precision={other:?}: give 'double' or 'float'"))),
-        };
-        options.method = match method(method_name)? {
-            Method::Euler => StepMethod::Euler,
-            Method::Rk4 => StepMethod::Rk4,
-        };
-        options.prefix = prefix.to_owned();
+        let mut options = export_options(target, prefix, precision, method_name)?;
         options.discretize = dt;
         options.domain = domain;
         let exported = run(py, None, |_| fleetfoot::export(&self.model, &options, &folder, &[]))?;
         let cost = exported.cost.as_ref().map_or_else(Vec::new, |cost| cost.lines());
         Ok((exported.files, exported.compared, cost))
     }
+}
+
+/// What code is wanted.
+fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str) -> PyResult<ExportOptions> {
+    let mut options = ExportOptions::new(match target {
+        "c" => Target::C,
+        "rust" => Target::Rust,
+        "python" => Target::Python,
+        "latex" => Target::Latex,
+        "npz" => Target::Npz,
+        other => {
+            return Err(Kind::Model.error(format!("to={other:?}: give 'c', 'rust', 'python', 'latex' or 'npz'")));
+        }
+    });
+    options.precision = match precision {
+        "double" => Precision::Double,
+        "float" => Precision::Float,
+        other => return Err(Kind::Model.error(format!("precision={other:?}: give 'double' or 'float'"))),
+    };
+    options.method = match method(method_name)? {
+        Method::Euler => StepMethod::Euler,
+        Method::Rk4 => StepMethod::Rk4,
+    };
+    options.prefix = prefix.to_owned();
+    Ok(options)
+}
+
+/// Writes a controller, the text of its file, in another language into a folder; tells the files.
+#[pyfunction]
+pub(crate) fn export_controller(
+    py: Python<'_>,
+    text: &str,
+    target: &str,
+    folder: PathBuf,
+    prefix: &str,
+    precision: &str,
+) -> PyResult<Vec<PathBuf>> {
+    let mut options = export_options(target, prefix, precision, "rk4")?;
+    options.domain = false;
+    let exported = run(py, None, |_| {
+        let model = fleetfoot::controller_file(text)?.law_model()?;
+        fleetfoot::export(&model, &options, &folder, &[])
+    })?;
+    Ok(exported.files)
 }
 
 /// A region's number; -1 for none.

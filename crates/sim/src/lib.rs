@@ -22,6 +22,7 @@ pub mod parameter_docs;
 mod partial_table;
 pub mod plant;
 mod reading;
+mod regulated;
 pub mod rigid;
 mod scenario;
 pub mod sensor;

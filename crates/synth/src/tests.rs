@@ -1,5 +1,6 @@
 //! A small scenario through the whole pipeline: bytes, metadata, what is read back, and what is refused.
 
+mod regulated;
 mod robots;
 
 use std::{f64::consts::PI, fs, path::Path, sync::Mutex};

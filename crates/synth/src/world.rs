@@ -3,6 +3,7 @@
 use std::{any::type_name, fmt, path::Path};
 
 use fleetfoot_data::{did_you_mean, nearest_one};
+use fleetfoot_dynamics::controller::Regulator;
 use fleetfoot_log::Format as LogFormat;
 use fleetfoot_sim::{ParameterError, Scenario, excitation::Axis};
 use serde::{Serialize, de::DeserializeOwned};
@@ -228,6 +229,19 @@ impl World {
         }
         inner.insert(last.to_owned(), value);
         self.table = self.robot.build(&table).map_err(|problem| world_error(&place, &problem))?.0;
+        Ok(())
+    }
+
+    /// The same robot with a regulator in the place of its own controller.
+    ///
+    /// # Errors
+    /// A robot that takes none, and a regulator that reads what the robot does not show or drives what it does not have.
+    pub fn regulate(&mut self, regulator: &Regulator) -> Result<(), Error> {
+        let place = "--controller";
+        let law = Table::try_from(regulator).map_err(|error| world_error(place, &error.to_string()))?;
+        let mut table = self.table.clone();
+        table.insert("regulator".to_owned(), Value::Table(law));
+        self.table = self.robot.build(&table).map_err(|problem| world_error(place, &problem))?.0;
         Ok(())
     }
 

@@ -94,6 +94,11 @@ Examples:
   fleetfoot score model.json held-out.mcap --episodes
   fleetfoot score model.json test/ --plane alpha_l,alpha_r";
 
+pub(crate) const CONTROL_LQR: &str = "\
+Examples:
+  fleetfoot control lqr model.json --setpoint x=0,y=0 --limits u_v=0:1 --integral x=10 -o controller.json
+  fleetfoot control lqr model.json --setpoint yaw=0,v=0.5 --free x --r v_command=4";
+
 pub(crate) const PREDICT: &str = "\
 Examples:
   fleetfoot predict model.json run.mcap -o predicted.mcap

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 pub(crate) struct Export {
-    /// The model.
+    /// The model, or a controller of `control lqr`.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
     /// What to write.

@@ -1,7 +1,9 @@
 //! `fleetfoot export`.
 
+use std::path::Path;
+
 use fleetfoot::{
-    Error,
+    Error, Model, made_controller,
     model::{ExportOptions, Precision, StepMethod, Target},
 };
 use serde_json::json;
@@ -9,8 +11,16 @@ use serde_json::json;
 use super::{Context, read_model};
 use crate::args::{Export, ExportMethod, ExportPrecision, ExportTo};
 
+/// A model, or a controller's law as one; whether its training domain can be checked.
+fn read(path: &Path) -> Result<(Model, bool), Error> {
+    match made_controller(path)? {
+        Some(made) => Ok((made.law_model()?, false)),
+        None => Ok((read_model(path)?, true)),
+    }
+}
+
 pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error> {
-    let model = read_model(&arguments.model)?;
+    let (model, checked) = read(&arguments.model)?;
     let mut options = ExportOptions::new(match arguments.to {
         ExportTo::C => Target::C,
         ExportTo::Rust => Target::Rust,
@@ -28,7 +38,7 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     };
     options.prefix.clone_from(&arguments.prefix);
     options.discretize = arguments.discretize;
-    options.domain = !arguments.no_domain;
+    options.domain = checked && !arguments.no_domain;
     let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
     let cost = exported.cost.as_ref().map(|cost| {

@@ -2,7 +2,7 @@
 
 use clap::{CommandFactory, error::ErrorKind};
 use fleetfoot::{
-    Error,
+    ControllerFile, Error,
     generate::{Excitation, Format, Generated, Job, Plan, RunReport, World, generate as run_job, plan},
     sim::End,
 };
@@ -67,6 +67,9 @@ fn world(arguments: &Generate) -> Result<World, Error> {
         };
         world.set(path.trim(), value.trim())?;
     }
+    if let Some(path) = &arguments.controller {
+        world.regulate(&ControllerFile::read(path)?.law)?;
+    }
     Ok(world)
 }
 
@@ -89,7 +92,7 @@ fn job(arguments: &Generate, world: World) -> Job {
     job.seed = arguments.seed;
     job.truth = !arguments.no_truth;
     job.force = arguments.force;
-    job.inputs.extend(arguments.world.clone());
+    job.inputs.extend(arguments.world.iter().chain(&arguments.controller).cloned());
     job.speed = arguments.speed.map(|Speed(first, last)| (first, last));
     if let Some(minutes) = arguments.minutes {
         job.seconds = minutes * 60.0 / arguments.runs as f64;

@@ -1,7 +1,7 @@
 //! Exported code gives the engine's values: next states of rollouts, predictions, regions, the training domain.
 
 #[path = "../../../model/tests/all/models.rs"]
-mod models;
+pub(crate) mod models;
 
 use std::process::Command;
 

@@ -6,4 +6,5 @@ mod outside;
 mod aircraft_study;
 mod export;
 mod goldens;
+mod regulators;
 mod sindy_study;

@@ -39,6 +39,7 @@ impl Recipe {
         self.say(said.sindy.clone());
         self.say(said.narx.clone());
         self.say(said.estimate.clone());
+        self.say(said.control.clone());
         self.say(said.prepare.clone());
     }
 }

@@ -97,15 +97,19 @@ impl Assembled<'_> {
     /// Lines that say what the model is: for the head of a file.
     pub(super) fn about(&self) -> Vec<String> {
         let model = self.plan.model;
-        let mut lines = vec![
-            format!("{} model {}, exported by fleetfoot {}.", model.method, self.own.hash(), env!("CARGO_PKG_VERSION")),
-            format!(
-                "Fitted to {} rows of {} episodes with fleetfoot {}; sampling period {:?} s.",
-                model.training.rows,
+        let fitted = match model.training.rows {
+            // A law, not what was fitted.
+            0 => format!("Sampling period {:?} s.", model.step),
+            rows => format!(
+                "Fitted to {rows} rows of {} episodes with fleetfoot {}; sampling period {:?} s.",
                 model.training.episodes.len(),
                 model.training.version,
                 model.step
             ),
+        };
+        let mut lines = vec![
+            format!("{} model {}, exported by fleetfoot {}.", model.method, self.own.hash(), env!("CARGO_PKG_VERSION")),
+            fitted,
             String::new(),
         ];
         let list = |what: &str, signals: &[&Signal]| -> Vec<String> {

@@ -1,6 +1,7 @@
 //! Test vectors: points within the training domain, what the model gives there, and the room that rounding needs.
 
 use fleetfoot_data::mix;
+use fleetfoot_library::{Binary, Expr, Node, Unary};
 
 use super::{
     ExportError, ExportOptions,
@@ -235,9 +236,9 @@ fn range(model: &Model, name: &str, region: usize) -> [f64; 2] {
         let owner = model.latents.iter().find(|other| other.partition == latent.partition);
         let described = owner.is_some_and(|owner| owner.library == latent.library);
         let library = &model.libraries[latent.library];
-        let function = library.iter().position(|function| function.as_column() == Some(name));
-        if let (Some(function), true, false) = (function, described, partition.regions.is_empty()) {
-            let [low, high] = partition.regions[region % partition.regions.len()].range[function];
+        let function = library.iter().enumerate().find_map(|(at, function)| Some((at, origin(function, name)?)));
+        if let (Some((function, origin)), true, false) = (function, described, partition.regions.is_empty()) {
+            let [low, high] = partition.regions[region % partition.regions.len()].range[function].map(|v| v + origin);
             if low.is_finite() && high.is_finite() && low <= high {
                 let [l, h] = found.unwrap_or([low, high]);
                 found = Some([l.max(low), h.min(high)]);
@@ -250,6 +251,16 @@ fn range(model: &Model, name: &str, region: usize) -> [f64; 2] {
             [-std::f64::consts::PI, std::f64::consts::PI]
         }
         _ => [-1.0, 1.0],
+    }
+}
+
+/// The number c where a function is a column, `column - c`, or the latter as an angle.
+fn origin(function: &Expr, name: &str) -> Option<f64> {
+    match function.node() {
+        Node::Column { .. } => (function.as_column() == Some(name)).then_some(0.0),
+        Node::Binary(Binary::Sub, column, number) if column.as_column() == Some(name) => number.as_number(),
+        Node::Unary(Unary::Wrap, inner) => origin(inner, name),
+        _ => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Real, Reals, floats, reals, rows};
 use crate::{Branch, Cut, Rule, Tree, UnseenLabel};
@@ -93,5 +93,18 @@ impl CutText {
         };
         let (below, above) = (branch(self.below), branch(self.above));
         Cut { column: self.column, threshold: self.threshold.0, below, above }
+    }
+}
+
+/// Inside of other files: the same text as in a model's.
+impl Serialize for Rule {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        RuleText::from(self).serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Rule {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        RuleText::deserialize(deserializer).map(RuleText::into_rule)
     }
 }

@@ -25,6 +25,7 @@ from ._stlsq import STLSQ
 
 # -- identification
 from ._block_sparse import BlockSparse
+from ._controller import Controller
 from ._model import Model, load
 from ._narx import NARX
 from ._parameters import Parameters
@@ -81,6 +82,7 @@ __all__ = [
     "NARX",
     "PWA",
     "BlockSparse",
+    "Controller",
     "FleetfootWarning",
     "Model",
     "Parameters",

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _core as engine
 from . import _recipe
+from ._controller import Controller, what
 from ._equations import Content
 from ._frames import CLOCKS, Frame, frame
 from ._progress import Progress, reporting
@@ -184,7 +185,7 @@ class OnRecordings:
         seed: int | None = None,
         method: str = "rk4",
         dt: float | None = None,
-        controller: str | os.PathLike[str] | None = None,
+        controller: Controller | str | os.PathLike[str] | None = None,
         settings: Mapping[str, Any] | None = None,
         outside: str = "tell",
         position: Sequence[str] = (),
@@ -210,8 +211,8 @@ class OnRecordings:
             How derivatives are integrated.
         dt : float, optional
             Length of a step, seconds; the recording's period when not given.
-        controller : str or path, optional
-            ``"treadmill"``, or a TOML file: closes the loop.
+        controller : Controller, str or path, optional
+            What :meth:`Model.lqr` made or its file, ``"treadmill"``, or a TOML file: closes the loop.
         settings : mapping, optional
             Settings of the controller.
         outside : {"tell", "end", "hold"}
@@ -252,7 +253,7 @@ class OnRecordings:
             "keep": keep,
             "outside": outside,
             "position": list(position),
-            "controller": None if controller is None else os.fspath(controller),
+            "controller": what(controller),
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }
         with reporting(progress) as callback:

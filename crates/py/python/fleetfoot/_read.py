@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, overload
 
 from . import _core
+from ._controller import Controller, what
 from ._core import Table
 from ._data import Dataset
 from ._data import open as open_data
@@ -352,6 +353,7 @@ def generate(
     seed: int = 1,
     world: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     excitation: str | None = None,
+    controller: Controller | str | os.PathLike[str] | None = None,
     speed: tuple[float, float] | None = None,
     format: Literal["mcap", "parquet"] | None = None,  # noqa: A002
     truth: bool = True,
@@ -382,6 +384,8 @@ def generate(
         ``{"belt.speed": 0.3}``.
     excitation : str, optional
         How the robot is driven, where that can be chosen.
+    controller : Controller or path, optional
+        What :meth:`Model.lqr` made, or its file: commands the robot in the place of its own controller.
     speed : (float, float), optional
         The first and the last run's speed, spread evenly over the runs, in the unit of the world's parameter.
     format : {"mcap", "parquet"}, optional
@@ -432,6 +436,7 @@ def generate(
         "truth": truth,
         "force": force,
         "excitation": excitation,
+        "controller": what(controller),
     }
     with reporting(progress) as callback:
         made = _core.generate(robot, Path(folder), text, settings, wanted, callback)

@@ -9,6 +9,7 @@ from typing import Any
 
 from . import _core
 from ._compare import _unwrapped
+from ._controller import Controller, what
 from ._progress import Progress, reporting
 from ._warnings import tell_all
 
@@ -24,7 +25,7 @@ def report(
     title: str | None = None,
     horizon: int | None = None,
     starts: int = 500,
-    controller: _Path | None = None,
+    controller: Controller | _Path | None = None,
     settings: Mapping[str, Any] | None = None,
     plane: Sequence[str] | None = None,
     svg: _Path | None = None,
@@ -54,7 +55,7 @@ def report(
         Steps of every simulation; 200, and at most a quarter of the longest episode, when not given.
     starts : int
         Number of simulations of every model.
-    controller : str or path, optional
+    controller : Controller, str or path, optional
         What drives the inputs of the simulations, as in :meth:`fleetfoot.Model.rollout`.
     settings : dict, optional
         Settings of the controller.
@@ -123,7 +124,7 @@ def report(
         "title": title,
         "horizon": horizon,
         "starts": int(starts),
-        "controller": None if controller is None else os.fspath(controller),
+        "controller": what(controller),
         "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
     }
     with reporting(progress) as callback:

@@ -6,11 +6,20 @@ use fleetfoot_dynamics::controller::Treadmill;
 
 use super::parameters::HexapodTreadmill;
 use crate::excitation::Signal;
+use crate::regulated::Regulated;
 use crate::sensor::{self, MocapFrame};
 
-/// Equation (1) on what the motion capture last said.
+/// What a regulator is shown: the last pose, and the belt's speed.
+pub(super) const SHOWN: [&str; 4] = ["x", "y", "yaw", "belt_speed"];
+/// What it may drive.
+pub(super) const COMMANDS: [&str; 2] = ["u_v", "u_w"];
+
+/// Equation (1), or a regulator, on what the motion capture last said.
 pub(super) struct Desk {
     law: Treadmill,
+    regulator: Option<Regulated>,
+    /// When it first commanded, ns.
+    began: Option<i64>,
     /// Poses on their way from the motion capture: arrival; x, y and yaw.
     coming: VecDeque<(i64, [f64; 3])>,
     seen: [f64; 3],
@@ -25,6 +34,8 @@ impl Desk {
         };
         Self {
             law: scenario.controller,
+            regulator: scenario.regulator.as_ref().map(|law| Regulated::new(law, &SHOWN, &COMMANDS)),
+            began: None,
             coming: VecDeque::new(),
             seen: [0.0; 3],
             excitation: [
@@ -50,7 +61,13 @@ impl Desk {
                 self.seen = pose;
             }
         }
-        let [v, w] = self.law.command(belt_speed, self.seen);
+        let mut command = self.law.command(belt_speed, self.seen);
+        if let Some(regulator) = &mut self.regulator {
+            let seconds = (now - *self.began.get_or_insert(now)) as f64 * 1e-9;
+            let [x, y, yaw] = self.seen;
+            regulator.command(seconds, &[x, y, yaw, belt_speed], &mut command);
+        }
+        let [v, w] = command;
         let [dv, dw] = [0, 1].map(|channel| self.excitation[channel].next(motion[channel]));
         self.law.limited(v + dv, w + dw)
     }

@@ -1,10 +1,12 @@
 //! Everything physical about the experiment.
 
-use fleetfoot_dynamics::controller::{DifferentialDrive, Treadmill};
+use fleetfoot_dynamics::controller::{DifferentialDrive, Regulator, Treadmill};
 use serde::{Deserialize, Serialize};
 
+use super::desk::{COMMANDS, SHOWN};
 use super::{BeltParameters, CrankControl};
 use crate::parameter_error::{in_range, not_negative, positive};
+use crate::regulated;
 use crate::sensor::{
     ClocksParameters, EncoderParameters, ImuParameters, LatencyParameters, MocapParameters, SyncWaveParameters,
     nanoseconds,
@@ -29,6 +31,9 @@ pub struct HexapodTreadmill {
     pub belt: BeltParameters,
     /// Equation (1), on the controller.
     pub controller: Treadmill,
+    /// A law in the place of equation (1), made from a model of the robot: it reads x, y, yaw and belt_speed and drives u_v and u_w, whose limits stay.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regulator: Option<Regulator>,
     /// Equation (2), on the robot.
     pub drive: DriveParameters,
     /// The cranks' controllers, on the robot.
@@ -103,6 +108,7 @@ impl Default for HexapodTreadmill {
             start: StartParameters::default(),
             belt: BeltParameters::default(),
             controller: Treadmill::default(),
+            regulator: None,
             drive: DriveParameters::default(),
             crank: CrankControl::default(),
             excitation: TreadmillExcitation::default(),
@@ -130,6 +136,9 @@ impl HexapodTreadmill {
         not_negative("yaw", self.start.yaw).map_err(|error| error.within("start"))?;
         self.belt.validate().map_err(|error| error.within("belt"))?;
         self.controller.validate().map_err(|error| error.within("controller"))?;
+        if let Some(regulator) = &self.regulator {
+            regulated::check(regulator, &SHOWN, &COMMANDS).map_err(|error| error.within("regulator"))?;
+        }
         not_negative("radius", self.drive.radius).map_err(|error| error.within("drive"))?;
         not_negative("width", self.drive.width).map_err(|error| error.within("drive"))?;
         self.crank.validate().map_err(|error| error.within("crank"))?;

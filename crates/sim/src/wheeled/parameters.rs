@@ -1,13 +1,15 @@
 //! The wheeled robot's world file.
 
-use fleetfoot_dynamics::controller::{DifferentialDrive, Pid};
+use fleetfoot_dynamics::controller::{DifferentialDrive, Pid, Regulator};
 use serde::{Deserialize, Serialize};
 
 use super::defaults::{self, default_encoder, default_imu, default_latency, default_pid};
+use super::run::{COMMANDS, SHOWN};
 use super::{Arena, Avoidance, WheeledRobot};
 use crate::ParameterError;
 use crate::excitation::{Excitation, RandomSteps};
 use crate::parameter_error::{in_range, positive};
+use crate::regulated;
 use crate::sensor::{ClockParameters, EncoderParameters, ImuParameters, LatencyParameters};
 
 /// A differential-drive robot that follows velocity references in a walled arena: a [`Scenario`](crate::Scenario).
@@ -37,6 +39,9 @@ pub struct Wheeled {
     pub arena: Arena,
     /// What it is asked to do.
     pub commands: Commands,
+    /// A law in the place of the references, made from a model of the robot: it reads x, y, yaw, v, w, left_rate and right_rate and drives v_command and w_command.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regulator: Option<Regulator>,
     /// What keeps commands out of the walls.
     pub avoidance: Avoidance,
     /// Of each wheel's rate: from rad/s to V, once an encoder sample. Its limits are also the drivers'.
@@ -95,6 +100,7 @@ impl Default for Wheeled {
             robot: WheeledRobot::default(),
             arena: Arena::default(),
             commands: Commands::default(),
+            regulator: None,
             avoidance: Avoidance::default(),
             controller: default_pid(),
             encoder: default_encoder(),
@@ -135,6 +141,9 @@ impl Wheeled {
         self.robot.validate().map_err(|error| error.within("robot"))?;
         self.arena.validate(self.robot.chassis.radius).map_err(|error| error.within("arena"))?;
         self.validate_commands().map_err(|error| error.within("commands"))?;
+        if let Some(regulator) = &self.regulator {
+            regulated::check(regulator, &SHOWN, &COMMANDS).map_err(|error| error.within("regulator"))?;
+        }
         self.avoidance.validate().map_err(|error| error.within("avoidance"))?;
         self.controller.validate().map_err(|error| error.within("controller"))?;
         self.encoder.validate().map_err(|error| error.within("encoder"))?;

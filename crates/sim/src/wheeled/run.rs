@@ -12,8 +12,14 @@ use super::scenario::{
 };
 use super::{Inputs, WheelOdometry, Wheeled, WheeledState, WheeledWorld};
 use crate::excitation::Signal;
+use crate::regulated::Regulated;
 use crate::sensor::{BodyMotion, Clock, Encoder, Imu, Latency, Outbox, Stamper, stream};
 use crate::{End, Reading, Sink, SinkError, Stamps};
+
+/// What a regulator is shown: where a localisation without error places the robot, and what odometry and encoders say.
+pub(super) const SHOWN: [&str; 7] = ["x", "y", "yaw", "v", "w", "left_rate", "right_rate"];
+/// What it may drive.
+pub(super) const COMMANDS: [&str; 2] = ["v_command", "w_command"];
 
 /// A run: the world, the robot's programs, and its log.
 pub(super) struct WheeledRun<'a> {
@@ -21,6 +27,9 @@ pub(super) struct WheeledRun<'a> {
     world: WheeledWorld,
     signals: [Signal; 2],
     avoidance: AvoidanceState,
+    regulator: Option<Regulated>,
+    /// Of the wheels, as the encoders say, rad/s.
+    rates: [f64; 2],
     encoders: [Encoder; 2],
     controllers: [PidState; 2],
     odometry: WheelOdometry,
@@ -79,6 +88,8 @@ impl<'a> WheeledRun<'a> {
             signals: [("v", &commands.v), ("w", &commands.w)]
                 .map(|(name, signal)| Signal::new(signal, commands.period, stream(seed, &format!("commands/{name}")))),
             avoidance: AvoidanceState::new(&parameters.avoidance, half),
+            regulator: parameters.regulator.as_ref().map(|law| Regulated::new(law, &SHOWN, &COMMANDS)),
+            rates: [0.0; 2],
             encoders: ["left_encoder", "right_encoder"].map(|name| Encoder::new(encoder, seed, name)),
             controllers: [PidState::default(); 2],
             odometry: WheelOdometry::new(parameters.drive()),
@@ -132,6 +143,7 @@ impl<'a> WheeledRun<'a> {
         let samples = [0, 1].map(|side| self.encoders[side].sample(state.wheel_angle[side]));
         let (turned, rate) = (samples.map(|sample| sample.turned), samples.map(|sample| sample.rate));
         self.odometry.update(turned, rate);
+        self.rates = rate;
         let [x, y, yaw] = self.odometry.pose();
         let [v, w] = self.odometry.velocity();
         let odometry = Reading::Odometry {
@@ -151,8 +163,16 @@ impl<'a> WheeledRun<'a> {
         let [forward, turning] = &mut self.signals;
         let turn = turning.next(w).clamp(-commands.w_limit, commands.w_limit);
         let velocity = forward.next(v).clamp(-commands.v_limit, commands.v_limit);
-        let pose = [state.position.x, state.position.y, state.yaw()];
-        self.command = [self.avoidance.command(velocity, turn, forward.levels(), pose), turn];
+        let pose @ [x, y, yaw] = [state.position.x, state.position.y, state.yaw()];
+        self.command = match &mut self.regulator {
+            Some(regulator) => {
+                let (mut command, [left, right]) = (self.command, self.rates);
+                regulator.command(time as f64 * 1e-9, &[x, y, yaw, v, w, left, right], &mut command);
+                let [v, w] = command;
+                [v.clamp(-commands.v_limit, commands.v_limit), w.clamp(-commands.w_limit, commands.w_limit)]
+            }
+            None => [self.avoidance.command(velocity, turn, forward.levels(), pose), turn],
+        };
         self.log.send(COMMAND, time, Reading::planar_twist(self.command));
     }
 

@@ -1,0 +1,122 @@
+//! What is asked of a regulator, checked, and by its place.
+
+use fleetfoot_data::nearest;
+use fleetfoot_model::Model;
+
+use super::{ControlError, LqrOptions, Named, gains::Weights, pieces::Pieces};
+
+/// Periods may differ by this share.
+const SAME_PERIOD: f64 = 1e-9;
+
+/// Seconds between commands.
+pub(super) fn period(model: &Model, pieces: &Pieces, given: Option<f64>) -> Result<f64, ControlError> {
+    let period = given.unwrap_or(model.step);
+    if given.is_none() && period == 0.0 {
+        return Err(ControlError::NoPeriod);
+    }
+    if !(period.is_finite() && period > 0.0) {
+        return Err(ControlError::Value {
+            of: "period",
+            name: "it".into(),
+            value: period,
+            allowed: "a positive number of seconds",
+        });
+    }
+    if !pieces.continuous && (period / model.step - 1.0).abs() > SAME_PERIOD && model.step > 0.0 {
+        return Err(ControlError::Period { period, step: model.step });
+    }
+    Ok(period)
+}
+
+/// Weights and sizes, as given or by the variance in training.
+pub(super) fn weights(
+    pieces: &Pieces,
+    options: &LqrOptions,
+    kept: &[usize],
+    driven: &[usize],
+    period: f64,
+) -> Result<Weights, ControlError> {
+    let n = pieces.states.len();
+    let kept_names: Vec<&String> = kept.iter().map(|&s| &pieces.states[s]).collect();
+    let driven_names: Vec<&String> = driven.iter().map(|&i| &pieces.inputs[i]).collect();
+    let mut q: Vec<f64> = kept.iter().map(|&s| pieces.size(s).powi(-2)).collect();
+    let mut r: Vec<f64> = driven.iter().map(|&i| pieces.size(n + i).powi(-2)).collect();
+    let not_negative = |of: &'static str, name: &String, value: f64, allowed: &'static str, ok: bool| {
+        if ok && value.is_finite() {
+            Ok(())
+        } else {
+            Err(ControlError::Value { of, name: name.clone(), value, allowed })
+        }
+    };
+    for (name, value) in &options.q {
+        not_negative("q", name, *value, "0 or a positive weight", *value >= 0.0)?;
+        q[find("q", "kept state", name, &kept_names)?] = *value;
+    }
+    for (name, value) in &options.r {
+        not_negative("r", name, *value, "a positive weight", *value > 0.0)?;
+        r[find("r", "driven input", name, &driven_names)?] = *value;
+    }
+    let mut integrated = Vec::new();
+    for (name, value) in &options.integral {
+        not_negative("integral", name, *value, "a positive weight", *value > 0.0)?;
+        integrated.push((find("integral", "kept state", name, &kept_names)?, *value));
+    }
+    for (name, lowest, highest) in &options.limits {
+        find("limits", "driven input", name, &driven_names)?;
+        not_negative(
+            "limits",
+            name,
+            *highest,
+            "a number above the lowest value",
+            highest > lowest && lowest.is_finite(),
+        )?;
+    }
+    let held = |state: &usize| {
+        let named = |names: &[Named]| names.iter().any(|(name, _)| *name == pieces.states[*state]);
+        named(&options.setpoint) || named(&options.integral)
+    };
+    Ok(Weights {
+        q,
+        r,
+        integrated,
+        held: kept.iter().map(held).collect(),
+        state_sizes: kept.iter().map(|&s| pieces.size(s)).collect(),
+        input_sizes: driven.iter().map(|&i| pieces.size(n + i)).collect(),
+        period,
+    })
+}
+
+/// Refuses what is no number.
+pub(super) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), ControlError> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(ControlError::Value { of, name: name.to_owned(), value, allowed: "a finite number" })
+}
+
+/// The place of a name.
+pub(super) fn find(of: &'static str, kind: &'static str, name: &str, known: &[&String]) -> Result<usize, ControlError> {
+    known.iter().position(|own| *own == name).ok_or_else(|| {
+        let names = || known.iter().map(|name| name.as_str());
+        let similar = nearest(name, names());
+        let hint = match similar.as_slice() {
+            [] => format!("there is {}", names().collect::<Vec<_>>().join(", ")),
+            similar => format!("did you mean {}?", similar.join(", ")),
+        };
+        ControlError::Unknown { of, kind, name: name.to_owned(), hint }
+    })
+}
+
+/// The places of names, ascending, each once.
+pub(super) fn indices(
+    of: &'static str,
+    kind: &'static str,
+    names: &[String],
+    known: &[String],
+) -> Result<Vec<usize>, ControlError> {
+    let known: Vec<&String> = known.iter().collect();
+    let mut found = names.iter().map(|name| find(of, kind, name, &known)).collect::<Result<Vec<_>, _>>()?;
+    found.sort_unstable();
+    found.dedup();
+    Ok(found)
+}

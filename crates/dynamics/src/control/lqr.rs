@@ -1,0 +1,444 @@
+//! The linear-quadratic regulator of a model about a set point, a law for each region.
+
+use faer::Mat;
+use fleetfoot_model::Model;
+
+use super::{
+    ControlError,
+    asked::{find, finite, indices, period, weights},
+    gains::{Gains, Weights},
+    pieces::{Affine, Pieces},
+    setpoint::{AT_REST, Rest, Wanted, rest},
+};
+use crate::{
+    Error,
+    controller::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator},
+    linear::Mode,
+};
+
+/// A Riccati equation that is solved no better than this has no solution that can be trusted.
+const TRUSTED: f64 = 1e-6;
+/// States take part in a mode from this share on.
+const TAKES_PART: f64 = 0.1;
+
+/// A number by name.
+pub type Named = (String, f64);
+
+/// What a regulator is to do.
+///
+/// It minimises the sum over samples of `e'Qe + v'Rv`, e being the error of the states and v that of the inputs, Q and R diagonal.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LqrOptions {
+    /// Values that states and inputs are to have; the others are found.
+    pub setpoint: Vec<Named>,
+    /// Weights of states; where not given, one over the variance in training.
+    pub q: Vec<Named>,
+    /// Weights of inputs; where not given, one over the variance in training.
+    pub r: Vec<Named>,
+    /// Weights of the time integrals of states' errors: integral action. None where not given.
+    pub integral: Vec<Named>,
+    /// Lowest and highest values of inputs.
+    pub limits: Vec<(String, f64, f64)>,
+    /// Inputs that are driven; all of them where none are given.
+    pub drive: Vec<String>,
+    /// States that are neither kept nor fed back.
+    pub free: Vec<String>,
+    /// Seconds between commands; the model's sampling period where not given.
+    pub period: Option<f64>,
+    /// Whether every region has its law.
+    pub schedule: Schedule,
+}
+
+/// Laws by region, or one for all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Schedule {
+    /// By region, where one of them rests at the set point; else the mean.
+    #[default]
+    Auto,
+    /// By region.
+    Region,
+    /// One, of the mean of the regions' steps by their training rows: for regions that a cycle passes through too fast to rest in any, such as those of a stride.
+    Mean,
+}
+
+/// A regulator, and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Lqr {
+    /// The law.
+    pub regulator: Regulator,
+    /// Where it keeps the model.
+    pub setpoint: SetPoint,
+    /// One entry a law.
+    pub regions: Vec<LqrRegion>,
+    /// What a person should know.
+    pub notes: Vec<String>,
+}
+
+/// A set point.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SetPoint {
+    /// All states.
+    pub states: Vec<Named>,
+    /// All inputs, those that are not driven too.
+    pub inputs: Vec<Named>,
+    /// The region that rests there; `None` where it is found for the mean of all.
+    pub region: Option<usize>,
+    /// What moves there all the same: derivatives, or changes a sample, of the states that are kept.
+    pub drift: Vec<Named>,
+    /// Whether nothing does.
+    pub at_rest: bool,
+}
+
+/// The law of a region, certified.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LqrRegion {
+    /// The region's name.
+    pub name: String,
+    /// Its training rows.
+    pub rows: u64,
+    /// Modes that do not decay and that the driven inputs do not reach, in words; none: it is stabilisable.
+    pub unreached: Vec<String>,
+    /// Spectral radius of the closed loop, a sample.
+    pub radius: f64,
+    /// Residual of the Riccati equation, relative to its solution.
+    pub residual: f64,
+    /// Whether its submodel can rest near the set point.
+    pub rests: bool,
+    /// Whether its law is that of the set point, for want of an own one.
+    pub borrowed: bool,
+}
+
+/// A model, and what of it is kept, driven and measured.
+struct Design<'a> {
+    pieces: &'a Pieces,
+    options: &'a LqrOptions,
+    period: f64,
+    /// Indices of the states that are kept.
+    kept: Vec<usize>,
+    /// Indices of the inputs that are driven.
+    driven: Vec<usize>,
+    /// Indices of those that are not.
+    measured: Vec<usize>,
+    weights: Weights,
+    notes: Vec<String>,
+}
+
+/// Finds the set point and the laws.
+///
+/// # Errors
+/// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`crate::Stepper::new`].
+pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
+    let pieces = Pieces::new(model)?;
+    let mut design = Design::new(model, &pieces, options)?;
+    let (found, region) = design.setpoint()?;
+    let by_region = match options.schedule {
+        Schedule::Auto => pieces.regions.len() > 1 && region.is_some(),
+        Schedule::Region => pieces.regions.len() > 1,
+        Schedule::Mean => false,
+    };
+    let steps: Vec<(String, u64, Affine)> = if by_region {
+        let step = |piece: &super::pieces::Piece| {
+            (piece.name.clone(), piece.rows, piece.step(&found.x, &found.u, design.period, pieces.continuous))
+        };
+        pieces.regions.iter().map(step).collect()
+    } else {
+        let rows = pieces.regions.iter().map(|piece| piece.rows).sum();
+        vec![("all".to_owned(), rows, design.mean_step(&found.x, &found.u))]
+    };
+    // A law that others may borrow is found first: that of the set point's region, else of the one with most rows.
+    let most = (0..steps.len()).max_by_key(|&i| (steps[i].1, std::cmp::Reverse(i))).unwrap_or(0);
+    let lender = if by_region { region.unwrap_or(most) } else { 0 };
+    let first = design.law(&steps[lender], &found)?;
+    let (mut laws, mut regions) = (Vec::new(), Vec::new());
+    for (i, step) in steps.iter().enumerate() {
+        let own = if i == lender { Ok(first.clone()) } else { design.law(step, &found) };
+        let (law, mut about) = match own {
+            Ok(own) => own,
+            Err(_) => {
+                let borrowed = LqrRegion { borrowed: true, radius: f64::NAN, residual: f64::NAN, ..first.1.clone() };
+                (first.0.clone(), borrowed)
+            }
+        };
+        about.name.clone_from(&step.0);
+        about.rows = step.1;
+        about.unreached = design.unreached(&step.2);
+        laws.push(law);
+        regions.push(about);
+    }
+    let partition = if by_region { pieces.partition.and_then(|_| choice(&pieces)) } else { None };
+    let regulator = design.regulator(&found, laws, partition);
+    crate::controller::Controller::validate(&regulator)?;
+    let setpoint = design.told(&found, region);
+    Ok(Lqr { regulator, setpoint, regions, notes: design.notes })
+}
+
+/// The partition that decides the region, over columns that are not computed.
+fn choice(pieces: &Pieces) -> Option<RegionChoice> {
+    let model = &pieces.whole.model;
+    let partition = model.partitions.get(pieces.partition?)?;
+    Some(RegionChoice {
+        columns: partition.columns.iter().map(ToString::to_string).collect(),
+        centre: partition.centre.clone(),
+        scale: partition.scale.clone(),
+        rule: partition.rule.clone(),
+    })
+}
+
+impl<'a> Design<'a> {
+    fn new(model: &Model, pieces: &'a Pieces, options: &'a LqrOptions) -> Result<Self, Error> {
+        let (states, inputs) = (&pieces.states, &pieces.inputs);
+        let period = period(model, pieces, options.period)?;
+        let free = indices("free", "state", &options.free, states)?;
+        let driven = match indices("drive", "input", &options.drive, inputs)? {
+            none if none.is_empty() => {
+                let is_input = |i: &usize| {
+                    model
+                        .columns
+                        .get(pieces.whole.input_column(*i))
+                        .is_some_and(|column| column.role == fleetfoot_model::Role::Input)
+                };
+                (0..inputs.len()).filter(is_input).collect()
+            }
+            some => some,
+        };
+        if driven.is_empty() {
+            return Err(ControlError::NoInputs.into());
+        }
+        let kept: Vec<usize> = (0..states.len()).filter(|state| !free.contains(state)).collect();
+        if kept.is_empty() {
+            return Err(ControlError::NoStates.into());
+        }
+        let measured = (0..inputs.len()).filter(|input| !driven.contains(input)).collect();
+        let weights = weights(pieces, options, &kept, &driven, period)?;
+        Ok(Self { pieces, options, period, kept, driven, measured, weights, notes: Vec::new() })
+    }
+
+    /// The set point, and the region that rests there.
+    fn setpoint(&mut self) -> Result<(Rest, Option<usize>), Error> {
+        let pieces = self.pieces;
+        let (n, m) = (pieces.states.len(), pieces.inputs.len());
+        let names: Vec<&String> = pieces.states.iter().chain(&pieces.inputs).collect();
+        let mut start: Vec<f64> = pieces.seen.iter().map(|seen| seen.map_or(0.0, |[mean, _]| mean)).collect();
+        let mut given = vec![false; n + m];
+        for (name, value) in &self.options.setpoint {
+            let at = find("setpoint", "state or input", name, &names)?;
+            finite("setpoint", name, *value)?;
+            (start[at], given[at]) = (*value, true);
+        }
+        for &input in self.measured.iter().filter(|&&input| !given[n + input]) {
+            let known =
+                if pieces.seen[n + input].is_some() { "its mean in training" } else { "as nothing is known of it" };
+            let value = start[n + input];
+            self.notes.push(format!(
+                "the set point takes {} = {value}, {known}: give it a value in the set point",
+                names[n + input]
+            ));
+        }
+        let unknown =
+            |v: usize| !given[v] && if v < n { self.kept.contains(&v) } else { self.driven.contains(&(v - n)) };
+        let wanted = Wanted {
+            unknown: (0..n + m).map(unknown).collect(),
+            rests: (0..n).map(|s| self.kept.contains(&s)).collect(),
+            x: start[..n].to_vec(),
+            u: start[n..].to_vec(),
+        };
+        let mut best: Option<(Rest, usize)> = None;
+        for (i, piece) in pieces.regions.iter().enumerate() {
+            let found = rest(pieces, &wanted, &|x, u| piece.linearized(x, u));
+            let here = found.largest <= AT_REST && pieces.region(&found.x, &found.u) == Some(i);
+            if here && best.as_ref().is_none_or(|&(_, other)| pieces.regions[other].rows < piece.rows) {
+                best = Some((found, i));
+            }
+        }
+        if let Some((found, region)) = best {
+            return Ok((found, Some(region)));
+        }
+        let found = rest(pieces, &wanted, &|x, u| self.mean(x, u));
+        if pieces.regions.len() > 1 {
+            self.notes.push(
+                "no region rests at the set point: it is found for the mean of all regions by their training rows"
+                    .to_owned(),
+            );
+        }
+        if found.largest > AT_REST {
+            let moves: Vec<String> = self
+                .kept
+                .iter()
+                .filter(|&&s| (found.drift[s] / pieces.size(s)).abs() > AT_REST)
+                .map(|&s| {
+                    let what = if pieces.continuous {
+                        format!("d({})/dt", pieces.states[s])
+                    } else {
+                        format!("delta({})", pieces.states[s])
+                    };
+                    format!("{what} = {:.3e}", found.drift[s])
+                })
+                .collect();
+            self.notes.push(format!(
+                "there is no rest at the set point: at best {}; leave more of it to be found, or states out (free)",
+                moves.join(", ")
+            ));
+        }
+        Ok((found, None))
+    }
+
+    /// The mean of the regions' derivatives, or of their next states.
+    fn mean(&self, x: &[f64], u: &[f64]) -> Affine {
+        let rows: f64 = self.pieces.regions.iter().map(|piece| piece.rows as f64).sum();
+        let (n, m) = (x.len(), u.len());
+        let mut mean = Affine { a: Mat::zeros(n, n), b: Mat::zeros(n, m), c: vec![0.0; n] };
+        for piece in &self.pieces.regions {
+            let share = if rows > 0.0 { piece.rows as f64 / rows } else { 1.0 / self.pieces.regions.len() as f64 };
+            let own = piece.linearized(x, u);
+            mean.a += faer::Scale(share) * own.a;
+            mean.b += faer::Scale(share) * own.b;
+            mean.c.iter_mut().zip(&own.c).for_each(|(mean, own)| *mean += share * own);
+        }
+        mean
+    }
+
+    fn mean_step(&self, x: &[f64], u: &[f64]) -> Affine {
+        let mean = self.mean(x, u);
+        if self.pieces.continuous { mean.held(self.period) } else { mean }
+    }
+
+    /// The step of the states that are kept by the inputs that are driven.
+    fn kept_step(&self, step: &Affine) -> (Mat<f64>, Mat<f64>) {
+        let (kept, driven) = (&self.kept, &self.driven);
+        (
+            Mat::from_fn(kept.len(), kept.len(), |i, j| step.a[(kept[i], kept[j])]),
+            Mat::from_fn(kept.len(), driven.len(), |i, j| step.b[(kept[i], driven[j])]),
+        )
+    }
+
+    fn unreached(&self, step: &Affine) -> Vec<String> {
+        let (a, b) = self.kept_step(step);
+        self.weights.unreached(a.as_ref(), b.as_ref()).iter().map(|mode| self.in_words(mode)).collect()
+    }
+
+    /// The law of a step about the set point.
+    fn law(
+        &self,
+        (name, rows, step): &(String, u64, Affine),
+        found: &Rest,
+    ) -> Result<(RegionLaw, LqrRegion), ControlError> {
+        let place = || {
+            if self.pieces.regions.len() > 1 && name != "all" {
+                format!("region {name}")
+            } else {
+                "the model".to_owned()
+            }
+        };
+        let (a, b) = self.kept_step(step);
+        let unreached = self.unreached(step);
+        if !unreached.is_empty() {
+            return Err(ControlError::NotStabilisable { place: place(), modes: unreached.join(" and ") });
+        }
+        let untrusted = |problem: String| ControlError::Riccati { place: place(), problem };
+        let gains = self.weights.gains(a.as_ref(), b.as_ref()).ok_or_else(|| untrusted("it diverges".to_owned()))?;
+        if !(gains.residual <= TRUSTED && gains.radius < 1.0) {
+            let problem = format!("residual {:.1e}, closed loop's spectral radius {:.9}", gains.residual, gains.radius);
+            return Err(untrusted(problem));
+        }
+        let next = step.at(&found.x, &found.u);
+        let moved: Vec<f64> = self.kept.iter().map(|&s| next[s] - found.x[s]).collect();
+        let (own, rests) = self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved);
+        let inputs = self.driven.iter().zip(&own).map(|(&input, own)| found.u[input] + own).collect();
+        let answers: Vec<Vec<f64>> = self
+            .measured
+            .iter()
+            .map(|&input| {
+                let moved: Vec<f64> = self.kept.iter().map(|&s| step.b[(s, input)]).collect();
+                self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved).0
+            })
+            .collect();
+        let law = RegionLaw {
+            inputs,
+            gain: rows_of(&gains.state),
+            integral: if self.weights.integrated.is_empty() { Vec::new() } else { rows_of(&gains.integral) },
+            measured: if answers.is_empty() {
+                Vec::new()
+            } else {
+                (0..self.driven.len()).map(|j| answers.iter().map(|answer| -answer[j]).collect()).collect()
+            },
+        };
+        let Gains { residual, radius, .. } = gains;
+        let about = LqrRegion { name: name.clone(), rows: *rows, unreached, radius, residual, rests, borrowed: false };
+        Ok((law, about))
+    }
+
+    /// A mode in words: `x and yaw (eigenvalue 1.02)`.
+    fn in_words(&self, mode: &Mode) -> String {
+        let name = |i: usize| match self.kept.get(i) {
+            Some(&state) => self.pieces.states[state].clone(),
+            None => format!(
+                "the integral of {}",
+                self.pieces.states[self.kept[self.weights.integrated[i - self.kept.len()].0]]
+            ),
+        };
+        let parts: Vec<String> = (0..mode.share.len()).filter(|&i| mode.share[i] >= TAKES_PART).map(name).collect();
+        let [re, im] = mode.eigenvalue;
+        let eigenvalue = if im > 0.0 { format!("{re:.4} ± {im:.4}i") } else { format!("{re:.4}") };
+        format!("a mode in {} (eigenvalue {eigenvalue} a sample)", parts.join(", "))
+    }
+
+    fn regulator(&self, found: &Rest, laws: Vec<RegionLaw>, partition: Option<RegionChoice>) -> Regulator {
+        let pieces = self.pieces;
+        let limits = |name: &String| {
+            let given = self.options.limits.iter().find(|(own, ..)| own == name);
+            given.map_or((f64::MIN, f64::MAX), |&(_, lowest, highest)| (lowest, highest))
+        };
+        let angle = |state: usize| pieces.whole.model.columns[pieces.whole.state_column(state)].angle;
+        Regulator {
+            period: self.period,
+            states: self
+                .kept
+                .iter()
+                .map(|&s| RegulatedState {
+                    name: pieces.states[s].clone(),
+                    at: found.x[s],
+                    size: pieces.size(s),
+                    angle: angle(s),
+                })
+                .collect(),
+            inputs: self
+                .driven
+                .iter()
+                .map(|&i| {
+                    let (lowest, highest) = limits(&pieces.inputs[i]);
+                    DrivenInput { name: pieces.inputs[i].clone(), lowest, highest }
+                })
+                .collect(),
+            measured: self
+                .measured
+                .iter()
+                .map(|&i| MeasuredColumn {
+                    name: pieces.inputs[i].clone(),
+                    at: found.u[i],
+                    size: pieces.size(pieces.states.len() + i),
+                })
+                .collect(),
+            integrated: self.weights.integrated.iter().map(|&(state, _)| state).collect(),
+            partition,
+            laws,
+        }
+    }
+
+    fn told(&self, found: &Rest, region: Option<usize>) -> SetPoint {
+        let named = |names: &[String], values: &[f64]| names.iter().cloned().zip(values.iter().copied()).collect();
+        SetPoint {
+            states: named(&self.pieces.states, &found.x),
+            inputs: named(&self.pieces.inputs, &found.u),
+            region: if self.pieces.regions.len() > 1 { region } else { None },
+            drift: self.kept.iter().map(|&s| (self.pieces.states[s].clone(), found.drift[s])).collect(),
+            at_rest: found.largest <= AT_REST,
+        }
+    }
+}
+
+fn rows_of(matrix: &Mat<f64>) -> Vec<Vec<f64>> {
+    (0..matrix.nrows()).map(|i| (0..matrix.ncols()).map(|j| matrix[(i, j)]).collect()).collect()
+}

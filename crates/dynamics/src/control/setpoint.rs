@@ -1,0 +1,105 @@
+//! Set points: where a model can rest, for given values of some of its states and inputs.
+
+use faer::Mat;
+use fleetfoot_stats::svd;
+
+use super::pieces::{Affine, Pieces};
+
+/// Newton's steps.
+const MOST_STEPS: usize = 100;
+/// A step that moves every unknown by less than this share of its size is the last.
+const STILL: f64 = 1e-12;
+/// Singular values below this share of the largest one are taken for zero: the directions they belong to stay as they are.
+const DEPENDENT: f64 = 1e-10;
+/// What is left of the motion, in sizes of states (per second, or per sample), below which the model is at rest.
+pub(crate) const AT_REST: f64 = 1e-7;
+
+/// A point where a submodel rests, or moves as little as it can.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rest {
+    pub(crate) x: Vec<f64>,
+    pub(crate) u: Vec<f64>,
+    /// What moves all the same: derivatives (or, of a discrete model, changes a sample), one a state.
+    pub(crate) drift: Vec<f64>,
+    /// The largest of them in sizes of states.
+    pub(crate) largest: f64,
+}
+
+/// What is asked of a set point.
+pub(crate) struct Wanted {
+    /// Where the search begins, and what is given.
+    pub(crate) x: Vec<f64>,
+    pub(crate) u: Vec<f64>,
+    /// States, then inputs, that may be chosen.
+    pub(crate) unknown: Vec<bool>,
+    /// States that must rest.
+    pub(crate) rests: Vec<bool>,
+}
+
+/// The rest of a submodel, by Gauss-Newton steps of least length in sizes of states and inputs, halved while they make things worse. `affine` gives the derivatives
+/// (or next states) to first order at a point.
+pub(crate) fn rest(pieces: &Pieces, wanted: &Wanted, affine: &dyn Fn(&[f64], &[f64]) -> Affine) -> Rest {
+    let n = wanted.x.len();
+    let unknown: Vec<usize> = (0..wanted.unknown.len()).filter(|&v| wanted.unknown[v]).collect();
+    let rows: Vec<usize> = (0..n).filter(|&s| wanted.rests[s]).collect();
+    let (mut x, mut u) = (wanted.x.clone(), wanted.u.clone());
+    let drift_of = |affine: &Affine, x: &[f64], u: &[f64]| -> Vec<f64> {
+        let next = affine.at(x, u);
+        if pieces.continuous { next } else { next.iter().zip(x).map(|(next, x)| next - x).collect() }
+    };
+    let length = |drift: &[f64]| rows.iter().map(|&s| (drift[s] / pieces.size(s)).powi(2)).sum::<f64>().sqrt();
+    let mut here = affine(&x, &u);
+    let mut drift = drift_of(&here, &x, &u);
+    for _ in 0..MOST_STEPS {
+        let jacobian = Mat::from_fn(rows.len(), unknown.len(), |i, j| {
+            let (s, v) = (rows[i], unknown[j]);
+            let own = if v < n { here.a[(s, v)] } else { here.b[(s, v - n)] };
+            let own = own - f64::from(u8::from(!pieces.continuous && v == s));
+            own * pieces.size(v) / pieces.size(s)
+        });
+        let right: Vec<f64> = rows.iter().map(|&s| -drift[s] / pieces.size(s)).collect();
+        let Some(step) = shortest(&jacobian, &right) else { break };
+        let (mut share, before) = (1.0, length(&drift));
+        let moved = |share: f64| {
+            let (mut to_x, mut to_u) = (x.clone(), u.clone());
+            for (&v, step) in unknown.iter().zip(&step) {
+                let value = if v < n { &mut to_x[v] } else { &mut to_u[v - n] };
+                *value += share * step * pieces.size(v);
+            }
+            (to_x, to_u)
+        };
+        let (found, next, own) = loop {
+            let (to_x, to_u) = moved(share);
+            let next = affine(&to_x, &to_u);
+            let own = drift_of(&next, &to_x, &to_u);
+            if length(&own) <= before || share < 1e-6 {
+                break ((to_x, to_u), next, own);
+            }
+            share *= 0.5;
+        };
+        // What gets no better is as good as it was.
+        let no_worse = length(&own) <= before;
+        if !no_worse {
+            break;
+        }
+        (x, u) = found;
+        (here, drift) = (next, own);
+        if step.iter().all(|step| step.abs() < STILL) {
+            break;
+        }
+    }
+    let largest = rows.iter().map(|&s| (drift[s] / pieces.size(s)).abs()).fold(0.0, f64::max);
+    Rest { x, u, drift, largest }
+}
+
+/// The shortest vector that minimises `|A v - b|`.
+pub(crate) fn shortest(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
+    let found = svd(a.as_ref())?;
+    let floor = DEPENDENT * found.s.first().copied().unwrap_or(0.0);
+    let mut out = vec![0.0; a.ncols()];
+    for (k, &s) in found.s.iter().enumerate().filter(|(_, s)| **s > floor) {
+        let along = b.iter().enumerate().map(|(i, b)| found.u[(i, k)] * b).sum::<f64>() / s;
+        out.iter_mut().enumerate().for_each(|(j, out)| *out += along * found.v[(j, k)]);
+    }
+    Some(out)
+}

@@ -1,0 +1,326 @@
+//! A linear law about a set point, region by region.
+
+use fleetfoot_library::{Expr, Leaf, Program, Scope, Scratch};
+use fleetfoot_model::Rule;
+use serde::{Deserialize, Serialize};
+
+use super::{Controller, ControllerState, ParameterError, check};
+use crate::angle::wrap;
+
+/// Stamps closer than this count as equal, s.
+const SAME: f64 = 1e-9;
+
+/// Feedback of states about a set point, with gains for every region of a partition: `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits, where i is
+/// the region of the present row, z the integral of the error of some states, and w what is measured beside the states.
+///
+/// It is evaluated every `period` and held. At a limit the integral does not grow further outwards (conditional integration). Where no region holds, or something is missing, inputs and
+/// integrals stay as they are. It is plain data, so that the same law drives models, simulated robots and exported code.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Regulator {
+    /// Seconds between commands.
+    pub period: f64,
+    /// The states that are fed back, n of them.
+    pub states: Vec<RegulatedState>,
+    /// The inputs that are driven, m of them.
+    pub inputs: Vec<DrivenInput>,
+    /// Further columns that are looked at, k of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<MeasuredColumn>,
+    /// States whose error is integrated, indices, q of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub integrated: Vec<usize>,
+    /// How the region follows; `None`: there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partition: Option<RegionChoice>,
+    /// One a region.
+    pub laws: Vec<RegionLaw>,
+}
+
+/// A state that is fed back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegulatedState {
+    /// Its column.
+    pub name: String,
+    /// Where it is kept.
+    pub at: f64,
+    /// How far from there is far: its standard deviation in training, 1 where that is not known. Exported code is tested within twice that.
+    pub size: f64,
+    /// Whether its error is taken within half a turn.
+    #[serde(default)]
+    pub angle: bool,
+}
+
+/// An input that is driven.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrivenInput {
+    /// Its column.
+    pub name: String,
+    /// Lowest value.
+    pub lowest: f64,
+    /// Highest value.
+    pub highest: f64,
+}
+
+/// A column that is looked at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredColumn {
+    /// Its name.
+    pub name: String,
+    /// The value that the set point was found for.
+    pub at: f64,
+    /// Its standard deviation in training, 1 where that is not known.
+    pub size: f64,
+}
+
+/// How the region of a row follows: [`fleetfoot_model::Partition`] without what its regions are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionChoice {
+    /// What it looks at: expressions over columns.
+    pub columns: Vec<String>,
+    /// Subtracted from each.
+    pub centre: Vec<f64>,
+    /// Divides each.
+    pub scale: Vec<f64>,
+    /// How the region follows.
+    pub rule: Rule,
+}
+
+/// The law of a region; matrices by rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionLaw {
+    /// The inputs at the set point (m).
+    pub inputs: Vec<f64>,
+    /// K (m x n).
+    pub gain: Vec<Vec<f64>>,
+    /// L (m x q).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub integral: Vec<Vec<f64>>,
+    /// F (m x k).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<Vec<f64>>,
+}
+
+impl RegionChoice {
+    /// The columns, parsed.
+    fn parsed(&self) -> Option<Vec<Expr>> {
+        self.columns.iter().map(|text| Expr::parse(text, &Scope::open()).ok()).collect()
+    }
+
+    /// The columns that it looks at, where they can be read at the present row.
+    fn reads(&self) -> Option<Vec<String>> {
+        let mut names: Vec<String> = Vec::new();
+        for expression in self.parsed()? {
+            for (name, lag) in expression.reads() {
+                let name = name.filter(|_| lag == 0)?.to_string();
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+        }
+        Some(names)
+    }
+}
+
+impl Regulator {
+    /// Columns that decide the region and are neither states nor inputs nor measured.
+    fn choosing(&self) -> Vec<String> {
+        let known = |name: &String| {
+            self.states.iter().any(|state| state.name == *name)
+                || self.measured.iter().any(|column| column.name == *name)
+                || self.inputs.iter().any(|input| input.name == *name)
+        };
+        let reads = self.partition.as_ref().and_then(RegionChoice::reads).unwrap_or_default();
+        reads.into_iter().filter(|name| !known(name)).collect()
+    }
+
+    /// What the region's columns are made of, compiled: for every leaf its place among what is read, or among the inputs behind these.
+    fn compiled(&self) -> Option<Chooser> {
+        let partition = self.partition.as_ref()?;
+        let names: Vec<String> =
+            self.reads().into_iter().chain(self.inputs.iter().map(|input| input.name.clone())).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let program = Program::compile(&partition.parsed()?, &names).ok()?;
+        let leaf = |leaf: &Leaf| match *leaf {
+            Leaf::Column { column, lag: 0 } => Some(column),
+            _ => None,
+        };
+        let leaves = program.leaves().iter().map(leaf).collect::<Option<Vec<_>>>()?;
+        let values = vec![0.0; partition.columns.len()];
+        let (centre, scale) = (partition.centre.clone(), partition.scale.clone());
+        Some(Chooser {
+            program,
+            leaves,
+            centre,
+            scale,
+            rule: partition.rule.clone(),
+            values,
+            scratch: Scratch::default(),
+        })
+    }
+
+    fn check_shapes(&self) -> Result<(), ParameterError> {
+        let (n, m, q, k) = (self.states.len(), self.inputs.len(), self.integrated.len(), self.measured.len());
+        let is = |rows: &Vec<Vec<f64>>, columns: usize| {
+            (columns == 0 && rows.is_empty()) || (rows.len() == m && rows.iter().all(|row| row.len() == columns))
+        };
+        for (i, law) in self.laws.iter().enumerate() {
+            let shapes = law.inputs.len() == m && is(&law.gain, n) && is(&law.integral, q) && is(&law.measured, k);
+            let numbers = law.gain.iter().chain(&law.integral).chain(&law.measured).flatten().chain(&law.inputs);
+            if !shapes || numbers.clone().any(|value| !value.is_finite()) {
+                let allowed =
+                    format!("finite gains of {m} inputs by {n} states, {q} integrals and {k} measured columns");
+                return Err(ParameterError::new("laws", format!("that of region {i}"), allowed));
+            }
+        }
+        let regions = self.partition.as_ref().map_or(1, |partition| partition.rule.count());
+        if self.laws.len() != regions {
+            return Err(ParameterError::new("laws", self.laws.len(), format!("{regions}, one a region")));
+        }
+        match self.integrated.iter().find(|&&state| state >= n) {
+            Some(state) => Err(ParameterError::new("integrated", state, format!("the index of one of {n} states"))),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Controller for Regulator {
+    fn reads(&self) -> Vec<String> {
+        let states = self.states.iter().map(|state| state.name.clone());
+        states.chain(self.measured.iter().map(|column| column.name.clone())).chain(self.choosing()).collect()
+    }
+
+    fn drives(&self) -> Vec<String> {
+        self.inputs.iter().map(|input| input.name.clone()).collect()
+    }
+
+    fn validate(&self) -> Result<(), ParameterError> {
+        check("period", self.period, self.period > 0.0, "a positive time in s")?;
+        if self.inputs.is_empty() {
+            return Err(ParameterError::new("inputs", "none", "at least one"));
+        }
+        for input in &self.inputs {
+            let allowed = "a number not below `lowest`";
+            check(&format!("{}.highest", input.name), input.highest, input.highest >= input.lowest, allowed)?;
+        }
+        let states = self.states.iter().map(|state| (&state.name, state.at, state.size));
+        for (name, at, size) in states.chain(self.measured.iter().map(|column| (&column.name, column.at, column.size)))
+        {
+            check(&format!("{name}.at"), at, true, "a finite number")?;
+            check(&format!("{name}.size"), size, size > 0.0, "a positive number")?;
+        }
+        if let Some(partition) = &self.partition {
+            let columns = partition.columns.len();
+            let shapes = partition.centre.len() == columns && partition.scale.len() == columns;
+            if !shapes || !partition.rule.fits(columns) || self.compiled().is_none() {
+                let allowed = "expressions over columns at the present row, with a centre and a scale each";
+                return Err(ParameterError::new("partition", partition.columns.join(", "), allowed));
+            }
+        }
+        self.check_shapes()
+    }
+
+    fn start(&self) -> Box<dyn ControllerState> {
+        Box::new(RegulatorState {
+            law: self.clone(),
+            chooser: self.compiled(),
+            next: 0.0,
+            integrals: vec![0.0; self.integrated.len()],
+            errors: vec![0.0; self.states.len()],
+        })
+    }
+}
+
+/// The region of a row, computed.
+struct Chooser {
+    program: Program,
+    leaves: Vec<usize>,
+    centre: Vec<f64>,
+    scale: Vec<f64>,
+    rule: Rule,
+    values: Vec<f64>,
+    scratch: Scratch,
+}
+
+impl Chooser {
+    fn region(&mut self, columns: &[f64], inputs: &[f64]) -> Option<usize> {
+        let leaf = |&at: &usize| columns.get(at).copied().unwrap_or_else(|| inputs[at - columns.len()]);
+        let leaves: Vec<f64> = self.leaves.iter().map(leaf).collect();
+        self.program.evaluate_row(&leaves, &mut self.values, &mut self.scratch);
+        for ((value, centre), scale) in self.values.iter_mut().zip(&self.centre).zip(&self.scale) {
+            *value = (*value - centre) / scale;
+        }
+        self.rule.assign_row(&self.values).map(|region| region as usize)
+    }
+}
+
+struct RegulatorState {
+    law: Regulator,
+    chooser: Option<Chooser>,
+    /// The number of the next sample.
+    next: f64,
+    integrals: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+impl ControllerState for RegulatorState {
+    fn control(&mut self, seconds: f64, columns: &[f64], inputs: &mut [f64]) {
+        let tick = ((seconds + SAME) / self.law.period).floor();
+        if tick < self.next {
+            return;
+        }
+        self.next = tick + 1.0;
+        let region = match &mut self.chooser {
+            Some(chooser) => chooser.region(columns, inputs),
+            None => Some(0),
+        };
+        let Some(law) = region.and_then(|region| self.law.laws.get(region)) else { return };
+        for ((error, state), value) in self.errors.iter_mut().zip(&self.law.states).zip(columns) {
+            let off = value - state.at;
+            *error = if state.angle { wrap(off) } else { off };
+        }
+        let measured = &columns[self.law.states.len()..][..self.law.measured.len()];
+        if self.errors.iter().chain(measured).any(|value| !value.is_finite()) {
+            return;
+        }
+        let wanted = |integrals: &[f64], j: usize| {
+            let mut value = law.inputs[j];
+            for (gain, error) in law.gain[j].iter().zip(&self.errors) {
+                value -= gain * error;
+            }
+            for (gain, integral) in law.integral.get(j).into_iter().flatten().zip(integrals) {
+                value -= gain * integral;
+            }
+            for ((gain, column), value_of) in
+                law.measured.get(j).into_iter().flatten().zip(&self.law.measured).zip(measured)
+            {
+                value -= gain * (value_of - column.at);
+            }
+            value
+        };
+        let grown: Vec<f64> = self
+            .law
+            .integrated
+            .iter()
+            .zip(&self.integrals)
+            .map(|(&state, integral)| self.law.period.mul_add(self.errors[state], *integral))
+            .collect();
+        // Whether a longer integral would push an input, which is at its limit, further outwards.
+        let outwards = self.law.inputs.iter().enumerate().any(|(j, input)| {
+            let (now, then) = (wanted(&self.integrals, j), wanted(&grown, j));
+            (then > input.highest && then > now) || (then < input.lowest && then < now)
+        });
+        if !outwards {
+            self.integrals = grown;
+        }
+        for (j, (value, input)) in inputs.iter_mut().zip(&self.law.inputs).enumerate() {
+            let wanted = wanted(&self.integrals, j);
+            *value = wanted.max(input.lowest).min(input.highest);
+        }
+    }
+}

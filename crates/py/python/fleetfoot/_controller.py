@@ -1,0 +1,112 @@
+"""Controllers made from models."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core
+from ._warnings import tell_all
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Controller:
+    """A law that keeps a model, or the robot it was made of, at a set point: the result of :meth:`Model.lqr`.
+
+    :meth:`Model.rollout` closes the loop around a model by it, :func:`fleetfoot.generate` around a simulated robot, and
+    the command line reads its file.
+
+    Attributes
+    ----------
+    states, inputs : tuple of str
+        What is fed back, and what is driven.
+    setpoint : dict
+        ``states`` and ``inputs`` by name, ``region`` (that rests there, or None), ``drift`` and ``at_rest``.
+    regions : list of dict
+        For every law ``region``, ``rows``, ``unreached`` (modes that no input reaches, in words), ``radius`` (spectral
+        radius of the closed loop, a sample), ``residual`` (of the Riccati equation, relative), ``rests``, ``borrowed``.
+    notes : list of str
+        What a person should know.
+    """
+
+    __slots__ = ("_text", "inputs", "law", "notes", "regions", "setpoint", "states")
+
+    def __init__(self, text: str) -> None:
+        content = json.loads(text)["controller"]
+        self._text = text
+        self.law: dict[str, Any] = content["law"]
+        self.setpoint: dict[str, Any] = content["setpoint"]
+        self.regions: list[dict[str, Any]] = content["regions"]
+        self.notes: list[str] = tell_all(content["notes"])
+        self.states = tuple(state["name"] for state in self.law["states"])
+        self.inputs = tuple(driven["name"] for driven in self.law["inputs"])
+
+    @property
+    def gains(self) -> Array:
+        """K by region, (regions, inputs, states): ``u = u_i - K_i (x - x*) - ...``."""
+        return np.array([law["gain"] for law in self.law["laws"]], dtype=float)
+
+    def to_json(self) -> str:
+        """The controller's file as text."""
+        return self._text
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the controller's file, for ``--controller`` of the command line."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self._text)
+
+    def export(
+        self,
+        to: str,
+        folder: str | os.PathLike[str] = ".",
+        *,
+        prefix: str = "controller",
+        precision: str = "double",
+    ) -> list[str]:
+        """Writes the law in another language, as :meth:`Model.export` writes a model.
+
+        In the code, ``x`` are the driven inputs and the integrals, ``u`` what is read; a step is a sample, after which
+        the first of ``x`` are the commands. What is missing leaves them as they are.
+
+        Parameters
+        ----------
+        to : {"c", "rust", "python", "latex", "npz"}
+            The language.
+        folder : path
+            Where the files go; made when needed.
+        prefix : str
+            In front of all names, and the name of the files.
+        precision : {"double", "float"}
+            Numbers of C and Rust.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        ModelError, WriteError
+        """
+        files = _core.export_controller(self._text, to, os.fspath(folder), prefix, precision)
+        return [os.fspath(file) for file in files]
+
+    def __repr__(self) -> str:
+        count = len(self.regions)
+        laws = f"{count} law{'' if count == 1 else 's'}"
+        return f"Controller({', '.join(self.inputs)} by {', '.join(self.states)}; {laws})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Controller, (self._text,)
+
+
+def what(controller: Controller | str | os.PathLike[str] | None) -> str | None:
+    """A controller for the engine: the text of its file, or a kind or path as it is."""
+    if isinstance(controller, Controller):
+        return controller.to_json()
+    return None if controller is None else os.fspath(controller)

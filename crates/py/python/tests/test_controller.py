@@ -1,0 +1,59 @@
+"""Controllers of models."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import fleetfoot as ff
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def mass():
+    """A mass: x+ = x + 0.01 v, v+ = v + 0.01 u."""
+    t, random = np.arange(0, 20, 0.01), np.random.default_rng(0)
+    u = np.repeat(random.normal(size=40), 50)
+    v = np.cumsum(np.append(0, u[:-1])) * 0.01
+    x = np.cumsum(np.append(0, v[:-1])) * 0.01
+    rows = np.column_stack([x, v])
+    return ff.PWA(target="next").fit(rows, t, u=u, feature_names=["x", "v"], input_names=["u"]).model_
+
+
+def test_the_gain_is_that_of_scipy(mass):
+    linalg = pytest.importorskip("scipy.linalg", reason="the peer")
+    law = mass.lqr({"x": 1.0}, q={"x": 4.0, "v": 0.5}, r={"u": 0.1})
+    a, b = np.array([[1, 0.01], [0, 1]]), np.array([[0.0], [0.01]])
+    q, r = np.diag([4.0, 0.5]), np.array([[0.1]])
+    p = linalg.solve_discrete_are(a, b, q, r)
+    gain = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)
+    # The model is found from data, to some 1e-12.
+    np.testing.assert_allclose(law.gains[0], gain, rtol=1e-7)
+    assert law.regions[0]["residual"] < 1e-12 and law.setpoint["states"]["x"] == 1.0
+    assert law.states == ("x", "v") and law.inputs == ("u",)
+
+
+def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
+    law = mass.lqr({"x": 1.0}, integral={"x": 2.0}, limits={"u": (-1, 1)})
+    law.save(tmp_path / "law.json")
+    for other in (pickle.loads(pickle.dumps(law)), copy.deepcopy(law)):
+        assert other.to_json() == law.to_json() and (other.gains == law.gains).all()
+    t = np.arange(0, 10, 0.01)
+    rows = {"t": t, "x": 0 * t, "v": 0 * t, "u": 0 * t}
+    ended = [mass.rollout(rows, 900, starts=1, controller=one) for one in (law, tmp_path / "law.json")]
+    assert ended[0]["driven_inputs"] == ["u"] == ended[1]["driven_inputs"]
+    # The recording stays at 0, the model goes to 1.
+    errors = [one["model"]["rmse"][-1][0] for one in ended]
+    assert errors[0] == errors[1] and abs(errors[0] - 1) < 0.02
+    files = law.export("c", tmp_path / "src", prefix="law")
+    assert [name.rsplit("/", 1)[-1] for name in files] == ["law.h", "law.c", "law_test.c"]
+
+
+def test_what_is_wrong_is_named(mass):
+    with pytest.raises(ff.exceptions.ModelError, match="did you mean"):
+        mass.lqr({"xx": 1.0})
+    with pytest.raises(ff.exceptions.ModelError, match="positive weight"):
+        mass.lqr({"x": 1.0}, r={"u": 0.0})
+    with pytest.raises(ff.exceptions.ModelError):
+        mass.lqr({"x": 1.0}).export("cobol")

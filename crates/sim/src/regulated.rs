@@ -1,0 +1,57 @@
+//! A regulator on a robot: what it reads found among what the robot's sensors show.
+
+use fleetfoot_dynamics::controller::{Controller, ControllerState, Regulator};
+
+use crate::ParameterError;
+
+/// A regulator at work.
+pub(crate) struct Regulated {
+    state: Box<dyn ControllerState>,
+    /// For everything that it reads, the place among what is shown.
+    reads: Vec<usize>,
+    /// For every input that it drives, the place among the commands.
+    drives: Vec<usize>,
+    columns: Vec<f64>,
+    inputs: Vec<f64>,
+}
+
+/// Whether a regulator can drive a robot that shows it `shown` and takes `commands`.
+///
+/// # Errors
+/// What it is not shown, what it cannot drive, and laws that cannot be used.
+pub(crate) fn check(regulator: &Regulator, shown: &[&str], commands: &[&str]) -> Result<(), ParameterError> {
+    regulator.validate()?;
+    let known = |names: &[&str], name: &String| names.contains(&name.as_str());
+    let refuse = |what: &str, name: &str, names: &[&str]| {
+        Err(ParameterError::new(what, name, format!("one of {}, which this robot has", names.join(", "))))
+    };
+    if let Some(name) = regulator.reads().iter().find(|name| !known(shown, name)) {
+        return refuse("reads", name, shown);
+    }
+    match regulator.drives().iter().find(|name| !known(commands, name)) {
+        Some(name) => refuse("drives", name, commands),
+        None => Ok(()),
+    }
+}
+
+impl Regulated {
+    /// A regulator that has passed [`check`].
+    pub(crate) fn new(regulator: &Regulator, shown: &[&str], commands: &[&str]) -> Self {
+        let place = |names: &[&str], name: String| names.iter().position(|own| *own == name).unwrap_or(0);
+        let reads: Vec<usize> = regulator.reads().into_iter().map(|name| place(shown, name)).collect();
+        let drives: Vec<usize> = regulator.drives().into_iter().map(|name| place(commands, name)).collect();
+        let (columns, inputs) = (vec![0.0; reads.len()], vec![0.0; drives.len()]);
+        Self { state: regulator.start(), reads, drives, columns, inputs }
+    }
+
+    /// Replaces those commands that it drives, `seconds` after it began.
+    pub(crate) fn command(&mut self, seconds: f64, shown: &[f64], commands: &mut [f64]) {
+        for (column, &place) in self.columns.iter_mut().zip(&self.reads) {
+            *column = shown[place];
+        }
+        self.state.control(seconds, &self.columns, &mut self.inputs);
+        for (&input, &place) in self.inputs.iter().zip(&self.drives) {
+            commands[place] = input;
+        }
+    }
+}

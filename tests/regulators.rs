@@ -1,0 +1,107 @@
+//! `control lqr`, and what takes its files.
+
+use std::fs;
+
+use crate::{closed_loop::fitted, runner::*};
+
+/// The last simulated values of a column of trajectories, one a trajectory.
+fn last(text: &str, column: &str) -> Vec<f64> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let place = |name: &str| header.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{name}: {header:?}"));
+    let (trajectory, value) = (place("trajectory"), place(column));
+    let mut found: Vec<f64> = Vec::new();
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let (index, value) =
+            (cells[trajectory].parse::<usize>().expect("an index"), cells[value].parse().expect("a number"));
+        if index == found.len() { found.push(value) } else { found[index] = value }
+    }
+    found
+}
+
+#[test]
+fn a_model_is_brought_to_its_place_on_any_number_of_threads() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let made = run(&["control", "lqr", "model.json", "--setpoint", "x=0,y=0", "-o", "stay.json", "--json"]).ok().json();
+    // The belt moves at 0.25 m/s: so does the robot, straight ahead.
+    for (name, value) in [("x", 0.0), ("y", 0.0), ("yaw", 0.0), ("vx", 0.25), ("w", 0.0)] {
+        let found = made["setpoint"]["states"][name].as_f64().expect("a number");
+        assert!((found - value).abs() < 1e-9, "{name} {found}");
+    }
+    assert!(made["regions"][0]["radius"].as_f64().expect("a radius") < 1.0 && made["setpoint"]["at_rest"] == true);
+    assert_eq!((&made["format"], &made["kind"]), (&serde_json::json!(2), &serde_json::json!("lqr")));
+    let closed = |threads: &str, output: &str| {
+        let arguments = ["rollout", "model.json", "run_2.csv", "--starts", "9", "--horizon", "2500", "--controller"];
+        let more = ["stay.json", "--threads", threads, "--json", "-o", output];
+        let told = run(&[&arguments[..], &more].concat()).ok().json();
+        assert_eq!(told["driven_inputs"], serde_json::json!(["u_v", "u_w"]));
+        (told, fs::read_to_string(folder.path().join(output)).expect("trajectories"))
+    };
+    let (told, text) = closed("1", "1.csv");
+    for threads in ["2", "7"] {
+        let (other, same) = closed(threads, &format!("{threads}.csv"));
+        assert!(other == told && same == text, "{threads} threads");
+    }
+    // Five seconds from within some centimetres; errors decay within about one.
+    for (column, room) in [("x", 0.01), ("y", 0.05), ("yaw", 0.1)] {
+        let last = last(&text, column);
+        assert!(last.len() == 9 && last.iter().all(|value| value.abs() < room), "{column}: {last:?}");
+    }
+    // What has been asked for stands in the model's recipe, or in another, as well; a flag stands above it.
+    let recipe = fs::read_to_string(folder.path().join("robot.toml")).expect("a recipe");
+    fs::write(folder.path().join("place.toml"), recipe + "\n[control]\nsetpoint = \"x=0,y=0\"\nfree = \"y\"\n")
+        .unwrap();
+    let law = |more: &[&str]| {
+        let arguments = ["control", "lqr", "model.json", "-c", "place.toml", "-o", "other.json", "--json"];
+        run(&[&arguments[..], more].concat()).ok().json()["law"].clone()
+    };
+    let states = |law: serde_json::Value| -> Vec<String> {
+        let states = law["states"].as_array().expect("states").clone();
+        states.iter().map(|state| state["name"].as_str().expect("a name").to_owned()).collect()
+    };
+    assert_eq!(states(law(&[])), ["x", "yaw", "vx", "w"]);
+    assert_eq!(states(law(&["--free", "x"])), ["y", "yaw", "vx", "w"]);
+}
+
+#[test]
+fn a_controller_becomes_code_and_damage_is_seen() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    run(&["control", "lqr", "model.json", "--setpoint", "x=0,y=0", "--integral", "x=1", "-o", "stay.json"]).ok();
+    let told = run(&["export", "stay.json", "--to", "c", "--prefix", "stay", "-o", "src", "--json"]).ok().json();
+    assert!(told["compared"].as_u64().expect("points") >= 24, "{told}");
+    let header = fs::read_to_string(folder.path().join("src/stay.h")).expect("a header");
+    assert!(header.contains("STAY_STATE_INTEGRAL_X") && header.contains("regulator of"), "{header}");
+
+    let text = fs::read_to_string(folder.path().join("stay.json")).expect("a controller");
+    let roll = |file: &str| {
+        run(&["rollout", "model.json", "run_2.csv", "--starts", "2", "--horizon", "5", "--controller", file])
+    };
+    fs::write(folder.path().join("edited.json"), text.replacen("\"period\": 0.002", "\"period\": 0.004", 1)).unwrap();
+    roll("edited.json").fails(&["edited.json", "checksum", "make it again"]);
+    fs::write(folder.path().join("cut.json"), &text[..text.len() / 2]).unwrap();
+    roll("cut.json").fails(&["cut.json", "not a fleetfoot controller"]);
+    let newer = text.replacen("\"fleetfoot_controller\": 1", "\"fleetfoot_controller\": 9", 1);
+    fs::write(folder.path().join("newer.json"), newer).unwrap();
+    roll("newer.json").fails(&["format 9", "format 1"]);
+    let arguments = ["rollout", "model.json", "run_2.csv", "--controller", "stay.json", "--controller-set", "k_x=2"];
+    run(&arguments).fails(&["k_x=2", "no settings"]);
+}
+
+#[test]
+fn what_cannot_be_kept_is_said() {
+    let folder = fitted();
+    let lqr = |more: &[&str]| fleetfoot(folder.path(), &[&["control", "lqr", "model.json"], more].concat());
+    // At a standstill nothing moves it sideways.
+    lqr(&["--setpoint", "x=0,y=0,vx=0"]).fails(&["no input reaches a mode in y", "free"]);
+    lqr(&["--setpoint", "xx=0"]).fails(&["no state or input `xx`", "did you mean"]);
+    lqr(&["--q", "u_v=1"]).fails(&["no kept state `u_v`"]);
+    lqr(&["--drive", "x"]).fails(&["no input `x`", "u_v"]);
+    lqr(&["--limits", "u_v=1"]).fails(&["INPUT=LOW:HIGH"]);
+    lqr(&["--limits", "u_v=1:0"]).fails(&["above the lowest"]);
+    lqr(&["-o", "model.json"]).fails(&["model.json"]);
+    let moving = lqr(&["--setpoint", "x=0,y=0,vx=0.4", "-o", "away.json"]).ok();
+    assert!(moving.err.contains("d(x)/dt = 1.500e-1") && moving.out.contains("does not rest"), "{}", moving.err);
+}
