@@ -170,7 +170,8 @@ def run_interrupted(name: str, folder: Path) -> None:
             print("begins", flush=True)
             case.ours(arrays)
             finished = True
-            time.sleep(60.0)
+            while True:
+                time.sleep(60.0)
         except KeyboardInterrupt:
             print(json.dumps({"at": time.monotonic(), "finished": finished}), flush=True)
 
@@ -188,12 +189,13 @@ def interrupted(name: str, arguments: argparse.Namespace) -> str:
                 assert child.stdout is not None
                 seconds = float(child.stdout.readline() or "inf")
                 for moment in MOMENTS:
-                    if child.stdout.readline() != "begins\n":
+                    # What else a fit prints is none of ours.
+                    if not any(line == "begins\n" for line in child.stdout):
                         break
                     time.sleep(moment * seconds)
                     child.send_signal(signal.SIGINT)
                     sent = time.monotonic()
-                    told = json.loads(child.stdout.readline() or "null")
+                    told = next((json.loads(line) for line in child.stdout if line.startswith("{")), None)
                     if told is not None and not told["finished"]:
                         waited.append(told["at"] - sent)
             finally:
