@@ -4,7 +4,7 @@ use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    FusedJoint, JointOptions, JointRun, JointSensorEstimate, JointStates,
+    FusedJoint, JointOptions, JointRun, JointSensorEstimate, JointStates, Quantity,
     derived::Pairs,
     events::{Events, Known, STATES, Seen, WANTED, between},
     result::smoothed,
@@ -88,6 +88,16 @@ pub(super) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     pub(super) fn new(runs: &'a [JointRun<'a>], options: &'a JointOptions) -> Result<Self, SignalError> {
+        let positions = |run: &JointRun<'_>, is: &dyn Fn(&[f64]) -> bool| {
+            let own = run.records.iter().zip(&options.sensors).filter(|(_, own)| own.quantity == Quantity::Position);
+            own.map(|(record, _)| record.values).any(is)
+        };
+        let read = runs.iter().any(|run| positions(run, &|values| values.len() > 2));
+        if read && !runs.iter().any(|run| positions(run, &|values| values.windows(2).any(|two| two[0] != two[1]))) {
+            return Err(SignalError::NotFused {
+                problem: "the positions of the joint are all the same, so that no noise and no motion is told: leave the joint out, or give other channels",
+            });
+        }
         let start::Begin { scale, variances, density, delays } = start::begin(runs, options)?;
         let sensors = &options.sensors;
         let sought = (0..sensors.len()).filter(|&at| sensors[at].delay.deviation > 0.0).map(Sought::Delay);
@@ -113,7 +123,11 @@ impl<'a> Problem<'a> {
         problem.told = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
         if !problem.told.contains(&true) {
             return Err(SignalError::NotFused {
-                problem: "no record of positions has three readings: give longer records, or other channels",
+                problem: if read {
+                    "positions do not tell how the joint moves: leave out what is too great to have been measured, or give another density of the jerk"
+                } else {
+                    "no record of positions has three readings: give longer records, or other channels"
+                },
             });
         }
         Ok(problem)

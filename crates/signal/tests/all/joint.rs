@@ -450,6 +450,11 @@ fn what_cannot_be_fused_is_told() {
     ] {
         assert!(found.contains(expected), "{found}");
     }
+    let stuck =
+        |readings: &Readings, value: f64| Readings { values: vec![value; readings.values.len()], ..readings.clone() };
+    let stuck = [stuck(&readings[0], 5.0), stuck(&readings[1], 0.0)];
+    let found = words(&|options| *options = JointOptions::new(both()), &stuck);
+    assert!(found.contains("all the same"), "{found}");
     // A rest tells no delay, and half a second is a clock's offset.
     let rest = |readings: &Readings, size: f64| Readings {
         values: (0..readings.values.len()).map(|row| size * normal(5, row as u64)).collect(),
