@@ -431,3 +431,21 @@ fn a_condition_says_which_rows_are_used() {
     fleetfoot(folder.path(), &["fit", "pwa", "-c", "robot.toml", "all.csv", "--where", "velocity > 0"])
         .fails(&["velocity", "[time] where"]);
 }
+
+/// A pager that has ended reads no more: the fit is written all the same.
+#[cfg(unix)]
+#[test]
+fn nobody_need_read_what_is_said() {
+    use std::process::{Command, Stdio};
+    let folder = logs();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        .current_dir(folder.path())
+        .args(["fit", "pwa", "-c", "robot.toml", "--folds", "4", "--partition", "average", "-o", "model.json", "runs"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.path().join("model.json").is_file());
+}

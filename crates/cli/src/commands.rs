@@ -44,7 +44,7 @@ impl Context {
     /// Talk goes to standard error.
     pub(crate) fn say(&self, text: impl AsRef<str>) {
         if !self.quiet {
-            eprintln!("{}", text.as_ref());
+            crate::report::tell(text.as_ref());
         }
     }
 

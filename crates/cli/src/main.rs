@@ -48,11 +48,11 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error @ fleetfoot::Error::Paused { .. }) => {
-            eprintln!("{error}");
+            report::tell(error);
             ExitCode::from(130)
         }
         Err(_) if progress::stopped() => {
-            eprintln!("stopped; nothing was written");
+            report::tell("stopped; nothing was written");
             ExitCode::from(130)
         }
         Err(error) => {

@@ -1,7 +1,17 @@
 //! Errors for people: expressions with a mark under the place.
 
+use std::{
+    fmt::Display,
+    io::{Write, stderr},
+};
+
 use fleetfoot::Error;
 use miette::{LabeledSpan, NamedSource, miette};
+
+/// A line on standard error. Nobody may be reading it any more, as where a pager has ended: what was asked for is done all the same.
+pub(crate) fn tell(text: impl Display) {
+    let _ = writeln!(stderr(), "{text}");
+}
 
 /// Prints an error on standard error.
 pub(crate) fn report(error: Error) {
@@ -11,8 +21,8 @@ pub(crate) fn report(error: Error) {
             let length = text[at..].chars().next().map_or(0, char::len_utf8);
             let report = miette!(labels = vec![LabeledSpan::at(at..at + length, "here")], "{source}")
                 .with_source_code(NamedSource::new(place, text.clone()));
-            eprintln!("{report:?}");
+            tell(format_args!("{report:?}"));
         }
-        other => eprintln!("error: {other}"),
+        other => tell(format_args!("error: {other}")),
     }
 }
