@@ -72,7 +72,12 @@ fn written(argument: &Arg) -> String {
     }
     let short = argument.get_short().map_or_else(String::new, |short| format!("-{short}, "));
     let long = argument.get_long().map_or_else(String::new, |long| format!("--{long}"));
-    let value = if argument.get_action().takes_values() { format!(" {}", value()) } else { String::new() };
+    let value = match argument.get_action().takes_values() {
+        // What may stand without a value takes it behind `=` alone: a word behind a space would be the next argument.
+        true if argument.is_require_equals_set() => format!("[={}]", value()),
+        true => format!(" {}", value()),
+        false => String::new(),
+    };
     format!("{short}{long}{value}")
 }
 
