@@ -83,7 +83,7 @@ mod _core {
     #[pymodule_export]
     use crate::fit::{fit_narx, fit_parameters, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
     #[pymodule_export]
-    use crate::model::{Model, export_controller};
+    use crate::model::{Model, export_controller, write_controller};
     #[pymodule_export]
     use crate::on_data::{predict_rows, report, rollout, score};
     #[pymodule_export]

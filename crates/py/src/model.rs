@@ -357,6 +357,12 @@ fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str
     Ok(options)
 }
 
+/// Writes a controller, the text of its file, whole or not at all.
+#[pyfunction]
+pub(crate) fn write_controller(py: Python<'_>, text: &str, path: PathBuf) -> PyResult<()> {
+    run(py, None, |_| fleetfoot::controller_file(text)?.write(&path))
+}
+
 /// Writes a controller, the text of its file, in another language into a folder; tells the files.
 #[pyfunction]
 pub(crate) fn export_controller(

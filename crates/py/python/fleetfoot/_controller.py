@@ -56,9 +56,8 @@ class Controller:
         return self._text
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the controller's file, for ``--controller`` of the command line."""
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(self._text)
+        """Writes the controller's file, whole or not at all, for ``--controller`` of the command line."""
+        _core.write_controller(self._text, path)
 
     def export(
         self,

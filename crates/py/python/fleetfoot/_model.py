@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core, _recipe
-from ._controller import Controller
 from ._equations import Content
 from ._html import of_model
 from ._on_recordings import OnRecordings
+from ._regulated import Regulated
 from ._warnings import warn
 from .exceptions import ModelError
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     History = tuple[ArrayLike, ArrayLike]
 
 
-class Model(OnRecordings):
+class Model(OnRecordings, Regulated):
     """A model of a recording: what is predicted, from what, and how. It does not change.
 
     Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds
@@ -257,88 +257,6 @@ class Model(OnRecordings):
         """
         files, _, _ = self._core.export(to, folder, prefix, precision, method, dt, domain)
         return [os.fspath(file) for file in files]
-
-    # -- controllers
-
-    def lqr(
-        self,
-        setpoint: Mapping[str, float] | None = None,
-        *,
-        q: Mapping[str, float] | None = None,
-        r: Mapping[str, float] | None = None,
-        integral: Mapping[str, float] | None = None,
-        limits: Mapping[str, tuple[float, float]] | None = None,
-        drive: Sequence[str] | None = None,
-        free: Sequence[str] | None = None,
-        period: float | None = None,
-        schedule: str | None = None,
-    ) -> Controller:
-        """The linear-quadratic regulator that keeps the model at a set point, with a law for every region.
-
-        It minimises the sum over samples of ``e'Qe + v'Rv``, e being the error of the states and v that of the inputs.
-        What is not given is as ``[control]`` of the model's recipe says.
-
-        Parameters
-        ----------
-        setpoint : mapping, optional
-            Values that states and inputs are to have; the others are found, so that the model rests.
-        q, r : mapping, optional
-            Weights of states and inputs; one over the variance in training when not given.
-        integral : mapping, optional
-            Integral action: weights of the time integrals of states' errors.
-        limits : mapping, optional
-            Lowest and highest values of inputs.
-        drive : list of str, optional
-            Inputs that are driven; all when not given. What moves the model beside them is measured, and answered at
-            once.
-        free : list of str, optional
-            States that are neither kept nor fed back.
-        period : float, optional
-            Seconds between commands; the model's sampling period when not given.
-        schedule : {"auto", "region", "mean"}, optional
-            Whether every region has its law; ``"auto"``: where one of them rests at the set point, else one law for
-            all, of the mean of the regions.
-
-        Returns
-        -------
-        Controller
-
-        Raises
-        ------
-        ModelError
-            Names that the model has not, weights that cannot be, modes that no input reaches, a model that looks back.
-
-        Examples
-        --------
-        >>> import numpy as np, fleetfoot as ff
-        >>> t, random = np.arange(0, 20, 0.01), np.random.default_rng(0)
-        >>> u = np.repeat(random.normal(size=40), 50)
-        >>> v = np.cumsum(u) * 0.01
-        >>> x = np.cumsum(np.append(0, v[:-1])) * 0.01
-        >>> mass = ff.PWA(target="next").fit(np.column_stack([x, v]), t, u=u, feature_names=["x", "v"], input_names=["u"]).model_
-        >>> controller = mass.lqr({"x": 1.0})
-        >>> controller
-        Controller(u by x, v; 1 law)
-        >>> controller.gains.shape, controller.regions[0]["radius"] < 1
-        ((1, 1, 2), True)
-        """
-
-        def pairs(named: Mapping[str, float] | None) -> str | None:
-            return None if named is None else ",".join(f"{name}={float(value)!r}" for name, value in named.items())
-
-        ranges = {name: (float(low), float(high)) for name, (low, high) in (limits or {}).items()}
-        control = _recipe.said(
-            setpoint=pairs(setpoint),
-            q=pairs(q),
-            r=pairs(r),
-            integral=pairs(integral),
-            limits=",".join(f"{name}={low!r}:{high!r}" for name, (low, high) in ranges.items()) or None,
-            drive=None if drive is None else ",".join(drive),
-            free=None if free is None else ",".join(free),
-            period=period,
-            schedule=schedule,
-        )
-        return Controller(self._core.control_lqr(_recipe.to_json({"control": control})))
 
     # -- at points
 

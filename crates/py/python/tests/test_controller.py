@@ -37,6 +37,9 @@ def test_the_gain_is_that_of_scipy(mass):
 def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
     law = mass.lqr({"x": 1.0}, integral={"x": 2.0}, limits={"u": (-1, 1)})
     law.save(tmp_path / "law.json")
+    assert (tmp_path / "law.json").read_text() == law.to_json()
+    with pytest.raises(ff.exceptions.WriteError):
+        law.save(tmp_path / "nowhere" / "law.json")
     for other in (pickle.loads(pickle.dumps(law)), copy.deepcopy(law)):
         assert other.to_json() == law.to_json() and (other.gains == law.gains).all()
     t = np.arange(0, 10, 0.01)
