@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Source, packed, packed_row};
+use fleetfoot_data::{Source, packed_row};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Latent, Model, Partition, Region, TrainedEpisode, Training};
 use fleetfoot_stats::SquareRoot;
@@ -111,12 +111,7 @@ pub(crate) fn described(
     let p = regressors;
     let mut covariance = vec![f64::NAN; packed_row(p)];
     if let Some(root) = root {
-        for i in 0..p {
-            for j in 0..=i {
-                let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
-                covariance[packed(i, j)] = product / root.weight;
-            }
-        }
+        covariance.iter_mut().zip(root.scatter(0..p)).for_each(|(entry, product)| *entry = product / root.weight);
     }
     Region {
         name,

@@ -3,14 +3,20 @@
 use crate::{
     Penalty, Quadratic, Solution, SparseError, Strength,
     descent::{Small, violation},
+    kernel::Slab,
     path::{Point, finish},
     penalty::{Weights, check_ratio, check_strength, check_tolerance},
     pivoting::{MANY, Pivots},
+    products::Products,
     residual::Residual,
 };
 
 /// Columns that join the working set at once, at least.
 const JOIN: usize = 32;
+/// One in this many columns of a working set may be there for nothing.
+const SPARE: usize = 4;
+/// Rows and columns that are mirrored at once.
+const MIRROR: usize = 32;
 /// Exchanges of blocks before sweeps are the way.
 const EXCHANGES: usize = 50;
 /// The least violation, as a correlation, that is more than rounding.
@@ -168,13 +174,32 @@ struct Descent<'a> {
     weights: &'a Weights,
     left: Residual<'a>,
     pivots: Pivots,
+    /// Products of the columns of the last working set.
+    formed: Formed,
     /// Strength of the solution that the coefficients are.
     l1: f64,
 }
 
+/// The Gram matrix of a working set, and what it was made for. It stays where it is while columns join.
+#[derive(Default)]
+struct Formed {
+    working: Vec<usize>,
+    /// Weight of the squares on its diagonal.
+    l2: f64,
+    matrix: Slab,
+    /// Room for the next one.
+    room: Vec<f64>,
+}
+
 impl<'a> Descent<'a> {
     fn new(problem: &'a Quadratic, weights: &'a Weights) -> Self {
-        Self { weights, left: Residual::new(problem), pivots: Pivots::default(), l1: f64::INFINITY }
+        Self {
+            weights,
+            left: Residual::new(problem),
+            pivots: Pivots::default(),
+            formed: Formed::default(),
+            l1: f64::INFINITY,
+        }
     }
 
     /// Goes on from these coefficients, in raw units.
@@ -205,7 +230,10 @@ impl<'a> Descent<'a> {
         } else {
             (0..p).filter(|&j| self.weights.used(j) && (limit[j] == 0.0 || self.left.delta[j] != 0.0)).collect()
         };
+        self.keep(&mut working);
         self.l1 = l1;
+        let mut works = vec![false; p];
+        working.iter().for_each(|&j| works[j] = true);
         // A violation as large as the penalty itself would be no solution.
         let least = limit.iter().copied().filter(|limit| *limit > 0.0).fold(f64::INFINITY, f64::min);
         let tolerance = options.tolerance.min((0.01 * least).max(MOST_EXACT));
@@ -220,6 +248,7 @@ impl<'a> Descent<'a> {
                 false => None,
             };
             let used = exchanged.unwrap_or_else(|| small.minimise(&mut delta, 0.5 * tolerance, epochs).1);
+            self.formed.matrix = small.matrix;
             working.iter().zip(&delta).for_each(|(&j, &delta)| self.left.delta[j] = delta);
             self.left.refresh();
             epochs -= used.min(epochs);
@@ -237,7 +266,8 @@ impl<'a> Descent<'a> {
             broken.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             let before = working.len();
             for (_, j) in broken {
-                if working.len() - before < before.max(JOIN) && !working.contains(&j) {
+                if working.len() - before < before.max(JOIN) && !works[j] {
+                    works[j] = true;
                     working.push(j);
                 }
             }
@@ -249,15 +279,54 @@ impl<'a> Descent<'a> {
         }
     }
 
+    /// Where products are made pair by pair: the last working set with the new columns behind it, unless many of it are not wanted any more. More columns than
+    /// are needed do no harm, and the matrix of the others need not be made anew.
+    fn keep(&self, working: &mut Vec<usize>) {
+        if !matches!(self.left.products, Products::Pairs { .. }) {
+            return;
+        }
+        let mut wanted = vec![false; self.left.problem.columns()];
+        working.iter().for_each(|&j| wanted[j] = true);
+        let last = &self.formed.working;
+        let unwanted = last.iter().filter(|&&j| !wanted[j]).count();
+        if unwanted * SPARE <= last.len() {
+            last.iter().for_each(|&j| wanted[j] = false);
+            working.retain(|&j| wanted[j]);
+            working.splice(0..0, last.iter().copied());
+        }
+    }
+
     /// The problem in the columns of the working set; all others are zero.
     fn small(&mut self, working: &[usize], limit: &[f64], l2: f64) -> Small {
-        self.left.products.form(working);
-        let mut matrix = crate::kernel::Slab::zeros(working.len(), working.len());
-        for (at, &j) in working.iter().enumerate() {
+        let products = &mut self.left.products;
+        products.form(working);
+        let formed = &mut self.formed;
+        let same = formed.working.iter().zip(working).take_while(|(a, b)| a == b).count();
+        let known = if formed.l2 == l2 { same } else { 0 };
+        let mut matrix = Slab::in_room(std::mem::take(&mut formed.room), working.len(), working.len());
+        for at in 0..known {
+            matrix.column_mut(at)[..known].copy_from_slice(&formed.matrix.column(at)[..known]);
+        }
+        for (at, &j) in working.iter().enumerate().skip(known) {
             let column = matrix.column_mut(at);
-            self.left.products.with(j, working, column);
+            products.with(j, working, column);
             column[at] += l2 * self.weights.rho[j];
         }
+        // What is known of the others stands in the columns that are new.
+        for (at, block) in
+            (0..known).step_by(MIRROR).flat_map(|at| (known..working.len()).step_by(MIRROR).map(move |row| (at, row)))
+        {
+            for row in block..(block + MIRROR).min(working.len()) {
+                for column in at..(at + MIRROR).min(known) {
+                    let value = matrix.column(row)[column];
+                    matrix.column_mut(column)[row] = value;
+                }
+            }
+        }
+        let last = std::mem::take(&mut formed.matrix);
+        (formed.room, formed.l2) = (last.into_room(), l2);
+        formed.working.clear();
+        formed.working.extend_from_slice(working);
         let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();
         target.resize(matrix.stride(), 0.0);
         Small {

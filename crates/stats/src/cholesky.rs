@@ -1,8 +1,19 @@
 //! Cholesky factorisation with diagonal pivoting.
 
+use std::ops::Range;
+
+use faer::{Accum, Mat, MatMut, Par, linalg::matmul::matmul};
+use fleetfoot_data::checkpoint;
 use pulp::{Simd, WithSimd};
 
 use crate::kernel::{Slab, dot_in, padded};
+
+/// Pivots between which the other columns are brought up to date at once, where there are many.
+const PANEL: usize = 64;
+/// Columns from which on that is faster: each pivot alone reads all of the factor.
+const MANY: usize = 256;
+/// Columns that one thread takes at once.
+const PIECE: usize = 128;
 
 /// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns up to what was set aside, and `C^-T` times the
 /// columns behind them.
@@ -26,16 +37,50 @@ impl PivotedCholesky {
         let mut found =
             Self { order: Vec::with_capacity(p), factor: Slab::zeros(p, d), left: diagonal.clone(), least: 1.0 };
         let mut open: Vec<usize> = (0..p).collect();
+        if p >= MANY {
+            found.by_panels(&mut open, p, &diagonal, entry, floor);
+            return found;
+        }
+        while let Some(pivot) = found.next(&mut open, &diagonal, floor) {
+            pulp::Arch::new().dispatch(Eliminate { found: &mut found, entry: &entry, pivot, open: &open, p, from: 0 });
+        }
+        found
+    }
+
+    /// Takes the next pivot out of the open columns; `None` where no more than its floor is left of any.
+    fn next(&mut self, open: &mut Vec<usize>, diagonal: &[f64], floor: &[f64]) -> Option<usize> {
+        let share = |k: usize| if self.left[k] > floor[k] { self.left[k] / diagonal[k] } else { 0.0 };
+        let best = (0..open.len()).reduce(|best, at| if share(open[at]) > share(open[best]) { at } else { best })?;
+        let share = share(open[best]);
+        (share > 0.0).then(|| {
+            self.least = self.least.min(share);
+            open.remove(best)
+        })
+    }
+
+    /// The same pivots; what is left of the matrix is formed anew after every [`PANEL`] of them.
+    fn by_panels(
+        &mut self,
+        open: &mut Vec<usize>,
+        p: usize,
+        diagonal: &[f64],
+        entry: impl Fn(usize, usize) -> f64,
+        floor: &[f64],
+    ) {
+        let behind = p..diagonal.len();
+        let mut left = Remainder::new(open, behind.clone(), |columns| {
+            let value = |i: usize, j: usize| if i >= j { entry(columns[i], columns[j]) } else { 0.0 };
+            Slab::from_fn(columns.len(), open.len(), value)
+        });
         loop {
-            let share = |k: usize| if found.left[k] > floor[k] { found.left[k] / diagonal[k] } else { 0.0 };
-            let best = (0..open.len()).reduce(|best, at| if share(open[at]) > share(open[best]) { at } else { best });
-            let Some((best, share)) = best.map(|best| (best, share(open[best]))).filter(|&(_, share)| share > 0.0)
-            else {
-                return found;
-            };
-            found.least = found.least.min(share);
-            let pivot = open.remove(best);
-            pulp::Arch::new().dispatch(Eliminate { found: &mut found, entry: &entry, pivot, open: &open, p });
+            let from = self.order.len();
+            for _ in 0..PANEL {
+                let Some(pivot) = self.next(open, diagonal, floor) else { return };
+                let entry = |i: usize, j: usize| left.entry(i, j);
+                pulp::Arch::new().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
+            }
+            checkpoint();
+            left = left.without(open, behind.clone(), |j| &self.factor.column(j)[from..from + PANEL]);
         }
     }
 
@@ -52,6 +97,8 @@ struct Eliminate<'a, E> {
     pivot: usize,
     open: &'a [usize],
     p: usize,
+    /// The first row that `entry` does not know of.
+    from: usize,
 }
 
 impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
@@ -59,14 +106,14 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { found, entry, pivot, open, p } = self;
+        let Self { found, entry, pivot, open, p, from } = self;
         let row = found.order.len();
         let root = found.left[pivot].sqrt();
         let known = padded(row);
-        let above = found.factor.column(pivot)[..known].to_vec();
+        let above = found.factor.column(pivot)[from..known].to_vec();
         for j in open.iter().copied().chain(p..found.left.len()) {
             let column = found.factor.column_mut(j);
-            let value = (entry(pivot, j) - dot_in(simd, &above, &column[..known])) / root;
+            let value = (entry(pivot, j) - dot_in(simd, &above, &column[from..known])) / root;
             column[row] = value;
             found.left[j] -= value * value;
         }
@@ -76,12 +123,84 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
     }
 }
 
+/// What some pivots leave of a symmetric matrix, in the columns that are open and those behind.
+struct Remainder {
+    /// Place of a column among the open ones and those behind; no place for those that are done.
+    place: Vec<usize>,
+    /// The open columns down to the last of those behind; what stands above the diagonal means nothing.
+    values: Slab,
+}
+
+impl Remainder {
+    fn new(open: &[usize], behind: Range<usize>, values: impl FnOnce(&[usize]) -> Slab) -> Self {
+        let mut place = vec![usize::MAX; behind.end];
+        let columns: Vec<usize> = open.iter().copied().chain(behind).collect();
+        columns.iter().enumerate().for_each(|(at, &column)| place[column] = at);
+        let values = values(&columns);
+        Self { place, values }
+    }
+
+    /// Of an open column and another one.
+    fn entry(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = (self.place[i], self.place[j]);
+        self.values.column(i.min(j))[i.max(j)]
+    }
+
+    /// The remainder of the columns that are still open, given the rows that every column of the factor got.
+    fn without<'f>(&self, open: &[usize], behind: Range<usize>, rows: impl Fn(usize) -> &'f [f64]) -> Self {
+        Self::new(open, behind, |columns| {
+            let count = columns.len();
+            let panel = Mat::from_fn(PANEL, count, |row, at| rows(columns[at])[row]);
+            let mut left = Slab::zeros(count, open.len());
+            let stride = left.stride();
+            left.fill_columns(PIECE, |first, values| {
+                let width = values.len() / stride;
+                for (at, column) in (first..).zip(values.chunks_exact_mut(stride)) {
+                    (at..count).for_each(|i| column[i] = self.entry(columns[i], columns[at]));
+                }
+                let below = MatMut::from_column_major_slice_mut(values, stride, width);
+                let below = below.submatrix_mut(first, 0, count - first, width);
+                let (all, own) = (panel.as_ref().subcols(first, count - first), panel.as_ref().subcols(first, width));
+                matmul(below, Accum::Add, all.transpose(), own, -1.0, Par::Seq);
+                Vec::<()>::new()
+            });
+            left
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn value(i: usize, j: usize) -> f64 {
         (0.7 * (i * (j + 1)) as f64 + 0.3 * j as f64).sin()
+    }
+
+    #[test]
+    fn panels_make_the_same_factor() {
+        // More columns than rows: only so many are independent; right-hand sides stand behind.
+        for (n, p, d) in [(400, 300, 303), (190, 280, 281)] {
+            let x = |i: usize, j: usize| {
+                (0.7 * (i * (j + 1)) as f64 + 1.3 * (j * j) as f64).sin() + if i == j { 3.0 } else { 0.0 }
+            };
+            let columns: Vec<Vec<f64>> = (0..d).map(|j| (0..n).map(|i| x(i, j)).collect()).collect();
+            let product = |a: usize, b: usize| columns[a].iter().zip(&columns[b]).map(|(a, b)| a * b).sum::<f64>();
+            let floor: Vec<f64> = (0..p).map(|k| 1e-10 * product(k, k)).collect();
+            let found = PivotedCholesky::new(p, d, product, &floor);
+            assert_eq!(found.rank(), n.min(p));
+            let made = |a: usize, b: usize| -> f64 {
+                found.factor.column(a).iter().zip(found.factor.column(b)).map(|(a, b)| a * b).sum()
+            };
+            for a in (0..d).step_by(7) {
+                for &b in found.order.iter().step_by(5) {
+                    assert!((made(a, b) - product(a, b)).abs() < 1e-10 * n as f64, "{a} {b}");
+                }
+            }
+            for (at, &column) in found.order.iter().enumerate() {
+                assert!(found.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
+            }
+        }
     }
 
     #[test]
@@ -106,6 +225,16 @@ mod tests {
         for (at, &column) in found.order.iter().enumerate() {
             assert!(found.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
         }
+        // By panels the pivots are the same.
+        let mut other = PivotedCholesky {
+            order: Vec::new(),
+            factor: Slab::zeros(p, d),
+            left: (0..d).map(|k| product(k, k)).collect(),
+            least: 1.0,
+        };
+        let diagonal = other.left.clone();
+        other.by_panels(&mut (0..p).collect(), p, &diagonal, product, &floor);
+        assert_eq!((&other.order, other.factor.column(2)), (&found.order, found.factor.column(2)));
         let last = found.factor.column(found.order[9])[9].powi(2) / product(found.order[9], found.order[9]);
         assert!((found.least / last - 1.0).abs() < 1e-6);
     }

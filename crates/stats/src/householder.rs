@@ -1,13 +1,17 @@
 //! Orthogonal reductions: rows folded into a triangle, and the rank-revealing factorisation of a triangle.
 //!
+//! What does not stay in a processor's cache is reduced by blocks of reflectors (`blocked`).
+//!
 //! faer's unpivoted QR (0.24) drops columns whose remainder is below `16 n eps`, so that its R is an echelon form. A remainder of
 //! `1e-12` is data here, and the decision about rank is taken elsewhere, once, with the noise of every column at hand.
 
 use faer::Mat;
-use fleetfoot_data::checkpoint;
+use fleetfoot_data::{checkpoint, parallel_pieces};
 use pulp::{Simd, WithSimd};
 
 use crate::kernel::{self, LANES, Slab, add_scaled_in, dot_in, norm, padded};
+
+mod blocked;
 
 /// The reflector `I - beta u u'`, `u = (1, v / first)`, that sends (alpha, v) to (-sign(alpha) length, 0).
 struct Reflection {
@@ -47,32 +51,47 @@ pub fn reflector(x: &mut [f64]) -> Option<(f64, f64)> {
 /// Diagonal entries come out not negative.
 pub fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
     assert_eq!(r.ncols(), rows.columns(), "the same columns");
-    pulp::Arch::new().dispatch(Fold { r, rows });
+    if blocked::pays(rows) {
+        return blocked::fold_rows(r, rows);
+    }
+    let (to, until) = (r.nrows(), r.ncols());
+    pulp::Arch::new().dispatch(Fold { r, rows, from: 0, to, until });
+    rows.values[..to * rows.stride].fill(0.0);
 }
 
+/// What a step of [`Fold`] did: the factor of its reflector (0: none), and what it then multiplied its row of the triangle by.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    beta: f64,
+    sign: f64,
+}
+
+/// The reflectors of the columns `from..to`, applied to the columns before `until`; their vectors are left in the rows, without their leading ones.
 struct Fold<'a> {
     r: &'a mut Mat<f64>,
     rows: &'a mut Slab,
+    from: usize,
+    to: usize,
+    until: usize,
 }
 
 impl WithSimd for Fold<'_> {
-    type Output = ();
+    type Output = Vec<Step>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { r, rows } = self;
-        let (stride, d) = (rows.stride, rows.columns());
-        for k in 0..r.nrows() {
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<Step> {
+        let Self { r, rows, from, to, until } = self;
+        let stride = rows.stride;
+        let step = |k: usize| {
             checkpoint();
             let (head, tail) = rows.values.split_at_mut((k + 1) * stride);
             let v = &mut head[k * stride..];
             let squares = dot_in(simd, v, v);
             let below = if (1e-280..1e280).contains(&squares) { squares.sqrt() } else { norm(&*v) };
             if below == 0.0 {
-                if r[(k, k)] < 0.0 {
-                    (k..d).for_each(|j| r[(k, j)] = -r[(k, j)]);
-                }
-                continue;
+                let sign = if r[(k, k)] < 0.0 { -1.0 } else { 1.0 };
+                (k..until).for_each(|j| r[(k, j)] *= sign);
+                return Step { beta: 0.0, sign };
             }
             let alpha = r[(k, k)];
             let Reflection { length, first, beta } = Reflection::of(alpha, below);
@@ -80,13 +99,14 @@ impl WithSimd for Fold<'_> {
             // The reflector sends the column to -sign(alpha) length; the whole row changes sign where that would be negative.
             let sign = if alpha.is_sign_negative() { 1.0 } else { -1.0 };
             r[(k, k)] = length;
-            for (j, column) in (k + 1..d).zip(tail.chunks_exact_mut(stride)) {
+            for (j, column) in (k + 1..until).zip(tail.chunks_exact_mut(stride)) {
                 let step = beta * (r[(k, j)] + dot_in(simd, v, column));
                 r[(k, j)] = sign * (r[(k, j)] - step);
                 add_scaled_in(simd, -step, v, column);
             }
-            head[k * stride..].fill(0.0);
-        }
+            Step { beta, sign }
+        };
+        (from..to).map(step).collect()
     }
 }
 
@@ -95,38 +115,50 @@ impl WithSimd for Fold<'_> {
 ///
 /// A staircase has few rows to reflect: columns taken out of a triangle, or rows of a diagonal between those of a triangle.
 pub fn reduce_columns(values: &mut Slab, last: &[usize]) {
-    pulp::Arch::new().dispatch(Reduce { values, last });
+    if blocked::pays(values) {
+        return blocked::reduce_columns(values, last);
+    }
+    let until = values.columns();
+    let mut v = vec![0.0; values.stride()];
+    for (column, &last) in last.iter().enumerate() {
+        pulp::Arch::new().dispatch(Reduce { values, v: &mut v, column, last, until });
+    }
 }
 
+/// The reflector of a column that ends at the row `last`, applied to the columns before `until`. Its vector is written to v (whole vectors around its rows),
+/// its factor is the answer: 0 where there is none, and v then means nothing.
 struct Reduce<'a> {
     values: &'a mut Slab,
-    last: &'a [usize],
+    v: &'a mut [f64],
+    column: usize,
+    last: usize,
+    until: usize,
 }
 
 impl WithSimd for Reduce<'_> {
-    type Output = ();
+    type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { values, last } = self;
-        let (columns, stride) = (values.columns(), values.stride());
-        let mut v = vec![0.0; stride];
-        for (i, &last) in last.iter().enumerate().filter(|&(i, &last)| last > i) {
-            checkpoint();
-            // Whole vectors around the rows of the reflector; it is zero in the others.
-            let (from, to) = (i / LANES * LANES, padded(last + 1));
-            v[from..to].fill(0.0);
-            v[i..=last].copy_from_slice(&values.column(i)[i..=last]);
-            let Some((diagonal, beta)) = reflector(&mut v[i..=last]) else { continue };
-            let column = values.column_mut(i);
-            column[i..=last].fill(0.0);
-            column[i] = diagonal;
-            for j in i + 1..columns {
-                let column = &mut values.column_mut(j)[from..to];
-                let step = beta * dot_in(simd, &v[from..to], column);
-                add_scaled_in(simd, -step, &v[from..to], column);
-            }
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { values, v, column: i, last, until } = self;
+        if last <= i {
+            return 0.0;
         }
+        checkpoint();
+        // Whole vectors around the rows of the reflector; it is zero in the others.
+        let (from, to) = (i / LANES * LANES, padded(last + 1));
+        v[from..to].fill(0.0);
+        v[i..=last].copy_from_slice(&values.column(i)[i..=last]);
+        let Some((diagonal, beta)) = reflector(&mut v[i..=last]) else { return 0.0 };
+        let column = values.column_mut(i);
+        column[i..=last].fill(0.0);
+        column[i] = diagonal;
+        for j in i + 1..until {
+            let column = &mut values.column_mut(j)[from..to];
+            let step = beta * dot_in(simd, &v[from..to], column);
+            add_scaled_in(simd, -step, &v[from..to], column);
+        }
+        beta
     }
 }
 
@@ -146,44 +178,94 @@ pub(crate) struct Pivoted {
 /// `threshold`; `rhs` (m x q) is carried along.
 ///
 /// The remaining lengths are computed anew in every step: a third more work than updating them, and no cancellation.
-pub(crate) fn pivoted_qr(mut a: Mat<f64>, mut rhs: Mat<f64>, threshold: f64) -> Pivoted {
+pub(crate) fn pivoted_qr(a: &Mat<f64>, rhs: &Mat<f64>, threshold: f64) -> Pivoted {
     let (m, p) = a.shape();
+    let entry = |i: usize, j: usize| if j < p { a[(i, j)] } else { rhs[(i, j - p)] };
+    let mut values = Slab::from_fn(m, p + rhs.ncols(), entry);
+    let mut lengths: Vec<f64> = (0..p).map(|j| norm(&values.column(j)[..m])).collect();
     let mut order: Vec<usize> = (0..p).collect();
+    let mut u = vec![0.0; values.stride()];
     let mut rank = 0;
     while rank < p.min(m) {
         checkpoint();
         let k = rank;
-        let mut best = (k, 0.0);
-        for j in k..p {
-            let length = norm(&a.col_as_slice(j)[k..]);
-            if length > best.1 {
-                best = (j, length);
-            }
-        }
-        let (pivot, length) = best;
+        let longest = |best: (usize, f64), j: usize| if lengths[j] > best.1 { (j, lengths[j]) } else { best };
         // NaN is never the longest.
+        let (pivot, length) = (k..p).fold((k, 0.0), longest);
         if length <= threshold || !length.is_finite() {
             break;
         }
-        if pivot != k {
-            order.swap(k, pivot);
-            for i in 0..m {
-                (a[(i, k)], a[(i, pivot)]) = (a[(i, pivot)], a[(i, k)]);
-            }
-        }
-        let mut u = a.col_as_slice(k)[k..].to_vec();
-        let alpha = u[0];
+        order.swap(k, pivot);
+        lengths.swap(k, pivot);
+        values.swap_columns(k, pivot);
+        u[..k].fill(0.0);
+        u[k..m].copy_from_slice(&values.column(k)[k..m]);
+        let alpha = u[k];
         let first = alpha + length.copysign(alpha);
-        u[0] = first;
-        u.iter_mut().for_each(|value| *value /= first);
-        let beta = 2.0 / u.iter().map(|value| value * value).sum::<f64>();
-        a.col_as_slice_mut(k)[k + 1..].fill(0.0);
-        a[(k, k)] = -length.copysign(alpha);
-        (k + 1..p).for_each(|j| reflect(&u, beta, &mut a.col_as_slice_mut(j)[k..]));
-        (0..rhs.ncols()).for_each(|j| reflect(&u, beta, &mut rhs.col_as_slice_mut(j)[k..]));
+        u[k] = first;
+        u[k..m].iter_mut().for_each(|value| *value /= first);
+        let beta = 2.0 / u[k..m].iter().map(|value| value * value).sum::<f64>();
+        let column = values.column_mut(k);
+        column[k + 1..].fill(0.0);
+        column[k] = -length.copysign(alpha);
+        let reflected = reflect_behind(&mut values, &u, beta, k);
+        lengths[k + 1..].copy_from_slice(&reflected[..p - k - 1]);
         rank += 1;
     }
-    Pivoted { order, rank, r: a, rhs }
+    let r = Mat::from_fn(m, p, |i, j| values.column(j)[i]);
+    Pivoted { order, rank, r, rhs: Mat::from_fn(m, rhs.ncols(), |i, t| values.column(p + t)[i]) }
+}
+
+/// Applies `I - beta u u'` to the columns behind k; the lengths of what then stands below row k. Many columns go on all threads.
+fn reflect_behind(values: &mut Slab, u: &[f64], beta: f64, k: usize) -> Vec<f64> {
+    let (m, stride) = (values.rows(), values.stride());
+    let many = values.columns() >= MANY;
+    let behind = &mut values.values[(k + 1) * stride..];
+    if !many {
+        let reflected = behind.chunks_exact_mut(stride).map(|column| {
+            reflect(&u[k..m], beta, &mut column[k..m]);
+            norm(&column[k + 1..m])
+        });
+        return reflected.collect();
+    }
+    let lengths = parallel_pieces(behind, PIECE * stride, |_, columns| {
+        pulp::Arch::new().dispatch(ReflectBehind { columns, u, beta, k })
+    });
+    lengths.concat()
+}
+
+/// Columns from which on they are reflected by all threads, and columns that one of them takes at once.
+const MANY: usize = 256;
+const PIECE: usize = 128;
+
+struct ReflectBehind<'a> {
+    /// Padded columns.
+    columns: &'a mut [f64],
+    /// Padded, zero before k.
+    u: &'a [f64],
+    beta: f64,
+    k: usize,
+}
+
+impl WithSimd for ReflectBehind<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
+        let Self { columns, u, beta, k } = self;
+        // Whole vectors: u is zero in what stands before k.
+        let (from, below) = (k / LANES * LANES, padded(k + 1));
+        let mut lengths = Vec::with_capacity(columns.len() / u.len());
+        for column in columns.chunks_exact_mut(u.len()) {
+            let step = beta * dot_in(simd, &u[from..], &column[from..]);
+            add_scaled_in(simd, -step, &u[from..], &mut column[from..]);
+            let first: f64 = column[k + 1..below].iter().map(|value| value * value).sum();
+            let squares = first + dot_in(simd, &column[below..], &column[below..]);
+            let plain = (1e-280..1e280).contains(&squares);
+            lengths.push(if plain { squares.sqrt() } else { norm(&column[k + 1..]) });
+        }
+        lengths
+    }
 }
 
 /// `x -= beta u (u'x)`, with u scaled so that its first entry is 1.
@@ -283,7 +365,7 @@ mod tests {
     #[test]
     fn pivoting_finds_the_rank_and_the_condition_is_near() {
         let a = Mat::from_fn(6, 4, |i, j| if j == 2 { value(i, 0) - 2.0 * value(i, 1) } else { value(i, j) });
-        let found = pivoted_qr(a.clone(), Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
+        let found = pivoted_qr(&a, &Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
         assert_eq!(found.rank, 3);
         for k in 0..4 {
             for l in 0..4 {
@@ -291,6 +373,21 @@ mod tests {
                 let direct: f64 = (0..6).map(|i| a[(i, u)] * a[(i, v)]).sum();
                 let factored: f64 = (0..3).map(|i| found.r[(i, k)] * found.r[(i, l)]).sum();
                 assert!((direct - factored).abs() < 1e-13);
+            }
+        }
+        // Many columns, of which but some are independent: the same products.
+        let (m, p, rank) = (301, 290, 40);
+        let wave = |i: usize, k: usize| (0.731 * (i * (2 * k + 3)) as f64).sin();
+        let of = |i: usize, j: usize| (0..rank).map(|k| wave(i, k) * wave(j, k + 1)).sum::<f64>();
+        let wide = Mat::from_fn(m, p, of);
+        let found = pivoted_qr(&wide, &Mat::zeros(m, 0), 1e-9);
+        assert_eq!(found.rank, rank);
+        for k in (0..p).step_by(17) {
+            for l in (0..p).step_by(13) {
+                let (u, v) = (found.order[k], found.order[l]);
+                let direct: f64 = (0..m).map(|i| wide[(i, u)] * wide[(i, v)]).sum();
+                let factored: f64 = (0..rank).map(|i| found.r[(i, k)] * found.r[(i, l)]).sum();
+                assert!((direct - factored).abs() < 1e-10 * direct.abs().max(1.0), "{direct} {factored}");
             }
         }
         // [1 c; 0 s] with c^2 + s^2 = 1 has singular values sqrt(1 +- c).

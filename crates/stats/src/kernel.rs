@@ -29,11 +29,31 @@ pub struct Slab {
     pub(crate) values: Vec<f64>,
 }
 
+impl Default for Slab {
+    /// 0 x 0.
+    fn default() -> Self {
+        Self::zeros(0, 0)
+    }
+}
+
 impl Slab {
     /// Zeros, n x p.
     pub fn zeros(rows: usize, columns: usize) -> Self {
         let stride = padded(rows).max(LANES);
         Self { rows, stride, values: vec![0.0; stride * columns] }
+    }
+
+    /// Zeros, n x p, in the place of values that are not needed any more.
+    pub fn in_room(mut values: Vec<f64>, rows: usize, columns: usize) -> Self {
+        let stride = padded(rows).max(LANES);
+        values.clear();
+        values.resize(stride * columns, 0.0);
+        Self { rows, stride, values }
+    }
+
+    /// The place of its values, for another one.
+    pub fn into_room(self) -> Vec<f64> {
+        self.values
     }
 
     /// From its entries, n x p.
@@ -101,6 +121,15 @@ impl Slab {
         debug_assert_eq!((x.len(), target.len()), (self.columns(), self.stride));
         let first = (first / LANES * LANES).min(self.stride);
         pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target });
+    }
+
+    /// Exchanges two columns.
+    pub fn swap_columns(&mut self, j: usize, k: usize) {
+        let (first, last) = (j.min(k), j.max(k));
+        if first != last {
+            let (head, tail) = self.values.split_at_mut(last * self.stride);
+            head[first * self.stride..(first + 1) * self.stride].swap_with_slice(&mut tail[..self.stride]);
+        }
     }
 
     /// Exchanges two rows.
@@ -217,6 +246,28 @@ pub fn solve_upper_transposed<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [
         let known: f64 = x[..k].iter().zip(entries).map(|(x, r)| x * r).sum();
         x[k] = (x[k] - known) / entries[k];
     }
+}
+
+/// The least length of `R diag(1/units) x` over unit x for an upper triangle R, given by its columns, from above and usually within a factor of two: inverse
+/// iteration. As many columns as there are units; 0 where one has nothing on the diagonal.
+pub fn least_length<'r>(column: impl Fn(usize) -> &'r [f64], units: &[f64]) -> f64 {
+    let k = units.len();
+    if (0..k).any(|j| column(j)[j] == 0.0) {
+        return 0.0;
+    }
+    // A start with a component along everything, the same every time.
+    let mut x: Vec<f64> =
+        (0..k).map(|i| if i.is_multiple_of(2) { 1.0 } else { -1.0 } * (1.0 + 0.1 * (i % 7) as f64)).collect();
+    let mut growth = f64::MIN_POSITIVE;
+    for _ in 0..4 {
+        let length = norm(x.iter().copied());
+        x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit / length);
+        solve_upper_transposed(&column, &mut x);
+        solve_upper(&column, &mut x);
+        x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit);
+        growth = norm(x.iter().copied());
+    }
+    growth.sqrt().recip()
 }
 
 /// `x <- U^-1 x` and `y <- U^-1 y` for an upper triangle, column by column.

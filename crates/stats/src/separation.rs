@@ -4,8 +4,13 @@ use faer::Mat;
 
 use crate::{
     householder::{Pivoted, condition, pivoted_qr, solve_upper},
-    kernel::norm,
+    kernel::{least_length, norm},
 };
+
+/// How far above its noise, in all directions, a triangle has to stand for its columns to be told apart without pivoting.
+const CLEAR: f64 = 8.0;
+/// Columns from which on that is asked first: pivoting reads all of the triangle again for each of them.
+const MANY: usize = 256;
 
 /// A triangle factored by column-pivoted QR in units of its columns' noise.
 pub(crate) struct Separation {
@@ -22,14 +27,22 @@ pub(crate) struct Separation {
     constant: Vec<bool>,
 }
 
-/// Separates the columns of `r` (m x p). `noise[j] > 0` is the length below which column j is rounding.
+/// Separates the columns of `r` (m x p, upper triangular). `noise[j] > 0` is the length below which column j is rounding.
 ///
 /// Dividing every column by its noise makes the noise of all directions 1: a pivot below 1 is rounding and nothing else. The decision
-/// does not depend on the units of the columns.
+/// does not depend on the units of the columns. No pivot is shorter than the least singular value: many columns that stand clear of their noise in all
+/// directions are a triangle already, and stay in their order.
 pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation {
     let constant: Vec<bool> = (0..r.ncols()).map(|j| norm(r.col_as_slice(j)) <= noise[j]).collect();
     let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| if constant[j] { 0.0 } else { r[(i, j)] / noise[j] });
-    let Pivoted { order, rank, r, rhs } = pivoted_qr(scaled, rhs, 1.0);
+    let p = r.ncols();
+    let ones = vec![1.0; p];
+    let clear = p >= MANY && r.nrows() >= p && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
+    let Pivoted { order, rank, r, rhs } = if clear {
+        Pivoted { order: (0..p).collect(), rank: p, r: scaled, rhs }
+    } else {
+        pivoted_qr(&scaled, &rhs, 1.0)
+    };
     let condition = condition(&r, rank);
     Separation { order, rank, r, rhs, condition, constant }
 }

@@ -1,12 +1,19 @@
 //! The square-root form of a least-squares problem: an R factor with Q'y ("compressed data").
 
-use faer::{Mat, MatRef};
+use std::ops::Range;
+
+use faer::{Accum, Mat, MatMut, MatRef, Par, linalg::matmul::matmul};
+use fleetfoot_data::packed_row;
 
 use crate::{
     Gram, PivotedCholesky, Preconditioner,
     householder::{condition, fold_rows},
     kernel::{Slab, norm},
 };
+
+/// Columns from which on products of triangles are those of matrices, and columns of them that one thread takes at once.
+const MANY: usize = 256;
+const PIECE: usize = 128;
 
 /// Rounding of a column of an R factor of p columns, relative to the size of the numbers it was made from.
 ///
@@ -138,7 +145,8 @@ impl Preconditioner {
         for k in 0..p + q {
             // Only the targets' own diagonal stands below row p.
             let raw = self.order().get(k).copied().unwrap_or(k);
-            for (i, t) in self.column(k).iter().enumerate().filter(|&(i, _)| i < p || i == k) {
+            let entries = self.column(k).iter().enumerate().filter(|&(i, t)| *t != 0.0 && (i < p || i == k));
+            for (i, t) in entries {
                 add_scaled(stack.column_mut(raw), part(i), *t);
             }
         }
@@ -185,6 +193,34 @@ impl SquareRoot {
     pub fn deviation(&self) -> Vec<f64> {
         let divisor = if self.weight > 0.0 { self.weight.sqrt() } else { 1.0 };
         (0..self.regressors()).map(|j| norm(&self.r.col_as_slice(j)[..=j]) / divisor).collect()
+    }
+
+    /// `R'R`, the centred scatter of some neighbouring regressors: the lower triangle packed, row after row.
+    ///
+    /// # Panics
+    /// When a regressor does not exist.
+    pub fn scatter(&self, columns: Range<usize>) -> Vec<f64> {
+        let count = columns.len();
+        let mut found = Vec::with_capacity(packed_row(count));
+        if count < MANY {
+            for i in columns.clone() {
+                for j in columns.start..=i {
+                    found.push((0..=j).map(|k| self.r[(k, i)] * self.r[(k, j)]).sum());
+                }
+            }
+            return found;
+        }
+        let r = self.r.as_ref().get(..columns.end, columns);
+        let mut product = Slab::zeros(count, count);
+        let stride = product.stride();
+        product.fill_columns(PIECE, |first, values| {
+            let width = values.len() / stride;
+            let part = MatMut::from_column_major_slice_mut(values, stride, width).subrows_mut(0, count);
+            matmul(part, Accum::Replace, r.transpose(), r.subcols(first, width), 1.0, Par::Seq);
+            Vec::<()>::new()
+        });
+        (0..count).for_each(|i| found.extend_from_slice(&product.column(i)[..=i]));
+        found
     }
 
     /// Length of rounding in every column of `r`: `noise * magnitude`, made positive.

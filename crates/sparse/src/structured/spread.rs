@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::packed_row;
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, least_squares};
 
 /// Mean, covariance and rank of functions over the rows of a statistic.
@@ -27,14 +26,8 @@ impl Spread {
     /// When a column does not exist.
     pub fn of(root: &SquareRoot, columns: Range<usize>, factor: f64) -> Self {
         let wanted: Vec<usize> = columns.clone().collect();
-        let count = wanted.len();
-        let mut covariance = Vec::with_capacity(packed_row(count));
-        for i in columns.clone() {
-            for j in columns.start..=i {
-                let product: f64 = (0..=j).map(|k| root.r[(k, i)] * root.r[(k, j)]).sum();
-                covariance.push(product / (root.weight * factor * factor));
-            }
-        }
+        let size = root.weight * factor * factor;
+        let covariance = root.scatter(columns.clone()).into_iter().map(|product| product / size).collect();
         let some = root.select(&wanted);
         let scale: Vec<f64> = some.deviation().iter().map(|&value| if value > 0.0 { value } else { 1.0 }).collect();
         let solution = least_squares(&some, &scale);

@@ -2,7 +2,7 @@
 
 use fleetfoot_stats::householder::reduce_columns;
 
-use crate::kernel::{Slab, norm, solve_upper, solve_upper_transposed};
+use crate::kernel::{Slab, least_length, solve_upper, solve_upper_transposed};
 
 /// `[R z]`: a square upper triangle and its right-hand sides.
 #[derive(Debug, Clone)]
@@ -84,25 +84,9 @@ impl Triangle {
         solve_upper_transposed(|k| self.values.column(k), &mut x[..self.columns]);
     }
 
-    /// The least length of `R diag(1/units) x` over unit x, from above and usually within a factor of two: inverse iteration.
+    /// The least length of `R diag(1/units) x` over unit x, from above and usually within a factor of two.
     pub(super) fn least(&self, units: &[f64]) -> f64 {
-        let k = self.columns;
-        if (0..k).any(|j| self.r(j, j) == 0.0) {
-            return 0.0;
-        }
-        // A start with a component along everything, the same every time.
-        let mut x: Vec<f64> =
-            (0..k).map(|i| if i.is_multiple_of(2) { 1.0 } else { -1.0 } * (1.0 + 0.1 * (i % 7) as f64)).collect();
-        let mut growth = f64::MIN_POSITIVE;
-        for _ in 0..4 {
-            let length = norm(x.iter().copied());
-            x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit / length);
-            self.solve_transposed(&mut x);
-            self.solve(&mut x);
-            x.iter_mut().zip(units).for_each(|(x, unit)| *x *= unit);
-            growth = norm(x.iter().copied());
-        }
-        growth.sqrt().recip()
+        least_length(|k| self.values.column(k), &units[..self.columns])
     }
 }
 
