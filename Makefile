@@ -1,11 +1,13 @@
 # One command for each thing that a developer does. `make test` is what CI runs, together with `make lint`.
 PYTHON ?= python3
-# A fresh one for every run of the tests: the wheel must bring along all that it needs.
+# The package's tests with all their peers; and a fresh one for every run, where the wheel must bring along all that it needs.
 VENV := target/python
+ALONE := target/python-alone
 WHEELS := target/wheels
+DOCS := target/docs
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-all test-rust test-python wheel bench-python lint format clippy doc lint-python docs docs-check bench
+.PHONY: test test-all test-rust test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
 
 test: test-rust test-python
 
@@ -20,18 +22,27 @@ test-rust:
 wheel: target/maturin/bin/maturin
 	$< build --release --locked --strip --manifest-path crates/py/Cargo.toml --out dist
 
-# The wheel as the tests' profile builds it, into a fresh environment; then the package's tests (a process a core, each file in one of them), its
-# examples and its types.
-test-python: target/maturin/bin/maturin
-	rm -rf $(VENV) $(WHEELS)/test
+# The wheel as the tests' profile builds it, alone and beside its peers: the package's tests (a process a core, each file in one of them), its examples
+# and its types.
+test-python: target/maturin/bin/maturin $(VENV)/installed
+	rm -rf $(ALONE) $(WHEELS)/test
 	$< build --profile dev --locked --strip --manifest-path crates/py/Cargo.toml --out $(WHEELS)/test
-	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet $(WHEELS)/test/*.whl
-	$(VENV)/bin/python crates/py/python/tests/smoke.py
-	$(VENV)/bin/pip install --quiet --requirement crates/py/requirements-test.txt
+	$(PYTHON) -m venv $(ALONE)
+	$(ALONE)/bin/pip install --quiet $(WHEELS)/test/*.whl
+	$(ALONE)/bin/python crates/py/python/tests/smoke.py
+	$(VENV)/bin/pip install --quiet --force-reinstall --no-deps $(WHEELS)/test/*.whl
 	cd crates/py && FLEETFOOT_PEERS=installed FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q -n auto --dist loadfile
 	cd crates/py && ../../$(VENV)/bin/python -m pytest -q --pyargs --doctest-modules fleetfoot
 	$(MAKE) lint-python
+
+# What comes from the registries of Python: once.
+tools: target/maturin/bin/maturin $(VENV)/installed $(DOCS)/bin/sphinx-build
+
+$(VENV)/installed: crates/py/requirements-test.txt
+	rm -rf $(VENV)
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install --quiet --requirement crates/py/requirements-test.txt
+	touch $@
 
 # Types: the stubs say what the module does, and the package what it takes.
 lint-python:
@@ -55,7 +66,6 @@ doc:
 
 # The site, pictures and all: target/site/index.html opens without a network. With WHEEL=FILE that wheel is described, else one is built.
 WHEEL ?=
-DOCS := target/docs
 SITE := target/site
 ifeq ($(WHEEL),)
 docs: wheel
@@ -86,8 +96,9 @@ bench:
 
 # The package's estimators beside their peers, the wheel optimised: time, memory, difference of the answers; then how long Ctrl-C is waited for.
 bench-python: wheel
-	rm -rf $(VENV)
-	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet dist/fleetfoot-*.whl scikit-learn pysindy
-	$(VENV)/bin/python crates/py/benches/side_by_side.py
-	$(VENV)/bin/python crates/py/benches/side_by_side.py --interrupt
+	rm -rf $(ALONE)
+	$(PYTHON) -m venv $(ALONE)
+	$(ALONE)/bin/pip install --quiet dist/fleetfoot-*.whl scikit-learn pysindy
+	$(ALONE)/bin/python crates/py/benches/side_by_side.py
+	$(ALONE)/bin/python crates/py/benches/side_by_side.py --interrupt
+	$(ALONE)/bin/python crates/py/benches/memory.py

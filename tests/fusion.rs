@@ -212,13 +212,17 @@ fn acceleration(t: f64) -> [f64; 3] {
 const MOUNT: [f64; 3] = [0.05, -0.02, 0.1];
 const BIAS: [f64; 3] = [0.02, -0.03, 0.01];
 
-/// Readings at 200 Hz and poses at 100 Hz, stamped 8 ms late, of markers off the body's origin, turned by a quarter about z; a lamp at 50 Hz goes along.
-fn write_body(path: &Path) {
+/// Readings that tell the constants of a body, and that tell how a preparation goes.
+const LONG: usize = 3000;
+const SHORT: usize = 800;
+
+/// As many readings at 200 Hz, and poses at 100 Hz, stamped 8 ms late, of markers off the body's origin, turned by a quarter about z; a lamp at 50 Hz goes along.
+fn write_body(path: &Path, rows: usize) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
     let pose = writer.channel::<PoseStamped<'_>>("/mocap").unwrap();
     let lamp = writer.channel::<Illuminance<'_>>("/lamp").unwrap();
-    for row in 0..3000 {
+    for row in 0..rows {
         let t = 0.005 * row as f64;
         let stamp = |t: f64| START + (t * 1e9).round() as i64;
         let header = |t: f64| Header { stamp: Time::from_nanoseconds(stamp(t)).unwrap(), frame_id: "body" };
@@ -282,7 +286,7 @@ fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Said {
 fn the_motion_of_a_body_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    write_body(&path.join("run.mcap"));
+    write_body(&path.join("run.mcap"), LONG);
     let said = prepare(path, RECIPE, &["--json"]).ok().json();
     let body = &said["body"];
     let near = |found: &serde_json::Value, deviation: &serde_json::Value, truth: f64| {
@@ -342,7 +346,7 @@ fn position_at(t: f64) -> f64 {
 fn fused_bytes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    write_body(&path.join("run.mcap"));
+    write_body(&path.join("run.mcap"), LONG);
     let given = RECIPE
         .replace("kind = \"imu\"", "kind = \"imu\"\nnoise = [4e-4, 2e-3]")
         .replace("kind = \"pose\"", "kind = \"pose\"\nnoise = [6e-4, 1e-3]");
@@ -374,7 +378,7 @@ fn gyroscope() -> String {
 fn a_gyroscope_alone_and_a_joint_beside_the_body() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    write_body(&path.join("run.mcap"));
+    write_body(&path.join("run.mcap"), LONG);
     let recipe = gyroscope().replace("lever = \"auto\"", &format!("lever = {MOUNT:?}"))
         + "[joint.arm]\n[sensor.encoder]\nkind = \"position\"\nchannels = [\"/lamp.illuminance\"]\nnoise = [1e-4]\n";
     let said = prepare(path, &recipe, &["--json"]).ok().json();
@@ -416,7 +420,7 @@ fn a_gyroscope_alone_and_a_joint_beside_the_body() {
 fn a_killed_preparation_writes_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    write_body(&path.join("run.mcap"));
+    write_body(&path.join("run.mcap"), SHORT);
     let files = || ["run.clean.parquet", "robot.toml"].map(|name| fs::read(path.join("clean").join(name)).unwrap());
     prepare(path, RECIPE, &[]).ok();
     let whole = files();
@@ -441,7 +445,7 @@ fn a_killed_preparation_writes_the_same_bytes() {
 fn bodies_that_cannot_be_fused_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    write_body(&path.join("run.mcap"));
+    write_body(&path.join("run.mcap"), SHORT);
     for (recipe, words) in [
         (RECIPE.replace("lever = \"auto\"", "lever = [1.0]"), vec!["[sensor.mocap] lever", "3 finite numbers"]),
         (RECIPE.replace("delay = \"auto\"", "delay = \"late\""), vec!["[sensor.mocap] delay", "seconds"]),
