@@ -99,6 +99,15 @@ impl Stamper {
         self.last = (self.clock.read(time) + jitter).max(self.last.saturating_add(1));
         self.last
     }
+
+    /// The stamps that a program writes just before and just after it does something at `moment`, ns since 1970 by its own clock.
+    pub fn around(&mut self, moment: i64) -> [i64; 2] {
+        let mut apart = || 1 + nanoseconds(self.clock.jitter * streams::normal(&mut self.random)).abs();
+        let (before, after) = (moment - apart(), moment + apart());
+        let before = before.max(self.last.saturating_add(1));
+        self.last = after.max(before + 1);
+        [before, self.last]
+    }
 }
 
 #[cfg(test)]

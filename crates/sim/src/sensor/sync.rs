@@ -23,8 +23,10 @@ pub struct SyncWaveParameters {
 }
 
 impl Default for SyncWaveParameters {
+    /// Half a period is 503.618034 times 1 ms, a share that is the golden one, and 50.3618034 times 10 ms: edges fall between the samples of 1 kHz and of 100 Hz about as evenly as points can, none twice
+    /// at one place, and none at the instant of a sample. Edges of a wave whose period is a multiple of the sampling all say the same, and narrow nothing.
     fn default() -> Self {
-        Self { period: 1.0, duty: 0.5, delay: 0.5, light: 1.0 }
+        Self { period: 1.007_236_068, duty: 0.5, delay: 0.500_381_966, light: 1.0 }
     }
 }
 
@@ -70,6 +72,15 @@ impl SyncWave {
         if since >= 0 && since % self.period < self.lit { self.light } else { 0.0 }
     }
 
+    /// The light as a switch between two true times leaves it, and when it was switched, ns since 1970 by the driving clock; `None` if it was not.
+    pub fn switched(&self, from: i64, to: i64) -> Option<(f64, i64)> {
+        let level = self.level(to);
+        let since = self.clock.elapsed(to) - self.delay;
+        let within = since.rem_euclid(self.period);
+        let edge = if level == 0.0 { within - self.lit } else { within };
+        (level != self.level(from)).then(|| (level, self.clock.read(to) - edge))
+    }
+
     /// The light at a true time, as a message.
     pub fn reading(&self, time: i64) -> Reading<'static> {
         Reading::Light(self.level(time))
@@ -94,6 +105,33 @@ mod tests {
             let (rising, falling) = (0.1 + 0.2 * f64::from(wave_number), 0.15 + 0.2 * f64::from(wave_number));
             assert_eq!([wave.level(true_time(rising) - 2), wave.level(true_time(rising) + 2)], [0.0, 40.0]);
             assert_eq!([wave.level(true_time(falling) - 2), wave.level(true_time(falling) + 2)], [40.0, 0.0]);
+        }
+    }
+
+    #[test]
+    fn a_switch_is_told_to_the_nanosecond() {
+        let clock = Clock::new(&ClockParameters { offset: 0.0, skew: 20.0, jitter: 0.0 }, 7);
+        let wave = SyncWave::new(&SyncWaveParameters::default(), clock);
+        let (mut switches, step) = (Vec::new(), 250_000);
+        for now in 0..40_000 {
+            switches.extend(wave.switched((now - 1) * step, now * step));
+        }
+        assert_eq!(switches.len(), 19);
+        for (index, (level, at)) in (0..).zip(switches) {
+            assert_eq!((level, at), (if index % 2 == 0 { 1.0 } else { 0.0 }, 7 + 500_381_966 + index * 503_618_034));
+        }
+    }
+
+    /// Where in the sampling of 1 kHz and of 100 Hz the first 240 edges fall: no gap between neighbours is greater than the golden sequence's greatest, 1.618 / 240 of a period.
+    #[test]
+    fn edges_are_spread_over_the_sampling() {
+        let half = nanoseconds(0.5 * SyncWaveParameters::default().period);
+        for sampling in [1_000_000, 10_000_000] {
+            let mut places: Vec<i64> = (0..240).map(|edge| (edge * half).rem_euclid(sampling)).collect();
+            places.sort_unstable();
+            places.push(places[0] + sampling);
+            let widest = places.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+            assert!(widest < sampling * 1618 / 1000 / 240, "{sampling} {widest}");
         }
     }
 

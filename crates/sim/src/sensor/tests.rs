@@ -90,13 +90,14 @@ fn record(parameters: &ClocksParameters, milliseconds: i64, seed: u64, off: &[us
 /// Offset (s, at the run's beginning) and skew of a clock against the wave's, by least squares over the edges: an edge lies between the last
 /// stamp before it and the first after it.
 fn align(messages: &[(Stamps, Vec<f64>)], epoch: i64) -> (f64, f64) {
-    let half = 500 * MILLISECOND;
+    let SyncWaveParameters { period, delay, .. } = SyncWaveParameters::default();
+    let (half, delay) = (0.5e9 * period, 1e9 * delay);
     let edges: Vec<(f64, f64)> = messages
         .windows(2)
         .filter(|pair| pair[0].1[0] != pair[1].1[0])
         .map(|pair| {
             let seen = (pair[0].0.header + pair[1].0.header) / 2 - epoch;
-            let driven = (seen as f64 / half as f64).round() * half as f64;
+            let driven = delay + ((seen as f64 - delay) / half).round() * half;
             (driven * 1e-9, (seen as f64 - driven) * 1e-9)
         })
         .collect();
@@ -118,11 +119,11 @@ fn the_square_wave_aligns_the_clocks() {
     let epoch = parameters.epoch * 1_000_000_000;
     for (topic, clock, period) in [(ROBOT_SYNC, &parameters.robot, 0.001), (MOCAP_SYNC, &parameters.mocap, 0.01)] {
         let (offset, skew) = align(&log.topics[topic], epoch);
-        // An edge is known to half a sample; what is common to all edges stays in the offset.
-        assert!((offset - clock.offset).abs() < 0.5 * period + 5.0 * clock.jitter, "{offset} {clock:?}");
-        // Half a sample either way at the two ends at worst, jitter averaged over the edges.
-        let bound = period / seconds as f64 * 1e6;
-        assert!((skew * 1e6 - clock.skew).abs() < bound.max(1.0), "{} {clock:?}", skew * 1e6);
+        // An edge is known to half a sample either way, and where edges fall in the sampling differs: five deviations of a line at its beginning and of its slope.
+        let deviation = (period / 12.0_f64.sqrt()).hypot(clock.jitter) / (2.0 * seconds as f64).sqrt();
+        assert!((offset - clock.offset).abs() < 10.0 * deviation, "{offset} {clock:?}");
+        let bound = 5.0 * deviation * 12.0_f64.sqrt() / seconds as f64 * 1e6;
+        assert!((skew * 1e6 - clock.skew).abs() < bound, "{} {clock:?}", skew * 1e6);
     }
 }
 

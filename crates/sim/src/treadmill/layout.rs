@@ -18,11 +18,21 @@ pub(super) const TRUTH_CRANKS: usize = 8;
 pub(super) const TRUTH_COMMAND: usize = 9;
 pub(super) const TRUTH_BELT: usize = 10;
 pub(super) const TRUTH_FEET: usize = 11;
+pub(super) const TRUTH_RATES: usize = 12;
+pub(super) const TRUTH_IMU_BIAS: usize = 13;
+pub(super) const TRUTH_MOCAP: usize = 14;
+pub(super) const CONTROLLER_SYNC: usize = 15;
 
 /// Names of the cranks as joints.
 const CRANKS: [&str; 2] = ["left_crank", "right_crank"];
 /// Names of the feet, as arrays of six have them.
 const FEET: [&str; 6] = ["left_fore", "left_middle", "left_aft", "right_fore", "right_middle", "right_aft"];
+
+/// How the states' velocities change.
+const RATES: [&str; 8] =
+    ["vx_dot", "vy_dot", "vz_dot", "wx_dot", "wy_dot", "wz_dot", "alpha_l_rate_dot", "alpha_r_rate_dot"];
+/// What is wrong with the motion capture's sample of an instant.
+const MOCAP_FAULTS: [&str; 2] = ["outlier", "missing"];
 
 fn names(names: &[&str]) -> Vec<String> {
     names.iter().map(|&name| name.to_owned()).collect()
@@ -31,6 +41,7 @@ fn names(names: &[&str]) -> Vec<String> {
 pub(super) fn topics(scenario: &HexapodTreadmill) -> Vec<Topic> {
     let topic = |name: &str, kind: Kind, frame: &str| Topic { name: name.to_owned(), kind, frame: frame.to_owned() };
     let child_frame = "trunk".to_owned();
+    let biases = Kind::Imu { angular_velocity_deviation: 0.0, linear_acceleration_deviation: 0.0 };
     vec![
         topic("/imu/data", scenario.imu.kind(), "imu"),
         topic("/joint_states", Kind::Joints(names(&CRANKS)), ""),
@@ -44,6 +55,10 @@ pub(super) fn topics(scenario: &HexapodTreadmill) -> Vec<Topic> {
         topic("/truth/cmd_vel", Kind::Twist, "trunk"),
         topic("/truth/belt", Kind::Joints(names(&["belt"])), ""),
         topic("/truth/feet", Kind::Numbers(names(&FEET)), ""),
+        topic("/truth/rates", Kind::Numbers(names(&RATES)), ""),
+        topic("/truth/imu_bias", biases, "imu"),
+        topic("/truth/mocap", Kind::Numbers(names(&MOCAP_FAULTS)), ""),
+        topic("/controller/sync", Kind::Light, ""),
     ]
 }
 
@@ -67,7 +82,7 @@ const STATES: [(&str, &str); 16] = [
     ("alpha_r_rate", "rad/s"),
 ];
 const INPUTS: [(&str, &str); 2] = [("u_v", "m/s"), ("u_w", "rad/s")];
-const OTHERS: [(&str, &str); 11] = [
+const OTHERS: [(&str, &str); 27] = [
     ("belt_speed", "m/s"),
     ("voltage_l", "V"),
     ("voltage_r", "V"),
@@ -79,6 +94,22 @@ const OTHERS: [(&str, &str); 11] = [
     ("foot_right_fore", ""),
     ("foot_right_middle", ""),
     ("foot_right_aft", ""),
+    ("vx_dot", "m/s^2"),
+    ("vy_dot", "m/s^2"),
+    ("vz_dot", "m/s^2"),
+    ("wx_dot", "rad/s^2"),
+    ("wy_dot", "rad/s^2"),
+    ("wz_dot", "rad/s^2"),
+    ("alpha_l_rate_dot", "rad/s^2"),
+    ("alpha_r_rate_dot", "rad/s^2"),
+    ("gyro_bias_x", "rad/s"),
+    ("gyro_bias_y", "rad/s"),
+    ("gyro_bias_z", "rad/s"),
+    ("accelerometer_bias_x", "m/s^2"),
+    ("accelerometer_bias_y", "m/s^2"),
+    ("accelerometer_bias_z", "m/s^2"),
+    ("mocap_outlier", ""),
+    ("mocap_missing", ""),
 ];
 /// Columns of a row.
 pub(super) const WIDTH: usize = STATES.len() + INPUTS.len() + OTHERS.len();

@@ -1,5 +1,7 @@
 //! From what happens to messages and rows.
 
+use glam::DVec3;
+
 use super::layout;
 use super::parameters::HexapodTreadmill;
 use crate::sensor::{self, BodyMotion, Clocks, Imu, Latency, MocapFrame, Outbox, Stamper, SyncWave};
@@ -18,6 +20,10 @@ pub(super) struct Instant {
     pub(super) voltage: [f64; 2],
     pub(super) torque: [f64; 2],
     pub(super) feet: [bool; 6],
+    /// How the states' velocities change: [`HexapodState::rates_at_its_instant`].
+    pub(super) rates: [f64; 8],
+    /// Of the motion capture's sample of this instant: whether it is wrong, and whether there is none.
+    pub(super) mocap: [bool; 2],
 }
 
 /// Sensors that only the log hears, stamps, and messages on their way.
@@ -28,6 +34,8 @@ pub(super) struct Recorder {
     telemetry: Latency,
     stampers: Stampers,
     outbox: Outbox,
+    /// Of gyroscope and accelerometer in the last sample, rad/s and m/s^2.
+    biases: [DVec3; 2],
 }
 
 /// One a computer's task.
@@ -37,6 +45,7 @@ struct Stampers {
     robot_sync: Stamper,
     command: Stamper,
     mocap: Stamper,
+    controller_sync: Stamper,
 }
 
 impl Recorder {
@@ -52,14 +61,17 @@ impl Recorder {
                 robot_sync: clocks.robot.stamper(seed, "robot_sync"),
                 command: clocks.controller.stamper(seed, "command"),
                 mocap: clocks.mocap.stamper(seed, "mocap"),
+                controller_sync: clocks.controller.stamper(seed, "controller_sync"),
             },
             outbox: Outbox::new(),
+            biases: [DVec3::ZERO; 2],
             clocks,
         }
     }
 
     /// The inertial unit's sample; logged unless the log has not begun.
     pub(super) fn imu(&mut self, now: i64, state: &HexapodState) {
+        self.biases = self.imu.biases().into();
         let sample = self.imu.sample(BodyMotion {
             orientation: state.orientation,
             linear_velocity: state.linear_velocity,
@@ -96,6 +108,16 @@ impl Recorder {
         }
     }
 
+    /// The controller's program, which drives the lamp, looks at its clock before and after it switches it.
+    pub(super) fn lamp(&mut self, before: i64, now: i64) {
+        let Some((level, moment)) = self.sync.switched(before, now) else { return };
+        let [earlier, later] = self.stampers.controller_sync.around(moment);
+        let log = self.clocks.controller.read(now);
+        for (header, light) in [(earlier, self.sync.level(before)), (later, level)] {
+            self.outbox.push(layout::CONTROLLER_SYNC, Stamps { header, log }, Reading::Light(light));
+        }
+    }
+
     /// The controller sends a command.
     pub(super) fn command(&mut self, now: i64, command: [f64; 2]) {
         let header = self.stampers.command.stamp(now);
@@ -113,8 +135,9 @@ impl Recorder {
         let stamps = Stamps { header: self.clocks.truth.read(now), log: self.clocks.controller.read(now) };
         let (linear, angular) = (state.body_linear_velocity(), state.body_angular_velocity());
         let cranks = state.crank_angle.map(wrapped);
-        let feet = at.feet.map(|down| f64::from(u8::from(down)));
-        let outbox = &mut self.outbox;
+        let flag = |is: bool| f64::from(u8::from(is));
+        let (feet, mocap) = (at.feet.map(flag), at.mocap.map(flag));
+        let (outbox, [rate_bias, force_bias]) = (&mut self.outbox, self.biases);
         let odometry = Reading::Odometry {
             position: state.position,
             orientation: state.orientation,
@@ -128,6 +151,10 @@ impl Recorder {
         let belt = Reading::Joints { position: &[at.belt_way], velocity: &[at.belt_speed], effort: &[] };
         outbox.push(layout::TRUTH_BELT, stamps, belt);
         outbox.push(layout::TRUTH_FEET, stamps, Reading::Numbers(&feet));
+        outbox.push(layout::TRUTH_RATES, stamps, Reading::Numbers(&at.rates));
+        let biases = Reading::Imu { angular_velocity: rate_bias, linear_acceleration: force_bias };
+        outbox.push(layout::TRUTH_IMU_BIAS, stamps, biases);
+        outbox.push(layout::TRUTH_MOCAP, stamps, Reading::Numbers(&mocap));
         let mut row = [0.0; layout::WIDTH];
         row[0..3].copy_from_slice(&state.position.to_array());
         row[3..6].copy_from_slice(&state.yaw_pitch_roll());
@@ -140,6 +167,10 @@ impl Recorder {
         row[19..21].copy_from_slice(&at.voltage);
         row[21..23].copy_from_slice(&at.torque);
         row[23..29].copy_from_slice(&feet);
+        row[29..37].copy_from_slice(&at.rates);
+        row[37..40].copy_from_slice(&rate_bias.to_array());
+        row[40..43].copy_from_slice(&force_bias.to_array());
+        row[43..45].copy_from_slice(&mocap);
         sink.row(stamps.header, &row)
     }
 

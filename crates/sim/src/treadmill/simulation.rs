@@ -145,32 +145,42 @@ impl<'a> Simulation<'a> {
         {
             return Ok(Some(reason));
         }
-        self.think(index, now, &state);
-        if now >= 0 && index % self.every.row == 0 {
-            let at = self.instant(now, state);
-            self.recorder.truth(&at, sink)?;
+        let mocap = self.think(index, now, &state);
+        let is_row = now >= 0 && index % self.every.row == 0;
+        let at = is_row.then(|| self.instant(now, state, mocap));
+        self.world.step(self.voltage);
+        // Velocities of this instant are known once the step behind it is done.
+        let after = self.world.state();
+        let moving = state.with_velocities_of_its_instant(&after);
+        if index % self.every.imu == 0 {
+            self.recorder.imu(now, &moving);
+        }
+        if let Some(at) = at {
+            let rates = state.rates_at_its_instant(&after, self.scenario.hexapod.step);
+            self.recorder.truth(&Instant { state: moving, rates, ..at }, sink)?;
             self.recorder.flush(now, sink)?;
         }
-        self.world.step(self.voltage);
         if now >= 0 {
             self.belt_way += self.belt_speed * self.scenario.hexapod.step;
         }
         Ok(None)
     }
 
-    /// Everything that looks or decides at this instant, from the sensors to the voltages.
-    fn think(&mut self, index: i64, now: i64, state: &HexapodState) {
+    /// Everything that decides at this instant, from the sensors to the voltages. What the motion capture's sample is: wrong, missing.
+    fn think(&mut self, index: i64, now: i64, state: &HexapodState) -> [bool; 2] {
         let since_start = (index + self.settle) as f64 * self.scenario.hexapod.step;
         let (due, logged) = (|every: i64| index % every == 0, now >= 0);
+        let mut faults = [false; 2];
         if due(self.every.mocap) {
             let frame = self.mocap.sample(now, state.position, state.orientation);
             self.desk.send(&frame);
             if logged {
                 self.recorder.mocap(now, &frame);
             }
+            faults = [frame.pose.is_some_and(|pose| pose.outlier), frame.pose.is_none()];
         }
-        if due(self.every.imu) {
-            self.recorder.imu(now, state);
+        if logged {
+            self.recorder.lamp(now - self.step, now);
         }
         if due(self.every.command) {
             let motion = [state.body_linear_velocity().x, state.body_angular_velocity().z];
@@ -193,9 +203,11 @@ impl<'a> Simulation<'a> {
         if looked && logged {
             self.recorder.robot(now, &self.robot.seen, self.voltage);
         }
+        faults
     }
 
-    fn instant(&self, now: i64, state: HexapodState) -> Instant {
+    /// What is true now, but for the velocities of this instant.
+    fn instant(&self, now: i64, state: HexapodState, mocap: [bool; 2]) -> Instant {
         Instant {
             now,
             state,
@@ -205,6 +217,8 @@ impl<'a> Simulation<'a> {
             voltage: self.voltage,
             torque: self.world.motor_torque(),
             feet: self.world.feet_down(),
+            rates: [0.0; 8],
+            mocap,
         }
     }
 

@@ -1,5 +1,6 @@
 //! The experiment runs, and does not depend on what it should not.
 
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 use super::layout;
@@ -99,7 +100,18 @@ fn every_topic_comes_at_its_rate_in_the_order_of_log_stamps() {
     for (index, topic) in topics.iter().enumerate() {
         let messages = of_topic(&log, index);
         let slow = topic.name.starts_with("/mocap") || topic.name == "/cmd_vel";
-        assert_eq!(messages.len(), if slow { 50 } else { 500 }, "{}", topic.name);
+        // The wave begins after half a second.
+        let expected = if topic.name == "/controller/sync" {
+            0
+        } else if slow {
+            50
+        } else {
+            500
+        };
+        assert_eq!(messages.len(), expected, "{}", topic.name);
+        if messages.is_empty() {
+            continue;
+        }
         let mut headers: Vec<i64> = messages.iter().map(|message| message.1.header).collect();
         headers.sort_unstable();
         assert!(headers.is_sorted_by(|a, b| a < b), "{}: stamps repeat", topic.name);
@@ -117,6 +129,69 @@ fn every_topic_comes_at_its_rate_in_the_order_of_log_stamps() {
     }
     let columns: Vec<String> = scenario.columns().into_iter().map(|column| column.name).collect();
     assert_eq!(columns[scenario.regressors().states..][..scenario.regressors().inputs], ["u_v", "u_w"]);
+}
+
+/// The truth that no sensor tells: rates are the change of the velocities between rows, of a robot whose feet do not hit the ground meanwhile; flags are those of the poses that are far off; the gyroscope says
+/// the rate with the bias.
+#[test]
+fn rates_biases_and_flags_are_true() {
+    let mut scenario = short();
+    scenario.mocap.faults.outlier_rate = 10.0;
+    scenario.mocap.faults.dropout_rate = 5.0;
+    (scenario.clocks.mocap.jitter, scenario.clocks.robot.jitter) = (0.0, 0.0);
+    scenario.clocks.robot.skew = 0.0;
+    let (log, _) = run(&scenario, 1.0, 4);
+    let columns: Vec<String> = scenario.columns().into_iter().map(|column| column.name).collect();
+    let column = |name: &str| columns.iter().position(|own| own == name).unwrap();
+    // Impacts last shorter than a row, so that some rows differ: half of them lie close.
+    for (velocity, rate) in [("wx", "wx_dot"), ("vz", "vz_dot"), ("alpha_l_rate", "alpha_l_rate_dot")] {
+        let (velocity, rate) = (column(velocity), column(rate));
+        let size = log.rows.iter().map(|(_, row)| row[rate].abs()).sum::<f64>() / log.rows.len() as f64;
+        let mut errors: Vec<f64> = log
+            .rows
+            .windows(3)
+            .map(|rows| ((rows[2].1[velocity] - rows[0].1[velocity]) / 0.002 - rows[1].1[rate]).abs())
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        assert!(errors[errors.len() / 2] < 0.1 * size, "{} of {size}", errors[errors.len() / 2]);
+    }
+    let poses = of_topic(&log, layout::MOCAP_POSE);
+    let by_time: BTreeMap<i64, &Vec<f64>> = log.rows.iter().map(|(stamp, row)| (*stamp, row)).collect();
+    let start = log.rows[0].0;
+    let mut outliers = 0;
+    for (_, stamps, position) in &poses {
+        // The motion capture's clock to true time, to the next row.
+        let shown = stamps.header - start + 40_000_000;
+        let row = by_time[&(start + (shown as f64 / (1.0 - 10e-6) / 1e7).round() as i64 * 10_000_000)];
+        let off = (0..3).map(|axis| (position[axis] - row[axis]).powi(2)).sum::<f64>().sqrt();
+        assert_eq!(off > 0.1, row[column("mocap_outlier")] == 1.0, "{off}");
+        outliers += usize::from(off > 0.1);
+    }
+    assert!(outliers > 2 && poses.len() < 100, "{outliers} of {}", poses.len());
+    let missing = log.rows.iter().filter(|(_, row)| row[column("mocap_missing")] == 1.0).count();
+    assert_eq!(missing, 100 - poses.len());
+    let (bias, rate) = (column("gyro_bias_x"), column("wx"));
+    let readings = of_topic(&log, layout::IMU);
+    let errors = readings.iter().zip(&log.rows).map(|(reading, (_, row))| reading.2[0] - row[rate] - row[bias]);
+    let variance = errors.map(|error| error * error).sum::<f64>() / readings.len() as f64;
+    let expected = scenario.imu.gyroscope.noise.powi(2) + (scenario.imu.gyroscope.range / 32_768.0).powi(2) / 12.0;
+    assert!((variance / expected - 1.0).abs() < 5.0 * (2.0 / readings.len() as f64).sqrt(), "{variance} {expected}");
+}
+
+/// Between the two stamps of a switch the lamp was switched, by the controller's clock.
+#[test]
+fn the_controller_tells_when_it_switches_the_lamp() {
+    let scenario = short();
+    let (log, _) = run(&scenario, 2.2, 1);
+    let switches = of_topic(&log, layout::CONTROLLER_SYNC);
+    assert_eq!(switches.len(), 8);
+    for (index, pair) in (0..).zip(switches.chunks(2)) {
+        let moment = log.rows[0].0 + 500_381_966 + index * 503_618_034;
+        let [before, after] = [pair[0].1.header, pair[1].1.header];
+        assert!(before < moment && moment < after && after - before < 400_000, "{before} {moment} {after}");
+        let lit = f64::from(u8::from(index % 2 == 0));
+        assert_eq!([pair[0].2[0], pair[1].2[0]], [1.0 - lit, lit]);
+    }
 }
 
 #[test]
@@ -228,7 +303,8 @@ fn world_files_hold_every_parameter_and_errors_name_theirs() {
     assert!(refused(&|s| s.crank.integral = f64::NAN).starts_with("crank.integral = NaN"));
     // A lamp that blinks once a second does not tell 0.6 s ahead from 0.4 s behind.
     assert!(
-        refused(&|s| s.clocks.robot.offset = 0.6).starts_with("clocks.robot.offset = 0.6: must be less than 0.5 s")
+        refused(&|s| s.clocks.robot.offset = 0.6)
+            .starts_with("clocks.robot.offset = 0.6: must be less than 0.503618034 s")
     );
     assert!(refused(&|s| s.mocap.period = f64::NAN).starts_with("mocap.period = NaN"));
     assert!(refused(&|s| s.hexapod.trunk.mass = -1.0).starts_with("hexapod.trunk.mass = -1"));
