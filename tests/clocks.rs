@@ -119,7 +119,9 @@ fn the_clock_of_another_computer_is_found_and_taken_out() {
     let path = folder.path();
     prepare(path, "", &[]).ok();
     let apart = error(path);
-    for (more, by, widest) in [(MOTION, "motion", 2e-3), (WAVE, "wave", 6e-3)] {
+    let even = format!("{WAVE}even = true\n");
+    let mut width = f64::INFINITY;
+    for (more, by, widest) in [(MOTION, "motion", 2e-3), (WAVE, "wave", 6e-3), (&even, "wave", 6e-3)] {
         let said = prepare(path, more, &["--json"]).ok().json();
         let clock = &said["clocks"][0];
         assert_eq!((clock["clock"].as_str(), clock["by"].as_str()), (Some("mocap"), Some(by)), "{clock:#}");
@@ -131,6 +133,11 @@ fn the_clock_of_another_computer_is_found_and_taken_out() {
         let slack = if by == "motion" { 0.25 * (skew[1] - skew[0]) } else { 0.0 };
         assert!(skew[0] - slack <= 40e-6 && 40e-6 <= skew[1] + slack, "{by} {skew:?}");
         assert!(offset[1] - offset[0] < widest, "{by} {offset:?}");
+        if by == "wave" {
+            assert_eq!(clock["even"].as_bool(), Some(more == even), "{clock:#}");
+            assert!(offset[1] - offset[0] <= width, "edges of an even wave say no less: {offset:?}, {width}");
+            width = offset[1] - offset[0];
+        }
         let together = error(path);
         assert!(together < 0.1 && together < 0.1 * apart, "{by}: {together} with, {apart} without the clock");
         let recipe = fs::read_to_string(path.join("clean/robot.toml")).unwrap();
@@ -187,6 +194,7 @@ fn clocks_that_cannot_be_found_are_told() {
         ),
         (clock("wave = [\"w\", \"/mocap/sync.variance\"]\n"), vec!["run.mcap", "stands still"]),
         (clock("motion = [\"w\", \"turns\"]\n"), vec!["turns"]),
+        (format!("{MOTION}even = true\n"), vec!["[clocks.mocap]", "even is said of a wave"]),
         (clock("offset = nan\n"), vec!["offset = NaN", "seconds"]),
     ] {
         prepare(path, &more, &[]).fails(&words);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use fleetfoot_data::{Halo, Progress, Source};
 use fleetfoot_log::TopicClock;
 use fleetfoot_signal::{
-    Alignment, ClockLine, EdgeAlignment, Record, SignalError, Within, align, align_edges, dejitter,
+    Alignment, ClockLine, EdgeAlignment, Record, SignalError, WaveOptions, Within, align, align_edges, dejitter,
 };
 
 pub use report::{AlignedClock, LagOfPart};
@@ -55,6 +55,11 @@ pub(crate) fn find(recipe: &Recipe, logs: &Logs, topics: &[String], progress: &d
     for (at, (name, section)) in recipe.clocks.iter().enumerate() {
         let place = format!("[clocks.{name}]");
         check_topics(&place, section, topics)?;
+        if section.even.is_some() && section.wave.is_none() {
+            return Err(Error::conflict(format!(
+                "{place}: even is said of a wave; name the two channels that saw it (wave)"
+            )));
+        }
         match (&section.motion, &section.wave, section.offset) {
             (Some(pair), None, _) => clocks.compare(search, at, By::Motion, pair)?,
             (None, Some(pair), _) => clocks.compare(search, at, By::Wave, pair)?,
@@ -171,7 +176,8 @@ impl Clocks {
                 let log = own_channel.log.display();
                 return Err(Error::missing(format!("{place}: {log} has no rows of `{reference}`")));
             };
-            let pair = Pair { reference: reference_channel, own: &own_channel, reach, about: section.offset };
+            let (about, even) = (section.offset, section.even == Some(true));
+            let pair = Pair { reference: reference_channel, own: &own_channel, reach, about, even };
             let found = pair.found(by).map_err(|source| Error::Signal {
                 episode: own_channel.log.display().to_string(),
                 channel: format!("{reference}` and `{own}"),
@@ -197,7 +203,7 @@ impl Clocks {
         let line = found.line();
         let report = match &found {
             Found::Motion(found) => AlignedClock::by_motion(name, &log, found, pair.reference.times[0]),
-            Found::Wave(found) => AlignedClock::by_wave(name, &log, found, pair.reference.times[0]),
+            Found::Wave(found) => AlignedClock::by_wave(name, &log, found, pair.even, pair.reference.times[0]),
         };
         self.notes.extend(report.doubts(DOUBTFUL, BENT));
         self.reports.push(report);
@@ -298,6 +304,8 @@ struct Pair<'a> {
     reach: f64,
     /// The offset that the recipe gives, s.
     about: Option<f64>,
+    /// Whether the recipe says that the wave is even.
+    even: bool,
 }
 
 impl Pair<'_> {
@@ -315,7 +323,10 @@ impl Pair<'_> {
         let within = Within { about: self.about(), reach: self.reach, skew: SKEW };
         match by {
             By::Motion => align(first, second, within).map(Found::Motion),
-            By::Wave => align_edges(first, second, within, self.reference.margin.max(self.own.margin)).map(Found::Wave),
+            By::Wave => {
+                let wave = WaveOptions { margin: self.reference.margin.max(self.own.margin), even: self.even };
+                align_edges(first, second, within, wave).map(Found::Wave)
+            }
         }
     }
 }

@@ -33,6 +33,11 @@ pub fn dejitter(times: &[f64]) -> Result<Dejittered, SignalError> {
     if times.len() < 3 {
         return Err(SignalError::TooFew { found: times.len(), needed: 3 });
     }
+    Ok(regress(times, &counted(times).0))
+}
+
+/// The number of every one of two or more increasing stamps of what comes evenly but for gaps, and the period.
+pub(crate) fn counted(times: &[f64]) -> (Vec<u64>, f64) {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut period = median(&mut steps).unwrap_or(0.0);
     let mut counts = counts(times, period);
@@ -45,7 +50,7 @@ pub fn dejitter(times: &[f64]) -> Result<Dejittered, SignalError> {
         }
         counts = again;
     }
-    Ok(regress(times, &counts))
+    (counts, period)
 }
 
 /// The number of every sample.

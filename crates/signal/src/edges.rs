@@ -3,7 +3,19 @@
 //! A computer that samples a wave knows of an edge between which two of its stamps it came. Two computers that saw the same edge bound the line between their clocks from both sides, and many
 //! edges bound it closely: the lines that pass between all bounds are the feasible set of a linear program in offset and skew, whose ends are an interval that holds the truth for certain.
 
+mod even;
+
 use crate::{ClockLine, Record, SignalError, Within, error::check, outliers::median};
+
+/// What is known of a square wave and of those who saw it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WaveOptions {
+    /// By how much the stamps of either record may be wrong, s.
+    pub margin: f64,
+    /// Whether a timer switches the wave, so that its rising edges are equally far apart by any clock that runs evenly, and its falling ones are. Each edge is then bounded by all others of its
+    /// kind, too, and with many edges the interval is a small part of a sample.
+    pub even: bool,
+}
 
 /// What edges say of two clocks.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,29 +57,33 @@ impl Edge {
     }
 }
 
-/// The line between the clocks of two records of one square wave; what the first shows at t, the second shows at `line.second(t)`. `margin`: by how much the stamps of either
-/// record may be wrong, s.
+/// The line between the clocks of two records of one square wave; what the first shows at t, the second shows at `line.second(t)`.
 ///
 /// A wave need not be regular. If it is, offsets that differ by whole periods cannot be told apart; the one nearest to `within.about` is taken, and the others are told.
 ///
 /// # Errors
-/// Stamps that do not increase, records without a wave, fewer than two edges that both saw, a reach or a skew that are not positive.
+/// Stamps that do not increase, records without a wave, fewer than two edges that both saw, a reach or a skew that are not positive, edges that are not even where `even` says that they are.
 pub fn align_edges(
     first: Record<'_>,
     second: Record<'_>,
     within: Within,
-    margin: f64,
+    wave: WaveOptions,
 ) -> Result<EdgeAlignment, SignalError> {
-    let Within { about, reach, skew } = within;
+    let (Within { about, reach, skew }, WaveOptions { mut margin, even }) = (within, wave);
     check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
     check(skew > 0.0 && skew < 0.1, "the greatest skew", skew, "a skew is positive, and below 0.1")?;
     check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
     check(margin >= 0.0 && margin.is_finite(), "the margin", margin, "a margin is 0 or more, and finite")?;
     let (first, second) = (edges(first.check(2)?), edges(second.check(2)?));
     let (lag, others) = voted(&first, &second, within)?;
-    let pairs = followed(&first, &second, lag);
+    let mut pairs = followed(&first, &second, lag);
     if pairs.len() < 2 {
         return Err(SignalError::NotAligned { problem: "both saw fewer than two edges of the wave" });
+    }
+    if even {
+        // The bounds have the margin in them then.
+        pairs = even::narrowed(&pairs, margin).ok_or(SignalError::UnevenWave)?;
+        margin = 0.0;
     }
     let at = 0.5 * (pairs[0].0.middle() + pairs[pairs.len() - 1].0.middle());
     let program = Program::new(&pairs, at, margin, skew);
@@ -192,6 +208,11 @@ impl Program {
     fn new(pairs: &[(Edge, Edge)], at: f64, margin: f64, most: f64) -> Self {
         let upper = pairs.iter().map(|(first, second)| (first.after - at, second.before - first.after + 2.0 * margin));
         let lower = pairs.iter().map(|(first, second)| (first.before - at, second.after - first.before - 2.0 * margin));
+        Self::between(upper, lower, most)
+    }
+
+    /// Lines below the upper points and above the lower ones, both in the order of their x, with a skew of `most` either way.
+    fn between(upper: impl Iterator<Item = (f64, f64)>, lower: impl Iterator<Item = (f64, f64)>, most: f64) -> Self {
         let (upper, lower) = (hull(upper, 1.0), hull(lower, -1.0));
         let slope = |pair: &[(f64, f64)]| (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
         let all = upper.windows(2).chain(lower.windows(2)).map(slope);
@@ -225,8 +246,14 @@ impl Program {
         (skew, self.gap(skew))
     }
 
-    /// The ends of skews and of offsets. The gap is concave in the skew and straight between the vertices' slopes, the greatest offset concave, the least convex.
+    /// The ends of skews, and of offsets. The gap is concave in the skew and straight between the vertices' slopes.
     fn feasible(&self) -> ([f64; 2], [f64; 2]) {
+        let skews = self.ends();
+        (skews, Self::reach(&self.corners(skews), 0.0))
+    }
+
+    /// The least and the greatest skew of a line.
+    fn ends(&self) -> [f64; 2] {
         let best = self.best().0;
         let end = |further: &mut dyn Iterator<Item = f64>| {
             let mut inside = best;
@@ -241,10 +268,21 @@ impl Program {
         };
         let low = end(&mut self.skews.iter().rev().copied().filter(|skew| *skew < best));
         let high = end(&mut self.skews.iter().copied().filter(|skew| *skew > best));
-        let within = || self.skews.iter().copied().filter(|skew| (low..=high).contains(skew)).chain([low, best, high]);
-        let least = within().map(|skew| self.least(skew)).fold(f64::INFINITY, f64::min);
-        let most = within().map(|skew| self.most(skew)).fold(f64::NEG_INFINITY, f64::max);
-        ([low, high], [least, most])
+        [low, high]
+    }
+
+    /// Skews between these at which the set of lines has corners, with the least and the greatest offset of each.
+    fn corners(&self, [low, high]: [f64; 2]) -> Vec<[f64; 3]> {
+        let within = self.skews.iter().copied().filter(|skew| (low..=high).contains(skew));
+        let corner = |skew: f64| [skew, self.least(skew), self.most(skew)];
+        within.chain([low, self.best().0, high]).map(corner).collect()
+    }
+
+    /// The least and the greatest height at `x` of a line that passes: that of a corner, as the greatest height is concave in the skew and straight between them, the least convex.
+    fn reach(corners: &[[f64; 3]], x: f64) -> [f64; 2] {
+        let least = corners.iter().map(|[skew, least, _]| least + skew * x).fold(f64::INFINITY, f64::min);
+        let most = corners.iter().map(|[skew, _, most]| most + skew * x).fold(f64::NEG_INFINITY, f64::max);
+        [least, most]
     }
 }
 

@@ -90,6 +90,11 @@ pub enum SignalError {
         /// Why, and what to do.
         problem: &'static str,
     },
+    /// A wave that is said to be even, and is not.
+    #[error(
+        "no even wave passes between the stamps before and after its edges: even out the stamps (dejitter), leave out what one of them missed, or do not call the wave even"
+    )]
+    UnevenWave,
     /// Two records that share too little time, or too little motion, to be aligned.
     #[error("{problem}: give records that share more of it")]
     NotAligned {

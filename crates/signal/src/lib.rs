@@ -33,7 +33,7 @@ mod trend;
 pub use align::{Alignment, PartLag, Record, Within, align};
 pub use clock::{Dejittered, dejitter};
 pub use clock_line::ClockLine;
-pub use edges::{EdgeAlignment, align_edges};
+pub use edges::{EdgeAlignment, WaveOptions, align_edges};
 pub use error::SignalError;
 pub use interpolate::{Interpolant, Interpolation, resampled};
 pub use loss::Loss;

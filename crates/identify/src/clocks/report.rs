@@ -20,7 +20,7 @@ pub struct AlignedClock {
     pub at: f64,
     /// Seconds that it shows more then.
     pub offset: f64,
-    /// Where the offset lies: with 95 % confidence by motion, for certain by a wave whose edges do not contradict each other.
+    /// Where the offset lies: with 95 % confidence by motion, for certain by a wave whose edges do not contradict each other (and that is even, where the recipe says so).
     pub offset_interval: [f64; 2],
     /// How much faster it goes, seconds a second.
     pub skew: f64,
@@ -38,6 +38,9 @@ pub struct AlignedClock {
     /// By motion: values of the channel that was compared with, and of this clock's, that were left out as gross errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<[usize; 2]>,
+    /// By a wave: whether the recipe says that it is even, so that its edges bound one another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub even: Option<bool>,
     /// By a wave: edges that both saw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub edges: Option<usize>,
@@ -79,6 +82,7 @@ impl AlignedClock {
             curve: Vec::new(),
             parts: Vec::new(),
             left_out: None,
+            even: None,
             edges: None,
             alone: None,
             contradiction: None,
@@ -105,11 +109,12 @@ impl AlignedClock {
         }
     }
 
-    pub(super) fn by_wave(clock: &str, log: &str, found: &EdgeAlignment, start: f64) -> Self {
+    pub(super) fn by_wave(clock: &str, log: &str, found: &EdgeAlignment, even: bool, start: f64) -> Self {
         let line = found.line;
         Self {
             offset_interval: found.offset,
             skew_interval: found.skew,
+            even: Some(even),
             edges: Some(found.edges),
             alone: Some(found.alone),
             contradiction: Some(found.contradiction),

@@ -15,6 +15,9 @@ pub struct ClockSection {
     /// Two channels that saw one square wave, by the reference clock and by this one. Offset and skew are bounded by the stamps before and after every edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wave: Option<[String; 2]>,
+    /// Whether a timer switches the wave, so that edges of one kind are equally far apart and bound one another (no).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub even: Option<bool>,
     /// Seconds that this clock shows more than the reference: about which is searched, or, without `motion` and `wave`, what is taken as it is (a constant delay). What log
     /// times tell when not given.
     #[serde(skip_serializing_if = "Option::is_none")]

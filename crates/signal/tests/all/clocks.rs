@@ -1,6 +1,6 @@
 //! Stamps and the time between channels.
 
-use fleetfoot_signal::{ClockLine, Record, SignalError, Within, align, align_edges, dejitter};
+use fleetfoot_signal::{ClockLine, Record, SignalError, WaveOptions, Within, align, align_edges, dejitter};
 
 use crate::common::{normal, uniform};
 
@@ -180,11 +180,25 @@ fn a_line_goes_there_and_back() {
     assert_eq!(line.second(12.0), 15.5);
 }
 
-/// A lamp that blinks with this period, seen every `step` seconds by a clock, whose stamps are `jitter` off at most.
+const BARE: WaveOptions = WaveOptions { margin: 0.0, even: false };
+
+/// A lamp that blinks with this period, half of which it is lit, seen every `step` seconds by a clock, whose stamps are `jitter` off at most.
 fn blinks(seconds: f64, period: f64, step: f64, line: ClockLine, jitter: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
+    lamp(seconds, (period, 0.5), step, line, jitter, seed)
+}
+
+/// The same, lit for a share of its period.
+fn lamp(
+    seconds: f64,
+    (period, share): (f64, f64),
+    step: f64,
+    line: ClockLine,
+    jitter: f64,
+    seed: u64,
+) -> (Vec<f64>, Vec<f64>) {
     let first = step * uniform(seed, 0);
     let instants: Vec<f64> = (0..(seconds / step) as u64).map(|row| first + step * row as f64).collect();
-    let lit = |t: &f64| f64::from(u8::from((t / period).rem_euclid(1.0) < 0.5));
+    let lit = |t: &f64| f64::from(u8::from((t / period).rem_euclid(1.0) < share));
     let stamp = |(row, &t): (usize, &f64)| line.second(t) + jitter * (2.0 * uniform(seed + 1, row as u64) - 1.0);
     (instants.iter().enumerate().map(stamp).collect(), instants.iter().map(lit).collect())
 }
@@ -200,7 +214,7 @@ fn edges_bracket_the_truth() {
             let b = blinks(120.0, period, 0.01, line, 0.0, 40 + seed);
             let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
             let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-            let found = align_edges(a, b, search, 0.0).unwrap();
+            let found = align_edges(a, b, search, BARE).unwrap();
             let offset = line.second(found.line.at) - found.line.at;
             let inside = |[low, high]: [f64; 2], truth: f64| low <= truth && truth <= high;
             assert!(inside(found.offset, offset) && inside(found.skew, line.skew), "{period} {seed} {found:?}");
@@ -211,6 +225,50 @@ fn edges_bracket_the_truth() {
     }
 }
 
+/// A wave that a timer switches, lit for any share of its period: the truth still lies inside, and the interval is a small part of that of edges which know nothing of one another.
+#[test]
+fn edges_of_an_even_wave_bound_one_another() {
+    let (same, even) = (ClockLine { at: 0.0, offset: 0.0, skew: 0.0 }, WaveOptions { even: true, ..BARE });
+    let mut errors = [0.0_f64; 2];
+    for seed in 0..10 {
+        let lit = 0.2 + 0.06 * seed as f64;
+        let line = ClockLine { at: 0.0, offset: 0.2 - 0.04 * seed as f64, skew: 1e-5 * (seed as f64 - 5.0) };
+        let a = lamp(120.0, (1.007_236, lit), 0.001, same, 0.0, 120 + seed);
+        let b = lamp(120.0, (1.007_236, lit), 0.01, line, 0.0, 140 + seed);
+        let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
+        let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
+        let (bare, found) = (align_edges(a, b, search, BARE).unwrap(), align_edges(a, b, search, even).unwrap());
+        let offset = line.second(found.line.at) - found.line.at;
+        let inside = |[low, high]: [f64; 2], truth: f64| low <= truth && truth <= high;
+        assert!(inside(found.offset, offset) && inside(found.skew, line.skew), "{seed} {found:?}");
+        assert!(inside(bare.offset, found.offset[0]) && inside(bare.offset, found.offset[1]), "{bare:?} {found:?}");
+        for (sum, own) in errors.iter_mut().zip([&bare, &found]) {
+            *sum += (own.offset[1] - own.offset[0]).powi(2);
+        }
+    }
+    let [bare, even] = errors.map(|sum| (sum / 10.0).sqrt());
+    assert!(even < 0.5 * bare && even < 3e-4, "{even} of {bare}");
+}
+
+/// What is switched by hand is not even, which is told and not believed.
+#[test]
+fn a_wave_that_is_not_even_is_refused() {
+    let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
+    let bent = |t: f64| t + 0.004 * (0.3 * t).sin();
+    let seen = |step: f64, seed: u64| {
+        let (times, _) = blinks(120.0, 1.007_236, step, same, 0.0, seed);
+        let values =
+            times.iter().map(|&t| f64::from(u8::from(bent(t).rem_euclid(1.007_236) < 0.5))).collect::<Vec<_>>();
+        (times, values)
+    };
+    let (a, b) = (seen(0.001, 1), seen(0.002, 2));
+    let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
+    let search = Within { about: 0.0, reach: 0.3, skew: 5e-4 };
+    assert!(align_edges(a, b, search, BARE).unwrap().offset[1].abs() < 2e-3);
+    let even = WaveOptions { even: true, ..BARE };
+    assert_eq!(align_edges(a, b, search, even), Err(SignalError::UnevenWave));
+}
+
 /// The ends of the interval are those of all vertices of the feasible set, which are found by brute force.
 #[test]
 fn the_interval_is_that_of_all_vertices() {
@@ -218,7 +276,7 @@ fn the_interval_is_that_of_all_vertices() {
     let line = ClockLine { at: 0.0, offset: 0.05, skew: 4e-5 };
     let (a, b) = (blinks(40.0, 0.773, 0.02, same, 0.0, 3), blinks(40.0, 0.773, 0.013, line, 0.0, 4));
     let search = Within { about: 0.0, reach: 0.3, skew: 0.05 };
-    let found = align_edges(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search, 0.0);
+    let found = align_edges(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search, BARE);
     let found = found.unwrap();
     let brackets = |(times, values): &(Vec<f64>, Vec<f64>)| -> Vec<[f64; 2]> {
         (1..times.len()).filter(|&row| values[row] != values[row - 1]).map(|row| [times[row - 1], times[row]]).collect()
@@ -264,10 +322,10 @@ fn wrong_stamps_contradict_each_other() {
             blinks(120.0, 0.977_37, 0.01, line, 4e-4, 80 + seed),
         );
         let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-        let bare = align_edges(a, b, search, 0.0).unwrap();
+        let bare = align_edges(a, b, search, BARE).unwrap();
         told += usize::from(bare.contradiction > 0.0);
         assert!(bare.contradiction < 1e-3, "{bare:?}");
-        let found = align_edges(a, b, search, 4e-4).unwrap();
+        let found = align_edges(a, b, search, WaveOptions { margin: 4e-4, ..BARE }).unwrap();
         let offset = line.second(found.line.at) - found.line.at;
         assert!(found.contradiction == 0.0 && found.offset[0] <= offset && offset <= found.offset[1], "{found:?}");
         assert!(found.skew[0] <= line.skew && line.skew <= found.skew[1], "{found:?}");
@@ -282,7 +340,7 @@ fn waves_that_cannot_be_aligned_are_told() {
     let (times, values) = blinks(20.0, 1.0, 0.01, same, 0.0, 1);
     let wave = Record { times: &times, values: &values };
     let refused =
-        |other: Record<'_>| matches!(align_edges(wave, other, search, 0.0), Err(SignalError::NotAligned { .. }));
+        |other: Record<'_>| matches!(align_edges(wave, other, search, BARE), Err(SignalError::NotAligned { .. }));
     assert!(refused(Record { times: &times, values: &vec![1.0; times.len()] }));
     assert!(refused(Record { times: &times, values: &vec![f64::NAN; times.len()] }));
     assert!(refused(Record { times: &times[..60], values: &values[..60] }), "one edge");
@@ -291,8 +349,8 @@ fn waves_that_cannot_be_aligned_are_told() {
     assert!(refused(Record { times: &later, values: &values }));
     let backwards: Vec<f64> = times.iter().rev().copied().collect();
     let other = Record { times: &backwards, values: &values };
-    assert!(matches!(align_edges(wave, other, search, 0.0), Err(SignalError::Stamp { .. })));
+    assert!(matches!(align_edges(wave, other, search, BARE), Err(SignalError::Stamp { .. })));
     // Two periods are within reach: the nearest counts, and the others are told.
-    let far = align_edges(wave, wave, Within { reach: 2.2, ..search }, 0.0).unwrap();
+    let far = align_edges(wave, wave, Within { reach: 2.2, ..search }, BARE).unwrap();
     assert!(far.line.offset.abs() < 0.01 && far.others.len() == 4, "{far:?}");
 }
