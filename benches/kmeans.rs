@@ -15,7 +15,7 @@
 use std::{error::Error, path::Path};
 
 use faer::{Accum, Mat, Par, linalg::matmul::matmul};
-use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_benches::{best_of, cpu_seconds, peak_rss_mib, peer, read_f64, reset_peak_rss, write_f64};
 use fleetfoot_data::{Cancelled, Silent, parallel_map, thread_count};
 use fleetfoot_pwa::{KMeansOptions, Points, Start, kmeans};
 use rand::{RngExt, SeedableRng};
@@ -132,21 +132,6 @@ fn fit(points: &Points, start: &[f64]) -> Result<Line, Box<dyn Error>> {
         inertia: found.inertia,
         centroids: found.centroids,
     })
-}
-
-/// CPU seconds of all threads of this process so far, in hundredths. NaN where the system does not tell.
-fn cpu_seconds() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The name in brackets may hold anything; user and system time are the 12th and 13th field behind it.
-    let behind = status.rsplit_once(')').map_or("", |(_, behind)| behind);
-    let ticks: Vec<f64> = behind.split_whitespace().skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
-    if ticks.len() == 2 { (ticks[0] + ticks[1]) / 100.0 } else { f64::NAN }
-}
-
-/// Forgets the peak so far, where the system can (Linux), so that making the rows does not count.
-fn reset_peak_rss() {
-    // A system that cannot leaves the peak too high: against us.
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 fn other(who: &str, folder: &Path) -> Result<Line, String> {

@@ -49,6 +49,21 @@ pub fn peak_rss_mib() -> f64 {
     line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok()).map_or(f64::NAN, |kib| kib / 1024.0)
 }
 
+/// CPU seconds of all threads of this process so far, in hundredths. NaN where the system does not tell.
+pub fn cpu_seconds() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The name in brackets may hold anything; user and system time are the 12th and 13th field behind it.
+    let behind = status.rsplit_once(')').map_or("", |(_, behind)| behind);
+    let ticks: Vec<f64> = behind.split_whitespace().skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
+    if ticks.len() == 2 { (ticks[0] + ticks[1]) / 100.0 } else { f64::NAN }
+}
+
+/// Forgets the peak so far, where the system can (Linux), so that making the rows does not count.
+pub fn reset_peak_rss() {
+    // A system that cannot leaves the peak too high: against us.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
 /// Runs `benches/peers/<script> arguments...`, whose last line of standard output is one JSON value.
 ///
 /// Returns the reason when the peer cannot run here (no Python, package not installed).
