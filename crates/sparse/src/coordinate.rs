@@ -18,7 +18,7 @@ const SPARE: usize = 4;
 /// Rows and columns that are mirrored at once.
 const MIRROR: usize = 32;
 /// Exchanges of blocks before sweeps are the way.
-const EXCHANGES: usize = 50;
+const EXCHANGES: usize = 500;
 /// The least violation, as a correlation, that is more than rounding.
 const MOST_EXACT: f64 = 1e-14;
 

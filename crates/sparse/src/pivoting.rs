@@ -29,11 +29,11 @@ pub(crate) struct Pivots {
 }
 
 impl Pivots {
-    /// Minimises from the signs of `delta` on; the rounds that it took, or `None` and `delta` as it was where they do not lead to the solution: where columns
-    /// depend on each other, or the exchanges go in circles.
+    /// Minimises from the signs of `delta` on; the rounds that it took, or `None` and `delta` as it was where they do not lead to the solution.
     ///
     /// Block principal pivoting (Júdice and Pires 1994; Kim and Park 2011, section 3): with the signs s on the active columns S the coefficients are those of
-    /// `M_SS d_S = b_S - limit s`; those of another sign leave at once, and all that break their bounds enter. `working` are the columns of the problem that
+    /// `M_SS d_S = b_S - limit s`; those of another sign leave at once, and all that break their bounds enter; fewer of them where columns would depend
+    /// on each other, or where the exchanges go in circles. `working` are the columns of the problem that
     /// those of `small` are, `l2` is the weight of the squares in its matrix.
     pub(crate) fn minimise(
         &mut self,
@@ -52,16 +52,28 @@ impl Pivots {
         let before = delta.to_vec();
         let mut side: Vec<f64> = delta.iter().map(|&value| if value == 0.0 { 0.0 } else { value.signum() }).collect();
         let (mut fewest, mut tries) = (usize::MAX, TRIES);
+        // How many may enter at once, how many ever again, and what the last exchange was.
+        let (mut room, mut ceiling, mut last) = (usize::MAX, usize::MAX, Exchange::default());
         for round in 1..=most {
             checkpoint();
             let active: Vec<usize> = (0..side.len()).filter(|&j| side[j] != 0.0 || !small.watched(j)).collect();
             if !self.follow(small, working, &active) {
-                break;
+                // More than there are rows, say: fewer of those that broke their bounds, or from the beginning.
+                room = last.entering.len().min(room) / 2;
+                if room > 0 {
+                    last.apply(room, &mut side);
+                } else if last.side.is_empty() && side.iter().any(|&side| side != 0.0) {
+                    side.fill(0.0);
+                } else {
+                    break;
+                }
+                continue;
             }
             delta.fill(0.0);
             let mut gradient = small.target.clone();
             self.step(small, working, &side, delta, &mut gradient);
-            let changed = exchange(small, delta, &gradient, tolerance, &mut side);
+            last = Exchange::of(small, delta, &gradient, tolerance, &side);
+            let changed = last.changes;
             if changed == 0 {
                 // What rounding of the factor has left.
                 self.step(small, working, &side, delta, &mut gradient);
@@ -73,11 +85,18 @@ impl Pivots {
             }
             if changed < fewest {
                 (fewest, tries) = (changed, TRIES);
-            } else if tries == 0 {
-                break;
-            } else {
+            } else if room < last.entering.len() {
+                // What had no room to enter says nothing of circles.
+            } else if tries > 0 {
                 tries -= 1;
+            } else {
+                (ceiling, tries) = (last.entering.len().min(ceiling) / 2, TRIES);
+                if ceiling == 0 {
+                    break;
+                }
             }
+            room = room.saturating_mul(2).min(ceiling);
+            last.apply(room, &mut side);
         }
         *self = Self { l2, ..Self::default() };
         delta.copy_from_slice(&before);
@@ -138,21 +157,42 @@ fn places(working: &[usize]) -> Vec<usize> {
     places
 }
 
-/// Lets columns of the wrong sign go and those enter that break their bounds; how many these are.
-fn exchange(small: &Small, delta: &mut [f64], gradient: &[f64], tolerance: f64, side: &mut [f64]) -> usize {
-    let mut changed = 0;
-    for j in (0..side.len()).filter(|&j| small.watched(j)) {
-        if side[j] != 0.0 {
-            if side[j] * delta[j] <= 0.0 {
-                (side[j], delta[j]) = (0.0, 0.0);
-                changed += 1;
+/// Columns of the wrong sign, which go, and those that break their bounds, which enter.
+#[derive(Default)]
+struct Exchange {
+    /// The signs of those that stay.
+    side: Vec<f64>,
+    /// Those that enter, with their signs, the largest violation first.
+    entering: Vec<(f64, usize, f64)>,
+    changes: usize,
+}
+
+impl Exchange {
+    fn of(small: &Small, delta: &mut [f64], gradient: &[f64], tolerance: f64, side: &[f64]) -> Self {
+        let mut found = Self { side: side.to_vec(), ..Self::default() };
+        for j in (0..side.len()).filter(|&j| small.watched(j)) {
+            if side[j] != 0.0 {
+                if side[j] * delta[j] <= 0.0 {
+                    (found.side[j], delta[j]) = (0.0, 0.0);
+                    found.changes += 1;
+                }
+                continue;
             }
-        } else if violation(small.signs[j], small.limit[j], 0.0, gradient[j]) > tolerance {
-            side[j] = gradient[j].signum();
-            changed += 1;
+            let violation = violation(small.signs[j], small.limit[j], 0.0, gradient[j]);
+            if violation > tolerance {
+                found.entering.push((violation, j, gradient[j].signum()));
+            }
         }
+        found.changes += found.entering.len();
+        found.entering.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        found
     }
-    changed
+
+    /// The signs when at most so many have entered.
+    fn apply(&self, room: usize, side: &mut [f64]) {
+        side.copy_from_slice(&self.side);
+        self.entering.iter().take(room).for_each(|&(_, j, sign)| side[j] = sign);
+    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use faer::Mat;
 use crate::common::{FORMS, Form, Rows, degenerate, ordinary, penalties, random};
 use fleetfoot_sparse::{
     Penalty, Quadratic, Sign, Solution,
-    coordinate::{CoordinateOptions, coordinate_descent, coordinate_descent_from, lambda_grid},
+    coordinate::{CoordinateOptions, Descended, coordinate_descent, coordinate_descent_from, lambda_grid},
     lars::{LarsOptions, lars},
 };
 
@@ -117,6 +117,23 @@ fn many_columns_that_come_and_go_are_solved() {
             assert!(solutions[4].support.len() > 200, "{}", solutions[4].support.len());
         }
     }
+}
+
+/// Many more columns than rows, down to where as many are active as there are rows: exchanges that let in more than that go back, and the way is the same.
+#[test]
+fn active_sets_grow_up_to_the_number_of_rows() {
+    let (n, p) = (150, 600);
+    let problem = random(2003, n, p).problem(Form::Root);
+    let penalty = Penalty::standardised();
+    let lambdas = lambda_grid(&problem, &penalty, 1.0, 30, 1e-3).expect("a grid");
+    let options = CoordinateOptions { max_epochs: 1000, ..CoordinateOptions::default() };
+    let zeros = vec![0.0; p];
+    let found = coordinate_descent_from(&problem, &penalty, &lambdas, &options, &zeros).expect("solutions");
+    let active = found.last().map_or(0, |found| found.solution.coefficients.len());
+    assert!(active > n - 10, "{active}");
+    let good =
+        |found: &Descended| found.solution.converged && found.solution.certificate.kkt < 1e-9 && found.epochs < 60;
+    assert!(found.iter().all(good));
 }
 
 #[test]
