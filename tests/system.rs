@@ -22,6 +22,7 @@ mod real_data;
 mod regulators;
 mod replayed;
 mod report;
+mod resimulate;
 mod robot_logs;
 mod runner;
 mod settings;

@@ -7,6 +7,7 @@ mod narx;
 mod parameters;
 mod prepare;
 mod report;
+mod resimulate;
 mod sindy;
 mod sparse;
 mod statistic;
@@ -22,6 +23,7 @@ pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
 pub(crate) use report::Report;
+pub(crate) use resimulate::Resimulate;
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
@@ -86,6 +88,9 @@ pub(crate) enum Command {
     /// Simulate a model from measured states and compare with what happened.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
+    /// Find states and inputs that obey a model, stay within bounds and follow a recording as closely as can be.
+    #[command(after_help = examples::RESIMULATE)]
+    Resimulate(Box<Resimulate>),
     /// Write one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
     #[command(after_help = examples::REPORT)]
     Report(Box<Report>),

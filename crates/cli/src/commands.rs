@@ -18,6 +18,7 @@ pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod prepare;
 pub(crate) mod report;
+pub(crate) mod resimulate;
 pub(crate) mod rollout;
 pub(crate) mod scan;
 pub(crate) mod score;

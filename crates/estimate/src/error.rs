@@ -130,6 +130,98 @@ pub enum EstimateError {
         /// How many there may be.
         most: usize,
     },
+    /// A model whose equations look back: the rows of a grid would not be its own.
+    #[error(
+        "the model looks back {rows} rows, and only models without lags can follow a recording: fit one of derivatives or next values"
+    )]
+    LooksBack {
+        /// How many rows.
+        rows: usize,
+    },
+    /// A filter of what is simulated, which has no recorded values.
+    #[error(
+        "the model filters what it simulates (`{filter}`), and only models without such filters can follow a recording"
+    )]
+    Filtered {
+        /// The filter.
+        filter: String,
+    },
+    /// Derivatives and next values in one model.
+    #[error(
+        "`{derivative}` is integrated and `{next}` is given for the next row: a model that follows a recording has equations of one kind"
+    )]
+    MixedSteps {
+        /// A state whose derivative is given.
+        derivative: String,
+        /// One whose next value is.
+        next: String,
+    },
+    /// What is to move is no input.
+    #[error("`{name}` is to move and is no input of the model{near}; it reads {inputs}")]
+    NoInput {
+        /// What was named.
+        name: String,
+        /// What there is.
+        inputs: String,
+        /// What may have been meant.
+        near: String,
+    },
+    /// A column that is not followed.
+    #[error("`{name}` is neither a state that the equations advance nor an input that may move: these are {columns}")]
+    NotFollowed {
+        /// What was named.
+        name: String,
+        /// What there is.
+        columns: String,
+    },
+    /// Bounds in the wrong order.
+    #[error("the bounds of `{name}` are {low} and {high}: the lower one comes first, and they are apart")]
+    Bounds {
+        /// The column.
+        name: String,
+        /// The lower end.
+        low: f64,
+        /// The upper end.
+        high: f64,
+    },
+    /// An episode that does not fit into memory.
+    #[error(
+        "episode {episode} has {rows} rows on the grid, and {most} fit into memory: follow every {every}th row (--every {every}), or split the log"
+    )]
+    TooLong {
+        /// The episode's name.
+        episode: String,
+        /// Its rows on the grid.
+        rows: usize,
+        /// How many there may be.
+        most: usize,
+        /// A grid that fits.
+        every: usize,
+    },
+    /// No episode has what is needed.
+    #[error(
+        "none of {episodes} episodes can be followed: each lacks all values of one of {columns}, or has fewer than two rows of the grid"
+    )]
+    NothingToFollow {
+        /// How many there are.
+        episodes: usize,
+        /// The columns that are followed.
+        columns: String,
+    },
+    /// A model has no finite value along the recording.
+    #[error(
+        "the model or its derivative is not finite along episode {episode}: leave the episode out, or bound what it divides by"
+    )]
+    NotFollowable {
+        /// The episode's name.
+        episode: String,
+    },
+    /// The interior-point solver refuses a program.
+    #[error("the interior-point solver refuses the program of a step: {reason}")]
+    Program {
+        /// What it says.
+        reason: String,
+    },
     /// The factorisation of the Jacobian failed.
     #[error("the derivatives are too large to be factored: choose other units or initial values")]
     Overflow,

@@ -18,6 +18,8 @@
 //!
 //! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
 //!
+//! [`resimulate`] finds the states and inputs that obey a model and stay nearest to a recording.
+//!
 //! ```
 //! use fleetfoot_data::{Column, MemorySource, Silent};
 //! use fleetfoot_estimate::{Options, Parameter, Residual, nonlinear_least_squares};
@@ -45,6 +47,7 @@ mod output_error;
 mod problem;
 mod products;
 mod reads;
+mod resimulation;
 mod rows;
 mod separable;
 mod simulation;
@@ -57,6 +60,7 @@ pub use error::EstimateError;
 pub use fit::{Estimate, nonlinear_least_squares};
 pub use output_error::{Begun, OutputError, OutputErrorOptions, output_error};
 pub use problem::{Parameter, Residual};
+pub use resimulation::{Certificate, Ending, Resimulated, Resimulation, ResimulationOptions, resimulate};
 pub use separable::{LinearFit, LinearTarget, Separable, SeparableOptions, Start, separable};
 pub use simulation::{MOST_COEFFICIENTS, Simulated, SimulationOptions, simulation_error};
 pub use uncertain::Uncertain;

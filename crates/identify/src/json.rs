@@ -5,6 +5,7 @@ mod control;
 mod narx;
 mod parameters;
 mod pwa;
+mod resimulate;
 mod rollout;
 mod score;
 mod sindy;

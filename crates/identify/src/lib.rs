@@ -52,6 +52,7 @@ pub mod prepare;
 mod project;
 mod recipe;
 mod request;
+mod resimulate;
 mod result_page;
 mod rollout_choice;
 mod rows;
@@ -92,10 +93,11 @@ pub use recipe::{
     BodySection, ClockSection, ControlSchedule, ControlSection, Derivative, EpisodeRule, EstimateMethod,
     EstimateSection, Gap, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, LatentSection,
     LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxTerms, Normalize, Over, ParameterSection,
-    PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, SensorKind, SensorSection, Settings,
-    SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection,
+    Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
+pub use resimulate::{Followed, Spread, resimulate};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};

@@ -1,5 +1,6 @@
 //! Predictions and trajectories as files: tables (Parquet, CSV), or messages that viewers draw over the recording (MCAP).
 
+mod followed;
 mod layout;
 mod model;
 mod plane;
@@ -11,6 +12,7 @@ use std::{collections::BTreeMap, path::Path};
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
+pub(crate) use followed::write_followed;
 pub use layout::layout_files;
 pub(crate) use model::refuse_not_finite;
 pub use model::write_model;

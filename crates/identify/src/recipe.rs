@@ -17,6 +17,7 @@ mod estimate;
 mod narx;
 mod prepare;
 mod pwa;
+mod resimulate;
 mod settings;
 mod sindy;
 mod sparse;
@@ -29,6 +30,7 @@ pub use estimate::{EstimateMethod, EstimateSection};
 pub use narx::{NarxSection, NarxTerms};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
 pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
+pub use resimulate::ResimulateSection;
 pub(crate) use settings::seed;
 pub use settings::{Settings, Tunable};
 pub use sindy::{LibrarySection, Normalize, ParameterSection, SindySection};
@@ -80,6 +82,9 @@ pub struct Recipe {
     /// How channels are prepared: what the flags of `prepare` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub prepare: PrepareSection,
+    /// How recordings are followed by a model: what the flags of `resimulate` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub resimulate: ResimulateSection,
     /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, PrepareSection>,

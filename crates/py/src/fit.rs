@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     ControlSection, EstimateSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe,
-    Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
+    ResimulateSection, Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -60,6 +60,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
         of::<EstimateSection>(),
         of::<ControlSection>(),
         of::<PrepareSection>(),
+        of::<ResimulateSection>(),
     ]
 }
 

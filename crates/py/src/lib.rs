@@ -85,7 +85,7 @@ mod _core {
     #[pymodule_export]
     use crate::model::{Model, export_controller, write_controller};
     #[pymodule_export]
-    use crate::on_data::{predict_rows, report, rollout, score};
+    use crate::on_data::{predict_rows, report, resimulate, rollout, score};
     #[pymodule_export]
     use crate::simulate::{TimeGrid, simulate, time_grid};
 

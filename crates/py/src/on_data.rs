@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    FigureFormat,
+    FigureFormat, Followed,
     dynamics::{Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory},
 };
 use numpy::{PyArray1, PyArrayMethods};
@@ -225,6 +225,44 @@ pub(crate) fn rollout<'py>(
     let report = object(py, &rolled.to_json())?;
     let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
     Ok((report, found.collect::<PyResult<_>>()?))
+}
+
+/// Recordings followed by a model within bounds, as the recipe's `[resimulate]` says: the report (JSON), and what follows each episode.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe_text, cache=None, progress=None))]
+pub(crate) fn resimulate<'py>(
+    py: Python<'py>,
+    model: &Model,
+    data: &Data,
+    recipe_text: &str,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let followed =
+        run(py, progress, |progress| fleetfoot::resimulate(&model.model, &changes, &data.logs, None, progress))?;
+    let report = object(py, &followed.to_json())?;
+    let count = followed.found.episodes.len();
+    Ok((report, (0..count).map(|at| followed_to_dict(py, &followed, at)).collect::<PyResult<_>>()?))
+}
+
+fn followed_to_dict<'py>(py: Python<'py>, followed: &Followed, at: usize) -> PyResult<Bound<'py, PyDict>> {
+    let (own, found) = (&followed.found.episodes[at], &followed.found);
+    let (rows, width, states) = (own.rows.len(), found.columns.len(), found.states);
+    let part = |values: &[f64], from: usize, to: usize| {
+        array(py, values.chunks_exact(width).flat_map(|row| row[from..to].to_vec()).collect(), &[rows, to - from])
+    };
+    let dict = PyDict::new(py);
+    dict.set_item("episode", own.episode)?;
+    dict.set_item("row", PyArray1::from_iter(py, own.rows.iter().map(|&row| row as i64)))?;
+    let since = own.stamps.iter().map(|stamp| (stamp - own.stamps[0]) as f64 * 1e-9);
+    dict.set_item("t", PyArray1::from_iter(py, since))?;
+    dict.set_item("x", part(&own.followed, 0, states)?)?;
+    dict.set_item("u", part(&own.followed, states, width)?)?;
+    dict.set_item("x_measured", part(&own.recorded, 0, states)?)?;
+    dict.set_item("u_measured", part(&own.recorded, states, width)?)?;
+    dict.set_item("x_open_loop", array(py, own.open_loop.clone(), &[rows, states])?)?;
+    Ok(dict)
 }
 
 fn outside(word: &str) -> PyResult<Outside> {

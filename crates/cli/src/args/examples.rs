@@ -109,6 +109,11 @@ Examples:
   fleetfoot rollout model.json held-out.mcap --horizon 50 --starts 500 -o rollouts.parquet
   fleetfoot rollout model.json test/ --controller treadmill --controller-set k_x=2,speed=0.25";
 
+pub(crate) const RESIMULATE: &str = "\
+Examples:
+  fleetfoot resimulate model.json flight.parquet -o followed.parquet
+  fleetfoot resimulate model.json flights/ --bounds N1=0.2..1 --deviations V=0.5,h=10 --episodes";
+
 pub(crate) const REPORT: &str = "\
 Examples:
   fleetfoot report model.json held-out.mcap -o report.html

@@ -2,7 +2,8 @@
 
 use clap::{CommandFactory, Parser};
 use fleetfoot::{
-    EstimateSection, ModelSection, NarxSection, PwaSection, Recipe, Settings, SindySection, SparseSection,
+    EstimateSection, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings, SindySection,
+    SparseSection,
 };
 
 use super::{Cli, Command, Fit, List};
@@ -24,17 +25,17 @@ fn values(argument: &clap::Arg) -> [String; 2] {
 }
 
 /// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
-fn walk<S: Settings>(command: &str, of: fn(&Fit) -> Option<&S>) {
+fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
     let told = S::augment_args(clap::Command::new("settings"));
     let mut found = Vec::new();
     for argument in told.get_arguments() {
         let entry = argument.get_id().as_str();
         let flag = |value: &str| -> S {
             let flag = format!("--{}={value}", entry.replace('_', "-"));
-            let cli = Cli::try_parse_from(["fleetfoot", "fit", command, "log.csv", &flag]);
+            let words = ["fleetfoot"].iter().chain(command).copied().chain(["log.csv", &flag]);
+            let cli = Cli::try_parse_from(words);
             let cli = cli.unwrap_or_else(|problem| panic!("{flag}: {problem}"));
-            let Command::Fit(fit) = cli.command else { panic!("{flag}: no fit") };
-            of(&fit).unwrap_or_else(|| panic!("{flag}: another method")).clone()
+            of(&cli.command).unwrap_or_else(|| panic!("{flag}: another method")).clone()
         };
         let [said, other] = values(argument).map(|value| flag(&value));
         assert!(said != other && said != S::default(), "--{entry} changes nothing");
@@ -54,24 +55,28 @@ fn walk<S: Settings>(command: &str, of: fn(&Fit) -> Option<&S>) {
 
 #[test]
 fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
-    walk::<PwaSection>("pwa", |fit| match fit {
-        Fit::Pwa(own) => Some(&own.pwa),
+    walk::<PwaSection>(&["fit", "pwa"], |command| match command {
+        Command::Fit(Fit::Pwa(own)) => Some(&own.pwa),
         _ => None,
     });
-    walk::<SparseSection>("sparse", |fit| match fit {
-        Fit::Sparse(own) => Some(&own.sparse),
+    walk::<SparseSection>(&["fit", "sparse"], |command| match command {
+        Command::Fit(Fit::Sparse(own)) => Some(&own.sparse),
         _ => None,
     });
-    walk::<SindySection>("sindy", |fit| match fit {
-        Fit::Sindy(own) => Some(&own.sindy),
+    walk::<SindySection>(&["fit", "sindy"], |command| match command {
+        Command::Fit(Fit::Sindy(own)) => Some(&own.sindy),
         _ => None,
     });
-    walk::<NarxSection>("narx", |fit| match fit {
-        Fit::Narx(own) => Some(&own.narx),
+    walk::<NarxSection>(&["fit", "narx"], |command| match command {
+        Command::Fit(Fit::Narx(own)) => Some(&own.narx),
         _ => None,
     });
-    walk::<EstimateSection>("parameters", |fit| match fit {
-        Fit::Parameters(own) => Some(&own.estimate),
+    walk::<EstimateSection>(&["fit", "parameters"], |command| match command {
+        Command::Fit(Fit::Parameters(own)) => Some(&own.estimate),
+        _ => None,
+    });
+    walk::<ResimulateSection>(&["resimulate", "model.json"], |command| match command {
+        Command::Resimulate(own) => Some(&own.how),
         _ => None,
     });
 }

@@ -7,4 +7,5 @@ mod aircraft;
 mod least_squares;
 mod nist;
 mod output_error;
+mod resimulation;
 mod simulation;

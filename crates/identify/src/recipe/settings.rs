@@ -41,6 +41,7 @@ impl Recipe {
         self.say(said.estimate.clone());
         self.say(said.control.clone());
         self.say(said.prepare.clone());
+        self.say(said.resimulate.clone());
     }
 }
 

@@ -380,6 +380,13 @@ def rollout(
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]: ...
+def resimulate(
+    model: Model,
+    data: Data,
+    recipe_text: str,
+    cache: str | PathLike[str] | None = None,
+    progress: _Progress = None,
+) -> tuple[dict[str, Any], list[dict[str, Any]]]: ...
 
 # -- statistics
 @final

@@ -263,15 +263,110 @@ class OnRecordings:
         report["notes"] = tell_all(report["notes"])
         return report
 
-    def _opened(self, data: Any, recipe: Any, t: Any = None, dt: float | None = None) -> tuple[engine.Data, str]:
+    def resimulate(
+        self,
+        data: Any,
+        *,
+        every: int | None = None,
+        free: Sequence[str] | None = None,
+        deviations: Mapping[str, float] | None = None,
+        bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+        widen: float | None = None,
+        iterations: int | None = None,
+        keep: bool = False,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """States and inputs that obey the model, stay within bounds and follow recordings as closely as can be.
+
+        Every episode is an optimal control problem of its own, solved by collocation and sequential convex programs.
+
+        Parameters
+        ----------
+        data : anything that :func:`fleetfoot.open` takes
+            Recordings.
+        every : int, optional
+            Every so many rows are rows of the grid; all when not given.
+        free : list of str, optional
+            Inputs that may move; all inputs when not given.
+        deviations : dict, optional
+            What columns may be off, against which deviations are weighed; of others the noise that the recordings
+            show beside the model.
+        bounds : dict, optional
+            ``(low, high)`` of states and inputs, ``None`` for an open end; of others the recorded range, widened.
+        widen : float, optional
+            The share of the recorded range by which it is widened on both sides, 0.25 when not given.
+        iterations : int, optional
+            Convex programs that an episode may take, 50 when not given.
+        keep : bool
+            Whether trajectories are given.
+        recipe, cache, progress : optional
+            As for :meth:`predict`; what ``[resimulate]`` of a recipe says stands below the arguments.
+
+        Returns
+        -------
+        dict
+            ``columns`` (for each state and input ``name``, ``kind``, ``deviation``, ``bounds``, ``spread``, and root
+            mean square deviations over the episodes, ``followed`` and ``open_loop``: ``median``, ``ninth``,
+            ``worst``), ``violation`` and ``stationarity`` (the certificate), ``episodes`` with the same of each,
+            ``replayed``, ``warnings``, ``notes``; and with ``keep`` ``trajectories``: for each episode a dict of
+            ``episode``, ``row``, ``t``, ``x`` and ``u`` (rows, states or inputs), ``x_measured``, ``u_measured``,
+            and ``x_open_loop``, the simulation from the recorded beginning with the recorded inputs.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError, FitError
+
+        Examples
+        --------
+        >>> import numpy as np, fleetfoot as ff
+        >>> t = np.arange(0.0, 10.0, 0.05)
+        >>> u = np.sin(t)
+        >>> x = np.column_stack([np.cos(1.5 * t), -1.5 * np.sin(1.5 * t)])
+        >>> known = {"q": "v", "v": "-k*q + 0.05*u"}
+        >>> found = ff.Parameters({"k": 1.0}, known=known).fit(x, t, u=u, feature_names=["q", "v"], input_names=["u"])
+        >>> rows = {"t": t, "q": x[:, 0], "v": x[:, 1], "u": u}
+        >>> followed = found.model_.resimulate(rows, keep=True)
+        >>> bool(followed["violation"]["dynamics"] < 1e-6)
+        True
+        >>> followed["trajectories"][0]["x"].shape
+        (200, 2)
+        """
+        ends = {name: ["" if end is None else repr(float(end)) for end in own] for name, own in (bounds or {}).items()}
+        said = _recipe.said(
+            every=every,
+            free=None if free is None else ",".join(f"`{name}`" for name in free),
+            deviations=None if deviations is None else ",".join(f"`{n}`={float(v)!r}" for n, v in deviations.items()),
+            bounds=None if bounds is None else ",".join(f"`{n}`={low}..{high}" for n, (low, high) in ends.items()),
+            widen=None if widen is None else float(widen),
+            iterations=iterations,
+        )
+        opened, changes = self._opened(data, recipe, said={"resimulate": said} if said else {})
+        with reporting(progress) as callback:
+            report, trajectories = engine.resimulate(self._core, opened, changes, cache, callback)
+        if keep:
+            report["trajectories"] = trajectories
+        report["notes"] = tell_all(report["notes"])
+        return report
+
+    def _opened(
+        self,
+        data: Any,
+        recipe: Any,
+        t: Any = None,
+        dt: float | None = None,
+        said: Mapping[str, Any] | None = None,
+    ) -> tuple[engine.Data, str]:
         """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns
         itself."""
         from ._data import open as open_data
 
         dataset: Dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        own = ("time", "rename", "join", "episodes")
+        own = ("time", "rename", "join", "episodes", "resimulate")
         kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}
+        kept = _recipe.say(said or {}, kept)
         return dataset._core, _recipe.to_json(kept)
 
     def _arrays(
