@@ -1,0 +1,344 @@
+//! Fusion of a body and of a joint: an hour at 1 kHz, and the same problems beside GTSAM and filterpy.
+//!
+//! One core. The hour: readings of an inertial sensor at 1 kHz and poses at 100 Hz, every constant of the body unknown (24 numbers: 15 of a state, 9 constants); an encoder at 1 kHz. What is told is the time of a sweep (a step of Gauss and
+//! Newton over all states, its cost included; a pass over the readings of a joint) against the time recorded, and the peak of memory, records included, each in a process of its own.
+//!
+//! Peers: GTSAM's combined factors between the same poses, from the same begin, by Gauss and Newton's steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in deviations.
+//! Bias: GTSAM's time is of its optimisation alone, ours of everything, deviations included. filterpy works one matrix at a time in Python, which is what users of it get.
+
+use std::{error::Error, path::Path, process::Command, time::Instant};
+
+use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_data::with_threads;
+use fleetfoot_signal::{
+    Loss,
+    fuse::{BodyNoise, BodyRun, FuseOptions, Fused, ImuNoise, ImuRecord, PoseRecord, Prior, fuse},
+    joint::{FusedJoint, JointOptions, JointRecord, JointRun, JointSensor, Quantity, fuse_joint},
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const HOUR: f64 = 3600.0;
+const NOISE: BodyNoise = BodyNoise {
+    imu: ImuNoise { gyro: 2e-3, accelerometer: 2e-2, gyro_walk: 1e-4, accelerometer_walk: 1e-3 },
+    position: 1e-3,
+    attitude: 3e-3,
+    jerk: 100.0,
+};
+const GRAVITY: f64 = 9.81;
+
+struct Noise(Pcg64);
+
+impl Noise {
+    /// The sum of twelve uniform numbers is normal enough.
+    fn next(&mut self) -> f64 {
+        (0..12).map(|_| self.0.random::<f64>()).sum::<f64>() - 6.0
+    }
+
+    fn three(&mut self, size: f64) -> [f64; 3] {
+        [0; 3].map(|_| size * self.next())
+    }
+}
+
+/// Roll, pitch and yaw, and their rates.
+fn angles(t: f64) -> ([f64; 3], [f64; 3]) {
+    let axes = [[0.6, 1.7, 0.0], [0.5, 1.1, 1.0], [1.2, 0.7, 0.3]];
+    (
+        axes.map(|[size, rate, phase]: [f64; 3]| size * (rate * t + phase).sin()),
+        axes.map(|[size, rate, phase]| size * rate * (rate * t + phase).cos()),
+    )
+}
+
+fn attitude(t: f64) -> [f64; 4] {
+    let [(sr, cr), (sp, cp), (sy, cy)] = angles(t).0.map(|angle| (0.5 * angle).sin_cos());
+    [sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy]
+}
+
+fn rate(t: f64) -> [f64; 3] {
+    let ([roll, pitch, _], [dr, dp, dy]) = angles(t);
+    [
+        dr - dy * pitch.sin(),
+        dp * roll.cos() + dy * roll.sin() * pitch.cos(),
+        dy * roll.cos() * pitch.cos() - dp * roll.sin(),
+    ]
+}
+
+const AXES: [[f64; 3]; 3] = [[1.0, 1.3, 0.2], [0.7, 1.9, 1.4], [0.4, 2.3, 0.9]];
+
+fn turned([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let once = cross([x, y, z], v);
+    let twice = cross([x, y, z], [0, 1, 2].map(|i| once[i] + w * v[i]));
+    [0, 1, 2].map(|i| v[i] + 2.0 * twice[i])
+}
+
+/// A body that turns and moves, its readings and poses.
+struct Body {
+    times: Vec<f64>,
+    rates: Vec<[f64; 3]>,
+    forces: Vec<[f64; 3]>,
+    stamps: Vec<f64>,
+    positions: Vec<[f64; 3]>,
+    attitudes: Vec<[f64; 4]>,
+}
+
+impl Body {
+    fn new(seconds: f64) -> Self {
+        let (mut noise, rows) = (Noise(Pcg64::seed_from_u64(1)), (1000.0 * seconds) as usize + 1);
+        let mut own = Self {
+            times: Vec::with_capacity(rows),
+            rates: Vec::with_capacity(rows),
+            forces: Vec::with_capacity(rows),
+            stamps: Vec::with_capacity(rows / 10),
+            positions: Vec::with_capacity(rows / 10),
+            attitudes: Vec::with_capacity(rows / 10),
+        };
+        for row in 0..rows {
+            let t = 1e-3 * row as f64;
+            let [x, y, z, w] = attitude(t);
+            let [a, b, c] = AXES.map(|[size, rate, phase]| -size * rate * rate * (rate * t + phase).sin());
+            let force = turned([-x, -y, -z, w], [a, b, c + GRAVITY]);
+            let (gyro, scattered) = (
+                noise.three(NOISE.imu.gyro * 1000.0_f64.sqrt()),
+                noise.three(NOISE.imu.accelerometer * 1000.0_f64.sqrt()),
+            );
+            own.times.push(t);
+            own.rates.push([0, 1, 2].map(|i| rate(t)[i] + gyro[i] + [0.02, -0.03, 0.01][i]));
+            own.forces.push([0, 1, 2].map(|i| force[i] + scattered[i] + [0.1, -0.2, 0.05][i]));
+            let at = t + 0.0043;
+            if row % 10 == 5 && at < seconds - 0.1 {
+                let (off, e) = (noise.three(NOISE.position), noise.three(0.5 * NOISE.attitude));
+                let place = AXES.map(|[size, rate, phase]| size * (rate * at + phase).sin());
+                let [x, y, z, w] = attitude(at);
+                own.stamps.push(at);
+                own.positions.push([0, 1, 2].map(|i| place[i] + off[i]));
+                // q (1, e), normalised by whoever reads it.
+                own.attitudes.push([
+                    x + w * e[0] + y * e[2] - z * e[1],
+                    y + w * e[1] + z * e[0] - x * e[2],
+                    z + w * e[2] + x * e[1] - y * e[0],
+                    w - x * e[0] - y * e[1] - z * e[2],
+                ]);
+            }
+        }
+        own
+    }
+
+    fn run(&self) -> BodyRun<'_> {
+        BodyRun {
+            imu: ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces },
+            poses: PoseRecord { times: &self.stamps, positions: &self.positions, attitudes: &self.attitudes },
+        }
+    }
+}
+
+/// Nothing is known of the constants.
+fn unknown() -> FuseOptions {
+    let deviation = f64::INFINITY;
+    FuseOptions {
+        noise: NOISE,
+        gravity: Prior { value: [0.0, 0.0, -GRAVITY], deviation },
+        lever: Prior { value: [0.0; 3], deviation },
+        mounting: Prior { value: [0.0, 0.0, 0.0, 1.0], deviation },
+        offset: Prior { value: 0.0, deviation: 0.005 },
+        ..FuseOptions::default()
+    }
+}
+
+fn encoder(seconds: f64) -> (Vec<f64>, Vec<f64>) {
+    let mut noise = Noise(Pcg64::seed_from_u64(2));
+    let times: Vec<f64> = (0..(1000.0 * seconds) as usize).map(|row| 1e-3 * row as f64).collect();
+    let values = times.iter().map(|t| (3.0 * t).sin() + 0.4 * (7.1 * t).cos() + 1e-3 * noise.next()).collect();
+    (times, values)
+}
+
+/// An hour, in a process of its own.
+fn hour(what: &str) -> Result<(), Box<dyn Error>> {
+    let told = |seconds: f64, sweeps: usize, whole: f64, records: f64| {
+        println!(
+            "{what:<6} {:>6.1} s a sweep, {:>5.0} times real time; {sweeps} sweeps and deviations {whole:.0} s; peak {:.0} MiB, of which records {records:.0}",
+            seconds / sweeps as f64,
+            HOUR * sweeps as f64 / seconds,
+            peak_rss_mib()
+        );
+    };
+    if what == "body" {
+        let body = Body::new(HOUR);
+        let records = peak_rss_mib();
+        let start = Instant::now();
+        let fused = with_threads(1, || fuse(&[body.run()], &unknown()))?;
+        let whole = start.elapsed().as_secs_f64();
+        // What comes after the last step is as much work as one.
+        told(whole, fused.steps + 1, whole, records);
+        let offset = fused.constants.offset;
+        println!(
+            "       converged: {}; poses late by {:.2e} s ({:.1e})",
+            fused.converged, offset.value, offset.deviation
+        );
+    } else {
+        let (times, values) = encoder(HOUR);
+        let records = peak_rss_mib();
+        let record = JointRecord { times: &times, values: &values };
+        let options = JointOptions::new(vec![JointSensor::new(Quantity::Position)]);
+        let start = Instant::now();
+        let fused = with_threads(1, || fuse_joint(&[JointRun { records: vec![record], at: &times }], &options))?;
+        let whole = start.elapsed().as_secs_f64();
+        told(whole, fused.rounds + 2, whole, records);
+        println!("       converged: {}; noise {:.3e}, 1e-3 is true", fused.converged, fused.sensors[0].noise);
+    }
+    Ok(())
+}
+
+/// The greatest difference of the states, in deviations, of nodes that both have.
+fn apart(fused: &Fused, found: &[f64]) -> [f64; 5] {
+    let mut most = [0.0_f64; 5];
+    for (state, row) in fused.tracks[0].states.iter().zip(found.chunks_exact(16).skip(fused.tracks[0].first)) {
+        let [x, y, z, w] = state.attitude;
+        let q: [f64; 4] = std::array::from_fn(|i| row[i]);
+        // Twice the vector part of the rotation from one to the other.
+        let sign = if x * q[0] + y * q[1] + z * q[2] + w * q[3] < 0.0 { -2.0 } else { 2.0 };
+        let turn = [
+            w * q[0] - x * q[3] - y * q[2] + z * q[1],
+            w * q[1] - y * q[3] - z * q[0] + x * q[2],
+            w * q[2] - z * q[3] - x * q[1] + y * q[0],
+        ];
+        let parts = [state.position, state.velocity, state.gyro_bias, state.accelerometer_bias];
+        for i in 0..3 {
+            most[0] = most[0].max((sign * turn[i] / state.deviations[i]).abs());
+            for (at, part) in parts.iter().enumerate() {
+                most[1 + at] =
+                    most[1 + at].max(((part[i] - row[4 + 3 * at + i]) / state.deviations[3 + 3 * at + i]).abs());
+            }
+        }
+    }
+    most
+}
+
+fn beside_gtsam(folder: &Path) -> Result<(), Box<dyn Error>> {
+    const SECONDS: f64 = 30.0;
+    let body = Body::new(SECONDS);
+    let options = FuseOptions {
+        noise: NOISE,
+        gravity: [0.0, 0.0, -GRAVITY].into(),
+        loss: Loss::Huber(1e6),
+        gate: 0.0,
+        ..FuseOptions::default()
+    };
+    let (seconds, fused) = with_threads(1, || best_of(3, || fuse(&[body.run()], &options)));
+    let fused = fused?;
+    println!("\na body of {SECONDS} s, {} poses", fused.tracks[0].states.len());
+    println!("fleetfoot          {seconds:>9.3} s  {} steps, deviations included", fused.steps);
+    for (name, values) in [("rates", &body.rates), ("forces", &body.forces), ("positions", &body.positions)] {
+        write_f64(&folder.join(format!("{name}.f64")), &values.concat())?;
+    }
+    write_f64(&folder.join("attitudes.f64"), &body.attitudes.iter().map(unit).collect::<Vec<_>>().concat())?;
+    write_f64(&folder.join("times.f64"), &body.times)?;
+    write_f64(&folder.join("stamps.f64"), &body.stamps)?;
+    let ImuNoise { gyro, accelerometer, gyro_walk, accelerometer_walk } = NOISE.imu;
+    let biases = [options.gyro_bias.deviation, options.accelerometer_bias.deviation];
+    let noise = [
+        gyro,
+        accelerometer,
+        gyro_walk,
+        accelerometer_walk,
+        NOISE.position,
+        NOISE.attitude,
+        biases[0],
+        biases[1],
+        GRAVITY,
+    ];
+    write_f64(&folder.join("noise.f64"), &noise)?;
+    match peer("fusion.py", &[folder, Path::new("gtsam")]) {
+        Err(reason) => println!("gtsam              absent: {reason}"),
+        Ok(answer) => {
+            let theirs = answer["seconds"].as_f64().unwrap_or(f64::NAN);
+            let apart = apart(&fused, &read_f64(&folder.join("found.f64"))?);
+            println!(
+                "gtsam {:<12} {theirs:>9.3} s  {} steps, {:.1} times ours",
+                answer["version"].as_str().unwrap_or_default(),
+                answer["steps"],
+                theirs / seconds
+            );
+            println!(
+                "apart, in deviations at most: attitude {:.4}, position {:.4}, velocity {:.4}, biases {:.4} and {:.4}",
+                apart[0], apart[1], apart[2], apart[3], apart[4]
+            );
+            if !apart.iter().all(|apart| *apart < 0.1) {
+                return Err("the states are not those of GTSAM".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn unit(q: &[f64; 4]) -> [f64; 4] {
+    let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    q.map(|x| x / norm)
+}
+
+fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let (times, values) = encoder(20.0);
+    let (noise, jerk) = (1e-3, 100.0);
+    let mut options =
+        JointOptions::new(vec![JointSensor { noise: Some(noise), ..JointSensor::new(Quantity::Position) }]);
+    (options.jerk, options.loss, options.gate) = (Some(jerk), Loss::Huber(1e6), 0.0);
+    let run = || {
+        let record = JointRecord { times: &times, values: &values };
+        fuse_joint(&[JointRun { records: vec![record], at: &times }], &options)
+    };
+    let (seconds, fused) = with_threads(1, || best_of(3, run));
+    let fused: FusedJoint = fused?;
+    println!("\na joint of {} readings, noise and jerk given", times.len());
+    println!(
+        "fleetfoot          {seconds:>9.4} s  {} passes and the states, the begin from a spline included",
+        fused.rounds
+    );
+    write_f64(&folder.join("values.f64"), &values)?;
+    write_f64(&folder.join("noise.f64"), &[1e-3, noise, jerk])?;
+    match peer("fusion.py", &[folder, Path::new("filterpy")]) {
+        Err(reason) => println!("filterpy           absent: {reason}"),
+        Ok(answer) => {
+            let theirs = answer["seconds"].as_f64().unwrap_or(f64::NAN);
+            let found = read_f64(&folder.join("found.f64"))?;
+            let states = &fused.runs[0];
+            let off = |(row, theirs): (usize, &[f64])| {
+                let of = |k: usize| {
+                    let (mean, deviation) = (states.derivatives[k][row], states.deviations[k][row]);
+                    ((theirs[k] - mean) / deviation).abs().max((theirs[3 + k].sqrt() / deviation - 1.0).abs())
+                };
+                (0..3).map(of).fold(0.0, f64::max)
+            };
+            let apart = found.chunks_exact(6).enumerate().map(off).fold(0.0, f64::max);
+            println!(
+                "filterpy {:<9} {theirs:>9.4} s  {:.0} times ours, {apart:.1e} deviations apart at most",
+                answer["version"].as_str().unwrap_or_default(),
+                theirs / seconds
+            );
+            // Its start is a prior of deviations of 10, 100 and 1000.
+            if apart > 1e-3 {
+                return Err("the states are not those of filterpy".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    if let Some(what) = std::env::args().skip(1).find(|word| word == "body" || word == "joint") {
+        return hour(&what);
+    }
+    println!("fusion, one core");
+    // `cargo bench --bench fusion -- peers` leaves the hours out.
+    if !std::env::args().any(|word| word == "peers") {
+        println!("\nan hour at 1 kHz");
+        for what in ["body", "joint"] {
+            if !Command::new(std::env::current_exe()?).arg(what).status()?.success() {
+                return Err(format!("the hour of the {what} failed").into());
+            }
+        }
+    }
+    let folder = tempfile::tempdir()?;
+    beside_gtsam(folder.path())?;
+    beside_filterpy(folder.path())
+}
