@@ -13,6 +13,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import raw_hexapod
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "results.md"
 
@@ -231,7 +233,12 @@ def autoregressions(fleetfoot, data):
     return "\n".join(rows)
 
 
-TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions}
+def raw(fleetfoot, _data):
+    with bench(fleetfoot) as own:
+        return raw_hexapod.table(own)
+
+
+TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw}
 
 
 def machine():
@@ -260,7 +267,9 @@ if __name__ == "__main__":
     parser.add_argument("--fleetfoot", type=Path, required=True, help="the released command")
     parser.add_argument("--data", type=Path, default=os.environ.get("FLEETFOOT_DATA"), help="the folder of the recordings [FLEETFOOT_DATA]")
     parser.add_argument("tables", nargs="*", default=sorted(TABLES), help=f"those wanted, of {', '.join(sorted(TABLES))} [all]")
+    parser.add_argument("--seeds", type=int, default=len(raw_hexapod.SEEDS), help="how many runs raw_hexapod has [%(default)s]")
     arguments = parser.parse_args()
+    raw_hexapod.SEEDS = range(1, arguments.seeds + 1)
     for name in arguments.tables:
         fill(name, TABLES[name](arguments.fleetfoot.resolve(), arguments.data))
         print(name)
