@@ -9,6 +9,7 @@ import json
 import os
 import platform
 import re
+import resource
 import subprocess
 import tempfile
 from pathlib import Path
@@ -238,7 +239,41 @@ def raw(fleetfoot, _data):
         return raw_hexapod.table(own)
 
 
-TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw}
+
+def flights(fleetfoot, _data):
+    """Climbs that a model of other climbs follows (Fig. 4 and 6 of the block-sparse bolasso paper)."""
+    disturbed = ("--set", "turbulence.longitudinal=0.02", "--set", "turbulence.normal=0.02", "--format", "parquet")
+    with bench(fleetfoot) as own:
+        for folder, runs, seed in (("train", 24, 3), ("test", 50, 4)):
+            words = [own.fleetfoot, "generate", "aircraft", "--runs", str(runs), "--seed", str(seed), *disturbed, "-o", folder]
+            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
+        own.run("fit", "sparse", "-c", "train/robot.toml", "train", "--bolasso", "episodes:200", "--threshold", "0.9", "-o", "model.json")
+        begun = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        found = own.run("resimulate", "model.json", "test", "--every", 2)
+        seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begun) / len(found["episodes"])
+    programs = sorted(episode["programs"] for episode in found["episodes"])
+    rows = ["| rms deviation from the flight | followed: mean of the flights | 90 % | worst | open loop: mean | 90 % | worst | may be off |", "|---|---|---|---|---|---|---|---|"]
+    for column in found["columns"]:
+        cells = []
+        for kind in ("followed", "open_loop"):
+            spread = column[kind]
+            if spread is None:
+                cells += ["-"] * 3
+                continue
+            values = [episode[kind][column["name"]] for episode in found["episodes"]]
+            ended = sum(value is None for value in values)
+            mean = f"{ended} diverged" if ended else f"{sum(values) / len(values):.3g}"
+            cells += [mean, *("diverged" if spread[name] is None else f"{spread[name]:.3g}" for name in ("ninth", "worst"))]
+        unit = f", {column['unit']}" if column["unit"] else ""
+        rows.append(f"| {column['name']}{unit} | {' | '.join(cells)} | {column['deviation']:.2g} |")
+    violation, count = found["violation"], len(found["episodes"])
+    rows += ["", f"{count} flights, {found['rows']:,} rows; {found['minima']} at a minimum, by {programs[0]} to {programs[-1]} convex programs (median {programs[count // 2]}). "
+             f"The dynamics are violated by {violation['dynamics']:.1e} of a state's spread at most, bounds by {violation['bounds']:.1e}; stationarity {found['stationarity']:.1e}. "
+             f"{seconds:.2f} s of a processor a flight, reading and the noise included."]
+    return "\n".join(rows)
+
+
+TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "flights": flights}
 
 
 def machine():
