@@ -5,6 +5,7 @@ mod effort;
 mod fit;
 mod look;
 mod options;
+mod partitions;
 mod report;
 mod runs;
 mod select;

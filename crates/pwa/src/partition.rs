@@ -51,9 +51,6 @@ pub fn partition(
         segmentation.lattice = cells.lattice;
         join_cells(&mut segmentation, &mut scanned, &preconditioner, 0)?;
     }
-    segmentation.notes.extend(options.partitions.iter().filter(|one| one.fits_targets()).map(|one| {
-        format!("{one}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` on logs makes regions anew for every fold")
-    }));
     let of = |index: usize| segmentation.partitions[index].clone();
     Ok(Partitioned {
         partitions: segmentation.candidates.iter().map(|c| (c.specification.clone(), of(c.full))).collect(),

@@ -15,7 +15,8 @@ use super::{
     fit::Fit,
     look::Look,
     options::USUAL,
-    select::{Choice, Job, Selection, Tried, best, best_within_one_standard_error},
+    partitions::Choice,
+    select::{Job, Selection, Tried, best, best_within_one_standard_error},
     spans::Spans,
     summed::{Evidence, folds_of_chunks},
     task::NarxTask,
@@ -134,9 +135,11 @@ impl Fit<'_> {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order.outputs.max(order.inputs),
             OrderRule::Look(given) => self.options.most_lags(given, room.max(1)),
         };
+        let anew = self.anew(partitions, (&cut, &folds), progress)?;
         let selection = Selection {
             base: self.base,
             partitions,
+            anew: &anew,
             cut: &cut,
             held: &held,
             fold_of: &fold_of,

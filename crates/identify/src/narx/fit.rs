@@ -4,15 +4,13 @@ use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
-use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 
 use super::{
     FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxTerm, OrderRule, TermRule,
     choose::Chosen,
-    options::USUAL,
+    partitions::Choice,
     runs::free_runs_by_file,
-    select::Choice,
     spans::Spans,
     summed::{Evidence, Sums, by_single_steps},
     task::{NarxBase, one_row_ahead},
@@ -184,7 +182,7 @@ impl Fit<'_> {
         let mut notes = Vec::new();
         let partitions = self.partitions(&mut notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
-        let Choice { partition, seed } = &partitions[chosen.partition];
+        let Choice { partition, seed, .. } = &partitions[chosen.partition];
         let partition = partition.as_ref();
         let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
         let coefficients = coefficients(&chosen.terms, chosen.task.candidates());
@@ -285,45 +283,6 @@ impl Fit<'_> {
                 counts.complete, counts.at_border, counts.incomplete
             ),
         ))
-    }
-
-    /// The partitions asked for, on all rows that train; those that cluster once a start.
-    fn partitions(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Vec<Choice>, Error> {
-        if self.options.partitions == [Specification::Average] {
-            return Ok(vec![Choice { partition: None, seed: self.options.seed }]);
-        }
-        // What rows have all lags of; regions look at columns of their own.
-        let order = match self.options.order {
-            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
-            OrderRule::Look(given) => given.or(USUAL),
-        };
-        let task = self.evidence.candidates(self.base, &[order])?;
-        let source = match self.evidence {
-            Evidence::Rows(source) => source,
-            Evidence::Sums(sums) => return sums.partitions(&task, self.options),
-        };
-        let problem = task.problem(self.step);
-        let mut options = fleetfoot_pwa::Options::default();
-        options.partitions.clone_from(&self.options.partitions);
-        let mut choices = Vec::new();
-        for start in 0..self.options.starts as u64 {
-            options.seed = self.options.seed.wrapping_add(start);
-            if start > 0 {
-                // Only what is clustered depends on the seed.
-                options.partitions.retain(Specification::is_seeded);
-            }
-            if options.partitions.is_empty() {
-                break;
-            }
-            let found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
-            let new = found.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>();
-            notes.extend(new);
-            choices.extend(found.partitions.into_iter().map(|(specification, partition)| Choice {
-                partition: (specification != Specification::Average).then_some(partition),
-                seed: options.seed,
-            }));
-        }
-        Ok(choices)
     }
 
     fn provenance(&self, partition: Option<&Partition>, seed: u64) -> Provenance {

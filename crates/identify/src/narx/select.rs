@@ -2,7 +2,7 @@
 //!
 //! One-step errors flatter an autoregression: the outputs hardly move within a row. What a model is for is seen when it feeds on its own answers.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{borrow::Cow, collections::BTreeMap, ops::Range, sync::Arc};
 
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Silent, parallel_map};
@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::{
     TermRule,
+    partitions::Choice,
     spans::Spans,
     task::{NarxBase, NarxTask},
     terms::{Problems, Support, Trails, coefficients},
@@ -48,12 +49,6 @@ pub struct NarxCandidate {
     pub rrse: f64,
     /// That of every fold, the root mean square over the outputs: every fold counts as much, whatever its rows and how far its outputs move.
     pub folds: Vec<f64>,
-}
-
-/// A partition to choose from; `None`: one region.
-pub(crate) struct Choice {
-    pub(crate) partition: Option<Partition>,
-    pub(crate) seed: u64,
 }
 
 /// Errors that differ by less are the same.
@@ -124,6 +119,8 @@ pub(crate) struct Tried {
 pub(crate) struct Selection<'a> {
     pub(crate) base: &'a NarxBase,
     pub(crate) partitions: &'a [Choice],
+    /// Of every partition whose regions fit the dynamics: those of the training rows of every fold. Empty for the others.
+    pub(crate) anew: &'a [Vec<Partition>],
     /// The training rows, cut into spans.
     pub(crate) cut: &'a Spans<'a>,
     /// The spans of every fold.
@@ -136,11 +133,30 @@ pub(crate) struct Selection<'a> {
 
 /// The statistics of one partition.
 struct Sets<'a> {
-    choice: &'a Choice,
     task: &'a NarxTask,
-    scan: &'a SystemScan,
-    folds: Vec<Problems>,
+    /// Of the rows that train for every fold.
+    folds: Vec<Training<'a>>,
     all: Problems,
+}
+
+/// The rows that train for a fold.
+struct Training<'a> {
+    partition: Option<&'a Partition>,
+    scan: Cow<'a, SystemScan>,
+    problems: Problems,
+}
+
+impl Training<'_> {
+    /// Whether its regions are its own, and not those of all rows.
+    fn is_anew(&self) -> bool {
+        matches!(self.scan, Cow::Owned(_))
+    }
+}
+
+/// The terms of a model that is tried: how many of each equation, and which.
+struct Wanted {
+    count: usize,
+    supports: Vec<Vec<Support>>,
 }
 
 /// Squared relative errors of every output over free runs; `None` where no run could begin.
@@ -148,7 +164,9 @@ type Squares = Option<Vec<f64>>;
 
 impl Selection<'_> {
     /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every fold are simulated by the same terms, refitted on
-    /// the others. One scan of the union of all candidates serves every order, and one a partition more; lags do not reach over the borders of spans.
+    /// the others. Regions that fit the dynamics are those of the others too, and as they are different ones so many terms are chosen in each of them anew: regions
+    /// that had seen what they are tested on would flatter themselves. One scan of the union of all candidates serves every order, one a partition more, and one
+    /// a fold where regions are made anew; lags do not reach over the borders of spans.
     pub(crate) fn run(&self, jobs: &[Job], progress: &dyn Progress) -> Result<Vec<Tried>, Error> {
         if jobs.is_empty() {
             return Ok(Vec::new());
@@ -160,18 +178,16 @@ impl Selection<'_> {
         for (index, choice) in self.partitions.iter().enumerate() {
             let partition = choice.partition.as_ref();
             let regions = partition.map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
-            let mut folds = self.training_sets(&whole, regions.as_ref());
-            let Some(all) = folds.pop() else { continue };
-            let sets = Sets { choice, task: &task, scan: regions.as_ref().unwrap_or(&whole), folds, all };
+            let sets = self.sets(index, &task, (&whole, regions.as_ref()), progress)?;
             progress.stage("free runs");
-            let supports = parallel_map(jobs.len(), &Silent, |job| supports(&sets, &jobs[job]))?;
+            let wanted = parallel_map(jobs.len(), &Silent, |job| wanted(&sets, &jobs[job]))?;
             let count = self.held.len();
             let runs = parallel_map(jobs.len() * count, progress, |at| {
                 let (job, fold) = (at / count, at % count);
-                supports[job].iter().map(|support| self.squares(&sets, support, fold)).collect::<Result<Vec<_>, _>>()
+                self.runs(&sets, &jobs[job], &wanted[job], fold)
             })?;
-            for ((job, supports), runs) in jobs.iter().zip(supports).zip(runs.chunks(count)) {
-                found.extend(supports.into_iter().enumerate().map(|(k, supports)| {
+            for ((job, wanted), runs) in jobs.iter().zip(wanted).zip(runs.chunks(count)) {
+                found.extend(wanted.into_iter().enumerate().map(|(k, Wanted { supports, .. })| {
                     let folds: Vec<&Squares> = runs.iter().map(|fold| &fold[k]).collect();
                     let candidate = candidate(index, choice, job.order, &supports, &folds);
                     Tried { candidate, task: Arc::clone(&task), supports }
@@ -179,6 +195,38 @@ impl Selection<'_> {
             }
         }
         Ok(found)
+    }
+
+    /// What a partition trains on, from the scans of all rows without regions and with them.
+    fn sets<'s>(
+        &'s self,
+        index: usize,
+        task: &'s NarxTask,
+        (whole, regions): (&'s SystemScan, Option<&'s SystemScan>),
+        progress: &dyn Progress,
+    ) -> Result<Sets<'s>, Error> {
+        let all = Problems::all(whole, regions);
+        let partition = self.partitions[index].partition.as_ref();
+        let anew = self.anew.get(index).filter(|anew| !anew.is_empty());
+        let folds = match anew {
+            None => {
+                let of = |problems| Training { partition, scan: Cow::Borrowed(regions.unwrap_or(whole)), problems };
+                self.training(whole, regions, 0..self.held.len()).into_iter().map(of).collect()
+            }
+            Some(anew) => {
+                let of = |(fold, partition): (usize, &'s Partition)| {
+                    let scan = self.scan(task, Some(partition), progress)?;
+                    let mut own = self.training(whole, Some(&scan), fold..fold + 1);
+                    Ok(own.pop().map(|problems| Training {
+                        partition: Some(partition),
+                        scan: Cow::Owned(scan),
+                        problems,
+                    }))
+                };
+                anew.iter().enumerate().map(of).filter_map(Result::transpose).collect::<Result<_, Error>>()?
+            }
+        };
+        Ok(Sets { task, folds, all })
     }
 
     fn scan(
@@ -192,22 +240,40 @@ impl Selection<'_> {
         Ok(SystemPlan::new(system, None, self.cut)?.scan(self.cut, progress)?)
     }
 
-    /// The problems of every fold's training rows, and of all rows behind them.
-    fn training_sets(&self, whole: &SystemScan, regions: Option<&SystemScan>) -> Vec<Problems> {
+    /// The problems of the training rows of some folds.
+    fn training(&self, whole: &SystemScan, regions: Option<&SystemScan>, folds: Range<usize>) -> Vec<Problems> {
         let weights = |scan: &SystemScan| {
             let fold = |unit: usize| self.fold_of.get(&scan.units()[unit].episode).copied();
-            let trains = |unit: usize, f: usize| f == self.held.len() || fold(unit) != Some(f);
-            Mat::from_fn(scan.units().len(), self.held.len() + 1, |unit, f| f64::from(trains(unit, f)))
+            let trains = |unit: usize, f: usize| fold(unit) != Some(folds.start + f);
+            Mat::from_fn(scan.units().len(), folds.len(), |unit, f| f64::from(trains(unit, f)))
         };
         Problems::sets(whole, regions, &weights)
     }
 
+    /// Free runs of the spans of a fold by models of the others, one for each number of terms that is wanted.
+    fn runs(&self, sets: &Sets<'_>, job: &Job, wanted: &[Wanted], fold: usize) -> Result<Vec<Squares>, Error> {
+        let training = &sets.folds[fold];
+        if !training.is_anew() {
+            return wanted.iter().map(|own| self.squares(sets, &own.supports, training, fold)).collect();
+        }
+        let columns = sets.task.library.columns(job.order);
+        let trails = Trails::new(&training.problems, columns, job.terms, FrolsChoice::Last)?;
+        let supports = |own: &Wanted| trails.supports(Some(own.count));
+        wanted.iter().map(|own| self.squares(sets, &supports(own), training, fold)).collect()
+    }
+
     /// Free runs of the spans of a fold by a model of the others with these terms.
-    fn squares(&self, sets: &Sets<'_>, supports: &[Vec<Support>], fold: usize) -> Result<Squares, Error> {
-        let terms = sets.folds[fold].refitted(supports)?;
+    fn squares(
+        &self,
+        sets: &Sets<'_>,
+        supports: &[Vec<Support>],
+        training: &Training<'_>,
+        fold: usize,
+    ) -> Result<Squares, Error> {
+        let terms = training.problems.refitted(supports)?;
         let coefficients = coefficients(&terms, sets.task.task.candidates());
         let provenance = Provenance { step: self.step, ..Provenance::default() };
-        let model = sets.task.task.trial(sets.scan, sets.choice.partition.as_ref(), &coefficients, provenance);
+        let model = sets.task.task.trial(&training.scan, training.partition, &coefficients, provenance);
         let mut options = FreeRunOptions::default();
         options.first = self.first;
         match free_run(&model, &self.held[fold], &options, &Silent) {
@@ -219,12 +285,13 @@ impl Selection<'_> {
 }
 
 /// The terms of an order on all rows, by their number; a number that forward regression does not reach is left out.
-fn supports(sets: &Sets<'_>, job: &Job) -> Result<Vec<Vec<Vec<Support>>>, Error> {
+fn wanted(sets: &Sets<'_>, job: &Job) -> Result<Vec<Wanted>, Error> {
     let columns = sets.task.library.columns(job.order);
     let counts = job.counts(columns.len());
     let trails = Trails::new(&sets.all, columns, job.terms, FrolsChoice::Last)?;
-    let mut found: Vec<Vec<Vec<Support>>> = counts.into_iter().map(|count| trails.supports(Some(count))).collect();
-    found.dedup();
+    let of = |count: usize| Wanted { count, supports: trails.supports(Some(count)) };
+    let mut found: Vec<Wanted> = counts.into_iter().map(of).collect();
+    found.dedup_by(|later, earlier| later.supports == earlier.supports);
     Ok(found)
 }
 
@@ -311,10 +378,11 @@ mod tests {
         let held: Vec<Spans<'_>> =
             spans.iter().map(|span| Spans::new(&source, vec![(0, span.clone())], 1).unwrap()).collect();
         let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
-        let partitions = [Choice { partition: None, seed: 0 }];
+        let partitions = [Choice::whole(0)];
         let selection = Selection {
             base: &base,
             partitions: &partitions,
+            anew: &[],
             cut: &cut,
             held: &held,
             fold_of: &fold_of,
@@ -336,6 +404,60 @@ mod tests {
             assert!((error - exact).abs() < 1e-10, "{fold}: {error} {exact}");
         }
         assert!((two.candidate.rrse - two.candidate.folds.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_fold_is_simulated_in_the_regions_of_its_own_training_rows() {
+        let (y, u) = recording(300);
+        let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
+        source.push_uniform("run", 1.0, vec![y, u]);
+        let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = \"u\"\n", "test").unwrap();
+        let options = NarxOptions::new(&recipe).unwrap();
+        let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
+        let base = NarxBase::new(task, &recipe).unwrap();
+        let spans = [0..90, 90..200, 200..300];
+        let cut = Spans::new(&source, spans.iter().map(|span| (0, span.clone())).collect(), 1).unwrap();
+        let held: Vec<Spans<'_>> =
+            spans.iter().map(|span| Spans::new(&source, vec![(0, span.clone())], 1).unwrap()).collect();
+        let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
+        // Cut in two, in three, and not at all: that of all rows is another again.
+        let on = |centroids: &[f64]| Partition {
+            columns: vec![fleetfoot_library::Expr::column("u")],
+            centre: vec![0.0],
+            scale: vec![1.0],
+            rule: fleetfoot_model::Rule::voronoi(centroids.iter().map(|&c| vec![c]).collect()),
+            ..Partition::whole()
+        };
+        let anew = [on(&[-0.4, 0.3]), on(&[-0.5, 0.0, 0.6]), on(&[0.1])];
+        let of_all = on(&[-0.9, 0.9]);
+        let run = |partition: &Partition, anew: &[Vec<Partition>], terms: TermRule| {
+            let specification = fleetfoot_pwa::Specification::Refined(2);
+            let partitions = [Choice { specification, partition: Some(partition.clone()), seed: 0 }];
+            let selection = Selection {
+                base: &base,
+                partitions: &partitions,
+                anew,
+                cut: &cut,
+                held: &held,
+                fold_of: &fold_of,
+                first: 0,
+                step: 1.0,
+            };
+            let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }, terms };
+            let tried = selection.run(&[job], &Silent).unwrap();
+            tried.into_iter().map(|tried| tried.candidate).collect::<Vec<_>>()
+        };
+        let found = run(&of_all, &[anew.to_vec()], TermRule::All);
+        for (fold, own) in anew.iter().enumerate() {
+            let alone = run(own, &[], TermRule::All);
+            assert_eq!(found[0].folds[fold], alone[0].folds[fold], "{fold}");
+        }
+        assert_eq!(found[0].regions, 2, "what is written has the regions of all rows");
+        assert!(found[0].folds != run(&of_all, &[], TermRule::All)[0].folds);
+        // Where terms are chosen, so many are chosen in every region of a fold's own.
+        let found = run(&of_all, &[anew.to_vec()], TermRule::Auto(3));
+        assert_eq!(found.iter().map(|own| own.terms).collect::<Vec<_>>(), [1, 2, 3]);
+        assert!(found.iter().all(|own| own.rrse.is_finite()), "{found:?}");
     }
 
     #[test]

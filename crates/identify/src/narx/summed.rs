@@ -17,7 +17,7 @@ use fleetfoot_stats::{FoldRule, Purge};
 use super::{
     NarxOptions, NarxSelection, OrderRule,
     options::USUAL,
-    select::Choice,
+    partitions::Choice,
     task::{NarxBase, NarxTask, one_row_ahead},
 };
 use crate::{
@@ -153,7 +153,8 @@ impl<'a> Sums<'a> {
         let wanted = placeholder(Some(one), &task.task.partition_columns);
         let system = System { partition: wanted, ..task.task.system() };
         let found = self.equations.covering(&system).map(|(group, _)| group.plan.system.partition.clone());
-        Ok(vec![Choice { partition: found.ok_or_else(|| unserved(self.file))?, seed: options.seed }])
+        let partition = found.ok_or_else(|| unserved(self.file))?;
+        Ok(vec![Choice { specification: one.clone(), partition, seed: options.seed }])
     }
 }
 

@@ -113,6 +113,12 @@ pub(crate) fn regions(
     notes: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<Partition, Error> {
+    if specification.fits_targets() {
+        notes.push(format!(
+            "{specification}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` and `fit narx` on logs make \
+             regions anew for every fold"
+        ));
+    }
     options.partitions = vec![specification];
     let mut found = fleetfoot_pwa::partition(problem, &options, source, progress)?;
     notes.append(&mut found.notes);

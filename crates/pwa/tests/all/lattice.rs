@@ -158,5 +158,4 @@ fn partitions_alone_are_those_of_the_regression() {
     let found = partition(&problem(2), &options("lattice:2,lattice:4", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(2), &options("lattice:4", 0), &source, &Silent).unwrap();
     assert_eq!(found.partitions[1].1.rule, fitted.model.partitions[0].rule);
-    assert!(found.notes.iter().any(|note| note.contains("are too small")), "{:?}", found.notes);
 }

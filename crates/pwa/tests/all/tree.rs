@@ -113,7 +113,6 @@ fn partitions_alone_are_those_of_the_regression() {
     let found = partition(&problem(3), &options("tree:1,tree:3", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(3), &options("tree:3", 0), &source, &Silent).unwrap();
     assert_eq!(found.partitions[1].1.rule, fitted.model.partitions[0].rule);
-    assert!(found.notes.iter().any(|note| note.contains("are too small")), "{:?}", found.notes);
 }
 
 proptest! {
