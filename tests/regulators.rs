@@ -63,6 +63,8 @@ fn a_model_is_brought_to_its_place_on_any_number_of_threads() {
     };
     assert_eq!(states(law(&[])), ["x", "yaw", "vx", "w"]);
     assert_eq!(states(law(&["--free", "x"])), ["y", "yaw", "vx", "w"]);
+    // An empty flag stands above it too: none.
+    assert_eq!(states(law(&["--free", ""])), ["x", "y", "yaw", "vx", "w"]);
 }
 
 #[test]
@@ -74,6 +76,18 @@ fn a_controller_becomes_code_and_damage_is_seen() {
     assert!(told["compared"].as_u64().expect("points") >= 24, "{told}");
     let header = fs::read_to_string(folder.path().join("src/stay.h")).expect("a header");
     assert!(header.contains("STAY_STATE_INTEGRAL_X") && header.contains("regulator of"), "{header}");
+
+    // Shown, it has all gains of the file, and what it commands.
+    let shown = run(&["show", "stay.json"]).ok().out;
+    for wanted in ["linear-quadratic regulator", "commands every 2.000 ms: u_v, u_w", "set point: x = 0", "u_v/yaw"] {
+        assert!(shown.contains(wanted), "{wanted}: {shown}");
+    }
+    assert!(shown.contains("u_v/integral of x") && shown.contains("radius: what"), "{shown}");
+    let told = run(&["show", "stay.json", "--json"]).ok().json();
+    let file: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("stay.json")).expect("a controller")).unwrap();
+    assert!(told["law"] == file["controller"]["law"] && told["regions"] == file["controller"]["regions"], "{told}");
+    run(&["show", "stay.json", "--transitions"]).fails(&["stay.json", "no transitions"]);
 
     let text = fs::read_to_string(folder.path().join("stay.json")).expect("a controller");
     let roll = |file: &str| {

@@ -94,7 +94,7 @@ pub(crate) enum Command {
     /// Write one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
     #[command(after_help = examples::REPORT)]
     Report(Box<Report>),
-    /// Print a model's equations and regions.
+    /// Print a model's equations and regions, or a controller's set point and gains.
     #[command(after_help = examples::SHOW)]
     Show(Show),
     /// Write a model as C, Rust, Python, LaTeX or arrays.
@@ -429,7 +429,7 @@ pub(crate) enum OutsideArg {
 
 #[derive(Debug, Args)]
 pub(crate) struct Show {
-    /// The model.
+    /// The model, or a controller of `control lqr`.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
     /// Regions to write out, the largest first.

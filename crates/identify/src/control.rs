@@ -22,8 +22,8 @@ pub fn control_lqr(model: &Model, said: &ControlSection) -> Result<ControllerFil
         r: named("r", settings.r.as_deref())?,
         integral: named("integral", settings.integral.as_deref())?,
         limits: limits(settings.limits.as_deref())?,
-        drive: settings.drive.as_deref().map(items).unwrap_or_default(),
-        free: settings.free.as_deref().map(items).unwrap_or_default(),
+        drive: list(settings.drive.as_deref()),
+        free: list(settings.free.as_deref()),
         period: settings.period,
         schedule: match settings.schedule.unwrap_or_default() {
             ControlSchedule::Auto => Schedule::Auto,
@@ -33,6 +33,11 @@ pub fn control_lqr(model: &Model, said: &ControlSection) -> Result<ControllerFil
     };
     let Lqr { regulator, setpoint, regions, notes, .. } = lqr(model, &options)?;
     Ok(ControllerFile::of_lqr(model, settings, regulator, &setpoint, regions, notes))
+}
+
+/// The items of an entry. An empty text has none: it stands above names that a recipe below has.
+fn list(text: Option<&str>) -> Vec<String> {
+    text.filter(|text| !text.trim().is_empty()).map(items).unwrap_or_default()
 }
 
 /// `x=1`.
@@ -45,7 +50,7 @@ pub(crate) fn pair(place: &str, item: &str) -> Result<(String, f64), Error> {
 /// `x=1,y=2`.
 fn named(entry: &str, text: Option<&str>) -> Result<Vec<(String, f64)>, Error> {
     let place = format!("[control] {entry}");
-    text.map(items).unwrap_or_default().iter().map(|item| pair(&place, item)).collect()
+    list(text).iter().map(|item| pair(&place, item)).collect()
 }
 
 /// `u=0:1`.
@@ -58,5 +63,5 @@ fn limits(text: Option<&str>) -> Result<Vec<(String, f64, f64)>, Error> {
         let mend = "write INPUT=LOW:HIGH, several separated by commas";
         pair.ok_or_else(|| Error::value(format!("[control] limits = {item}: {mend}")))
     };
-    text.map(items).unwrap_or_default().into_iter().map(parse).collect()
+    list(text).into_iter().map(parse).collect()
 }

@@ -1,11 +1,16 @@
 //! `fleetfoot control`.
 
-use fleetfoot::{ControllerFile, Error, Recipe, Settings, control_lqr};
+use std::cmp::Reverse;
+
+use fleetfoot::{
+    ControllerFile, ControllerRecord, Error, LqrRecord, Recipe, Settings, control_lqr,
+    dynamics::controller::{DrivenInput, RegionLaw},
+};
 
 use super::{Context, read_model};
 use crate::{
     args::ControlLqr,
-    table::{number, table},
+    table::{number, seconds, table},
 };
 
 /// What is told as 0.
@@ -32,7 +37,46 @@ fn told_gains(made: &ControllerFile, gains: &[f64]) -> Vec<String> {
     gains.iter().zip(effects).map(|(&gain, own)| number(if own < ROUNDING * largest { 0.0 } else { gain })).collect()
 }
 
+/// The set point, the law of every region, and what is known of it.
 fn to_text(made: &ControllerFile) -> String {
+    format!("{}\n{}\n{}", set_point(made), laws(made, usize::MAX), certificates(made))
+}
+
+/// A controller for people: the same, with what it commands, and all gains of `most` regions, the largest first.
+pub(super) fn describe(made: &ControllerFile, most: usize) -> String {
+    let law = &made.law;
+    // An input without limits has those of numbers.
+    let is_free = |input: &DrivenInput| input.lowest <= f64::MIN && input.highest >= f64::MAX;
+    let command = |input: &DrivenInput| match is_free(input) {
+        true => input.name.clone(),
+        false => format!("{} from {} to {}", input.name, number(input.lowest), number(input.highest)),
+    };
+    let ControllerRecord::Lqr = made.kind else { return to_text(made) };
+    let commands: Vec<String> = law.inputs.iter().map(command).collect();
+    let mut lines = vec![
+        format!("linear-quadratic regulator of the model {} ({})", made.model, made.method),
+        format!("commands every {}: {}", seconds(law.period), commands.join(", ")),
+        set_point(made),
+        laws(made, most),
+    ];
+    let integrals: Vec<String> =
+        law.integrated.iter().map(|&state| format!("integral of {}", law.states[state].name)).collect();
+    if !integrals.is_empty() {
+        lines.push(further_gains(made, most, &integrals, |law| &law.integral));
+    }
+    let measured: Vec<String> = law.measured.iter().map(|column| column.name.clone()).collect();
+    if !measured.is_empty() {
+        lines.push(further_gains(made, most, &measured, |law| &law.measured));
+    }
+    let left_out = made.regions.len().saturating_sub(most);
+    if left_out > 0 {
+        lines.push(format!("and {left_out} smaller regions: --regions {}", made.regions.len()));
+    }
+    lines.push(certificates(made));
+    lines.join("\n")
+}
+
+fn set_point(made: &ControllerFile) -> String {
     let point = &made.setpoint;
     let rest = |value: f64| if value.abs() < ROUNDING { 0.0 } else { value };
     let named = |(name, value): (&String, &f64)| format!("{name} = {}", number(rest(*value)));
@@ -43,20 +87,58 @@ fn to_text(made: &ControllerFile) -> String {
         (None, true) => "the model rests there".to_owned(),
         (None, false) => "the model does not rest there".to_owned(),
     };
-    let mut text = format!("set point: {}; {}; {place}\n", states.join(", "), inputs.join(", "));
+    format!("set point: {}; {}; {place}", states.join(", "), inputs.join(", "))
+}
+
+/// Regions and their laws in their order, at most so many, those with the most rows.
+fn largest(made: &ControllerFile, most: usize) -> Vec<(&LqrRecord, &RegionLaw)> {
+    let mut found: Vec<usize> = (0..made.regions.len().min(made.law.laws.len())).collect();
+    found.sort_by_key(|&region| Reverse(made.regions[region].rows));
+    found.truncate(most);
+    found.sort_unstable();
+    found.into_iter().map(|region| (&made.regions[region], &made.law.laws[region])).collect()
+}
+
+/// The gains of the states, region by region.
+fn laws(made: &ControllerFile, most: usize) -> String {
     let mut header = vec!["region".to_owned(), "rows".into(), "radius".into(), "residual".into()];
-    for input in &made.law.inputs {
-        header.extend(made.law.states.iter().map(|state| format!("{}/{}", input.name, state.name)));
-    }
-    let rows = made.regions.iter().zip(&made.law.laws).map(|(own, law)| {
+    header.extend(
+        made.law
+            .inputs
+            .iter()
+            .flat_map(|input| made.law.states.iter().map(move |state| format!("{}/{}", input.name, state.name))),
+    );
+    let rows = largest(made, most).into_iter().map(|(own, law)| {
         let told = |value: Option<f64>| value.map_or_else(|| "borrowed".to_owned(), number);
         let mut row = vec![own.region.clone(), own.rows.to_string(), told(own.radius), told(own.residual)];
         row.extend(law.gain.iter().flat_map(|gains| told_gains(made, gains)));
         row
     });
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    text += &table(&header, rows.collect());
-    text += "\nradius: what the closed loop keeps of an error from sample to sample; residual: of the Riccati equation, relative to its solution";
+    table(&header, rows.collect())
+}
+
+/// The gains of what is fed back beside the states.
+fn further_gains(
+    made: &ControllerFile,
+    most: usize,
+    names: &[String],
+    of: impl Fn(&RegionLaw) -> &Vec<Vec<f64>>,
+) -> String {
+    let mut header = vec!["region".to_owned()];
+    header.extend(
+        made.law.inputs.iter().flat_map(|input| names.iter().map(move |name| format!("{}/{name}", input.name))),
+    );
+    let rows = largest(made, most).into_iter().map(|(own, law)| {
+        let gains = of(law).iter().flatten().map(|&gain| number(gain));
+        std::iter::once(own.region.clone()).chain(gains).collect::<Vec<String>>()
+    });
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    table(&header, rows.collect())
+}
+
+fn certificates(made: &ControllerFile) -> String {
+    let mut text = "radius: what the closed loop keeps of an error from sample to sample; residual: of the Riccati equation, relative to its solution".to_owned();
     for own in made.regions.iter().filter(|own| !own.unreached.is_empty()) {
         text +=
             &format!("\nregion {} is not stabilisable: no input reaches {}", own.region, own.unreached.join(" and "));

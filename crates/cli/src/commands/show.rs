@@ -1,11 +1,14 @@
 //! `fleetfoot show`.
 
-use fleetfoot::{Error, describe, describe_transitions};
+use fleetfoot::{ControllerFile, Error, describe, describe_transitions, made_controller};
 
-use super::{Context, read_model, write_out};
+use super::{Context, control, read_model, write_out};
 use crate::args::Show;
 
 pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
+    if let Some(made) = made_controller(&arguments.model)? {
+        return controller(&made, arguments, context);
+    }
     let model = read_model(&arguments.model)?;
     if context.json {
         write_out(&model.to_json());
@@ -20,5 +23,18 @@ pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     } else {
         write_out(&describe(&model, arguments.regions));
     }
+    Ok(())
+}
+
+/// What `control lqr` made.
+fn controller(made: &ControllerFile, arguments: &Show, context: &Context) -> Result<(), Error> {
+    if arguments.transitions {
+        return Err(Error::missing(format!(
+            "{}: a controller has no transitions; show those of the model that it was made for",
+            arguments.model.display()
+        )));
+    }
+    context.notes(&made.notes);
+    context.print(&made.told(), || control::describe(made, arguments.regions));
     Ok(())
 }

@@ -29,7 +29,7 @@ class Regulated:
         """The linear-quadratic regulator that keeps the model at a set point, with a law for every region.
 
         It minimises the sum over samples of ``e'Qe + v'Rv``, e being the error of the states and v that of the inputs.
-        What is not given is as ``[control]`` of the model's recipe says.
+        What is not given is as ``[control]`` of the model's recipe says; an empty mapping or list says the default.
 
         Parameters
         ----------
@@ -79,13 +79,13 @@ class Regulated:
         def pairs(named: Mapping[str, float] | None) -> str | None:
             return None if named is None else ",".join(f"{name}={float(value)!r}" for name, value in named.items())
 
-        ranges = {name: (float(low), float(high)) for name, (low, high) in (limits or {}).items()}
+        ranges = ",".join(f"{name}={float(low)!r}:{float(high)!r}" for name, (low, high) in (limits or {}).items())
         control = _recipe.said(
             setpoint=pairs(setpoint),
             q=pairs(q),
             r=pairs(r),
             integral=pairs(integral),
-            limits=",".join(f"{name}={low!r}:{high!r}" for name, (low, high) in ranges.items()) or None,
+            limits=None if limits is None else ranges,
             drive=None if drive is None else ",".join(drive),
             free=None if free is None else ",".join(free),
             period=period,
