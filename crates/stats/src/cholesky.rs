@@ -6,14 +6,10 @@ use faer::{Accum, Mat, MatMut, Par, linalg::matmul::matmul};
 use fleetfoot_data::checkpoint;
 use pulp::{Simd, WithSimd};
 
-use crate::kernel::{Slab, dot_in, padded};
+use crate::kernel::{COLUMNS_AT_ONCE, MANY_COLUMNS, Slab, dot_in, padded};
 
 /// Pivots between which the other columns are brought up to date at once, where there are many.
 const PANEL: usize = 64;
-/// Columns from which on that is faster: each pivot alone reads all of the factor.
-const MANY: usize = 256;
-/// Columns that one thread takes at once.
-const PIECE: usize = 128;
 
 /// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns up to what was set aside, and `C^-T` times the
 /// columns behind them.
@@ -37,7 +33,7 @@ impl PivotedCholesky {
         let mut found =
             Self { order: Vec::with_capacity(p), factor: Slab::zeros(p, d), left: diagonal.clone(), least: 1.0 };
         let mut open: Vec<usize> = (0..p).collect();
-        if p >= MANY {
+        if p >= MANY_COLUMNS {
             found.by_panels(&mut open, p, &diagonal, entry, floor);
             return found;
         }
@@ -153,7 +149,7 @@ impl Remainder {
             let panel = Mat::from_fn(PANEL, count, |row, at| rows(columns[at])[row]);
             let mut left = Slab::zeros(count, open.len());
             let stride = left.stride();
-            left.fill_columns(PIECE, |first, values| {
+            left.fill_columns(COLUMNS_AT_ONCE, |first, values| {
                 let width = values.len() / stride;
                 for (at, column) in (first..).zip(values.chunks_exact_mut(stride)) {
                     (at..count).for_each(|i| column[i] = self.entry(columns[i], columns[at]));

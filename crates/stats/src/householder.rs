@@ -9,7 +9,7 @@ use faer::Mat;
 use fleetfoot_data::{checkpoint, parallel_pieces};
 use pulp::{Simd, WithSimd};
 
-use crate::kernel::{self, LANES, Slab, add_scaled_in, dot_in, norm, padded};
+use crate::kernel::{self, COLUMNS_AT_ONCE, LANES, MANY_COLUMNS, Slab, add_scaled_in, dot_in, norm, padded};
 
 mod blocked;
 
@@ -219,7 +219,7 @@ pub(crate) fn pivoted_qr(a: &Mat<f64>, rhs: &Mat<f64>, threshold: f64) -> Pivote
 /// Applies `I - beta u u'` to the columns behind k; the lengths of what then stands below row k. Many columns go on all threads.
 fn reflect_behind(values: &mut Slab, u: &[f64], beta: f64, k: usize) -> Vec<f64> {
     let (m, stride) = (values.rows(), values.stride());
-    let many = values.columns() >= MANY;
+    let many = values.columns() >= MANY_COLUMNS;
     let behind = &mut values.values[(k + 1) * stride..];
     if !many {
         let reflected = behind.chunks_exact_mut(stride).map(|column| {
@@ -228,15 +228,11 @@ fn reflect_behind(values: &mut Slab, u: &[f64], beta: f64, k: usize) -> Vec<f64>
         });
         return reflected.collect();
     }
-    let lengths = parallel_pieces(behind, PIECE * stride, |_, columns| {
+    let lengths = parallel_pieces(behind, COLUMNS_AT_ONCE * stride, |_, columns| {
         pulp::Arch::new().dispatch(ReflectBehind { columns, u, beta, k })
     });
     lengths.concat()
 }
-
-/// Columns from which on they are reflected by all threads, and columns that one of them takes at once.
-const MANY: usize = 256;
-const PIECE: usize = 128;
 
 struct ReflectBehind<'a> {
     /// Padded columns.

@@ -13,6 +13,10 @@ use pulp::{Simd, WithSimd};
 /// Values that one thread takes at once: what is more costs longer to read than to hand out.
 const PIECE: usize = 1 << 17;
 
+/// Columns from which on what would read a whole matrix for each of them goes by blocks and on all threads, and columns that a thread then takes at once.
+pub(crate) const MANY_COLUMNS: usize = 256;
+pub(crate) const COLUMNS_AT_ONCE: usize = 128;
+
 /// Values of the widest vector.
 pub const LANES: usize = 8;
 

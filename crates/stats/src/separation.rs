@@ -4,13 +4,11 @@ use faer::Mat;
 
 use crate::{
     householder::{Pivoted, condition, pivoted_qr, solve_upper},
-    kernel::{least_length, norm},
+    kernel::{MANY_COLUMNS, least_length, norm},
 };
 
 /// How far above its noise, in all directions, a triangle has to stand for its columns to be told apart without pivoting.
 const CLEAR: f64 = 8.0;
-/// Columns from which on that is asked first: pivoting reads all of the triangle again for each of them.
-const MANY: usize = 256;
 
 /// A triangle factored by column-pivoted QR in units of its columns' noise.
 pub(crate) struct Separation {
@@ -37,7 +35,7 @@ pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation
     let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| if constant[j] { 0.0 } else { r[(i, j)] / noise[j] });
     let p = r.ncols();
     let ones = vec![1.0; p];
-    let clear = p >= MANY && r.nrows() >= p && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
+    let clear = p >= MANY_COLUMNS && r.nrows() >= p && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
     let Pivoted { order, rank, r, rhs } = if clear {
         Pivoted { order: (0..p).collect(), rank: p, r: scaled, rhs }
     } else {

@@ -8,12 +8,8 @@ use fleetfoot_data::packed_row;
 use crate::{
     Gram, PivotedCholesky, Preconditioner,
     householder::{condition, fold_rows},
-    kernel::{Slab, norm},
+    kernel::{COLUMNS_AT_ONCE, MANY_COLUMNS, Slab, norm},
 };
-
-/// Columns from which on products of triangles are those of matrices, and columns of them that one thread takes at once.
-const MANY: usize = 256;
-const PIECE: usize = 128;
 
 /// Rounding of a column of an R factor of p columns, relative to the size of the numbers it was made from.
 ///
@@ -202,7 +198,7 @@ impl SquareRoot {
     pub fn scatter(&self, columns: Range<usize>) -> Vec<f64> {
         let count = columns.len();
         let mut found = Vec::with_capacity(packed_row(count));
-        if count < MANY {
+        if count < MANY_COLUMNS {
             for i in columns.clone() {
                 for j in columns.start..=i {
                     found.push((0..=j).map(|k| self.r[(k, i)] * self.r[(k, j)]).sum());
@@ -213,7 +209,7 @@ impl SquareRoot {
         let r = self.r.as_ref().get(..columns.end, columns);
         let mut product = Slab::zeros(count, count);
         let stride = product.stride();
-        product.fill_columns(PIECE, |first, values| {
+        product.fill_columns(COLUMNS_AT_ONCE, |first, values| {
             let width = values.len() / stride;
             let part = MatMut::from_column_major_slice_mut(values, stride, width).subrows_mut(0, count);
             matmul(part, Accum::Replace, r.transpose(), r.subcols(first, width), 1.0, Par::Seq);

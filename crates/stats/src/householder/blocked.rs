@@ -7,12 +7,10 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_data::{checkpoint, parallel_pieces};
 
 use super::{Fold, Reduce, Step};
-use crate::kernel::{LANES, Slab, padded};
+use crate::kernel::{COLUMNS_AT_ONCE, LANES, Slab, padded};
 
 /// Reflectors of a block.
 const BLOCK: usize = 32;
-/// Columns that one thread takes at once.
-const PIECE: usize = 128;
 /// Values from which on blocks are faster: twice what a second-level cache holds.
 const LARGE: usize = 1 << 18;
 
@@ -34,14 +32,14 @@ pub(super) fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
         let block = Block { v, t: triangular_factor(v, &factors) };
         let above = r.as_ref();
         // The rows of the triangle are the unit vectors' part of V.
-        let moved = parallel_pieces(tail, PIECE * stride, |piece, columns| {
-            let (first, count) = (to + piece * PIECE, columns.len() / stride);
+        let moved = parallel_pieces(tail, COLUMNS_AT_ONCE * stride, |piece, columns| {
+            let (first, count) = (to + piece * COLUMNS_AT_ONCE, columns.len() / stride);
             let above = above.submatrix(from, first, to - from, count);
             block.apply(Some(above), MatMut::from_column_major_slice_mut(columns, stride, count))
         });
         for (piece, moved) in moved.iter().enumerate() {
             for j in 0..moved.ncols() {
-                let entries = &mut r.col_as_slice_mut(to + piece * PIECE + j)[from..to];
+                let entries = &mut r.col_as_slice_mut(to + piece * COLUMNS_AT_ONCE + j)[from..to];
                 for ((entry, moved), Step { sign, .. }) in entries.iter_mut().zip(moved.col_as_slice(j)).zip(&steps) {
                     *entry = sign * (*entry - moved);
                 }
@@ -73,7 +71,7 @@ pub(super) fn reduce_columns(values: &mut Slab, last: &[usize]) {
         let rows = padded(last[to - 1] + 1).saturating_sub(top);
         let v = MatRef::from_column_major_slice_with_stride(&v.values[top..], rows, to - from, stride);
         let block = Block { v, t: triangular_factor(v, &factors) };
-        parallel_pieces(&mut values.values[to * stride..], PIECE * stride, |_, columns| {
+        parallel_pieces(&mut values.values[to * stride..], COLUMNS_AT_ONCE * stride, |_, columns| {
             let count = columns.len() / stride;
             let columns = MatMut::from_column_major_slice_mut(columns, stride, count);
             block.apply(None, columns.submatrix_mut(top, 0, rows, count));
