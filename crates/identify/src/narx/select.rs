@@ -364,20 +364,32 @@ mod tests {
         (error / measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>()).sqrt()
     }
 
+    /// The rows of the three folds.
+    const SPANS: [Range<usize>; 3] = [0..90, 90..200, 200..300];
+
+    /// y and u, one row ahead.
+    fn base(source: &MemorySource) -> NarxBase {
+        let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = \"u\"\n", "test").unwrap();
+        let options = NarxOptions::new(&recipe).unwrap();
+        let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
+        NarxBase::new(task, &recipe).unwrap()
+    }
+
+    /// A fold a span: all of them, each alone, and which is which.
+    fn folds(source: &MemorySource) -> (Spans<'_>, Vec<Spans<'_>>, BTreeMap<EpisodeId, usize>) {
+        let cut = Spans::new(source, SPANS.iter().map(|span| (0, span.clone())).collect(), 1).unwrap();
+        let held = SPANS.iter().map(|span| Spans::new(source, vec![(0, span.clone())], 1).unwrap()).collect();
+        let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
+        (cut, held, fold_of)
+    }
+
     #[test]
     fn the_held_out_error_is_that_of_the_same_terms_refitted_on_the_other_spans() {
         let (y, u) = recording(300);
         let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
         source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
-        let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = \"u\"\n", "test").unwrap();
-        let options = NarxOptions::new(&recipe).unwrap();
-        let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
-        let base = NarxBase::new(task, &recipe).unwrap();
-        let spans = [0..90, 90..200, 200..300];
-        let cut = Spans::new(&source, spans.iter().map(|span| (0, span.clone())).collect(), 1).unwrap();
-        let held: Vec<Spans<'_>> =
-            spans.iter().map(|span| Spans::new(&source, vec![(0, span.clone())], 1).unwrap()).collect();
-        let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
         let partitions = [Choice::whole(0)];
         let selection = Selection {
             base: &base,
@@ -400,7 +412,7 @@ mod tests {
         columns.sort_unstable();
         assert_eq!(columns, [1, 2]);
         for (fold, error) in two.candidate.folds.iter().enumerate() {
-            let exact = by_hand(&y, &u, &spans, fold);
+            let exact = by_hand(&y, &u, &SPANS, fold);
             assert!((error - exact).abs() < 1e-10, "{fold}: {error} {exact}");
         }
         assert!((two.candidate.rrse - two.candidate.folds.iter().sum::<f64>() / 3.0).abs() < 1e-15);
@@ -411,15 +423,8 @@ mod tests {
         let (y, u) = recording(300);
         let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
         source.push_uniform("run", 1.0, vec![y, u]);
-        let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = \"u\"\n", "test").unwrap();
-        let options = NarxOptions::new(&recipe).unwrap();
-        let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
-        let base = NarxBase::new(task, &recipe).unwrap();
-        let spans = [0..90, 90..200, 200..300];
-        let cut = Spans::new(&source, spans.iter().map(|span| (0, span.clone())).collect(), 1).unwrap();
-        let held: Vec<Spans<'_>> =
-            spans.iter().map(|span| Spans::new(&source, vec![(0, span.clone())], 1).unwrap()).collect();
-        let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
         // Cut in two, in three, and not at all: that of all rows is another again.
         let on = |centroids: &[f64]| Partition {
             columns: vec![fleetfoot_library::Expr::column("u")],
