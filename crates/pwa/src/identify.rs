@@ -269,12 +269,6 @@ impl Fit<'_> {
             incomplete: self.survey.counts.incomplete,
         };
         let base = solver.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
-        for fold in 0..if self.options.folds > 1 { self.options.folds } else { 0 } {
-            let tested = self.scan.stats.iter().any(|(key, gram)| key.fold.own == fold && gram.weight > 0.0);
-            if tested && solver.base(Some(fold)).is_none_or(|base| base.root.weight <= 0.0) {
-                return Err(Error::NothingToTrain { fold: fold + 1, folds: self.options.folds });
-            }
-        }
         let independent = effective_rows(&self.scan.stats, self.preconditioner, &base);
         let folds = if self.options.folds > 1 { self.options.folds } else { 0 };
         let regions = |partition: usize| self.segmentation.partitions[partition].rule.count();
@@ -287,10 +281,12 @@ impl Fit<'_> {
         let kept: Vec<usize> = if self.options.keep_all { (0..orders.len()).collect() } else { vec![chosen] };
         let mut roots = Vec::with_capacity(kept.len());
         for &candidate in &kept {
-            let mut of_regions = solver.training(self.segmentation.candidates[candidate].full, None);
+            let order = &mut orders[candidate];
+            let solved = order.training.take();
+            let again = || solver.training(self.segmentation.candidates[candidate].full, None);
+            let mut of_regions = solved.unwrap_or_else(again);
             if self.options.tsqr {
                 progress.stage("TSQR");
-                let order = &mut orders[candidate];
                 of_regions = self.refit(order, candidate, source, chunks, progress)?.unwrap_or(of_regions);
             }
             roots.push(of_regions);

@@ -42,6 +42,8 @@ pub(crate) struct Order {
     pub(crate) continuity: Option<Continuity>,
     /// How the models from all rows contract, where that is asked for, and the loss of the free ones.
     pub(crate) stability: Option<(Stability, f64)>,
+    /// What the models from all rows were solved from, where this is the only candidate.
+    pub(crate) training: Option<BTreeMap<u32, SquareRoot>>,
 }
 
 impl Candidate {
@@ -95,11 +97,15 @@ impl Order {
             numbers: 0,
             continuity: None,
             stability: None,
+            training: None,
         }
     }
 }
 
 /// Evaluates all candidates on the statistic; `regions` tells how many a partition has, and `folds` is 0 without cross-validation.
+///
+/// # Errors
+/// When a fold holds out rows and leaves none to train, or no bounded maps are found.
 pub(crate) fn evaluate(
     solver: &dyn Roots,
     (candidates, regions): (&[Candidate], &dyn Fn(usize) -> usize),
@@ -112,11 +118,18 @@ pub(crate) fn evaluate(
     let variance: Vec<f64> = all.root.total.iter().map(|total| total / all.root.weight).collect();
     let of_candidate = |candidate: &Candidate| {
         let of = |fold: u16| {
-            let (partition, base) = (candidate.by_fold[usize::from(fold)], bases[usize::from(fold)].as_ref()?);
-            let (training, testing) = (solver.training(partition, Some(fold)), solver.testing(partition, fold));
-            Some(Set { fold, count: regions(partition), base, training, testing })
+            let (partition, base) = (candidate.by_fold[usize::from(fold)], bases[usize::from(fold)].as_ref());
+            let testing = solver.testing(partition, fold);
+            if base.is_none_or(|base| base.root.weight <= 0.0) && testing.values().any(|root| root.weight > 0.0) {
+                return Err(Error::NothingToTrain { fold: fold + 1, folds });
+            }
+            let set = |base| {
+                let training = solver.training(partition, Some(fold));
+                Set { fold, count: regions(partition), base, training, testing }
+            };
+            Ok(base.map(set))
         };
-        let sets: Vec<Set<'_>> = (0..folds).filter_map(of).collect();
+        let sets: Vec<Set<'_>> = (0..folds).filter_map(|fold| of(fold).transpose()).collect::<Result<_, Error>>()?;
         let grid: Vec<f64> = match shrinkage {
             Shrinkage::Rows(rows) => vec![rows],
             Shrinkage::Auto if folds == 0 => vec![0.0],
@@ -148,6 +161,7 @@ pub(crate) fn evaluate(
             let apart = held_out(&sets, folds, &variance, order.shrinkage, maps).loss;
             Continuity { borders: ties.borders(), numbers: order.numbers, apart, jump: ties.jump(&order.full, all) }
         });
+        order.training = (candidates.len() == 1).then_some(training);
         Ok(order)
     };
     candidates.iter().map(of_candidate).collect()
@@ -245,13 +259,13 @@ pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, bas
     let average = &base.average;
     let mut means = BatchMeans::new(base.root.mean_y.len());
     for (key, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
-        let chunk = preconditioner.square_root(gram);
+        let (mean_x, mean_y) = preconditioner.means(gram);
         let mean = |target: usize| {
             let explained = |(j, x): (usize, &f64)| average.coefficients[(j, target)] * x;
-            let start = chunk.mean_y[target] - average.intercept[target];
-            chunk.mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
+            let start = mean_y[target] - average.intercept[target];
+            mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
         };
-        means.add(key.episode, gram.weight, &(0..chunk.mean_y.len()).map(mean).collect::<Vec<f64>>());
+        means.add(key.episode, gram.weight, &(0..mean_y.len()).map(mean).collect::<Vec<f64>>());
     }
     let error = base.root.error(average.coefficients.as_ref(), &average.intercept);
     means.effective_weight(base.root.weight, &error)

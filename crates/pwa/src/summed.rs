@@ -3,7 +3,7 @@
 //! What is quadratic is there: every model, held-out squared errors, the choice of a partition. Absolute errors and Mahalanobis scores need rows, and are NaN.
 //! [`crate::identify`] clusters anew on the training rows of every fold; here the regions of every fold are those that were made on all rows.
 
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use faer::MatRef;
 use fleetfoot_model::{Partition, TrainedEpisode, Training};
@@ -81,11 +81,6 @@ pub fn identify_summed(
     let sums = Sums { whole, partitions };
     let too_few = || too_few(problem, rows);
     let base = sums.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
-    for fold in 0..rows.folds {
-        if whole.testing(0, fold).weight > 0.0 && sums.whole(Some(fold)).is_none() {
-            return Err(Error::NothingToTrain { fold: fold + 1, folds: rows.folds });
-        }
-    }
     let independent = whole.effective_rows(base.average.coefficients.as_ref(), &base.average.intercept);
     let candidates: Vec<Candidate> = partitions.iter().enumerate().map(|(at, own)| candidate(at, own, rows)).collect();
     let regions = |partition: usize| sums.count(partition);
@@ -208,7 +203,9 @@ impl<'a> Sums<'a> {
     ) -> fleetfoot_model::Model {
         let null = own.specification == Specification::Null;
         let library = if null { Vec::new() } else { problem.library.clone() };
-        let (sums, roots) = (self.of(candidate.full), self.training(candidate.full, None));
+        let sums = self.of(candidate.full);
+        let again = || Cow::Owned(self.training(candidate.full, None));
+        let roots = order.training.as_ref().map_or_else(again, Cow::Borrowed);
         let mut partition = if candidate.full == 0 { Partition::whole() } else { own.partition.clone() };
         partition.specification = own.specification.to_string();
         partition.regions = order

@@ -58,22 +58,18 @@ impl Preconditioner {
     /// # Panics
     /// When `gram` has another dimension.
     pub fn square_root(&self, gram: &Gram) -> SquareRoot {
-        let (p, q) = (self.regressors(), self.targets());
-        let weight = gram.weight;
+        let (p, weight) = (self.regressors(), gram.weight);
         let (cholesky, made_from) = self.pivoted(gram);
         let (order, rank) = (&cholesky.order, cholesky.rank());
         let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { cholesky.factor.column(order[j])[i] } else { 0.0 });
         let condition = condition(&triangle, rank);
 
         let factor = self.raw_factor(&cholesky);
-        let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
-        let mut mean_x = self.centre()[..p].to_vec();
+        let (mean_x, mean_y) = self.means(gram);
         let mut magnitude = vec![0.0; p];
         for (k, &column) in self.order().iter().enumerate() {
-            mean_x[column] += mean(k);
             magnitude[column] = made_from[k] + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
         }
-        let mean_y = (p..p + q).map(|k| self.centre()[k] + mean(k)).collect();
         // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
         let leak = if rank < p { condition } else { 1.0 };
         SquareRoot::assemble(
@@ -85,6 +81,16 @@ impl Preconditioner {
             noise_level(p) * leak,
             magnitude,
         )
+    }
+
+    /// Means in raw units, of the regressors (p) and of the targets (q), of the Gram matrix of preconditioned rows: those of [`Preconditioner::square_root`],
+    /// without the rest of it.
+    pub fn means(&self, gram: &Gram) -> (Vec<f64>, Vec<f64>) {
+        let (p, q) = (self.regressors(), self.targets());
+        let mean = |k: usize| self.column(k).iter().zip(&gram.mean).map(|(t, mean)| t * mean).sum::<f64>();
+        let mut mean_x = self.centre()[..p].to_vec();
+        self.order().iter().enumerate().for_each(|(k, &column)| mean_x[column] += mean(k));
+        (mean_x, (p..p + q).map(|k| self.centre()[k] + mean(k)).collect())
     }
 
     /// The squared error, per target and in raw units, of the least squares on the rows of a Gram matrix: [`SquareRoot::residual`], without the rest of
