@@ -10,6 +10,8 @@ use crate::kernel::{COLUMNS_AT_ONCE, MANY_COLUMNS, Slab, dot_in, padded};
 
 /// Pivots between which the other columns are brought up to date at once, where there are many.
 const PANEL: usize = 64;
+/// Share of the best pivot from which on the first of many open columns is taken in its place.
+const GOOD: f64 = 0.1;
 
 /// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns up to what was set aside, and `C^-T` times the
 /// columns behind them.
@@ -29,41 +31,53 @@ impl PivotedCholesky {
     /// Factors the leading p of d columns, always the one of which the largest share of its diagonal entry is left (Higham 2002, section 10.3, of the
     /// matrix scaled to unit diagonal); of equal ones the first. Columns of which not more than `floor` (p) is left are set aside.
     pub fn new(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64]) -> Self {
+        Self::factored(p, d, entry, floor, 1.0)
+    }
+
+    /// [`PivotedCholesky::new`] for columns that are expected to be independent: of many, the next one is taken where it is nearly as good as the best. Where all
+    /// are, the factor is a triangle in the columns' own order.
+    pub(crate) fn in_order(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64]) -> Self {
+        Self::factored(p, d, entry, floor, if p >= MANY_COLUMNS { GOOD } else { 1.0 })
+    }
+
+    fn factored(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64], good: f64) -> Self {
         let diagonal: Vec<f64> = (0..d).map(|k| entry(k, k)).collect();
         let mut found =
             Self { order: Vec::with_capacity(p), factor: Slab::zeros(p, d), left: diagonal.clone(), least: 1.0 };
         let mut open: Vec<usize> = (0..p).collect();
+        let mut next = |found: &mut Self, open: &mut Vec<usize>| found.next(open, &diagonal, floor, good);
         if p >= MANY_COLUMNS {
-            found.by_panels(&mut open, p, &diagonal, entry, floor);
+            found.by_panels(&mut open, p, entry, &mut next);
             return found;
         }
-        while let Some(pivot) = found.next(&mut open, &diagonal, floor) {
+        while let Some(pivot) = next(&mut found, &mut open) {
             pulp::Arch::new().dispatch(Eliminate { found: &mut found, entry: &entry, pivot, open: &open, p, from: 0 });
         }
         found
     }
 
-    /// Takes the next pivot out of the open columns; `None` where no more than its floor is left of any.
-    fn next(&mut self, open: &mut Vec<usize>, diagonal: &[f64], floor: &[f64]) -> Option<usize> {
+    /// Takes the next pivot out of the open columns, the first of them where it is as good as a part `good` of the best; `None` where no more than its floor is
+    /// left of any.
+    fn next(&mut self, open: &mut Vec<usize>, diagonal: &[f64], floor: &[f64], good: f64) -> Option<usize> {
         let share = |k: usize| if self.left[k] > floor[k] { self.left[k] / diagonal[k] } else { 0.0 };
         let best = (0..open.len()).reduce(|best, at| if share(open[at]) > share(open[best]) { at } else { best })?;
-        let share = share(open[best]);
+        let taken = if share(open[0]) >= good * share(open[best]) { 0 } else { best };
+        let share = share(open[taken]);
         (share > 0.0).then(|| {
             self.least = self.least.min(share);
-            open.remove(best)
+            open.remove(taken)
         })
     }
 
-    /// The same pivots; what is left of the matrix is formed anew after every [`PANEL`] of them.
+    /// Many columns: what is left of the matrix is formed anew after every [`PANEL`] of them.
     fn by_panels(
         &mut self,
         open: &mut Vec<usize>,
         p: usize,
-        diagonal: &[f64],
         entry: impl Fn(usize, usize) -> f64,
-        floor: &[f64],
+        next: &mut dyn FnMut(&mut Self, &mut Vec<usize>) -> Option<usize>,
     ) {
-        let behind = p..diagonal.len();
+        let behind = p..self.left.len();
         let mut left = Remainder::new(open, behind.clone(), |columns| {
             let value = |i: usize, j: usize| if i >= j { entry(columns[i], columns[j]) } else { 0.0 };
             Slab::from_fn(columns.len(), open.len(), value)
@@ -71,7 +85,7 @@ impl PivotedCholesky {
         loop {
             let from = self.order.len();
             for _ in 0..PANEL {
-                let Some(pivot) = self.next(open, diagonal, floor) else { return };
+                let Some(pivot) = next(self, open) else { return };
                 let entry = |i: usize, j: usize| left.entry(i, j);
                 pulp::Arch::new().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
             }
@@ -229,7 +243,8 @@ mod tests {
             least: 1.0,
         };
         let diagonal = other.left.clone();
-        other.by_panels(&mut (0..p).collect(), p, &diagonal, product, &floor);
+        let mut next = |other: &mut PivotedCholesky, open: &mut Vec<usize>| other.next(open, &diagonal, &floor, 1.0);
+        other.by_panels(&mut (0..p).collect(), p, product, &mut next);
         assert_eq!((&other.order, other.factor.column(2)), (&found.order, found.factor.column(2)));
         let last = found.factor.column(found.order[9])[9].powi(2) / product(found.order[9], found.order[9]);
         assert!((found.least / last - 1.0).abs() < 1e-6);

@@ -27,6 +27,8 @@ const STRONG: f64 = 1e-3;
 /// The factor of the Gram matrix then has the square of the rows' condition number to lose, where the full change of coordinates has the condition number
 /// itself: at most the two digits between 1e2 and 1e4. The rows cost half.
 const WELL_CONDITIONED: f64 = 100.0;
+/// Rows of the pilot that are reduced at once, at least.
+const PILOT_ROWS: usize = 256;
 
 /// An affine change of coordinates of rows (x, y), made from a pilot sample:
 ///
@@ -463,7 +465,8 @@ fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotCo
         })
         .collect();
     let mut r = Mat::zeros(d, d);
-    for chunk in used.chunks(256) {
+    // Of many columns as many rows as the triangle has: it is read once a chunk.
+    for chunk in used.chunks(d.max(PILOT_ROWS)) {
         let mut tile = Slab::zeros(chunk.len(), d);
         for (j, column) in columns.iter().enumerate().filter(|&(j, _)| !constant[j]) {
             for (value, &i) in tile.column_mut(j).iter_mut().zip(chunk) {

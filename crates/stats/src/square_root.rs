@@ -134,12 +134,14 @@ impl Preconditioner {
         let rounding = 8.0 * (p as f64) * f64::EPSILON;
         let floor: Vec<f64> =
             (0..p).map(|k| (rounding * gram.get(k, k)).max(floor(k).powi(2)).max(f64::MIN_POSITIVE)).collect();
-        (PivotedCholesky::new(p, p + q, |i, j| gram.get(i, j), &floor), made_from)
+        // No more rows than columns leave some that depend on others.
+        let factor = if gram.rows > p as u64 { PivotedCholesky::in_order } else { PivotedCholesky::new };
+        (factor(p, p + q, |i, j| gram.get(i, j), &floor), made_from)
     }
 }
 
 impl Preconditioner {
-    /// `[R z]` in raw units: the Cholesky factor times `[T B; 0 diag(s)]`, made triangular.
+    /// `[R z]` in raw units: the Cholesky factor times `[T B; 0 diag(s)]`, made triangular. Of many columns that all kept their order it is a triangle already.
     fn raw_factor(&self, cholesky: &PivotedCholesky) -> Mat<f64> {
         let (p, q) = (self.regressors(), self.targets());
         let part = |i: usize| &cholesky.factor.column(i)[..cholesky.rank()];
@@ -151,6 +153,12 @@ impl Preconditioner {
             for (i, t) in entries {
                 add_scaled(stack.column_mut(raw), part(i), *t);
             }
+        }
+        let in_order = |order: &[usize]| order.iter().copied().eq(0..p);
+        if p >= MANY_COLUMNS && in_order(&cholesky.order) && in_order(self.order()) {
+            // No diagonal entry is negative, as a reduction leaves them.
+            let sign: Vec<f64> = (0..p).map(|i| stack.column(i)[i].signum()).collect();
+            return Mat::from_fn(p, p + q, |i, j| if i <= j { sign[i] * stack.column(j)[i] } else { 0.0 });
         }
         let mut factor = Mat::zeros(p, p + q);
         fold_rows(&mut factor, &mut stack);
