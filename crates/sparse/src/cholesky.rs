@@ -15,6 +15,8 @@ use faer::{
 };
 use fleetfoot_data::checkpoint;
 
+use crate::kernel::norm;
+
 /// Columns that are eliminated at once.
 const PANEL: usize = 256;
 
@@ -208,6 +210,23 @@ pub(crate) fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f
         }
     }
     solution
+}
+
+/// Where columns depend on each other, the direction along which their fit stays as it is while the penalty falls: what a step leaves of the gradient on the columns
+/// that it passed over, and what the others do about it. `None` where a step leaves nothing.
+pub(crate) fn flat(matrix: &Mat<f64>, wanted: &[f64], step: &[f64], level: f64) -> Option<Vec<f64>> {
+    /// The part of the gradient that is more than rounding.
+    const LEFT: f64 = 1e-9;
+    let product = |v: &[f64], a: usize| v.iter().enumerate().map(|(b, v)| matrix[(a, b)] * v).sum::<f64>();
+    let left: Vec<f64> = wanted.iter().enumerate().map(|(a, wanted)| wanted - product(step, a)).collect();
+    // The columns that the solution uses are left nothing but rounding.
+    let left: Vec<f64> = left.iter().zip(step).map(|(left, step)| if *step == 0.0 { *left } else { 0.0 }).collect();
+    if norm(left.iter().copied()) <= LEFT * norm(wanted.iter().copied()) {
+        return None;
+    }
+    let answer: Vec<f64> = (0..left.len()).map(|a| -product(&left, a)).collect();
+    let others = solve(matrix, &answer, level);
+    Some(left.iter().zip(&others).map(|(left, other)| left + other).collect())
 }
 
 #[cfg(test)]

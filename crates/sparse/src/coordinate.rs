@@ -187,8 +187,6 @@ struct Formed {
     /// Weight of the squares on its diagonal.
     l2: f64,
     matrix: Slab,
-    /// Room for the next one.
-    room: Vec<f64>,
 }
 
 impl<'a> Descent<'a> {
@@ -303,10 +301,9 @@ impl<'a> Descent<'a> {
         let formed = &mut self.formed;
         let same = formed.working.iter().zip(working).take_while(|(a, b)| a == b).count();
         let known = if formed.l2 == l2 { same } else { 0 };
-        let mut matrix = Slab::in_room(std::mem::take(&mut formed.room), working.len(), working.len());
-        for at in 0..known {
-            matrix.column_mut(at)[..known].copy_from_slice(&formed.matrix.column(at)[..known]);
-        }
+        let mut matrix = std::mem::take(&mut formed.matrix);
+        matrix.resize(known, known);
+        matrix.resize(working.len(), working.len());
         for (at, &j) in working.iter().enumerate().skip(known) {
             let column = matrix.column_mut(at);
             products.with(j, working, column);
@@ -323,8 +320,7 @@ impl<'a> Descent<'a> {
                 }
             }
         }
-        let last = std::mem::take(&mut formed.matrix);
-        (formed.room, formed.l2) = (last.into_room(), l2);
+        formed.l2 = l2;
         formed.working.clear();
         formed.working.extend_from_slice(working);
         let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();

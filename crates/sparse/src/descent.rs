@@ -5,7 +5,7 @@ use fleetfoot_data::checkpoint;
 use pulp::{Simd, WithSimd};
 
 use crate::{
-    cholesky::{Factor, solve_dependent},
+    cholesky::{Factor, flat, solve_dependent},
     kernel::{Slab, add_scaled_in},
     penalty::Sign,
 };
@@ -121,7 +121,7 @@ impl Small {
             let factor = Factor::of(self.matrix_of(&support), level);
             let step = match &factor {
                 Some(factor) => factor.solve(&wanted),
-                None => solve_dependent(&self.matrix_of(&support), &wanted, level),
+                None => self.dependent_step(delta, &support, &wanted, level),
             };
             let factor = factor.filter(|_| support.len() > FEW);
             let mut walk = Walk { problem: self, support: &support, factor, dropped: Vec::new() };
@@ -129,6 +129,17 @@ impl Small {
                 return;
             }
         }
+    }
+
+    /// A step in columns that depend on each other: along a direction in which only the penalty falls, where there is one, beyond the first coefficient that
+    /// reaches zero.
+    fn dependent_step(&self, delta: &[f64], support: &[usize], wanted: &[f64], level: f64) -> Vec<f64> {
+        let matrix = self.matrix_of(support);
+        let step = solve_dependent(&matrix, wanted, level);
+        let Some(flat) = flat(&matrix, wanted, &step, level) else { return step };
+        let far: Vec<f64> = flat.iter().map(|entry| entry * (0.5 / f64::EPSILON)).collect();
+        let ends = |(&j, far): (&usize, &f64)| self.watched(j) && delta[j] * (delta[j] + far) < 0.0;
+        if support.iter().zip(&far).any(ends) { far } else { step }
     }
 
     /// What is left of the optimality conditions in the columns of the support.

@@ -47,19 +47,6 @@ impl Slab {
         Self { rows, stride, values: vec![0.0; stride * columns] }
     }
 
-    /// Zeros, n x p, in the place of values that are not needed any more.
-    pub fn in_room(mut values: Vec<f64>, rows: usize, columns: usize) -> Self {
-        let stride = padded(rows).max(LANES);
-        values.clear();
-        values.resize(stride * columns, 0.0);
-        Self { rows, stride, values }
-    }
-
-    /// The place of its values, for another one.
-    pub fn into_room(self) -> Vec<f64> {
-        self.values
-    }
-
     /// From its entries, n x p.
     pub fn from_fn(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
         let mut slab = Self::zeros(rows, columns);
@@ -103,6 +90,29 @@ impl Slab {
     pub fn push(&mut self, column: &[f64]) {
         debug_assert_eq!(column.len(), self.stride);
         self.values.extend_from_slice(column);
+    }
+
+    /// Makes it `rows` x `columns` in its own place: what was there as far as both go, and zeros.
+    pub fn resize(&mut self, rows: usize, columns: usize) {
+        let (before, kept) = (self.stride, self.columns().min(columns));
+        let (stride, height) = (padded(rows).max(LANES), self.rows.min(rows));
+        let place = |values: &mut Vec<f64>, j: usize| {
+            if stride != before {
+                values.copy_within(j * before..j * before + height, j * stride);
+            }
+            values[j * stride + height..(j + 1) * stride].fill(0.0);
+        };
+        if stride <= before {
+            (0..kept).for_each(|j| place(&mut self.values, j));
+            self.values.truncate(kept * stride);
+            self.values.resize(columns * stride, 0.0);
+        } else {
+            self.values.truncate(kept * before);
+            self.values.resize(columns * stride, 0.0);
+            (0..kept).rev().for_each(|j| place(&mut self.values, j));
+            self.values[kept * stride..].fill(0.0);
+        }
+        (self.rows, self.stride) = (rows, stride);
     }
 
     /// Drops the last column.
@@ -444,6 +454,19 @@ pub fn load<const N: usize>(values: &[f64]) -> [f64; N] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_slab_keeps_what_it_has_when_it_changes_its_size() {
+        let entry = |i: usize, j: usize| (10 * i + j + 1) as f64;
+        for (rows, columns) in [(3, 4), (9, 2), (17, 30)] {
+            for (more, wider) in [(3, 4), (8, 1), (9, 9), (40, 31), (0, 0), (2, 50)] {
+                let mut slab = Slab::from_fn(rows, columns, entry);
+                slab.resize(more, wider);
+                let kept = |i: usize, j: usize| if i < rows && j < columns { entry(i, j) } else { 0.0 };
+                assert_eq!(slab, Slab::from_fn(more, wider, kept), "{rows}x{columns} {more}x{wider}");
+            }
+        }
+    }
 
     #[test]
     fn products_and_sums_are_those_of_plain_loops() {

@@ -175,7 +175,7 @@ impl Small<'_> {
             let first_of =
                 |step: &[f64]| support.iter().zip(step).filter_map(crossing).min_by(|a, b| a.1.total_cmp(&b.1));
             let mut first = first_of(&step);
-            if let Some(flat) = flat(&hessian, &wanted, &step, level) {
+            if let Some(flat) = cholesky::flat(&hessian, &wanted, &step, level) {
                 // As far as to the first that would change its sign; where none would, the norms bend it, and descent has to do.
                 let far: Vec<f64> = flat.iter().map(|entry| entry * (0.5 / f64::EPSILON)).collect();
                 if let Some((i, share)) = first_of(&far) {
@@ -281,21 +281,4 @@ impl Small<'_> {
         let matrix = Mat::from_fn(support.len(), support.len(), |a, b| self.matrix.column(support[b])[support[a]]);
         cholesky::trace_of_ratio(&matrix, &hessian, 8.0 * f64::EPSILON * (v.len() + 1) as f64)
     }
-}
-
-/// Where columns depend on each other, the direction along which their fit stays as it is while the penalty falls: what a step leaves of the gradient on the columns
-/// that it passed over, and what the others do about it. `None` where a step leaves nothing.
-fn flat(hessian: &Mat<f64>, wanted: &[f64], step: &[f64], level: f64) -> Option<Vec<f64>> {
-    /// The part of the gradient that is more than rounding.
-    const LEFT: f64 = 1e-9;
-    let product = |v: &[f64], a: usize| v.iter().enumerate().map(|(b, v)| hessian[(a, b)] * v).sum::<f64>();
-    let left: Vec<f64> = wanted.iter().enumerate().map(|(a, wanted)| wanted - product(step, a)).collect();
-    // The columns that the solution uses are left nothing but rounding.
-    let left: Vec<f64> = left.iter().zip(step).map(|(left, step)| if *step == 0.0 { *left } else { 0.0 }).collect();
-    if norm(left.iter().copied()) <= LEFT * norm(wanted.iter().copied()) {
-        return None;
-    }
-    let answer: Vec<f64> = (0..left.len()).map(|a| -product(&left, a)).collect();
-    let others = cholesky::solve(hessian, &answer, level);
-    Some(left.iter().zip(&others).map(|(left, other)| left + other).collect())
 }
