@@ -15,6 +15,18 @@ pub enum End {
     LeftDomain,
 }
 
+impl End {
+    /// Its name, for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Horizon => "horizon",
+            Self::Diverged => "diverged",
+            Self::NoRegion => "no region",
+            Self::LeftDomain => "left domain",
+        }
+    }
+}
+
 /// One free run of a model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -199,12 +199,12 @@ struct OneStep<'a> {
     rmse: f64,
     rrse: f64,
     r2: f64,
-    baseline_rmse: BTreeMap<String, f64>,
+    baseline_rmse: BTreeMap<&'static str, f64>,
 }
 
 impl<'a> From<&'a TargetScore> for OneStep<'a> {
     fn from(target: &'a TargetScore) -> Self {
-        let baselines = target.baselines.iter().map(|own| (format!("{:?}", own.baseline).to_lowercase(), own.rmse));
+        let baselines = target.baselines.iter().map(|own| (own.baseline.name(), own.rmse));
         Self {
             name: &target.name,
             rmse: target.rmse,
@@ -251,7 +251,7 @@ struct Run {
     episode: usize,
     row: usize,
     steps: usize,
-    end: String,
+    end: &'static str,
     lost_at: Option<usize>,
     left_domain: Option<usize>,
     outputs: Vec<Errors>,
@@ -263,7 +263,7 @@ impl From<&FreeRunOutcome> for Run {
             episode: run.start.episode,
             row: run.start.row,
             steps: run.steps,
-            end: format!("{:?}", run.end).to_lowercase(),
+            end: run.end.name(),
             lost_at: run.lost_at,
             left_domain: run.left_domain,
             outputs: run.outputs.iter().map(Errors::from).collect(),
