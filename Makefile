@@ -7,7 +7,7 @@ WHEELS := target/wheels
 DOCS := target/docs
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-all test-rust test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
+.PHONY: test test-all test-rust compile test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
 
 test: test-rust test-python
 
@@ -17,6 +17,10 @@ test-all: test
 
 test-rust:
 	cargo test --workspace --locked
+
+# What the tests are compiled of, without running them.
+compile:
+	cargo test --workspace --locked --no-run
 
 # The wheel, optimised, for every Python from 3.10 on: dist/fleetfoot-*.whl.
 wheel: target/maturin/bin/maturin
