@@ -1,9 +1,9 @@
-"""Output error by scipy: parameters and initial states of given equations, noise and minimum in turn.
+"""Output error and filter error by scipy: parameters, gains and initial states of given equations, noise and minimum in turn.
 
-    output_error.py SYSTEM ROWS PERIOD LENGTH START...
+    output_error.py [--filter] SYSTEM ROWS PERIOD LENGTH START...
 
 SYSTEM names the equations below; ROWS is a file of numbers, one row a line: states, then inputs. Every LENGTH rows begin an episode. Prints the parameters,
-the deviations of the noise, and the seconds that the fit took, one number a line. The seconds are those of `least_squares` with differences of all unknowns in one
+with --filter the gain of every output, the deviations of the noise (of the innovations), and the seconds that the fit took, one number a line. The seconds are those of `least_squares` with differences of all unknowns in one
 vectorised simulation; a last fit with derivatives by complex steps, which is not timed, gives the digits.
 """
 
@@ -32,17 +32,21 @@ SYSTEMS = {"van_der_pol": (van_der_pol, 2, [0, 1]), "short_period": (short_perio
 
 
 class Problem:
-    def __init__(self, system, rows, period, length):
+    def __init__(self, system, rows, period, length, filtered):
         self.slope, states, self.outputs = SYSTEMS[system]
         cut = [rows[at:at + length] for at in range(0, len(rows), length)]
         self.measured = [part[:, :states] for part in cut]
         self.inputs = [part[:, states:] for part in cut]
-        self.period, self.states = period, states
+        self.period, self.states, self.filtered = period, states, filtered
 
-    def simulate(self, beginning, u, p):
-        """Runge-Kutta steps with held inputs; `beginning` and `p` may be batches, their last axis."""
+    def simulate(self, beginning, u, p, gains, measured):
+        """Runge-Kutta steps with held inputs, from states that gains move towards what was measured; `beginning`, `p` and `gains` may be batches, their last axis."""
         h, x, out = self.period, beginning, [beginning]
         for k in range(len(u) - 1):
+            if len(gains):
+                x = np.array(x)
+                for gain, output in zip(gains, self.outputs):
+                    x[output] = x[output] + gain * (measured[k, output] - x[output])
             one = np.array(self.slope(x, u[k], p))
             two = np.array(self.slope(x + 0.5 * h * one, u[k], p))
             three = np.array(self.slope(x + 0.5 * h * two, u[k], p))
@@ -53,10 +57,11 @@ class Problem:
 
     def errors(self, z, count):
         """Measured less simulated, rows x outputs x batch, of all episodes."""
-        p, parts = z[:count], []
+        gains, parts = len(self.outputs) if self.filtered else 0, []
+        p, gains = z[:count - gains], z[count - gains:count]
         for at, (measured, u) in enumerate(zip(self.measured, self.inputs)):
             beginning = z[count + at * self.states:count + (at + 1) * self.states]
-            path = self.simulate(beginning, u, p)[:, self.outputs]
+            path = self.simulate(beginning, u, p, gains, measured)[:, self.outputs]
             parts.append((measured[:, self.outputs, None] if path.ndim == 3 else measured[:, self.outputs]) - path)
         return np.concatenate(parts)
 
@@ -87,9 +92,10 @@ class Problem:
 
 
 def main():
-    system, file, period, length, *start = sys.argv[1:]
-    problem = Problem(system, np.loadtxt(file, ndmin=2), float(period), int(length))
-    start = np.array([float(value) for value in start])
+    filtered = sys.argv[1] == "--filter"
+    system, file, period, length, *start = sys.argv[1 + filtered:]
+    problem = Problem(system, np.loadtxt(file, ndmin=2), float(period), int(length), filtered)
+    start = np.array([float(value) for value in start] + [0.5] * len(problem.outputs) * filtered)
     count = len(start)
     begun = time.perf_counter()
     z = np.concatenate([start] + [measured[0] for measured in problem.measured])

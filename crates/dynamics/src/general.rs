@@ -55,6 +55,8 @@ struct Batch<'a> {
     end: Vec<End>,
     steps: Vec<usize>,
     left: Vec<Option<usize>>,
+    /// Of trajectories with gains, the states before they were corrected, one step after the other.
+    uncorrected: Vec<Vec<f64>>,
     regions: Vec<u32>,
     /// The controllers of a closed loop, one a trajectory; none in an open loop.
     drives: Vec<Drive<'a>>,
@@ -142,6 +144,7 @@ impl<'a> Batch<'a> {
             end: vec![End::Horizon; count],
             steps: vec![horizon; count],
             left: vec![None; count],
+            uncorrected: vec![Vec::new(); count],
             regions: Vec::with_capacity(horizon * count),
             drives,
             held: if options.outside == Outside::Hold { &simulator.ranges } else { &[] },
@@ -181,6 +184,7 @@ impl<'a> Batch<'a> {
 
     fn step(&mut self, step: usize, options: &RolloutOptions) {
         let count = self.columns.count;
+        self.correct(step);
         self.drive(step);
         let zero = vec![0.0; count];
         let mut slopes = self.slopes(&Stage { step, states: None, offset: &zero });
@@ -212,6 +216,17 @@ impl<'a> Batch<'a> {
                 }
             }
             self.columns.at_mut(state.column, step + 1).copy_from_slice(&next[s * count..(s + 1) * count]);
+        }
+    }
+
+    /// Moves the states of trajectories with gains towards their measurements.
+    fn correct(&mut self, step: usize) {
+        for (b, run) in self.runs.iter().enumerate().filter(|(_, run)| !run.gains.is_empty()) {
+            for state in self.simulator.states.iter().enumerate() {
+                let value = &mut self.columns.at_mut(state.1.column, step)[b];
+                self.uncorrected[b].push(*value);
+                *value = run.corrected(state, step, *value);
+            }
         }
     }
 
@@ -306,7 +321,10 @@ impl<'a> Batch<'a> {
                 let shown = self.simulator.shown();
                 let mut states = Vec::with_capacity((steps + 1) * shown.len());
                 for k in 0..=steps {
-                    states.extend(shown.iter().map(|state| self.columns.at(state.column, k as i64)[b]));
+                    match self.uncorrected[b].chunks_exact(self.simulator.states.len()).nth(k) {
+                        Some(own) => states.extend_from_slice(&own[..shown.len()]),
+                        None => states.extend(shown.iter().map(|state| self.columns.at(state.column, k as i64)[b])),
+                    }
                 }
                 Trajectory {
                     start: self.runs[b].start,

@@ -78,9 +78,11 @@ impl Lean {
         let mut slopes: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; states.len()]);
         let mut path = Vec::with_capacity((run.horizon + 1) * states.len());
         path.extend_from_slice(beginning);
-        let mut end = End::Horizon;
+        let (mut end, mut x) = (End::Horizon, vec![0.0; states.len()]);
         for step in 0..run.horizon {
-            let (x, seconds) = (&path[step * states.len()..], run.step(step));
+            let now = path[step * states.len()..].iter().zip(states.iter().enumerate());
+            x.iter_mut().zip(now).for_each(|(x, (&value, state))| *x = run.corrected(state, step, value));
+            let (x, seconds) = (x.as_slice(), run.step(step));
             for stage in 0..stages {
                 let (before, now) = slopes.split_at_mut(stage);
                 let fraction = [0.0, 0.5, 0.5, 1.0][stage];

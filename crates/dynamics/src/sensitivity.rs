@@ -7,7 +7,8 @@
 //! S_{k+1} = factor S_k + gain (sum_l df/dx_{k-l} S_{k-l} + df/dtheta),    S_k = 0 for k <= 0
 //! ```
 //!
-//! and stage by stage for the Runge-Kutta method. Regions are those of the trajectory: within them the model is smooth, and what crossing their borders a
+//! and stage by stage for the Runge-Kutta method. A filter of gains K, x_k+ = x_k + K (y_k - x_k), steps from x_k+ and its tangents, S_k+ = (I - K) S_k, to which the derivative
+//! by a gain adds its error, (y_k - x_k)_i. Regions are those of the trajectory: within them the model is smooth, and what crossing their borders a
 //! little earlier would change is left out.
 
 use std::collections::HashMap;
@@ -84,7 +85,9 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct Tangents {
     /// Numbers of the coefficients that it met, ascending.
     pub(crate) active: Vec<usize>,
-    /// Active coefficients and, where the beginning may move, the states, padded.
+    /// The gains: the states where the run has some, else 0.
+    gains: usize,
+    /// Active coefficients, gains and, where the beginning may move, the states, padded.
     pub(crate) width: usize,
     /// (steps + 1) x states x width.
     pub(crate) values: Vec<f64>,
@@ -96,9 +99,14 @@ impl Tangents {
         &self.values[(step * states + state) * self.width..][..self.active.len()]
     }
 
+    /// How a state after so many steps moves with the gains; none where the run has none.
+    pub(crate) fn by_gains(&self, step: usize, state: usize, states: usize) -> &[f64] {
+        &self.values[(step * states + state) * self.width + self.active.len()..][..self.gains]
+    }
+
     /// How a state after so many steps moves with the states at the beginning; of tangents that were asked for them.
     pub(crate) fn by_beginning(&self, step: usize, state: usize, states: usize) -> &[f64] {
-        &self.values[(step * states + state) * self.width + self.active.len()..][..states]
+        &self.values[(step * states + state) * self.width + self.active.len() + self.gains..][..states]
     }
 }
 
@@ -147,11 +155,11 @@ impl Sensitivity {
         let active = self.active(simulator, &stages);
         let mut local = vec![NONE; active.last().map_or(0, |last| last + 1)];
         active.iter().zip(0..).for_each(|(&number, at)| local[number] = at);
-        let states = simulator.states.len();
-        let width = padded(active.len() + if beginning { states } else { 0 });
+        let (states, gains) = (simulator.states.len(), run.gains.len());
+        let width = padded(active.len() + gains + if beginning { states } else { 0 });
         let mut values = vec![0.0; (trajectory.steps() + 1) * states * width];
         if beginning {
-            (0..states).for_each(|state| values[state * width + active.len() + state] = 1.0);
+            (0..states).for_each(|state| values[state * width + active.len() + gains + state] = 1.0);
         }
         let mut stepping = Stepping {
             sensitivity: self,
@@ -163,11 +171,20 @@ impl Sensitivity {
             first: vec![0.0; states * width],
             mean: vec![0.0; states * width],
         };
+        let size = states * width;
+        let mut corrected = vec![0.0; if gains > 0 { trajectory.steps() * size } else { 0 }];
         for k in 0..trajectory.steps() {
-            let (past, next) = values.split_at_mut((k + 1) * states * width);
-            stepping.step(&stages, k, run.step(k), past, &mut next[..states * width]);
+            let (past, next) = values.split_at_mut((k + 1) * size);
+            let mut from = &*past;
+            if gains > 0 {
+                let own = &mut corrected[k * size..(k + 1) * size];
+                own.copy_from_slice(&past[k * size..]);
+                correct(simulator, run, (k, trajectory.state(k)), active.len(), own);
+                from = &corrected[..(k + 1) * size];
+            }
+            stepping.step(&stages, k, run.step(k), from, &mut next[..size]);
         }
-        Tangents { active, width, values }
+        Tangents { active, gains, width, values }
     }
 
     /// Evaluates the model's derivatives at all rows of a trajectory at once, stage by stage.
@@ -177,7 +194,7 @@ impl Sensitivity {
             Method::Rk4 if continuous => &[(0.0, 1.0 / 6.0), (0.5, 2.0 / 6.0), (0.5, 2.0 / 6.0), (1.0, 1.0 / 6.0)],
             _ => &[(0.0, 1.0)],
         };
-        let path = Path::new(simulator, run.window, trajectory);
+        let path = Path::new(simulator, run, trajectory);
         let mut stages: Vec<Stage> = Vec::with_capacity(plan.len());
         for &(fraction, weight) in plan {
             let offset: Vec<f64> = (0..path.rows).map(|k| fraction * run.step(k)).collect();
@@ -219,6 +236,24 @@ impl Sensitivity {
     }
 }
 
+/// Turns the tangents of the states at a step into those of the corrected ones; the gains stand behind so many coefficients.
+fn correct(
+    simulator: &Simulator,
+    run: &Run<'_>,
+    (step, simulated): (usize, &[f64]),
+    coefficients: usize,
+    tangents: &mut [f64],
+) {
+    let width = tangents.len() / simulator.states.len();
+    for (s, own) in tangents.chunks_exact_mut(width).enumerate() {
+        let error = run.error(&simulator.states[s], step, simulated[s]);
+        if error.is_finite() {
+            own.iter_mut().for_each(|value| *value *= 1.0 - run.gains[s]);
+            own[coefficients + s] += error;
+        }
+    }
+}
+
 /// The states, and the rows back, that a simulator's equations read.
 fn readings(simulator: &Simulator) -> Vec<Reading> {
     let leaves = simulator.compiled.functions.leaves().iter().chain(simulator.compiled.rights.leaves());
@@ -253,16 +288,17 @@ struct Path<'a> {
     window: &'a Window<'a>,
     /// Rows from which a step was made.
     rows: usize,
-    /// For every state, the recorded values in front of the start and those of the trajectory.
+    /// For every state, the recorded values in front of the start and those of the trajectory from which its steps were made.
     states: Vec<Vec<f64>>,
 }
 
 impl<'a> Path<'a> {
-    fn new(simulator: &'a Simulator, window: &'a Window<'a>, trajectory: &Trajectory) -> Self {
-        let (rows, back) = (trajectory.steps(), simulator.history() as i64);
+    fn new(simulator: &'a Simulator, run: &Run<'a>, trajectory: &Trajectory) -> Self {
+        let (window, rows, back) = (run.window, trajectory.steps(), simulator.history() as i64);
         let of_state = |(place, state): (usize, &crate::simulator::State)| {
             let before = window.values(state.column, -back, 0).iter().copied();
-            before.chain((0..rows).map(|k| trajectory.state(k)[place])).collect()
+            let from = |k: usize| run.corrected((place, state), k, trajectory.state(k)[place]);
+            before.chain((0..rows).map(from)).collect()
         };
         Self { simulator, window, rows, states: simulator.states.iter().enumerate().map(of_state).collect() }
     }

@@ -9,6 +9,7 @@ use fleetfoot_model::{Closed, Equation, Model, Role};
 use crate::{
     Error, Method, Start, Step, Trajectory,
     affine::AffineKernel,
+    angle::wrap,
     compiled::{Compiled, Latents},
     controller::{Controller, Driver},
     integrate::{Advance, typical_period},
@@ -395,6 +396,9 @@ pub(crate) struct Run<'a> {
     pub(crate) ends_outside: bool,
     /// The states where it begins, in the order of [`Simulator::states`]; the recorded ones where none are given.
     pub(crate) beginning: Option<&'a [f64]>,
+    /// Of every state, the share of what its measurement differs by that it is moved by before the next step: a filter of constant gain. None for a simulation that
+    /// sees no measurement.
+    pub(crate) gains: &'a [f64],
     /// Whether all steps are `time[1]` long.
     uniform: bool,
 }
@@ -414,7 +418,7 @@ impl<'a> Run<'a> {
         let uniform = options.step != Step::Stamps;
         let (horizon, divergence, ends_outside) =
             (options.horizon, options.divergence, options.outside == Outside::End);
-        Self { window, time, start, horizon, divergence, ends_outside, beginning: None, uniform }
+        Self { window, time, start, horizon, divergence, ends_outside, beginning: None, gains: &[], uniform }
     }
 
     /// Length of a step, seconds.
@@ -422,6 +426,19 @@ impl<'a> Run<'a> {
     pub(crate) fn step(&self, k: usize) -> f64 {
         // A uniform step is not a difference of rounded products.
         if self.uniform { self.time[1] } else { self.time[k + 1] - self.time[k] }
+    }
+
+    /// Measured less simulated, of a state at a step; NaN where nothing was measured. That of an angle is in (-pi, pi].
+    pub(crate) fn error(&self, state: &State, step: usize, simulated: f64) -> f64 {
+        let error = self.window.values(state.column, step as i64, step as i64 + 1)[0] - simulated;
+        if state.advance.angle { wrap(error) } else { error }
+    }
+
+    /// The state from which the next step is made: what was simulated, moved towards its measurement where there are gains, and a measurement.
+    pub(crate) fn corrected(&self, (place, state): (usize, &State), step: usize, simulated: f64) -> f64 {
+        let Some(&gain) = self.gains.get(place) else { return simulated };
+        let error = self.error(state, step, simulated);
+        if error.is_finite() { gain.mul_add(error, simulated) } else { simulated }
     }
 
     pub(crate) fn block(&self) -> &Block {

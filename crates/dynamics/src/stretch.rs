@@ -1,5 +1,7 @@
 //! Stretches of a recording, simulated from beginnings that are unknowns themselves: what output-error methods are made of.
 //!
+//! With gains the simulation is that of a filter: at every row the states are moved towards their measurements before the next step is made from them.
+//!
 //! A segment of [`Shooting`](crate::Shooting) begins at its measured state, noise and all. Here the beginning is given, the errors are those of all rows of the
 //! stretch, its first one too, and they have derivatives by the model's coefficients and by the beginning.
 
@@ -7,7 +9,7 @@ use fleetfoot_data::{Block, Halo, Source};
 use fleetfoot_model::Model;
 
 use crate::{
-    Coefficient, End, Error, RolloutOptions, ShootingOptions, Simulator, Start, angle::wrap, general, lean::Lean,
+    Coefficient, End, Error, RolloutOptions, ShootingOptions, Simulator, Start, general, lean::Lean,
     sensitivity::Sensitivity, simulator::Run, window::Window,
 };
 
@@ -28,6 +30,8 @@ pub struct StretchPath {
     pub errors: Vec<f64>,
     /// Derivatives of the simulated states by the coefficients, rows x states x coefficients.
     pub by_coefficients: Vec<f64>,
+    /// Derivatives of the simulated states by the gains, rows x states x states; none without gains.
+    pub by_gains: Vec<f64>,
     /// Derivatives of the simulated states by those of the beginning, rows x states x states.
     pub by_beginning: Vec<f64>,
 }
@@ -119,11 +123,14 @@ impl<'a> Stretches<'a> {
     }
 
     /// Simulates a stretch from a beginning (states); `None` where the simulation diverges on the way.
-    pub fn simulate(&self, block: &Block, stretch: Stretch, beginning: &[f64]) -> Option<StretchPath> {
+    ///
+    /// `gains` are one a state, or none. With them the next step is made from `x_k + K (y_k - x_k)`, K diagonal, where y_k was measured: a gain of 0 takes nothing
+    /// from the measurement, and one of 1 begins every step at it. What the errors compare is x_k.
+    pub fn simulate(&self, block: &Block, stretch: Stretch, beginning: &[f64], gains: &[f64]) -> Option<StretchPath> {
         let window = Window::new(block, stretch.start, &self.map);
         let options = RolloutOptions { horizon: stretch.steps, ..self.options.clone() };
         let mut run = Run::new(self.source, &window, &options);
-        run.beginning = Some(beginning);
+        (run.beginning, run.gains) = (Some(beginning), gains);
         let run = [run];
         let trajectory = match &self.lean {
             Some(lean) => lean.simulate(&self.simulator, &run[0], beginning, options.method),
@@ -137,12 +144,13 @@ impl<'a> Stretches<'a> {
         let mut path = StretchPath {
             errors: Vec::with_capacity(rows * states),
             by_coefficients: vec![0.0; rows * states * self.coefficients],
+            by_gains: Vec::with_capacity(rows * states * gains.len()),
             by_beginning: Vec::with_capacity(rows * states * states),
         };
         for row in 0..rows {
             for (s, state) in self.simulator.states.iter().enumerate() {
-                let error = window.values(state.column, row as i64, row as i64 + 1)[0] - trajectory.state(row)[s];
-                path.errors.push(if state.advance.angle { wrap(error) } else { error });
+                path.errors.push(run[0].error(state, row, trajectory.state(row)[s]));
+                path.by_gains.extend_from_slice(tangents.by_gains(row, s, states));
                 path.by_beginning.extend_from_slice(tangents.by_beginning(row, s, states));
                 let own = &mut path.by_coefficients[(row * states + s) * self.coefficients..][..self.coefficients];
                 for (&coefficient, &value) in tangents.active.iter().zip(tangents.of(row, s, states)) {
@@ -181,7 +189,7 @@ mod tests {
         model
     }
 
-    /// Row by row the equations take the steps that batches take, to the bit; and the derivatives by the beginning are those of differences.
+    /// Row by row the equations take the steps that batches take, to the bit, with gains too; and the derivatives by the beginning are those of differences.
     #[test]
     fn lean_steps_are_those_of_batches() {
         let mut source = MemorySource::new(["q", "v", "u"].map(DataColumn::float).to_vec());
@@ -195,13 +203,67 @@ mod tests {
             assert_eq!((stretch.start.row, stretch.steps), (45, 44));
             let block = own.read(stretch).unwrap();
             let beginning = [3.0, 0.7];
-            let lean = own.simulate(&block, stretch, &beginning).unwrap();
-            let moved = own.simulate(&block, stretch, &[3.0, 0.7 + 1e-6]).unwrap();
+            let lean = own.simulate(&block, stretch, &beginning, &[]).unwrap();
+            let moved = own.simulate(&block, stretch, &[3.0, 0.7 + 1e-6], &[]).unwrap();
+            let filtered = own.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap();
             own.lean = None;
-            assert_eq!(own.simulate(&block, stretch, &beginning).unwrap(), lean);
+            assert_eq!(own.simulate(&block, stretch, &beginning, &[]).unwrap(), lean);
+            assert_eq!(own.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap(), filtered);
             let last = 2 * stretch.steps;
             let slope = (lean.errors[last] - moved.errors[last]) / 1e-6;
             assert!((slope - lean.by_beginning[2 * last + 1]).abs() < 1e-4 * slope.abs().max(1.0), "{slope}");
+        }
+    }
+
+    /// The filter of the definition, written out; and derivatives by gains and beginning against central differences. A measurement is missing, and an angle goes round.
+    #[test]
+    fn gains_correct_before_the_step() {
+        let mut source = MemorySource::new(["q", "v", "u"].map(DataColumn::float).to_vec());
+        let angle = |k: usize| crate::angle::wrap(0.4 * k as f64 + 0.1 * (k as f64 * 1.7).sin());
+        let (q, mut v): (Vec<f64>, Vec<f64>) = (0..40).map(|k| (angle(k), 0.4 + (k as f64).sin())).unzip();
+        v[17] = f64::NAN;
+        let u: Vec<f64> = (0..40).map(|k| (0.2 * k as f64).cos()).collect();
+        source.push_uniform("run", 0.05, vec![q.clone(), v.clone(), u.clone()]);
+        let options = ShootingOptions { method: Method::Euler, ..ShootingOptions::new(1) };
+        let own = Stretches::new(&model(), &source, &[], &options).unwrap();
+        let stretch = own.cut(None)[0];
+        let block = own.read(stretch).unwrap();
+        let (beginning, gains) = ([0.2, 0.1], [0.35, 0.6]);
+        let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
+        let mut x = beginning;
+        for k in 0..40 {
+            let errors = [crate::angle::wrap(q[k] - x[0]), v[k] - x[1]];
+            for (s, error) in errors.into_iter().enumerate() {
+                let own = found.errors[2 * k + s];
+                assert!(own.is_nan() == error.is_nan() && !((own - error).abs() > 1e-12), "{k} {s} {own} {error}");
+                x[s] += if error.is_nan() { 0.0 } else { gains[s] * error };
+            }
+            x = [x[0] + 0.05 * x[1], x[1] + 0.05 * (u[k] - x[0].sin() - 0.3 * x[1] * x[1].abs())];
+        }
+        for method in [Method::Euler, Method::Rk4] {
+            let own = Stretches::new(&model(), &source, &[], &ShootingOptions { method, ..options.clone() }).unwrap();
+            let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
+            for moved in 0..4 {
+                let errors = |h: f64| {
+                    let (mut beginning, mut gains) = (beginning, gains);
+                    if moved < 2 {
+                        gains[moved] += h
+                    } else {
+                        beginning[moved - 2] += h
+                    };
+                    own.simulate(&block, stretch, &beginning, &gains).unwrap().errors
+                };
+                let (high, low) = (errors(1e-6), errors(-1e-6));
+                let slopes = if moved < 2 { &found.by_gains } else { &found.by_beginning };
+                for at in (0..found.errors.len()).filter(|&at| found.errors[at].is_finite()) {
+                    // The state is the measurement less the error; truncation and rounding leave some 1e-9.
+                    let (slope, difference) = (slopes[2 * at + moved % 2], (low[at] - high[at]) / 2e-6);
+                    assert!(
+                        (slope - difference).abs() < 1e-8 * slope.abs().max(1.0),
+                        "{moved} {at} {slope} {difference}"
+                    );
+                }
+            }
         }
     }
 }

@@ -106,6 +106,14 @@ pub enum EstimateError {
         /// The states.
         states: String,
     },
+    /// Gains of other outputs.
+    #[error("{gains} gains are given and {outputs} states are compared with their measurements: give one each")]
+    GainCount {
+        /// Gains.
+        gains: usize,
+        /// Outputs.
+        outputs: usize,
+    },
     /// A delay that may take any time.
     #[error(
         "how long `{filter}` may last is not bounded: give its parameters finite bounds, which say what rows have a past"

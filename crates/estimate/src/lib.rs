@@ -14,7 +14,8 @@
 //! alone. Both take filters, such as a motor's first-order lag, with their constants among the parameters, and answer with standard errors.
 //!
 //! [`output_error`] estimates the parameters of a model's given equations so that its simulations stay nearest to what was measured, with noise in the
-//! measurements and initial states among the unknowns; [`equation_error`] so that the equations hold row by row.
+//! measurements and initial states among the unknowns; [`equation_error`] so that the equations hold row by row; [`filter_error`] with simulations that measurements
+//! correct by gains that are estimated too, for noise in both.
 //!
 //! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
 //!
@@ -42,6 +43,7 @@ mod descent;
 mod equation_error;
 mod error;
 mod evaluate;
+mod filter_error;
 mod fit;
 mod output_error;
 mod problem;
@@ -57,6 +59,7 @@ mod uncertain;
 pub use descent::{Options, Status};
 pub use equation_error::{EquationError, equation_error};
 pub use error::EstimateError;
+pub use filter_error::{FilterError, FilterErrorOptions, Gain, Gains, filter_error};
 pub use fit::{Estimate, nonlinear_least_squares};
 pub use output_error::{Begun, OutputError, OutputErrorOptions, output_error};
 pub use problem::{Parameter, Residual};

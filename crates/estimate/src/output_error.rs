@@ -12,6 +12,8 @@
 //! Levenberg-Marquardt, and what is left of the derivatives is their part that no beginning can take up. So the unknowns of the outer problem are the parameters, however many
 //! segments there are, and memory is that of the segments in flight.
 //!
+//! [`filter_error`](crate::filter_error()) is the same with simulations that measurements correct on the way; what both share is here.
+//!
 //! Errors of the model are errors in the residuals that last for many rows. The covariance is that of least squares under such residuals, with the autocorrelation that
 //! they show (Morelli and Klein 1997): [`coloured`].
 
@@ -26,13 +28,14 @@ use fleetfoot_model::{Latent, Model, Partition, Region};
 use fleetfoot_stats::{kernel::norm, student_t_95};
 
 use crate::{
-    EstimateError, Options, Parameter, Status,
+    EstimateError, Gains, Options, Parameter, Status,
     covariance::Inverse,
     descent::Descent,
     evaluate::{Objective, Pass},
     problem::check_parameters,
 };
-use segments::Segments;
+use coloured::{Coloured, coloured};
+use segments::{Segments, Standing};
 
 /// How parameters are estimated by output error.
 #[derive(Debug, Clone, PartialEq)]
@@ -164,48 +167,143 @@ pub fn output_error(
     options: &OutputErrorOptions,
     progress: &dyn Progress,
 ) -> Result<OutputError, EstimateError> {
+    progress.stage("output error");
+    Ok(minimum(model, parameters, None, source, options, progress)?.parameters)
+}
+
+/// What a minimum tells, of the parameters and of the gains behind them.
+pub(crate) struct Minimum {
+    pub(crate) parameters: OutputError,
+    /// Values of the gains (m), none by output error; so what follows.
+    pub(crate) gains: Vec<f64>,
+    /// Their variances for residuals as correlated as they are (m).
+    pub(crate) variances: Vec<f64>,
+    /// And for independent ones (m).
+    pub(crate) white: Vec<f64>,
+    /// Those at a bound that pushes back.
+    pub(crate) gains_at_bounds: Vec<usize>,
+    /// Those that the rows do not determine.
+    pub(crate) gains_undetermined: Vec<usize>,
+    /// Covariance of the residuals of a row, in the outputs' own units (m x m).
+    pub(crate) residuals: Mat<f64>,
+}
+
+/// The minimum of output error, or with gains that of filter error.
+pub(crate) fn minimum(
+    model: &Model,
+    parameters: &[Parameter],
+    gains: Option<&Gains>,
+    source: &dyn Source,
+    options: &OutputErrorOptions,
+    progress: &dyn Progress,
+) -> Result<Minimum, EstimateError> {
     options.descent.check()?;
     check_parameters(parameters, source)?;
     check_use(model, parameters)?;
     let model = with_parameters(model, parameters);
-    let mut segments = Segments::new(&model, parameters, source, options, progress)?;
-    progress.stage("output error");
-    let mut theta = best_start(&segments, parameters, &options.starts)?;
+    let mut segments = Segments::new(&model, parameters, gains, source, options, progress)?;
+    let mut starts = vec![Vec::new()];
+    if let Some(gains) = gains {
+        starts = gains.starts(segments.outputs().len());
+    }
+    let (mut best, mut refusal): (Option<Rounds>, _) = (None, None);
+    let (begun, mut rounds) = (segments.standing(), 0);
+    for gains in &starts {
+        segments.stand(begun.clone());
+        match near(&mut segments, parameters, gains, options) {
+            Ok(found) => {
+                rounds += found.rounds;
+                if best.as_ref().is_none_or(|best| found.misfit < best.misfit) {
+                    best = Some(found);
+                }
+            }
+            Err(error @ EstimateError::Diverges { .. }) => _ = refusal.get_or_insert(error),
+            Err(error) => return Err(error),
+        }
+    }
+    match (best, refusal) {
+        (Some(best), _) => {
+            segments.stand(best.standing);
+            to_the_end(&mut segments, best.theta, rounds, options)
+        }
+        (None, Some(error)) => Err(error),
+        (None, None) => unreachable!("at least one search begins"),
+    }
+}
+
+/// Where minimisations and noise in turn stand.
+struct Rounds {
+    theta: Vec<f64>,
+    standing: Standing,
+    /// `sum_j n_j log sigma_j`, the negative logarithm of the likelihood.
+    misfit: f64,
+    rounds: usize,
+}
+
+/// Minimisations and noise in turn, until the noise hardly changes, from the best start of the parameters with these gains.
+fn near(
+    segments: &mut Segments<'_>,
+    parameters: &[Parameter],
+    gains: &[f64],
+    options: &OutputErrorOptions,
+) -> Result<Rounds, EstimateError> {
+    let mut theta = best_start(segments, parameters, gains, &options.starts)?;
+    let end = Options { gradient: 1e-4, step: 1e-6, cost: 1e-6, ..options.descent };
     let mut rounds = 0;
     loop {
         rounds += 1;
         segments.forget();
-        let end = if segments.exact {
-            options.descent
-        } else {
-            Options { gradient: 1e-4, step: 1e-6, cost: 1e-6, ..options.descent }
-        };
-        let mut descent = Descent::new(&segments, theta, &end)?;
-        let (status, _) = descent.run()?;
-        let deviations = segments.deviations_of(&descent.at.shares);
-        let change = |(old, new): (&f64, &f64)| (new / old - 1.0).abs();
-        let change = segments.deviations.iter().zip(&deviations).map(change).fold(0.0, f64::max);
-        let settled = segments.exact && change < SAME;
-        if settled || rounds == ROUNDS {
-            let status = if settled { status } else { Status::Iterations };
-            return found(&segments, &descent, status, rounds);
-        }
+        let mut descent = Descent::new(&*segments, theta, &end)?;
+        descent.run()?;
+        let (deviations, change) = segments.deviations_of(&descent.at.shares);
+        let misfit = segments.misfit(&descent.at.shares);
         theta = descent.theta;
         segments.deviations = deviations;
-        segments.exact |= change < ROUGH;
+        if change < ROUGH || rounds == ROUNDS {
+            return Ok(Rounds { theta, standing: segments.standing(), misfit, rounds });
+        }
     }
 }
 
-/// Of the initial values and the other starts, between the bounds, the one of least cost.
+/// Minimisations and noise in turn, to the last digits, until both stay.
+fn to_the_end(
+    segments: &mut Segments<'_>,
+    mut theta: Vec<f64>,
+    mut rounds: usize,
+    options: &OutputErrorOptions,
+) -> Result<Minimum, EstimateError> {
+    segments.exact = true;
+    let most = rounds + ROUNDS;
+    loop {
+        rounds += 1;
+        segments.forget();
+        let mut descent = Descent::new(&*segments, theta, &options.descent)?;
+        let (status, _) = descent.run()?;
+        let (deviations, change) = segments.deviations_of(&descent.at.shares);
+        if change < SAME || rounds == most {
+            let status = if change < SAME { status } else { Status::Iterations };
+            return found(segments, &descent, status, rounds);
+        }
+        theta = descent.theta;
+        segments.deviations = deviations;
+    }
+}
+
+/// Of the initial values and the other starts, between the bounds, the one of least cost, with these gains behind it.
 fn best_start(
     segments: &Segments<'_>,
     parameters: &[Parameter],
+    gains: &[f64],
     starts: &[Vec<f64>],
 ) -> Result<Vec<f64>, EstimateError> {
-    let mut best: (f64, Vec<f64>) = (f64::INFINITY, parameters.iter().map(|parameter| parameter.initial).collect());
-    for start in starts.iter().cloned().chain(if starts.is_empty() { None } else { Some(best.1.clone()) }) {
-        let within = |(value, own): (&f64, &Parameter)| value.clamp(own.bounds[0], own.bounds[1]);
-        let start: Vec<f64> = start.iter().zip(parameters).map(within).collect();
+    let with_gains = |mut start: Vec<f64>| {
+        start.extend(gains);
+        start.iter_mut().zip(segments.bounds()).for_each(|(value, [low, high])| *value = value.clamp(*low, *high));
+        start
+    };
+    let initial = with_gains(parameters.iter().map(|parameter| parameter.initial).collect());
+    let mut best = (f64::INFINITY, initial.clone());
+    for start in starts.iter().cloned().map(with_gains).chain(if starts.is_empty() { None } else { Some(initial) }) {
         match segments.evaluate(&start)? {
             Pass::Finite(at) if at.cost < best.0 => best = (at.cost, start),
             _ => {}
@@ -220,7 +318,7 @@ fn found(
     descent: &Descent<'_>,
     status: Status,
     rounds: usize,
-) -> Result<OutputError, EstimateError> {
+) -> Result<Minimum, EstimateError> {
     let room = descent.room();
     let bounds = segments.bounds();
     let free: Vec<usize> = (0..room.len()).filter(|&j| room[j][0] < room[j][1]).collect();
@@ -232,12 +330,24 @@ fn found(
     let unknowns = (free.len() + last.beginnings.len() * states) as f64;
     // The deviations are of maximum likelihood: the residuals' mean square, not less what the unknowns took up.
     let variance = residuals as f64 / (residuals as f64 - unknowns).max(1.0);
-    let (middle, memory) = coloured::middle(&last.series, free.len().max(1));
-    Ok(OutputError {
+    let Coloured { middle, memory, of_a_row } = coloured(&last.series, free.len().max(1));
+    let (covariance, white) = (inverse.sandwich(&middle, variance), inverse.covariance(variance));
+    let p = segments.names().len();
+    let gains: Vec<usize> = (p..room.len()).collect();
+    let own = |whole: &Mat<f64>| Mat::from_fn(p, p, |a, b| whole[(a, b)]);
+    let split = |all: Vec<usize>| -> (Vec<usize>, Vec<usize>) {
+        let (parameters, gains): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&j| j < p);
+        (parameters, gains.iter().map(|j| j - p).collect())
+    };
+    let pushed = (0..room.len()).filter(|j| !free.contains(j) && bounds[*j][0] < bounds[*j][1]).collect();
+    let ((at_bounds, gains_at_bounds), (undetermined, gains_undetermined)) =
+        (split(pushed), split(inverse.undetermined));
+    let deviations = &segments.deviations;
+    let parameters = OutputError {
         names: segments.names(),
-        values: descent.theta.clone(),
-        covariance: inverse.sandwich(&middle, variance),
-        white: inverse.covariance(variance),
+        values: descent.theta[..p].to_vec(),
+        covariance: own(&covariance),
+        white: own(&white),
         memory,
         outputs: segments.outputs(),
         deviations: segments.deviations.clone(),
@@ -245,13 +355,24 @@ fn found(
         missing: segments.missing(),
         residuals,
         condition: inverse.condition,
-        at_bounds: (0..room.len()).filter(|j| !free.contains(j) && bounds[*j][0] < bounds[*j][1]).collect(),
+        at_bounds,
         gradient: descent.gradient(&descent.at, &room),
-        undetermined: inverse.undetermined,
+        undetermined,
         status,
         rounds,
         passes: segments.passes(),
         beginnings: last.beginnings,
+    };
+    Ok(Minimum {
+        parameters,
+        gains: gains.iter().map(|&j| descent.theta[j]).collect(),
+        variances: gains.iter().map(|&j| covariance[(j, j)]).collect(),
+        white: gains.iter().map(|&j| white[(j, j)]).collect(),
+        gains_at_bounds,
+        gains_undetermined,
+        residuals: Mat::from_fn(deviations.len(), deviations.len(), |a, b| {
+            deviations[a] * deviations[b] * of_a_row[(a, b)]
+        }),
     })
 }
 

@@ -25,6 +25,8 @@ pub(super) struct Segment<'a> {
     pub(super) stretch: Stretch,
     /// Of every state, `1 / sigma` where it is compared, else 0.
     pub(super) scale: &'a [f64],
+    /// Of every state, by how much measurements correct the simulation; none by output error.
+    pub(super) gains: &'a [f64],
     /// When the search for a beginning ends.
     pub(super) search: Options,
     /// Without bounds (n).
@@ -39,7 +41,7 @@ pub(super) struct Residuals {
     pub(super) values: Vec<f64>,
     /// Of every value, whether it was measured.
     pub(super) there: Vec<bool>,
-    /// By the parameters (p).
+    /// By the parameters, and the gains of what is compared (p).
     pub(super) by_parameters: Mat<f64>,
     /// By the beginning (n).
     pub(super) by_beginning: Mat<f64>,
@@ -79,16 +81,21 @@ impl Segment<'_> {
     fn path(&self, beginning: &[f64]) -> Option<StretchPath> {
         match self.last.take() {
             Some((known, path)) if known == beginning => Some(path),
-            _ => self.stretches.simulate(self.block, self.stretch, beginning),
+            _ => self.simulated(beginning),
         }
+    }
+
+    fn simulated(&self, beginning: &[f64]) -> Option<StretchPath> {
+        self.stretches.simulate(self.block, self.stretch, beginning, self.gains)
     }
 
     /// With the derivatives by the parameters where they are asked for.
     fn residuals(&self, beginning: &[f64], path: &StretchPath, parameters: bool) -> Residuals {
         let (n, rows) = (beginning.len(), self.stretch.steps + 1);
         let width = path.by_coefficients.len() / (rows * n);
-        let p = if parameters { width } else { 0 };
         let compared: Vec<usize> = (0..n).filter(|&s| self.scale[s] > 0.0).collect();
+        let gains = if self.gains.is_empty() { 0 } else { compared.len() };
+        let p = if parameters { width + gains } else { 0 };
         let cells: Vec<usize> = (0..rows).flat_map(|row| compared.iter().map(move |s| row * n + s)).collect();
         let there: Vec<bool> = cells.iter().map(|&cell| path.errors[cell].is_finite()).collect();
         let scale = |at: usize| if there[at] { self.scale[cells[at] % n] } else { 0.0 };
@@ -96,7 +103,11 @@ impl Segment<'_> {
         Residuals {
             values: (0..cells.len()).map(values).collect(),
             by_parameters: Mat::from_fn(cells.len(), p, |at, j| {
-                -scale(at) * path.by_coefficients[cells[at] * width + j]
+                -scale(at)
+                    * match j.checked_sub(width) {
+                        None => path.by_coefficients[cells[at] * width + j],
+                        Some(gain) => path.by_gains[cells[at] * n + compared[gain]],
+                    }
             }),
             by_beginning: Mat::from_fn(cells.len(), n, |at, j| -scale(at) * path.by_beginning[cells[at] * n + j]),
             // What is measured is of the order of the beginning: a bound for rounding, and no more.
@@ -122,7 +133,7 @@ impl Objective for Segment<'_> {
 
     fn evaluate(&self, beginning: &[f64]) -> Result<Pass, EstimateError> {
         let refused = || Pass::Refused(EstimateError::Diverges { episode: String::new(), row: self.stretch.start.row });
-        let Some(path) = self.stretches.simulate(self.block, self.stretch, beginning) else { return Ok(refused()) };
+        let Some(path) = self.simulated(beginning) else { return Ok(refused()) };
         let Residuals { values, by_beginning: J, size, there, .. } = self.residuals(beginning, &path, false);
         let cost: f64 = values.iter().map(|r| r * r).sum();
         let finite = (0..J.ncols()).all(|j| J.col_as_slice(j).iter().all(|value| value.is_finite()));

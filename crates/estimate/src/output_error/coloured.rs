@@ -26,8 +26,17 @@ const MOST_LAGS: usize = 5_000;
 /// Lags that must look white behind the last one that does not.
 const WHITE_LAGS: usize = 20;
 
-/// The middle of the covariance (p x p), and the rows over which residuals are correlated.
-pub(super) fn middle(series: &[Series], parameters: usize) -> (Mat<f64>, usize) {
+/// What the residuals show.
+pub(super) struct Coloured {
+    /// The middle of the covariance (p x p).
+    pub(super) middle: Mat<f64>,
+    /// Rows over which residuals are correlated.
+    pub(super) memory: usize,
+    /// Mean products of the residuals of a row, in units of the noise (outputs x outputs).
+    pub(super) of_a_row: Mat<f64>,
+}
+
+pub(super) fn coloured(series: &[Series], parameters: usize) -> Coloured {
     let m = series[0].outputs;
     let longest = series.iter().map(|own| own.residuals.values.len() / m).max().unwrap_or(1);
     let most = (longest / 5).clamp(1, MOST_LAGS).min(longest - 1);
@@ -37,7 +46,11 @@ pub(super) fn middle(series: &[Series], parameters: usize) -> (Mat<f64>, usize) 
     let p = series[0].residuals.by_parameters.ncols();
     let mut sum = Mat::<f64>::zeros(p, p);
     series.iter().for_each(|own| add(&mut sum, own, &covariances[..=memory]));
-    (Mat::from_fn(p, p, |a, b| 0.5 * (sum[(a, b)] + sum[(b, a)])), memory)
+    Coloured {
+        middle: Mat::from_fn(p, p, |a, b| 0.5 * (sum[(a, b)] + sum[(b, a)])),
+        memory,
+        of_a_row: Mat::from_fn(m, m, |a, b| covariances[0][a.min(b) * m + a.max(b)]),
+    }
 }
 
 /// Mean products of residuals up to `most` rows apart: by lag, then the earlier output, then the later one.

@@ -14,7 +14,7 @@ use fleetfoot_dynamics::Stretch;
 use fleetfoot_model::Model;
 
 use super::{
-    Begun, OutputErrorOptions,
+    Begun, Gains, OutputErrorOptions,
     beginning::{Best, Segment, dot, products, search},
     coloured::Series,
     stretches,
@@ -32,6 +32,7 @@ pub(super) struct Segments<'a> {
     source: &'a dyn Source,
     options: &'a OutputErrorOptions,
     progress: &'a dyn Progress,
+    /// Of the parameters, then of the outputs' gains where there are some: what is searched for.
     bounds: Vec<[f64; 2]>,
     /// Without bounds, one a state.
     open: Vec<[f64; 2]>,
@@ -52,11 +53,19 @@ pub(super) struct Segments<'a> {
 }
 
 /// The beginnings at the best parameters so far.
+#[derive(Clone)]
 struct Known {
     cost: f64,
     theta: Vec<f64>,
     beginnings: Vec<Vec<f64>>,
     responses: Vec<Mat<f64>>,
+}
+
+/// What a search has found beside parameters, and goes on from.
+#[derive(Clone)]
+pub(super) struct Standing {
+    deviations: Vec<f64>,
+    known: Known,
 }
 
 /// One segment, summed.
@@ -81,14 +90,20 @@ impl<'a> Segments<'a> {
     pub(super) fn new(
         model: &'a Model,
         parameters: &'a [Parameter],
+        gains: Option<&Gains>,
         source: &'a dyn Source,
         options: &'a OutputErrorOptions,
         progress: &'a dyn Progress,
     ) -> Result<Self, EstimateError> {
-        let theta: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
+        let mut theta: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
         let compiled = stretches(model, &theta, source, &options.shooting)?;
         let states = compiled.states().to_vec();
         let outputs = outputs(&states, &options.outputs)?;
+        let mut bounds: Vec<[f64; 2]> = parameters.iter().map(|parameter| parameter.bounds).collect();
+        if let Some(gains) = gains {
+            bounds.extend(gains.bounds(outputs.len())?);
+        }
+        theta.resize(bounds.len(), 0.0);
         let cut = compiled.cut(options.rows);
         let (mut segments, mut beginnings, mut spread) = (Vec::new(), Vec::new(), Spread::new(outputs.len()));
         for &stretch in &cut {
@@ -111,7 +126,7 @@ impl<'a> Segments<'a> {
             source,
             options,
             progress,
-            bounds: parameters.iter().map(|parameter| parameter.bounds).collect(),
+            bounds,
             open: vec![[f64::NEG_INFINITY, f64::INFINITY]; states.len()],
             states,
             outputs,
@@ -145,16 +160,37 @@ impl<'a> Segments<'a> {
         self.passes.load(Ordering::Relaxed)
     }
 
+    pub(super) fn standing(&self) -> Standing {
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Standing { deviations: self.deviations.clone(), known }
+    }
+
+    /// Goes on from there.
+    pub(super) fn stand(&mut self, standing: Standing) {
+        self.deviations = standing.deviations;
+        *self.known.get_mut().unwrap_or_else(PoisonError::into_inner) = standing.known;
+    }
+
     /// Costs of other noise are no measure of what was best.
     pub(super) fn forget(&mut self) {
         self.known.get_mut().unwrap_or_else(PoisonError::into_inner).cost = f64::INFINITY;
     }
 
-    /// The deviations of maximum likelihood, from what the outputs have of the cost: of each its sum of squares, then how many numbers.
-    pub(super) fn deviations_of(&self, shares: &[f64]) -> Vec<f64> {
+    /// The deviations of maximum likelihood, from what the outputs have of the cost: of each its sum of squares, then how many numbers; and the largest share by which one
+    /// differs from what it was.
+    pub(super) fn deviations_of(&self, shares: &[f64]) -> (Vec<f64>, f64) {
         let (squares, counts) = shares.split_at(self.outputs.len());
         let deviation = |at: usize| self.deviations[at] * (squares[at] / counts[at].max(1.0)).sqrt();
-        (0..self.outputs.len()).map(|at| deviation(at).max(self.least[at])).collect()
+        let found: Vec<f64> = (0..self.outputs.len()).map(|at| deviation(at).max(self.least[at])).collect();
+        let change = |(old, new): (&f64, &f64)| (new / old - 1.0).abs();
+        let change = self.deviations.iter().zip(&found).map(change).fold(0.0, f64::max);
+        (found, change)
+    }
+
+    /// `sum_j n_j log sigma_j` with the deviations that [`Self::deviations_of`] finds.
+    pub(super) fn misfit(&self, shares: &[f64]) -> f64 {
+        let counts = &shares[self.outputs.len()..];
+        self.deviations_of(shares).0.iter().zip(counts).map(|(deviation, count)| count * deviation.ln()).sum()
     }
 
     /// Every segment at its best beginning; `None` where one diverges.
@@ -164,16 +200,19 @@ impl<'a> Segments<'a> {
         take: impl Fn(Stretch, Best) -> R + Sync,
     ) -> Result<Option<Vec<R>>, EstimateError> {
         self.passes.fetch_add(1, Ordering::Relaxed);
-        let stretches = stretches(self.model, theta, self.source, &self.options.shooting)?;
+        let (parameters, found) = theta.split_at(self.parameters.len());
+        let stretches = stretches(self.model, parameters, self.source, &self.options.shooting)?;
+        let mut gains = vec![0.0; if found.is_empty() { 0 } else { self.states.len() }];
+        self.outputs.iter().zip(found).for_each(|(&state, &gain)| gains[state] = gain);
         let guesses = self.guesses(theta);
         let mut scale = vec![0.0; self.states.len()];
         self.outputs.iter().zip(&self.deviations).for_each(|(&state, deviation)| scale[state] = 1.0 / deviation);
         let found = parallel_map(self.segments.len(), self.progress, |at| -> Result<_, EstimateError> {
             let stretch = self.segments[at];
             let block = &stretches.read(stretch)?;
-            let (stretches, scale, bounds) = (&stretches, &scale[..], &self.open[..]);
+            let (stretches, scale, gains, bounds) = (&stretches, &scale[..], &gains[..], &self.open[..]);
             let search = search(self.exact);
-            let segment = Segment { stretches, block, stretch, scale, search, bounds, last: Default::default() };
+            let segment = Segment { stretches, block, stretch, scale, gains, search, bounds, last: Default::default() };
             Ok(segment.best(guesses[at].clone())?.map(|best| take(stretch, best)))
         })?;
         Ok(found.into_iter().collect())
@@ -253,7 +292,7 @@ impl Objective for Segments<'_> {
     }
 
     fn unknowns(&self) -> usize {
-        self.parameters.len() + self.segments.len() * self.states.len()
+        self.bounds.len() + self.segments.len() * self.states.len()
     }
 
     fn evaluate(&self, theta: &[f64]) -> Result<Pass, EstimateError> {

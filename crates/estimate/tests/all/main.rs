@@ -4,6 +4,7 @@
 mod outside;
 
 mod aircraft;
+mod filter_error;
 mod least_squares;
 mod nist;
 mod output_error;

@@ -1,0 +1,154 @@
+//! Filter error: maximum likelihood of the parameters of given equations, where both the measurements and the dynamics are noisy.
+//!
+//! The simulation of [`output_error`](crate::output_error()) becomes a filter of constant gain: with the errors e_k = y_k - x_k of what was measured,
+//!
+//! ```text
+//! x_k+ = x_k + K e_k,    x_{k+1} = x_k+ advanced by x' = f(x, u, theta) over a step
+//! ```
+//!
+//! and the e_k are its innovations (Maine and Iliff 1985; Jategaonkar, Flight vehicle system identification, 2006, chapter 5). What is minimised over the parameters,
+//! the gain, the states at the beginnings and the innovations' variances is, up to a constant,
+//!
+//! ```text
+//! sum_j n_j log sigma_j + 1/2 sum_j sum_c sum_k e_jck^2 / sigma_j^2
+//! ```
+//!
+//! The gain is estimated instead of the noise of the dynamics that it would follow from by a Riccati equation, and it is diagonal: one number a measured state, which has no unit and lies between 0
+//! and 1. At 0 measurements correct nothing, which is output error; at 1 every step begins at what was measured, which is equation error over a step. A gain that
+//! noise of both kinds asks for need not be diagonal, so that innovations may be correlated from row to row, and from state to state: the covariance of the estimates is
+//! corrected by the correlation that they show, as by output error.
+
+use faer::Mat;
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_model::Model;
+use fleetfoot_stats::student_t_95;
+
+use crate::{
+    EstimateError, OutputError, OutputErrorOptions, Parameter,
+    output_error::{Minimum, minimum},
+};
+
+/// How parameters are estimated by filter error.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct FilterErrorOptions {
+    /// Simulations, outputs, starts and ends, as by output error.
+    pub simulation: OutputErrorOptions,
+    /// The gains.
+    pub gains: Gains,
+}
+
+/// By how much measurements correct a simulation, one number an output, between 0 and 1.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Gains {
+    /// Estimated, from 0 and from a half: the more likely end counts.
+    #[default]
+    Estimated,
+    /// Estimated from here, in the order of the outputs.
+    Near(Vec<f64>),
+    /// Kept, in the order of the outputs.
+    Held(Vec<f64>),
+}
+
+/// Where gains that nothing is known of begin, all outputs alike. From 0 parameters that are far off may not get near to the recording, as by output error; a gain of a half
+/// follows it with any parameters, and may do so to the end.
+const STARTS: [f64; 2] = [0.0, 0.5];
+
+impl Gains {
+    /// Between what every output's gain may be.
+    pub(crate) fn bounds(&self, outputs: usize) -> Result<Vec<[f64; 2]>, EstimateError> {
+        let (Self::Near(gains) | Self::Held(gains)) = self else { return Ok(vec![[0.0, 1.0]; outputs]) };
+        if gains.len() != outputs {
+            return Err(EstimateError::GainCount { gains: gains.len(), outputs });
+        }
+        let bounds =
+            |&gain: &f64| check(gain).map(|()| if matches!(self, Self::Held(_)) { [gain; 2] } else { [0.0, 1.0] });
+        gains.iter().map(bounds).collect()
+    }
+
+    /// Where searches begin.
+    pub(crate) fn starts(&self, outputs: usize) -> Vec<Vec<f64>> {
+        match self {
+            Self::Estimated => STARTS.map(|start| vec![start; outputs]).to_vec(),
+            Self::Near(gains) | Self::Held(gains) => vec![gains.clone()],
+        }
+    }
+}
+
+fn check(value: f64) -> Result<(), EstimateError> {
+    if (0.0..=1.0).contains(&value) {
+        return Ok(());
+    }
+    Err(EstimateError::Option { option: "a gain", value, allowed: "it is at least 0 and at most 1" })
+}
+
+/// Parameters by filter error.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct FilterError {
+    /// The parameters; deviations are those of the innovations, and beginnings those of the filter.
+    pub parameters: OutputError,
+    /// The gains, one an output.
+    pub gains: Vec<Gain>,
+    /// Covariance of the innovations of a row (m x m), in the outputs' own units.
+    pub innovations: Mat<f64>,
+}
+
+/// By how much the measurements of a state correct the simulation.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Gain {
+    /// The state.
+    pub state: String,
+    /// Between 0, which is output error, and 1, which is equation error.
+    pub value: f64,
+    /// Its standard error, for innovations as correlated as they are; 0 where it is held or at a bound, infinite where the rows do not determine it.
+    pub error: f64,
+    /// Half the width of its 95 % interval, which ends at 0 and 1.
+    pub half_width: f64,
+    /// Whether it is at a bound that pushes back: 0 or 1 itself.
+    pub at_bound: bool,
+}
+
+impl Gain {
+    /// The 95 % interval.
+    pub fn interval(&self) -> [f64; 2] {
+        [-self.half_width, self.half_width].map(|half| (self.value + half).clamp(0.0, 1.0))
+    }
+}
+
+/// Estimates the parameters of a model by filter error: what [`output_error`](crate::output_error()) says of model, parameters and source holds here.
+///
+/// The same bits on any number of threads.
+///
+/// # Errors
+/// Those of output error; gains that are not between 0 and 1, or not one an output.
+pub fn filter_error(
+    model: &Model,
+    parameters: &[Parameter],
+    source: &dyn Source,
+    options: &FilterErrorOptions,
+    progress: &dyn Progress,
+) -> Result<FilterError, EstimateError> {
+    progress.stage("filter error");
+    let found = minimum(model, parameters, Some(&options.gains), source, &options.simulation, progress)?;
+    let gains = (0..found.gains.len()).map(|at| gain(&found, at)).collect();
+    Ok(FilterError { gains, innovations: found.residuals, parameters: found.parameters })
+}
+
+fn gain(found: &Minimum, at: usize) -> Gain {
+    let own = &found.parameters;
+    let error = match found.gains_undetermined.contains(&at) {
+        true => f64::INFINITY,
+        // As of the parameters, the larger of both.
+        false => found.variances[at].max(found.white[at]).sqrt(),
+    };
+    let unknowns = own.values.len() + found.gains.len() + own.beginnings.len() * own.states.len();
+    Gain {
+        state: own.outputs[at].clone(),
+        value: found.gains[at],
+        error,
+        half_width: student_t_95((own.residuals as usize).saturating_sub(unknowns)) * error,
+        at_bound: found.gains_at_bounds.contains(&at),
+    }
+}
