@@ -4,8 +4,8 @@ use std::fs;
 
 use crate::runner::*;
 
-/// x' = v, v' = -k x - c v + g u with k = 4, c = 0.6, g = 2, by Runge-Kutta steps with held inputs, measured with noise of deviation 0.01.
-fn spring(rows: u32, seed: u32) -> String {
+/// x' = v, v' = -k x - c v + g u with k = 4, c = 0.6, g = 2, by Runge-Kutta steps with held inputs, measured with noise of deviation 0.01 and pushed by one of so much a row.
+fn spring(rows: u32, seed: u32, pushed: f64) -> String {
     let (mut z, mut state, mut text) = ([1.0, 0.0], 12_345 + 977 * seed, String::from("t,x,v,u\n"));
     let mut noise = || {
         let mut uniform = || {
@@ -24,6 +24,9 @@ fn spring(rows: u32, seed: u32) -> String {
         let three = slope(moved(two, 0.025));
         let four = slope(moved(three, 0.05));
         (0..2).for_each(|i| z[i] += 0.05 / 6.0 * (one[i] + 2.0 * two[i] + 2.0 * three[i] + four[i]));
+        if pushed > 0.0 {
+            z[1] += pushed * noise();
+        }
     }
     text
 }
@@ -45,7 +48,7 @@ g = { initial = 1.0 }
 fn folder(recipe: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     for seed in 0..5 {
-        fs::write(folder.path().join(format!("run{seed}.csv")), spring(300, seed)).expect("a log");
+        fs::write(folder.path().join(format!("run{seed}.csv")), spring(300, seed, 0.0)).expect("a log");
     }
     fs::write(folder.path().join("robot.toml"), recipe).expect("a recipe");
     folder
@@ -89,6 +92,54 @@ fn the_truth_lies_in_the_intervals_and_the_model_runs_like_any_other() {
         "{}",
         text.out
     );
+}
+
+/// A push that no column knows, on the speed alone: its gain is found, that of the position is small, the report tells both, and the truth is where it says.
+#[test]
+fn what_pushes_the_dynamics_is_filtered() {
+    let folder = folder(&format!("{RECIPE}[estimate]\nmethod = \"filter-error\"\n"));
+    for seed in 0..5 {
+        fs::write(folder.path().join(format!("run{seed}.csv")), spring(300, seed, 0.02)).expect("a log");
+    }
+    let report = fit(folder.path(), &["--json"]).ok().json();
+    for (own, truth) in report["parameters"].as_array().unwrap().iter().zip([4.0, 0.6, 2.0]) {
+        let [value, error] = ["value", "standard_error"].map(|key| own[key].as_f64().unwrap());
+        // Three parameters are beyond three deviations once in a hundred and twenty logs.
+        assert!((value - truth).abs() < 3.0 * error && error < 0.05, "{own}");
+    }
+    assert_eq!((report["method"].as_str(), report["converged"].as_bool()), (Some("filter-error"), Some(true)));
+    let gains = report["gains"].as_array().unwrap();
+    let [x, v] = [0, 1].map(|at| gains[at]["value"].as_f64().unwrap());
+    // Of the speed by itself the steady variance of a prediction is p = p r/(p + r) + q: its gain is 0.83 with r = 0.01^2 and q = 0.02^2.
+    assert!(
+        x < 0.3 && (0.7..0.95).contains(&v) && gains[1]["name"] == "v" && gains[1]["at_bound"] == false,
+        "{gains:?}"
+    );
+    let innovations = |i: usize, j: usize| report["innovations"][i][j].as_f64().unwrap();
+    let deviation = report["noise"][1]["deviation"].as_f64().unwrap();
+    assert!((innovations(1, 1).sqrt() / deviation - 1.0).abs() < 1e-6 && innovations(0, 1) == innovations(1, 0));
+    assert!(report["held_out"]["over_persistence"].as_f64().unwrap() < 1.0, "{report}");
+    let text = fit(folder.path(), &["--folds", "0"]).ok().out;
+    for words in [
+        "filter error: 5 segments",
+        "of the innovations: x 0.0",
+        "correlation of x and v",
+        "Gains, from 0 (output error)",
+        "v 0.8",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    // Without what pushes a gain ends at 0 and the report says what that means; the flag goes before the recipe.
+    fs::write(folder.path().join("run0.csv"), spring(300, 0, 0.0)).expect("a log");
+    let calm =
+        fleetfoot(folder.path(), &["fit", "parameters", "-c", "robot.toml", "run0.csv", "--folds", "0", "--json"]);
+    let calm = calm.ok().json();
+    let bound = calm["gains"].as_array().unwrap().iter().filter(|gain| gain["at_bound"] == true).count();
+    let told =
+        calm["warnings"].as_array().unwrap().iter().filter(|text| text.as_str().unwrap().contains("at its bound 0"));
+    assert!(bound > 0 && told.count() == bound, "{calm}");
+    let output = fit(folder.path(), &["--folds", "0", "--method", "output-error", "--json"]).ok().json();
+    assert!(output["gains"].is_null() && output["method"] == "output-error", "{output}");
 }
 
 #[test]

@@ -126,7 +126,7 @@ pub(crate) enum Fit {
     // What these three say is settled by the method: they are refused, with the options that say it.
     #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)))]
     Narx(Box<FitNarx>),
-    /// Parameters of given equations, by output error or equation error, with intervals.
+    /// Parameters of given equations, by output error, filter error or equation error, with intervals.
     // The equations say what is predicted from what: these are refused.
     #[command(after_help = examples::FIT_PARAMETERS, mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)))]
     Parameters(Box<FitParameters>),

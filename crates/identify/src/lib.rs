@@ -86,7 +86,8 @@ pub use narx::{
 pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
 pub use output::{layout_files, write_model};
 pub use parameters::{
-    ConfoundedPair, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport, fit_parameters,
+    ConfoundedPair, GainInterval, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport,
+    fit_parameters,
 };
 pub use project::{Projected, project};
 pub use recipe::{

@@ -4,13 +4,14 @@ mod held_out;
 mod report;
 mod task;
 
-pub use report::{ConfoundedPair, ParameterInterval, ParametersHeldOut, ParametersReport};
+pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
 pub(crate) use task::ParametersTask;
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_estimate::{
-    EquationError, EstimateError, Options, OutputError, OutputErrorOptions, equation_error, output_error,
+    EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, Options, OutputError, OutputErrorOptions,
+    equation_error, filter_error, output_error,
 };
 use fleetfoot_model::{Estimated, Model};
 
@@ -110,18 +111,41 @@ fn estimate(
     options: &EstimateOptions,
     progress: &dyn Progress,
 ) -> Result<Found, Error> {
-    match options.method {
-        EstimateMethod::EquationError => Ok(Found::Equation(by_equations(task, source, progress)?)),
-        EstimateMethod::OutputError => {
-            // What the rows say one by one is a second place to begin; where they say nothing, there is one.
-            let start = match by_equations(task, source, progress) {
-                Ok(found) => vec![found.estimate.values],
-                Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
-                Err(_) => Vec::new(),
-            };
-            Ok(Found::Output(by_outputs(task, open, source, options, start, progress)?))
-        }
+    if options.method == EstimateMethod::EquationError {
+        return Ok(Found::Equation(by_equations(task, source, progress)?));
     }
+    // What the rows say one by one is a second place to begin; where they say nothing, there is one.
+    let starts = match by_equations(task, source, progress) {
+        Ok(found) => vec![found.estimate.values],
+        Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
+        Err(_) => Vec::new(),
+    };
+    Ok(match options.method {
+        EstimateMethod::FilterError => {
+            by_filter(task, open, source, options, (starts, Gains::Estimated), progress)?.into()
+        }
+        _ => by_outputs(task, open, source, options, starts, progress)?.into(),
+    })
+}
+
+/// The same method on other rows of the logs, from what was found before.
+fn again(
+    task: &ParametersTask,
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    before: &Found,
+    progress: &dyn Progress,
+) -> Result<Found, EstimateError> {
+    let starts = vec![before.values().to_vec()];
+    Ok(match before {
+        Found::Equation(_) => Found::Equation(by_equations(task, source, progress)?),
+        Found::Simulated { filter: None, .. } => by_outputs(task, open, source, options, starts, progress)?.into(),
+        Found::Simulated { filter: Some(before), .. } => {
+            let gains = Gains::Near(before.gains.iter().map(|gain| gain.value).collect());
+            by_filter(task, open, source, options, (starts, gains), progress)?.into()
+        }
+    })
 }
 
 fn by_equations(
@@ -142,9 +166,26 @@ fn by_outputs(
     starts: Vec<Vec<f64>>,
     progress: &dyn Progress,
 ) -> Result<OutputError, EstimateError> {
+    output_error(open, &task.bounded(), source, &simulated(options, starts), progress)
+}
+
+fn by_filter(
+    task: &ParametersTask,
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    (starts, gains): (Vec<Vec<f64>>, Gains),
+    progress: &dyn Progress,
+) -> Result<FilterError, EstimateError> {
+    let mut own = FilterErrorOptions::default();
+    (own.simulation, own.gains) = (simulated(options, starts), gains);
+    filter_error(open, &task.bounded(), source, &own, progress)
+}
+
+fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOptions {
     let mut own = OutputErrorOptions::default();
     (own.rows, own.outputs, own.starts) = (options.segment, options.compare.clone(), starts);
-    output_error(open, &task.bounded(), source, &own, progress)
+    own
 }
 
 /// The model with values in place of the parameters.

@@ -86,7 +86,7 @@ Examples:
 pub(crate) const FIT_PARAMETERS: &str = "\
 Examples:
   fleetfoot fit parameters -c robot.toml runs/
-  fleetfoot fit parameters -c robot.toml runs/ --method equation-error
+  fleetfoot fit parameters -c robot.toml runs/ --method filter-error
   fleetfoot fit parameters -c robot.toml runs/ --segment 500 --compare q --parameter 'mass=90 in 50..150'";
 
 pub(crate) const SCORE: &str = "\

@@ -1,7 +1,8 @@
 //! `fleetfoot fit parameters`.
 
 use fleetfoot::{
-    Error, EstimateMethod, ParameterInterval, ParametersReport, estimate::Uncertain, fit_parameters, write_model,
+    Error, EstimateMethod, GainInterval, ParameterInterval, ParametersReport, estimate::Uncertain, fit_parameters,
+    write_model,
 };
 use serde_json::json;
 
@@ -40,10 +41,15 @@ fn to_text(report: &ParametersReport) -> String {
     text.push_str(&format!("\n{}\n", table(&header, rows)));
     let of = match report.method {
         EstimateMethod::EquationError => "what the equations leave",
-        _ => "noise of the measurements",
+        EstimateMethod::FilterError => "the innovations",
+        EstimateMethod::OutputError => "noise of the measurements",
     };
     let noise: Vec<String> = report.noise.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
-    text.push_str(&format!("\nStandard deviation of {of}: {}\n", noise.join(", ")));
+    text.push_str(&format!("\nStandard deviation of {of}: {}{}\n", noise.join(", "), correlated(report)));
+    if !report.gains.is_empty() {
+        let gains: Vec<String> = report.gains.iter().map(gain).collect();
+        text.push_str(&format!("Gains, from 0 (output error) to 1 (equation error): {}\n", gains.join(", ")));
+    }
     if let Some(held) = &report.held_out {
         text.push_str(&format!(
             "Held out ({} folds): rollouts of {} steps over persistence {}; {} of {} ended early\n",
@@ -58,15 +64,45 @@ fn to_text(report: &ParametersReport) -> String {
     format!("{text}\n{}", report.equations.join("\n"))
 }
 
+/// A gain with its interval.
+fn gain(own: &GainInterval) -> String {
+    if own.at_bound || !own.standard_error.is_finite() {
+        return format!(
+            "{} {} ({})",
+            own.name,
+            number(own.value),
+            if own.at_bound { "bound" } else { "not determined" }
+        );
+    }
+    let [low, high] = own.interval.map(number);
+    let uncertain = Uncertain { value: own.value, error: own.standard_error };
+    format!("{} {uncertain} ({low} to {high})", own.name)
+}
+
+/// The largest correlation of innovations.
+fn correlated(report: &ParametersReport) -> String {
+    let covariance = &report.innovations;
+    let of = |i: usize, j: usize| covariance[i][j] / (covariance[i][i] * covariance[j][j]).sqrt();
+    let pairs = (0..covariance.len()).flat_map(|i| (0..i).map(move |j| (of(i, j), i, j)));
+    match pairs.filter(|pair| pair.0.is_finite()).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) {
+        Some((correlation, i, j)) => {
+            format!("; correlation of {} and {} {correlation:.2}", report.gains[j].name, report.gains[i].name)
+        }
+        None => String::new(),
+    }
+}
+
 /// The method and what it went over.
 fn how(report: &ParametersReport) -> String {
-    match report.segments {
-        None => "equation error: the derivatives of the states row by row".to_owned(),
-        Some([segments, missing]) => {
-            let left = if missing == 0 { String::new() } else { format!(", {missing} left out for missing values") };
-            format!("output error: {}{left}, each from a beginning of its own", count(segments, "segment"))
-        }
-    }
+    let Some([segments, missing]) = report.segments else {
+        return "equation error: the derivatives of the states row by row".to_owned();
+    };
+    let (name, corrected) = match report.method {
+        EstimateMethod::FilterError => ("filter error", " and corrected by the measurements"),
+        _ => ("output error", ""),
+    };
+    let left = if missing == 0 { String::new() } else { format!(", {missing} left out for missing values") };
+    format!("{name}: {}{left}, each from a beginning of its own{corrected}", count(segments, "segment"))
 }
 
 fn row(own: &ParameterInterval) -> Vec<String> {

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::report;
-use crate::{ConfoundedPair, EstimateMethod, ParameterInterval, ParametersReport};
+use crate::{ConfoundedPair, EstimateMethod, GainInterval, ParameterInterval, ParametersReport};
 
 impl ParametersReport {
     /// Parameters, intervals, noise and held-out rollouts for programs.
@@ -17,6 +17,8 @@ impl ParametersReport {
             parameters: &self.parameters,
             confounded: &self.confounded,
             noise: self.noise.iter().map(|(of, deviation)| Noise { of, deviation: *deviation }).collect(),
+            gains: &self.gains,
+            innovations: &self.innovations,
             segments: self.segments.map(|segments| segments[0]),
             missing_segments: self.segments.map(|segments| segments[1]),
             correlated_rows: self.memory,
@@ -46,6 +48,10 @@ struct Told<'a> {
     parameters: &'a [ParameterInterval],
     confounded: &'a [ConfoundedPair],
     noise: Vec<Noise<'a>>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    gains: &'a [GainInterval],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    innovations: &'a [Vec<f64>],
     segments: Option<usize>,
     missing_segments: Option<usize>,
     correlated_rows: Option<usize>,

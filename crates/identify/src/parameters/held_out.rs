@@ -4,9 +4,9 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
 use fleetfoot_model::Model;
 
-use super::{EstimateOptions, ParametersHeldOut, ParametersTask, by_outputs, closed, estimate, report::Found};
+use super::{EstimateOptions, ParametersHeldOut, ParametersTask, again, closed, report::Found};
 use crate::{
-    Error, EstimateMethod, RolloutRule,
+    Error, RolloutRule,
     rollout_choice::{HORIZON, HeldOut},
 };
 
@@ -47,13 +47,8 @@ fn rollouts(
     let mut shares = Vec::with_capacity(rule.folds);
     let (mut ended, mut starts) = (0, 0);
     held.each(|train, rows| {
-        let refitted = match options.method {
-            EstimateMethod::EquationError => estimate(task, open, train, options, progress)?,
-            EstimateMethod::OutputError => {
-                let near = vec![found.values().to_vec()];
-                Found::Output(by_outputs(task, open, train, options, near, progress)?)
-            }
-        };
+        // Nothing of the held-out rows corrects the simulations of any method.
+        let refitted = again(task, open, train, options, found, progress)?;
         let mut simulation = RolloutOptions::new(rule.horizon);
         // As the parameters were fitted.
         simulation.method = Method::Rk4;

@@ -1,7 +1,7 @@
 //! What is known of estimated parameters.
 
 use faer::Mat;
-use fleetfoot_estimate::{EquationError, OutputError, Status};
+use fleetfoot_estimate::{EquationError, FilterError, Gain, OutputError, Status};
 use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
 use serde::Serialize;
@@ -31,8 +31,12 @@ pub struct ParametersReport {
     pub parameters: Vec<ParameterInterval>,
     /// Pairs whose correlation exceeds 0.9.
     pub confounded: Vec<ConfoundedPair>,
-    /// Standard deviation of the noise: of the measured states, or by equation error of the derivatives.
+    /// Standard deviation of the noise: of the measured states, by filter error of what it predicts of them, by equation error of the derivatives.
     pub noise: Vec<(String, f64)>,
+    /// By filter error, by how much the measurements of every compared state correct the simulation; else none.
+    pub gains: Vec<GainInterval>,
+    /// By filter error the covariance of what the filter predicts and what was measured of the compared states, by rows; else none.
+    pub innovations: Vec<Vec<f64>>,
     /// Segments that were simulated, and those left out for missing values; none by equation error.
     pub segments: Option<[usize; 2]>,
     /// Rows over which residuals are correlated; `None` by equation error.
@@ -75,6 +79,29 @@ pub struct ParameterInterval {
     pub determined: bool,
 }
 
+/// By how much the measurements of a state correct the simulation of filter error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct GainInterval {
+    /// The state.
+    pub name: String,
+    /// From 0, which is output error, to 1, which is equation error over a step.
+    pub value: f64,
+    /// Standard error with the correlation of the residuals; infinite where the rows do not determine it, 0 at a bound.
+    pub standard_error: f64,
+    /// The 95 % interval.
+    pub interval: [f64; 2],
+    /// Whether it is 0 or 1 because the rows ask for less, or more.
+    pub at_bound: bool,
+}
+
+impl From<&Gain> for GainInterval {
+    fn from(own: &Gain) -> Self {
+        let (name, value, standard_error) = (own.state.clone(), own.value, own.error);
+        Self { name, value, standard_error, interval: own.interval(), at_bound: own.at_bound }
+    }
+}
+
 /// Two parameters that the rows hardly tell apart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -109,28 +136,54 @@ impl ParametersHeldOut {
 /// What a method found.
 pub(super) enum Found {
     Equation(EquationError),
-    Output(OutputError),
+    Simulated { found: OutputError, filter: Option<Filter> },
+}
+
+/// What a filter has beside parameters.
+pub(super) struct Filter {
+    pub(super) gains: Vec<Gain>,
+    pub(super) innovations: Mat<f64>,
+}
+
+impl From<OutputError> for Found {
+    fn from(found: OutputError) -> Self {
+        Self::Simulated { found, filter: None }
+    }
+}
+
+impl From<FilterError> for Found {
+    fn from(FilterError { parameters: found, gains, innovations, .. }: FilterError) -> Self {
+        Self::Simulated { found, filter: Some(Filter { gains, innovations }) }
+    }
 }
 
 impl Found {
+    fn method(&self) -> EstimateMethod {
+        match self {
+            Self::Equation(_) => EstimateMethod::EquationError,
+            Self::Simulated { filter: None, .. } => EstimateMethod::OutputError,
+            Self::Simulated { filter: Some(_), .. } => EstimateMethod::FilterError,
+        }
+    }
+
     pub(super) fn values(&self) -> &[f64] {
         match self {
             Self::Equation(found) => &found.estimate.values,
-            Self::Output(found) => &found.values,
+            Self::Simulated { found, .. } => &found.values,
         }
     }
 
     fn undetermined(&self) -> &[usize] {
         match self {
             Self::Equation(found) => &found.estimate.undetermined,
-            Self::Output(found) => &found.undetermined,
+            Self::Simulated { found, .. } => &found.undetermined,
         }
     }
 
     fn at_bounds(&self) -> &[usize] {
         match self {
             Self::Equation(found) => &found.estimate.at_bounds,
-            Self::Output(found) => &found.at_bounds,
+            Self::Simulated { found, .. } => &found.at_bounds,
         }
     }
 
@@ -138,7 +191,7 @@ impl Found {
     pub(super) fn covariance(&self) -> Mat<f64> {
         match self {
             Self::Equation(found) => found.estimate.clustered.clone().unwrap_or(found.estimate.covariance.clone()),
-            Self::Output(found) => found.covariance.clone(),
+            Self::Simulated { found, .. } => found.covariance.clone(),
         }
     }
 
@@ -147,14 +200,14 @@ impl Found {
             Self::Equation(found) => {
                 found.estimate.clustered_errors().unwrap_or_else(|| found.estimate.standard_errors())
             }
-            Self::Output(found) => found.standard_errors(),
+            Self::Simulated { found, .. } => found.standard_errors(),
         }
     }
 
     fn white_errors(&self) -> Vec<f64> {
         match self {
             Self::Equation(found) => found.estimate.standard_errors(),
-            Self::Output(found) => (0..found.values.len()).map(|j| found.white[(j, j)].sqrt()).collect(),
+            Self::Simulated { found, .. } => (0..found.values.len()).map(|j| found.white[(j, j)].sqrt()).collect(),
         }
     }
 
@@ -164,7 +217,7 @@ impl Found {
                 let factor = student_t_95((found.estimate.rows as usize).saturating_sub(found.estimate.values.len()));
                 self.standard_errors().iter().map(|error| factor * error).collect()
             }
-            Self::Output(found) => found.half_widths(),
+            Self::Simulated { found, .. } => found.half_widths(),
         }
     }
 }
@@ -174,6 +227,7 @@ pub(super) fn word(method: EstimateMethod) -> &'static str {
     match method {
         EstimateMethod::EquationError => "equation-error",
         EstimateMethod::OutputError => "output-error",
+        EstimateMethod::FilterError => "filter-error",
     }
 }
 
@@ -215,12 +269,19 @@ pub(super) fn report(
             let noise = labels.zip(found.deviations.iter().copied()).collect();
             (noise, None, None, found.estimate.condition, found.estimate.gradient, converged)
         }
-        Found::Output(found) => {
+        Found::Simulated { found, .. } => {
             let noise = found.outputs.iter().cloned().zip(found.deviations.iter().copied()).collect();
             let segments = Some([found.beginnings.len(), found.missing]);
             let converged = found.status != Status::Iterations;
             (noise, segments, Some(found.memory), found.condition, found.gradient, converged)
         }
+    };
+    let (gains, innovations) = match found {
+        Found::Simulated { filter: Some(Filter { gains, innovations }), .. } => {
+            let row = |i: usize| (0..innovations.ncols()).map(|j| innovations[(i, j)]).collect();
+            (gains.iter().map(GainInterval::from).collect(), (0..innovations.nrows()).map(row).collect())
+        }
+        _ => (Vec::new(), Vec::new()),
     };
     if !converged {
         notes.push(
@@ -228,16 +289,15 @@ pub(super) fn report(
         );
     }
     ParametersReport {
-        method: match found {
-            Found::Equation(_) => EstimateMethod::EquationError,
-            Found::Output(_) => EstimateMethod::OutputError,
-        },
+        method: found.method(),
         rows: open.training.rows,
         episodes,
         files,
         parameters,
         confounded,
         noise,
+        gains,
+        innovations,
         segments,
         memory,
         condition,
@@ -281,6 +341,18 @@ impl ParametersReport {
             told.push(format!(
                 "`{a}` and `{b}` are confounded (correlation {correlation:.3}): the rows tell a combination of them better than each."
             ));
+        }
+        for own in self.gains.iter().filter(|own| own.at_bound) {
+            told.push(match own.value > 0.5 {
+                false => format!(
+                    "The gain of `{}` is at its bound 0: its measurements correct nothing, as by output error.",
+                    own.name
+                ),
+                true => format!(
+                    "The gain of `{}` is at its bound 1: every step begins at its measurement, as by equation error.",
+                    own.name
+                ),
+            });
         }
         let ratio = |own: &ParameterInterval| own.standard_error / own.white_error;
         let widest = self.parameters.iter().map(ratio).filter(|ratio| ratio.is_finite()).fold(1.0, f64::max);

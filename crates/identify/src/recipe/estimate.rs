@@ -13,13 +13,15 @@ pub enum EstimateMethod {
     /// Simulations from estimated beginnings: maximum likelihood with noise in the measurements.
     #[default]
     OutputError,
+    /// Simulations that measurements correct on the way, by gains that are estimated too: noise in measurements and dynamics.
+    FilterError,
 }
 
 settings! {
     estimate, |_, _| {};
     /// How parameters of given equations are estimated. Every entry is the flag of `fit parameters` of the same name.
     pub struct EstimateSection {
-        /// What parameters are fitted to: simulations from estimated beginnings, or the derivatives row by row (default: output-error).
+        /// What parameters are fitted to: simulations from estimated beginnings, the same corrected by measurements, or the derivatives row by row (default: output-error).
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: EstimateMethod,
         /// Rows of a segment, at most; each begins at a state of its own (default: whole episodes).

@@ -14,7 +14,7 @@ from ._progress import Progress
 
 @documented
 class Parameters(Identifier):
-    """Numbers inside equations that are known: by output error (maximum likelihood) or equation error.
+    """Numbers inside equations that are known: by output error, filter error (maximum likelihood) or equation error.
 
     The equation of every state is given by ``known``, over columns and parameters.
 
@@ -23,8 +23,9 @@ class Parameters(Identifier):
     parameters : dict
         For each name where the search begins, or a dict with ``initial`` and, if wanted, ``bounds``, ``fixed`` and
         ``unit``.
-    method : {"output-error", "equation-error"}, default="output-error"
-        What parameters are fitted to: simulations from estimated beginnings, or the derivatives row by row.
+    method : {"output-error", "filter-error", "equation-error"}, default="output-error"
+        What parameters are fitted to: simulations from estimated beginnings, the same corrected by measurements with
+        gains that are estimated too, or the derivatives row by row.
     segment : int, optional
         Rows of a segment at most, each with a beginning of its own; whole episodes when not given.
     compare : list of str, optional
@@ -39,7 +40,7 @@ class Parameters(Identifier):
         The equations with the values of the parameters.
     report_ : dict
         ``parameters`` with ``value``, ``standard_error`` and ``interval`` (95 %), ``confounded``, ``noise``,
-        ``correlated_rows``, ``held_out``, ``warnings``, ``notes``.
+        ``correlated_rows``, ``held_out``, ``warnings``, ``notes``; of filter error ``gains`` and ``innovations``.
 
     Examples
     --------

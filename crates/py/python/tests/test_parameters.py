@@ -55,6 +55,19 @@ def test_equation_error_is_pulled_by_noise_and_fixed_stays():
     assert k["value"] == 1.0 and k["fixed"] and abs(mu["value"] - 1.2) < 0.3
 
 
+def test_filter_error_tells_its_gains():
+    x, t = oscillator(1)
+    found = ff.Parameters({"mu": 1.0, "k": 1.0}, known=KNOWN, method="filter-error", folds=0).fit(x, t, **NAMES)
+    assert found.report_["method"] == "filter-error" and found.report_["converged"]
+    for one, truth in zip(found.report_["parameters"], (1.2, 1.0)):
+        low, high = one["interval"]
+        assert low < high and abs(one["value"] - truth) < high - low < 0.2
+    # The dynamics are exact: measurements are hardly believed.
+    assert [gain["name"] for gain in found.report_["gains"]] == ["x", "v"]
+    assert all(0.0 <= gain["value"] < 0.2 for gain in found.report_["gains"])
+    assert np.allclose(np.sqrt(np.diag(found.report_["innovations"])), 0.02, rtol=0.2)
+
+
 def test_a_state_without_an_equation_is_told():
     x, t = oscillator(1)
     with pytest.raises(ff.exceptions.RequestError, match="known"):
