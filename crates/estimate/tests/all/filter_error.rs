@@ -296,6 +296,31 @@ fn what_cannot_be_held_is_refused() {
     }
 }
 
+/// An unstable machine under feedback, pushed from row to row: its simulation leaves the recording within seconds, and output error has no start; the filter stays with it.
+#[test]
+fn what_is_unstable_is_followed() {
+    let [factor, gain] = factors(-0.8, 1.5);
+    let (mut x, mut columns) = (0.3, vec![Vec::new(); 2]);
+    for k in 0..400 {
+        let measured = x + 0.01 * noise(70_001 + 2 * k);
+        let u = -1.2 * measured + if noise(90_001 + k / 10) > 0.0 { 0.5 } else { -0.5 };
+        columns[0].push(measured);
+        columns[1].push(u);
+        x = factor * x + gain * u + 0.01 * noise(70_002 + 2 * k);
+    }
+    let rows = LAG.source(STEP, vec![columns]);
+    let start = [Parameter::new("a", -0.5), Parameter::new("g", 1.0)];
+    let refused = output_error(&LAG.model(STEP), &start, &rows, &OutputErrorOptions::default(), &Silent).unwrap_err();
+    assert!(matches!(refused, EstimateError::Diverges { row: 0, .. }), "{refused}");
+    let found = filter_error(&LAG.model(STEP), &start, &rows, &FilterErrorOptions::default(), &Silent).unwrap();
+    let own = &found.parameters;
+    assert!(own.status.converged(), "{own:?}");
+    for ((truth, value), half) in [-0.8, 1.5].into_iter().zip(&own.values).zip(own.half_widths()) {
+        // Three deviations, and a half of an interval is two.
+        assert!((value - truth).abs() < 1.5 * half && half < 0.1, "{own:?}");
+    }
+}
+
 /// Only what is compared corrects, and a missing measurement corrects nothing.
 #[test]
 fn what_is_not_measured_corrects_nothing() {
