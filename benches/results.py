@@ -8,8 +8,10 @@ import contextlib
 import json
 import os
 import platform
+import random
 import re
 import resource
+import statistics
 import subprocess
 import tempfile
 from pathlib import Path
@@ -273,7 +275,63 @@ def flights(fleetfoot, _data):
     return "\n".join(rows)
 
 
-TABLES = {"recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "flights": flights}
+SHORT_PERIOD = {"za": -1.4, "zd": -0.12, "ma": -6.5, "mq": -2.1, "md": -9.0}
+
+
+def short_period(seed, sensors, gusts):
+    """400 rows of 20 ms of an aircraft's short period under a 3-2-1-1, noise on what is measured and on the states from row to row, as a log."""
+    truth, period, noise = SHORT_PERIOD, 0.02, random.Random(seed)
+    state, lines = [0.0, 0.0], ["t,alpha,q,d"]
+    for row in range(400):
+        time = row * period
+        d = next((value for end, value in ((0.5, 0.0), (2.0, 0.05), (3.0, -0.05), (3.5, 0.05), (4.0, -0.05)) if time < end), 0.0)
+        measured = [value + deviation * noise.gauss(0, 1) for value, deviation in zip(state, sensors)]
+        lines.append(f"{time:.2f},{measured[0]!r},{measured[1]!r},{d}")
+        slope = lambda x: (truth["za"] * x[0] + x[1] + truth["zd"] * d, truth["ma"] * x[0] + truth["mq"] * x[1] + truth["md"] * d)
+        moved = lambda slope, step: [x + step * own for x, own in zip(state, slope)]
+        one = slope(state)
+        two = slope(moved(one, period / 2))
+        three = slope(moved(two, period / 2))
+        four = slope(moved(three, period))
+        state = [x + period / 6 * (a + 2 * b + 2 * c + e) for x, a, b, c, e in zip(state, one, two, three, four)]
+        state = [x + deviation * noise.gauss(0, 1) for x, deviation in zip(state, gusts)]
+    return "\n".join(lines) + "\n"
+
+
+SEEDS = 200
+
+
+def noise_of_both_kinds(fleetfoot, _data):
+    """Parameters of given equations by three methods, under noise of the sensors, of the dynamics, and of both."""
+    recipe = '[states]\nalpha = { known = "za*alpha + q + zd*d" }\nq = { known = "ma*alpha + mq*q + md*d" }\n[inputs]\nd = "d"\n[time]\ncolumn = "t"\n[parameters]\n'
+    recipe += "".join(f"{name} = {{ initial = {truth * (1.3, 0.7)[at % 2]:.4g} }}\n" for at, (name, truth) in enumerate(SHORT_PERIOD.items()))
+    sensors, gusts, still = (0.004, 0.008), (0.001, 0.002), (0.0, 0.0)
+    rows = ["| noise | method | bias | root mean square | 95 % intervals hold | gains, median | median time |", "|---|---|---:|---:|---:|---|---:|"]
+    for label, noise in (("sensors", (sensors, still)), ("dynamics", ((1e-6, 1e-6), gusts)), ("both", (sensors, gusts))):
+        with bench(fleetfoot) as own:
+            own.write("aircraft.toml", recipe)
+            for seed in range(SEEDS):
+                own.write(f"{seed}.csv", short_period(seed, *noise))
+            for method in ("equation-error", "output-error", "filter-error"):
+                errors, held, gains, seconds = {name: [] for name in SHORT_PERIOD}, 0, [], []
+                for seed in range(SEEDS):
+                    begun = resource.getrusage(resource.RUSAGE_CHILDREN)
+                    found = own.run("fit", "parameters", "-c", "aircraft.toml", f"{seed}.csv", "--method", method, "--folds", 0)
+                    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+                    seconds.append(ended.ru_utime - begun.ru_utime + ended.ru_stime - begun.ru_stime)
+                    gains.append([gain["value"] for gain in found.get("gains", [])])
+                    for parameter in found["parameters"]:
+                        truth, (low, high) = SHORT_PERIOD[parameter["name"]], parameter["interval"]
+                        errors[parameter["name"]].append(parameter["value"] / truth - 1)
+                        held += low <= truth <= high
+                bias = statistics.fmean(statistics.fmean(own) ** 2 for own in errors.values()) ** 0.5
+                spread = statistics.fmean(error**2 for own in errors.values() for error in own) ** 0.5
+                medians = ", ".join(f"{statistics.median(values):.2f}" for values in zip(*gains)) or "-"
+                rows.append(f"| {label} | {method.replace('-', ' ')} | {bias:.1%} | {spread:.1%} | {held / SEEDS / len(SHORT_PERIOD):.1%} | {medians} | {1e3 * statistics.median(seconds):.0f} ms |")
+    return "\n".join([*rows, "", f"{SEEDS} seeds each."])
+
+
+TABLES = {"noise_of_both_kinds": noise_of_both_kinds, "recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "flights": flights}
 
 
 def machine():
