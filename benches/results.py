@@ -278,13 +278,13 @@ def flights(fleetfoot, _data):
 SHORT_PERIOD = {"za": -1.4, "zd": -0.12, "ma": -6.5, "mq": -2.1, "md": -9.0}
 
 
-def short_period(seed, sensors, gusts):
-    """400 rows of 20 ms of an aircraft's short period under a 3-2-1-1, noise on what is measured and on the states from row to row, as a log."""
+def short_period(seed, rows, sensors, gusts):
+    """Rows of 20 ms of an aircraft's short period under a 3-2-1-1 every eight seconds, noise on what is measured and on the states from row to row, as a log."""
     truth, period, noise = SHORT_PERIOD, 0.02, random.Random(seed)
     state, lines = [0.0, 0.0], ["t,alpha,q,d"]
-    for row in range(400):
+    for row in range(rows):
         time = row * period
-        d = next((value for end, value in ((0.5, 0.0), (2.0, 0.05), (3.0, -0.05), (3.5, 0.05), (4.0, -0.05)) if time < end), 0.0)
+        d = next((value for end, value in ((0.5, 0.0), (2.0, 0.05), (3.0, -0.05), (3.5, 0.05), (4.0, -0.05)) if time % 8 < end), 0.0)
         measured = [value + deviation * noise.gauss(0, 1) for value, deviation in zip(state, sensors)]
         lines.append(f"{time:.2f},{measured[0]!r},{measured[1]!r},{d}")
         slope = lambda x: (truth["za"] * x[0] + x[1] + truth["zd"] * d, truth["ma"] * x[0] + truth["mq"] * x[1] + truth["md"] * d)
@@ -307,7 +307,12 @@ def noise_of_both_kinds(fleetfoot, _data):
     recipe += "".join(f"{name} = {{ initial = {truth * (1.3, 0.7)[at % 2]:.4g} }}\n" for at, (name, truth) in enumerate(SHORT_PERIOD.items()))
     sensors, gusts, still = (0.004, 0.008), (0.001, 0.002), (0.0, 0.0)
     rows = ["| noise | method | bias | root mean square | 95 % intervals hold | gains, median | median time |", "|---|---|---:|---:|---:|---|---:|"]
-    for label, noise in (("sensors", (sensors, still)), ("dynamics", ((1e-6, 1e-6), gusts)), ("both", (sensors, gusts))):
+    for label, noise in (
+        ("sensors", (400, sensors, still)),
+        ("dynamics", (400, (1e-6, 1e-6), gusts)),
+        ("both", (400, sensors, gusts)),
+        ("both, 1,600 rows", (1600, sensors, gusts)),
+    ):
         with bench(fleetfoot) as own:
             own.write("aircraft.toml", recipe)
             for seed in range(SEEDS):
