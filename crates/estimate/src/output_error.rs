@@ -88,6 +88,8 @@ pub struct OutputError {
     pub white: Mat<f64>,
     /// Rows over which residuals are correlated, as it was found; 0 where they look white.
     pub memory: usize,
+    /// Whether that is as far as was looked, a fifth of the longest segment: the correlation may last for longer, and then standard errors are too small.
+    pub lasting: bool,
     /// The states that were compared.
     pub outputs: Vec<String>,
     /// Standard deviation of the noise of each output, in its own unit.
@@ -330,7 +332,7 @@ fn found(
     let unknowns = (free.len() + last.beginnings.len() * states) as f64;
     // The deviations are of maximum likelihood: the residuals' mean square, not less what the unknowns took up.
     let variance = residuals as f64 / (residuals as f64 - unknowns).max(1.0);
-    let Coloured { middle, memory, of_a_row } = coloured(&last.series, free.len().max(1));
+    let Coloured { middle, memory, lasting, of_a_row } = coloured(&last.series, free.len().max(1));
     let (covariance, white) = (inverse.sandwich(&middle, variance), inverse.covariance(variance));
     let p = segments.names().len();
     let gains: Vec<usize> = (p..room.len()).collect();
@@ -349,6 +351,7 @@ fn found(
         covariance: own(&covariance),
         white: own(&white),
         memory,
+        lasting,
         outputs: segments.outputs(),
         deviations: segments.deviations.clone(),
         states: segments.states().to_vec(),

@@ -32,6 +32,8 @@ pub(super) struct Coloured {
     pub(super) middle: Mat<f64>,
     /// Rows over which residuals are correlated.
     pub(super) memory: usize,
+    /// Whether they are to the end of the lags that were looked at, or nearly.
+    pub(super) lasting: bool,
     /// Mean products of the residuals of a row, in units of the noise (outputs x outputs).
     pub(super) of_a_row: Mat<f64>,
 }
@@ -49,6 +51,7 @@ pub(super) fn coloured(series: &[Series], parameters: usize) -> Coloured {
     Coloured {
         middle: Mat::from_fn(p, p, |a, b| 0.5 * (sum[(a, b)] + sum[(b, a)])),
         memory,
+        lasting: memory > 0 && memory + WHITE_LAGS.min(most / 2) > most,
         of_a_row: Mat::from_fn(m, m, |a, b| covariances[0][a.min(b) * m + a.max(b)]),
     }
 }

@@ -193,6 +193,17 @@ fn lasting_residuals_widen_the_intervals() {
     assert!(wider >= 4 && lasting >= 4, "{wider} {lasting}");
 }
 
+/// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, which is as far as is looked.
+#[test]
+fn correlation_beyond_what_was_looked_at_is_told() {
+    let mut columns = SHORT_PERIOD.rows(1, 400, 0.02, GYRO);
+    let white = SHORT_PERIOD.fit(0.02, vec![columns.clone()]);
+    assert!(!white.lasting && white.memory < 10, "{}", white.memory);
+    columns[1].iter_mut().enumerate().for_each(|(k, q)| *q += 0.03 * (k as f64 / 60.0).sin());
+    let found = SHORT_PERIOD.fit(0.02, vec![columns]);
+    assert!(found.lasting && found.memory > 60, "{} {}", found.lasting, found.memory);
+}
+
 #[test]
 fn threads_change_no_bit() {
     let fit = || SHORT_PERIOD.fit(0.02, (0..5).map(|seed| SHORT_PERIOD.rows(seed, 150, 0.02, GYRO)).collect());

@@ -41,6 +41,8 @@ pub struct ParametersReport {
     pub segments: Option<[usize; 2]>,
     /// Rows over which residuals are correlated; `None` by equation error.
     pub memory: Option<usize>,
+    /// Whether that is as far as was looked, so that the intervals may be too narrow.
+    pub lasting: bool,
     /// Condition of the Jacobian, its columns scaled to unit length.
     pub condition: f64,
     /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian.
@@ -302,6 +304,7 @@ pub(super) fn report(
         memory,
         condition,
         gradient,
+        lasting: matches!(found, Found::Simulated { found, .. } if found.lasting),
         converged,
         held_out,
         equations: equations.collect(),
@@ -358,7 +361,8 @@ impl ParametersReport {
         let widest = self.parameters.iter().map(ratio).filter(|ratio| ratio.is_finite()).fold(1.0, f64::max);
         if let Some(rows) = self.memory.filter(|_| widest >= WIDER) {
             told.push(format!(
-                "Residuals are correlated over {rows} rows, which the model does not explain: the intervals are up to {widest:.1} times as wide as those of white noise."
+                "Residuals are correlated over {rows} rows, which the model does not explain: the intervals are up to {widest:.1} times as wide as those of white noise{}.",
+                if self.lasting { ", and may be too narrow, since correlation was looked for no further" } else { "" }
             ));
         }
         told
