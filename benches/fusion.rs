@@ -19,12 +19,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 const HOUR: f64 = 3600.0;
-const NOISE: BodyNoise = BodyNoise {
-    imu: ImuNoise { gyro: 2e-3, accelerometer: 2e-2, gyro_walk: 1e-4, accelerometer_walk: 1e-3 },
-    position: 1e-3,
-    attitude: 3e-3,
-    jerk: 100.0,
-};
+const NOISE: BodyNoise =
+    BodyNoise { imu: ImuNoise::even(2e-3, 2e-2, 1e-4, 1e-3), position: 1e-3, attitude: 3e-3, jerk: 100.0 };
 const GRAVITY: f64 = 9.81;
 
 struct Noise(Pcg64);
@@ -100,8 +96,8 @@ impl Body {
             let [a, b, c] = AXES.map(|[size, rate, phase]| -size * rate * rate * (rate * t + phase).sin());
             let force = turned([-x, -y, -z, w], [a, b, c + GRAVITY]);
             let (gyro, scattered) = (
-                noise.three(NOISE.imu.gyro * 1000.0_f64.sqrt()),
-                noise.three(NOISE.imu.accelerometer * 1000.0_f64.sqrt()),
+                noise.three(NOISE.imu.gyro[0] * 1000.0_f64.sqrt()),
+                noise.three(NOISE.imu.accelerometer[0] * 1000.0_f64.sqrt()),
             );
             own.times.push(t);
             own.rates.push([0, 1, 2].map(|i| rate(t)[i] + gyro[i] + [0.02, -0.03, 0.01][i]));
@@ -127,7 +123,7 @@ impl Body {
 
     fn run(&self) -> BodyRun<'_> {
         BodyRun {
-            imu: ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces },
+            imu: ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces, averages: [0.0; 2] },
             poses: PoseRecord { times: &self.stamps, positions: &self.positions, attitudes: &self.attitudes },
         }
     }
@@ -235,11 +231,11 @@ fn beside_gtsam(folder: &Path) -> Result<(), Box<dyn Error>> {
     write_f64(&folder.join("attitudes.f64"), &body.attitudes.iter().map(unit).collect::<Vec<_>>().concat())?;
     write_f64(&folder.join("times.f64"), &body.times)?;
     write_f64(&folder.join("stamps.f64"), &body.stamps)?;
-    let ImuNoise { gyro, accelerometer, gyro_walk, accelerometer_walk } = NOISE.imu;
+    let ImuNoise { gyro, accelerometer, gyro_walk, accelerometer_walk, .. } = NOISE.imu;
     let biases = [options.gyro_bias.deviation, options.accelerometer_bias.deviation];
     let noise = [
-        gyro,
-        accelerometer,
+        gyro[0],
+        accelerometer[0],
         gyro_walk,
         accelerometer_walk,
         NOISE.position,

@@ -14,7 +14,7 @@ LAMP = 0.500_381_966
 # How far the clocks run from the controller's, which shows true time: those of the default world, s and s/s.
 ROBOT, MOCAP = (0.125, 25e-6), (-0.04, -10e-6)
 POSE, IMU, CRANK = "/mocap/pose.pose", "/imu/data", "/joint_states.position"
-# The unit says the mean force of the millisecond before its stamp, so that the mean of two neighbours belongs to the stamp between.
+# The unit says the mean force of the millisecond before its stamp.
 FORCE = f"{IMU}.linear_acceleration"
 QUATERNION = [f"{POSE}.orientation.{axis}" for axis in "xyzw"]
 
@@ -79,9 +79,13 @@ BODY = f"""[prepare]
 dejitter = true
 [body]
 gravity = [0.0, 0.0, -9.81]
-[sensor.imu]
-kind = "imu"
-channels = [{', '.join(f'"{IMU}.angular_velocity.{axis}"' for axis in 'xyz')}, {', '.join(f'"0.5*({FORCE}.{axis} + lead({FORCE}.{axis}, 1))"' for axis in 'xyz')}]
+[sensor.gyro]
+kind = "gyro"
+channels = [{', '.join(f'"{IMU}.angular_velocity.{axis}"' for axis in 'xyz')}]
+[sensor.accelerometer]
+kind = "accelerometer"
+average = 0.001
+channels = [{', '.join(f'"{FORCE}.{axis}"' for axis in 'xyz')}]
 [sensor.mocap]
 kind = "pose"
 delay = "auto"

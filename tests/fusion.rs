@@ -37,12 +37,8 @@ impl Table {
 }
 
 /// What the whole flight says of its noise (`fit_noise` from the densities of the data sheet on): rotors shake the sensor, whose readings scatter twenty times more than its data sheet says.
-const NOISE: BodyNoise = BodyNoise {
-    imu: ImuNoise { gyro: 7e-3, accelerometer: 4e-2, gyro_walk: 1.9393e-5, accelerometer_walk: 3e-3 },
-    position: 2e-4,
-    attitude: 2e-3,
-    jerk: 100.0,
-};
+const NOISE: BodyNoise =
+    BodyNoise { imu: ImuNoise::even(7e-3, 4e-2, 1.9393e-5, 3e-3), position: 2e-4, attitude: 2e-3, jerk: 100.0 };
 
 /// Roots of mean squares an axis between the published state and the fused one, at every published stamp from `times[0]` to `times[1]`.
 struct Apart {
@@ -87,7 +83,7 @@ fn apart(fused: &Fused, imu: &ImuRecord<'_>, truth: &Table) -> Apart {
     let (mut normal, mut right) = ([[0.0; 5]; 5], [0.0; 5]);
     let (mut positions, mut biases, mut rows) = (0.0, 0.0, 0.0);
     for (row, &time) in truth.times.iter().enumerate() {
-        let found = fused.tracks.iter().find_map(|track| track.at(imu, fused.constants.gravity, time));
+        let found = fused.tracks.iter().find_map(|track| track.at(imu, fused.constants.gravity, &fused.noise, time));
         let Some(BodyState { attitude, position, velocity, gyro_bias, .. }) = found else { continue };
         let axes = [0, 1, 2].map(|axis| turned(attitude, std::array::from_fn(|i| f64::from(u8::from(i == axis)))));
         for axis in 0..3 {
@@ -137,7 +133,7 @@ fn a_flight_agrees_with_the_published_state() {
     let truth = table(&truth, "timestamp", &published);
     let (rates, forces) = (imu.part::<3>(0), imu.part::<3>(3));
     let (positions, attitudes) = (poses.part::<3>(0), poses.part::<4>(3));
-    let imu = ImuRecord { times: &imu.times, rates: &rates, forces: &forces };
+    let imu = ImuRecord { times: &imu.times, rates: &rates, forces: &forces, averages: [0.0; 2] };
     let run = BodyRun { imu, poses: PoseRecord { times: &poses.times, positions: &positions, attitudes: &attitudes } };
     let unknown = f64::INFINITY;
     let options = FuseOptions {

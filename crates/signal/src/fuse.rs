@@ -51,8 +51,8 @@ const STILL: f64 = 1e-7;
 /// Rounds in which nodes are moved in any case, as states are on their way.
 const FREE: usize = 3;
 
-/// The ratio of variances that is no change any more.
-const SAME: f64 = 1.002;
+/// The change of noise, in those that are none any more, from which on what is far off is known.
+const NEARLY: f64 = 300.0;
 
 /// Fuses the runs of one body: the same constants in all, states and biases of their own in each.
 ///
@@ -67,7 +67,7 @@ const SAME: f64 = 1.002;
 /// let (rates, forces) = (vec![[0.0, 0.0, 0.5]; 401], vec![[0.0, 0.0, 9.81]; 401]);
 /// let stamps: Vec<f64> = (1..200).map(|row| 0.01 * f64::from(row)).collect();
 /// let attitudes: Vec<[f64; 4]> = stamps.iter().map(|t| [0.0, 0.0, (0.25 * t).sin(), (0.25 * t).cos()]).collect();
-/// let imu = ImuRecord { times: &times, rates: &rates, forces: &forces };
+/// let imu = ImuRecord { times: &times, rates: &rates, forces: &forces, averages: [0.0; 2] };
 /// let poses = PoseRecord { times: &stamps, positions: &vec![[1.0, 2.0, 3.0]; 199], attitudes: &attitudes };
 /// let options = FuseOptions { gravity: [0.0, 0.0, -9.81].into(), ..FuseOptions::default() };
 /// let fused = fuse(&[BodyRun { imu, poses }], &options)?;
@@ -111,6 +111,9 @@ pub fn fuse_from(
     if options.fit_noise && !has_forces(runs) {
         noise.jerk = start::jerk(&tracks, noise.jerk);
     }
+    if options.fit_noise {
+        begin_noise(&mut noise.imu, runs);
+    }
     let setting = Setting {
         noise,
         loss: options.loss,
@@ -121,6 +124,22 @@ pub fn fuse_from(
     let mut problem = Problem { tracks, border, setting, options: options.clone() };
     let digest = checkpoint::digest(runs, options);
     solve(&mut problem, outside, checkpoint, digest)
+}
+
+/// What residuals are asked of the inertial sensor beside its densities, to begin with: what single readings scatter by, and that jumps between readings may have been anywhere.
+fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>]) {
+    noise.scatter = [[0.0; 3]; 2];
+    for run in runs {
+        for (own, found) in noise.scatter.as_flattened_mut().iter_mut().zip(run.imu.scatter().as_flattened()) {
+            *own = own.max(*found);
+        }
+    }
+    for which in 0..2 {
+        let misses = runs.iter().any(|run| run.imu.misses()[which]) && (which == 0 || has_forces(runs));
+        if misses && noise.missed[which] == 0.0 {
+            noise.missed[which] = 1.0;
+        }
+    }
 }
 
 /// Whether there is an accelerometer.
@@ -183,7 +202,7 @@ fn solve(
 
 /// A round. Whether all came to rest.
 fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, SignalError> {
-    let descent = problem.descend()?;
+    let descent = problem.descend(progress.settling)?;
     progress.steps += descent.steps;
     // Readings between noisy stamps are averages, so that the least depends a little on where between them nodes stand: nodes that do not come to rest are left where they are.
     let late = problem.border.late.abs();
@@ -192,18 +211,19 @@ fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, Sig
     if progress.moving {
         problem.move_nodes();
     }
-    let mut change = 1.0;
+    let mut change = 0.0;
     if problem.options.fit_noise {
         let whole = problem.whole()?;
         let shares = problem.shares(&whole)?;
-        change = problem.take_noise(&shares);
+        change = problem.take_noise(&shares, &mut progress.changes);
+        progress.settling = change >= 1.0;
     }
     // What is far off is known once the noise nearly is.
     let mut chosen = false;
-    if problem.options.gate > 0.0 && change < 2.0 {
+    if problem.options.gate > 0.0 && change < NEARLY {
         chosen = choose(problem, &mut progress.contradicted)?;
     }
-    Ok(descent.converged && !progress.moving && !chosen && change < SAME && progress.round > 0)
+    Ok(descent.converged && !progress.moving && !chosen && change < 1.0 && progress.round > 0)
 }
 
 /// Chooses which poses count. A track that these do not determine any more is dropped, and its poses are added to `contradicted`. Whether the choice changed.

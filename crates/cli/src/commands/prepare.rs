@@ -136,7 +136,7 @@ fn body(own: &BodyReport) -> String {
     let (gravity, moved) = match own.jerk {
         None => (
             format!("  gravity   {} m/s^2{gravity}\n", list(&own.gravity)),
-            format!("force {} m/s^2/sqrt(Hz)", number(own.imu_noise[1])),
+            format!("force {} m/s^2/sqrt(Hz)", list(&own.imu_noise[1])),
         ),
         Some(jerk) => (String::new(), format!("jerk {} m/s^3/sqrt(Hz)", number(jerk))),
     };
@@ -149,7 +149,7 @@ fn body(own: &BodyReport) -> String {
         with(&own.lever, &own.lever_deviation),
         with(&own.mounting, &own.mounting_deviation),
         with(&[own.delay], &[own.delay_deviation]),
-        number(own.imu_noise[0]),
+        list(&own.imu_noise[0]),
         number(own.pose_noise[0]),
         number(own.pose_noise[1]),
         if own.noise_fitted { "told by the residuals" } else { "as given" },

@@ -27,7 +27,7 @@ use super::{
     write::{Names, is_prepared},
 };
 use crate::{Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, clocks::Clocks, folder::Folder};
-use body::{Moments, Poses};
+use body::Poses;
 use joints::{Joint, JointPlan, Opening};
 use kept::Kept;
 use rows::{Layout, LogRows};
@@ -56,7 +56,6 @@ fn check(recipe: &Recipe) -> Result<(), Error> {
 /// The body of a recipe and what was measured of it, log by log.
 struct Body {
     sensors: Sensors,
-    moments: Vec<Moments>,
     poses: Vec<Poses>,
     fused: Fused,
 }
@@ -177,15 +176,14 @@ impl Body {
                     notes.push(format!("{name}: {missing} {what} have missing values and are left out"));
                 }
             }
-            poses.push(Poses::new(seen, own.epoch, sensors.average[1]));
+            poses.push(Poses::new(seen, own.epoch, sensors.pose_average));
             true
         });
         if rows.is_empty() {
             return Err(Error::missing("no log has both readings and poses: name channels that the logs have".into()));
         }
-        let moments: Vec<Moments> = rows.iter().map(|rows| Moments::new(rows, sensors.average[0])).collect();
         progress.stage("fuse");
-        let fused = body::fused(rows, &moments, &poses, &sensors, kept)?;
+        let fused = body::fused(rows, &poses, &sensors, kept)?;
         if !fused.converged {
             notes.push(
                 "the fusion did not come to rest: state noise, delay, lever or mounting, or give longer records".into(),
@@ -197,7 +195,7 @@ impl Body {
                 fused.contradicted
             ));
         }
-        Ok(Self { sensors, moments, poses, fused })
+        Ok(Self { sensors, poses, fused })
     }
 
     fn smoothed(&self) -> f64 {
@@ -289,9 +287,9 @@ impl Job<'_> {
 
     /// The body's columns of these rows, all of which lie between the first and the last state of the track.
     fn states(&self, body: &Body, at: usize, track: usize, rows: &[usize]) -> Vec<Vec<f64>> {
-        let (track, gravity) = (&body.fused.tracks[track], body.fused.constants.gravity);
-        let imu = body.moments[at].imu(&self.rows[at]);
-        let state = |&row: &usize| track.at(&imu, gravity, self.rows[at].times[row]);
+        let Fused { tracks, constants, noise, .. } = &body.fused;
+        let imu = body::imu(&self.rows[at], body.sensors.averages);
+        let state = |&row: &usize| tracks[track].at(&imu, constants.gravity, noise, self.rows[at].times[row]);
         let states: Vec<BodyState> = rows.iter().filter_map(state).collect();
         table::values(&states, body.sensors.has_forces())
     }

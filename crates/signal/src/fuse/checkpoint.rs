@@ -5,7 +5,7 @@ use nalgebra::Quaternion;
 
 use super::{
     BodyRun, FuseOptions, ImuNoise,
-    problem::Problem,
+    problem::{Problem, SINGLE},
     rotation::{Rotation, Vector},
     state::State,
 };
@@ -29,7 +29,7 @@ impl Checkpoint for () {
 }
 
 /// The bytes of this version begin so.
-const VERSION: f64 = 1.0;
+const VERSION: f64 = 2.0;
 
 /// How far the rounds are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,10 +43,22 @@ pub(super) struct Progress {
     pub(super) last: f64,
     /// Poses of tracks that were dropped.
     pub(super) contradicted: usize,
+    /// Logarithms by which the variances of noise changed last.
+    pub(super) changes: [f64; SINGLE],
+    /// Whether noise is on its way.
+    pub(super) settling: bool,
 }
 
 impl Progress {
-    pub(super) const BEGIN: Self = Self { round: 0, steps: 0, moving: true, last: f64::INFINITY, contradicted: 0 };
+    pub(super) const BEGIN: Self = Self {
+        round: 0,
+        steps: 0,
+        moving: true,
+        last: f64::INFINITY,
+        contradicted: 0,
+        changes: [0.0; SINGLE],
+        settling: false,
+    };
 }
 
 /// A hash of all that the answer depends on.
@@ -57,7 +69,7 @@ pub(super) fn digest(runs: &[BodyRun<'_>], options: &FuseOptions) -> u64 {
         values.iter().for_each(|value| hash = mix(hash ^ value.to_bits()));
     };
     for BodyRun { imu, poses } in runs {
-        [imu.times, imu.rates.as_flattened(), imu.forces.as_flattened()].into_iter().for_each(&mut add);
+        [imu.times, imu.rates.as_flattened(), imu.forces.as_flattened(), &imu.averages].into_iter().for_each(&mut add);
         [poses.times, poses.positions.as_flattened(), poses.attitudes.as_flattened()].into_iter().for_each(&mut add);
     }
     hash
@@ -68,13 +80,16 @@ const NODE: usize = 17;
 
 /// Where the problem stands.
 pub(super) fn write(problem: &Problem<'_>, progress: &Progress, digest: u64) -> Vec<u8> {
-    let Progress { round, steps, moving, last, contradicted } = *progress;
+    let Progress { round, steps, moving, last, contradicted, changes, settling } = *progress;
     let (border, setting) = (&problem.border, &problem.setting);
     let noise = &setting.noise;
     let mut words =
         vec![VERSION, f64::from_bits(digest), round as f64, steps as f64, f64::from(u8::from(moving)), last];
+    words.extend([f64::from(u8::from(settling))].iter().chain(&changes));
     words.extend([contradicted as f64, setting.anchor, noise.position, noise.attitude, noise.jerk]);
-    words.extend([noise.imu.gyro, noise.imu.accelerometer, noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
+    words.extend(noise.imu.gyro.iter().chain(&noise.imu.accelerometer));
+    words.extend([noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
+    words.extend(noise.imu.missed.iter().chain(noise.imu.scatter.as_flattened()));
     words.extend(
         border.lever.iter().chain(border.gravity.iter()).chain(border.mounting.coords.iter()).chain([&border.late]),
     );
@@ -128,22 +143,29 @@ pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> O
     if !is_ours || words.next()? != VERSION || words.next()?.to_bits() != digest {
         return None;
     }
-    let progress = Progress {
+    let mut progress = Progress {
         round: words.number()?,
         steps: words.number()?,
         moving: words.next()? > 0.0,
         last: words.next()?,
-        contradicted: words.number()?,
+        settling: words.next()? > 0.0,
+        ..Progress::BEGIN
     };
+    for change in &mut progress.changes {
+        *change = words.next()?;
+    }
+    progress.contradicted = words.number()?;
     let (mut setting, mut border) = (problem.setting, problem.border);
     setting.anchor = words.next()?;
     [setting.noise.position, setting.noise.attitude, setting.noise.jerk] =
         [words.next()?, words.next()?, words.next()?];
     setting.noise.imu = ImuNoise {
-        gyro: words.next()?,
-        accelerometer: words.next()?,
+        gyro: words.vector()?.into(),
+        accelerometer: words.vector()?.into(),
         gyro_walk: words.next()?,
         accelerometer_walk: words.next()?,
+        missed: [words.next()?, words.next()?],
+        scatter: [words.vector()?.into(), words.vector()?.into()],
     };
     (border.lever, border.gravity) = (words.vector()?, words.vector()?);
     (border.mounting, border.late) = (words.rotation()?, words.next()?);

@@ -350,12 +350,8 @@ mod tests {
         state::{BorderError, StateError},
     };
 
-    const NOISE: BodyNoise = BodyNoise {
-        imu: ImuNoise { gyro: 0.01, accelerometer: 0.1, gyro_walk: 0.02, accelerometer_walk: 0.03 },
-        position: 0.02,
-        attitude: 0.03,
-        jerk: 2.0,
-    };
+    const NOISE: BodyNoise =
+        BodyNoise { imu: ImuNoise::even(0.01, 0.1, 0.02, 0.03), position: 0.02, attitude: 0.03, jerk: 2.0 };
 
     fn state(k: f64) -> State {
         State {
@@ -403,7 +399,7 @@ mod tests {
         let times: Vec<f64> = (0..rows).map(|row| 0.01 * row as f64).collect();
         let rates: Vec<[f64; 3]> = times.iter().map(|t| [3.0 * t.sin(), 2.0 - t, 1.0 + (5.0 * t).cos()]).collect();
         let forces: Vec<[f64; 3]> = times.iter().map(|t| [1.0 - t, 2.0 * (7.0 * t).sin(), 9.0]).collect();
-        f(&ImuRecord { times: &times, rates: &rates, forces: &forces })
+        f(&ImuRecord { times: &times, rates: &rates, forces: &forces, averages: [0.0; 2] })
     }
 
     #[test]
@@ -459,7 +455,7 @@ mod tests {
         let times: Vec<f64> = (0..rows).map(|row| 1e-3 * f64::from(row)).collect();
         let rates = vec![[0.0, 0.0, rate]; times.len()];
         let forces = vec![[1.0, 0.0, 0.0]; times.len()];
-        let imu = ImuRecord { times: &times, rates: &rates, forces: &forces };
+        let imu = ImuRecord { times: &times, rates: &rates, forces: &forces, averages: [0.0; 2] };
         let t: f64 = 1.7;
         let sum = Preintegrated::new(&imu, 0.0, t, &[Vector::zeros(); 2], &NOISE.imu);
         let angle = rate * t;

@@ -14,6 +14,8 @@ pub struct ImuRecord<'a> {
     pub rates: &'a [[f64; 3]],
     /// Acceleration less gravity: at rest it points up. Empty where there is no accelerometer.
     pub forces: &'a [[f64; 3]],
+    /// Seconds before its stamp of which a rate, and a force, is the mean; 0: it is of the stamp itself. Means whose windows follow one another are held over these, so that what they sum to is exact.
+    pub averages: [f64; 2],
 }
 
 /// Measured poses of the markers' frame in the world, a row a stamp (s).
@@ -39,14 +41,53 @@ pub struct BodyRun<'a> {
 /// Noise of an inertial sensor, as data sheets say it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuNoise {
-    /// Density of the rate's white noise, rad/s/sqrt(Hz).
-    pub gyro: f64,
-    /// Density of the force's white noise, m/s^2/sqrt(Hz).
-    pub accelerometer: f64,
+    /// Density of the rate's white noise about each axis, rad/s/sqrt(Hz).
+    pub gyro: [f64; 3],
+    /// Density of the force's white noise along each axis, m/s^2/sqrt(Hz).
+    pub accelerometer: [f64; 3],
     /// How the gyroscope's bias walks, rad/s^2/sqrt(Hz).
     pub gyro_walk: f64,
     /// How the accelerometer's bias walks, m/s^3/sqrt(Hz).
     pub accelerometer_walk: f64,
+    /// What rates and forces leave open between two readings: where neighbours jump by D beside the slopes on either side, their integral is off by up to half of D times the step. A moment of the jump that is uniform makes that a
+    /// variance of D^2 / 12 times the square of the step, which counts times the square of this. 0: nothing is missed, as of readings that are means.
+    pub missed: [f64; 2],
+    /// Deviations that single readings of rate and force do not exceed, an axis, by how neighbours differ: densities tell what integrals miss, which may be more than what is wrong with a reading. Infinite where nothing is known.
+    pub scatter: [[f64; 3]; 2],
+}
+
+impl ImuNoise {
+    /// Densities that are the same for all axes, of rate and force, and of the walks of their biases.
+    pub const fn even(gyro: f64, accelerometer: f64, gyro_walk: f64, accelerometer_walk: f64) -> Self {
+        Self {
+            gyro: [gyro; 3],
+            accelerometer: [accelerometer; 3],
+            gyro_walk,
+            accelerometer_walk,
+            missed: [0.0; 2],
+            scatter: [[f64::INFINITY; 3]; 2],
+        }
+    }
+
+    /// Densities of rate (0) or force (1).
+    pub(super) fn densities(&self, which: usize) -> &[f64; 3] {
+        if which == 0 { &self.gyro } else { &self.accelerometer }
+    }
+
+    /// Variances that single readings of rate (0) or force (1) do not exceed, those that stand for so many seconds where neighbours tell none.
+    pub(super) fn greatest(&self, which: usize, seconds: f64) -> [f64; 3] {
+        let (density, scatter) = (self.densities(which), self.scatter[which]);
+        std::array::from_fn(|axis| match scatter[axis].is_finite() {
+            true => scatter[axis].powi(2),
+            false => density[axis].powi(2) / seconds,
+        })
+    }
+
+    /// The variances of single readings of rate (0) or force (1) that stand for so many seconds.
+    pub(super) fn variances(&self, which: usize, seconds: f64) -> [f64; 3] {
+        let density = self.densities(which);
+        std::array::from_fn(|axis| (density[axis].powi(2) / seconds).min(self.scatter[which][axis].powi(2)))
+    }
 }
 
 /// Noise of all sensors.
@@ -65,8 +106,7 @@ pub struct BodyNoise {
 impl Default for BodyNoise {
     /// A sensor of some ten euros under a motion-capture system: a begin for [`FuseOptions::fit_noise`].
     fn default() -> Self {
-        let imu = ImuNoise { gyro: 2e-4, accelerometer: 2e-3, gyro_walk: 2e-5, accelerometer_walk: 3e-3 };
-        Self { imu, position: 1e-3, attitude: 5e-3, jerk: 100.0 }
+        Self { imu: ImuNoise::even(2e-4, 2e-3, 2e-5, 3e-3), position: 1e-3, attitude: 5e-3, jerk: 100.0 }
     }
 }
 
@@ -91,8 +131,10 @@ impl<T> From<T> for Prior<T> {
 pub struct FuseOptions {
     /// Noise of the sensors.
     pub noise: BodyNoise,
-    /// Whether the deviations of poses and the white noise of the inertial sensor are estimated from the residuals, `noise` being where that begins. Walks stay as they are.
+    /// Whether the deviations of poses, the white noise of the inertial sensor and what it misses between its readings are estimated from the residuals, `noise` being where that begins.
     pub fit_noise: bool,
+    /// Whether the walks of the biases of gyroscope and accelerometer are estimated, too, where noise is.
+    pub fit_walks: [bool; 2],
     /// Gravity in the world, m/s^2. Its deviation is that of its direction, rad; the size stays. Infinite: the direction of the mean force is where the search begins.
     pub gravity: Prior<[f64; 3]>,
     /// The origin of the markers' frame in the body frame, m.
@@ -116,6 +158,7 @@ impl Default for FuseOptions {
         Self {
             noise: BodyNoise::default(),
             fit_noise: false,
+            fit_walks: [false; 2],
             gravity: [0.0, 0.0, -9.806_65].into(),
             lever: [0.0; 3].into(),
             mounting: [0.0, 0.0, 0.0, 1.0].into(),
@@ -151,6 +194,14 @@ impl BodyRun<'_> {
         if !imu.forces.is_empty() {
             check_rows("the specific force", imu.forces, imu.times.len())?;
         }
+        for average in imu.averages {
+            check(
+                average >= 0.0 && average.is_finite(),
+                "the window of a mean",
+                average,
+                "it is seconds, zero or more",
+            )?;
+        }
         check_stamps(poses.times)?;
         check_rows("the position", poses.positions, poses.times.len())?;
         check_rows("the attitude", poses.attitudes, poses.times.len())?;
@@ -170,9 +221,10 @@ impl BodyRun<'_> {
 impl FuseOptions {
     pub(super) fn check(&self) -> Result<(), SignalError> {
         let BodyNoise { imu, position, attitude, jerk } = self.noise;
+        let least = |axes: [f64; 3]| axes.into_iter().reduce(|a, b| if b > a { a } else { b }).unwrap_or(0.0);
         for (what, value) in [
-            ("the noise density of the gyroscope", imu.gyro),
-            ("the noise density of the accelerometer", imu.accelerometer),
+            ("the noise density of the gyroscope", least(imu.gyro)),
+            ("the noise density of the accelerometer", least(imu.accelerometer)),
             ("the walk of the gyroscope's bias", imu.gyro_walk),
             ("the walk of the accelerometer's bias", imu.accelerometer_walk),
             ("the deviation of positions", position),
@@ -180,6 +232,10 @@ impl FuseOptions {
             ("the density of the jerk", jerk),
         ] {
             check(value > 0.0 && value.is_finite(), what, value, "it is positive and finite")?;
+        }
+        for missed in imu.missed {
+            let allowed = "it is a factor, 0 where nothing is missed";
+            check(missed >= 0.0 && missed.is_finite(), "what is missed between readings", missed, allowed)?;
         }
         self.loss.check()?;
         check(self.gate >= 0.0, "the gate", self.gate, "it is a number of deviations, or 0 for none")?;

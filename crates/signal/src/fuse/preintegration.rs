@@ -1,7 +1,7 @@
 //! What an inertial sensor measures between two instants, summed once for all states that may stand there.
 //!
 //! Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", IEEE Transactions on Robotics 33(1), 2017, sections V and VI.
-//! Between its stamps the sensor is interpolated linearly, and the middle of a step stands for it: of second order in the step. The noise is white in continuous time, so that its covariance is
+//! Between its stamps the sensor is interpolated by cubic curves, and means are held over their windows; the turn in the middle of a step stands for it, of second order in the step. The noise is white in continuous time, so that its covariance is
 //! positive however short the interval is.
 
 use nalgebra::SMatrix;
@@ -31,6 +31,8 @@ pub(super) struct Preintegrated {
     pub(super) position_a: Matrix,
     /// Covariance of the noise of rotation (in the last frame), velocity, position.
     pub(super) covariance: Covariance,
+    /// What of the variances of turn and velocity is missed between readings.
+    pub(super) missed: [Vector; 2],
 }
 
 /// Angular rate and specific force.
@@ -39,6 +41,21 @@ pub(super) struct Reading {
     pub(super) rate: Vector,
     pub(super) force: Vector,
 }
+
+/// Mean periods within which the window of a mean lies if the means are held over their windows: those of longer windows overlap.
+const TILED: f64 = 1.5;
+
+/// Deviations of a jump by noise alone, squared, from which on something happened between two readings.
+const JUMPS: f64 = 9.0;
+
+/// Readings from which on their differences tell how they scatter.
+const FEWEST: usize = 100;
+
+/// The size that a quarter of standard normal numbers do not reach.
+const QUARTILE: f64 = 0.318_639_4;
+
+/// The variance of a jump beside the slopes on either side, in those of the four readings that tell it: (1/2, 3/2, 3/2, 1/2).
+const FOUR: f64 = 5.0;
 
 impl ImuRecord<'_> {
     /// The sample whose step to the next one holds `t`; the first and the last step go on beyond the ends.
@@ -51,33 +68,167 @@ impl ImuRecord<'_> {
         !self.forces.is_empty()
     }
 
-    /// The reading at `t`, within the step after sample `k`: interpolated, and held beyond the ends of the record.
-    fn interpolated(&self, k: usize, t: f64) -> Reading {
-        let share = ((t - self.times[k]) / (self.times[k + 1] - self.times[k])).clamp(0.0, 1.0);
-        let between = |values: &[[f64; 3]]| {
-            let (a, b) = (Vector::from(values[k]), Vector::from(values[k + 1]));
-            a + share * (b - a)
+    /// Whether means over so many seconds are held over their windows.
+    fn is_held(&self, average: f64) -> bool {
+        let span = self.times[self.times.len() - 1] - self.times[0];
+        average > 0.0 && average * (self.times.len() - 1) as f64 <= TILED * span
+    }
+
+    /// What of rates and forces may be missed between two readings.
+    pub(super) fn misses(&self) -> [bool; 2] {
+        self.averages.map(|average| !self.is_held(average))
+    }
+
+    /// The share of the step after sample `k` that has passed at `t`, the step that holds it sought from `k` on.
+    fn share(&self, mut k: usize, t: f64) -> (usize, f64) {
+        while k + 2 < self.times.len() && self.times[k + 1] < t {
+            k += 1;
+        }
+        (k, ((t - self.times[k]) / (self.times[k + 1] - self.times[k])).clamp(0.0, 1.0))
+    }
+
+    /// The value at `t`, a moment of the step after sample `k`: interpolated between the middles of what readings are means of, and held beyond the ends of the record.
+    fn interpolated(&self, values: &[[f64; 3]], average: f64, k: usize, t: f64) -> Vector {
+        let (k, share) = self.share(k, t + 0.5 * average);
+        let (a, b) = (Vector::from(values[k]), Vector::from(values[k + 1]));
+        a + share * (b - a)
+    }
+
+    /// The mean from `from` to `to`, within the step after sample `k`, of the cubic curve through the readings whose slopes are those of the parabolas through three of them: a step's error is of fourth order, where the middle's is of second.
+    fn curved(&self, values: &[[f64; 3]], k: usize, from: f64, to: f64) -> Vector {
+        let (width, [a, b]) = (self.times[k + 1] - self.times[k], [k, k + 1].map(|row| Vector::from(values[row])));
+        let chord = b - a;
+        // What the slopes at both ends are off that of the chord.
+        let bend = |row: usize| {
+            if row == 0 || row + 1 == self.times.len() {
+                Vector::zeros()
+            } else {
+                self.slope(values, row) * width - chord
+            }
         };
-        let force = if self.has_forces() { between(self.forces) } else { Vector::zeros() };
-        Reading { rate: between(self.rates), force }
+        let (first, last) = (bend(k), bend(k + 1));
+        let [u, v] = [from, to].map(|t| (t - self.times[k]) / width);
+        // Simpson's rule is exact for a cubic.
+        let at = |u: f64| {
+            let u = u.clamp(0.0, 1.0);
+            (first * (1.0 - u) - last * u) * (u * (1.0 - u))
+        };
+        let middle = (0.5 * (u + v)).clamp(0.0, 1.0);
+        a + chord * middle + (at(u) + at(middle) * 4.0 + at(v)) / 6.0
+    }
+
+    /// The slope at a sample within the record: that of the parabola through it and its neighbours.
+    fn slope(&self, values: &[[f64; 3]], row: usize) -> Vector {
+        let step = |k: usize| {
+            let width = self.times[k + 1] - self.times[k];
+            (width, (Vector::from(values[k + 1]) - Vector::from(values[k])) / width)
+        };
+        let ((before, left), (after, right)) = (step(row - 1), step(row));
+        (left * after + right * before) / (before + after)
+    }
+
+    /// The mean over the step after sample `k`: the reading at its end is that of the window before it, and before the window the two readings are all that is known.
+    fn held(&self, values: &[[f64; 3]], average: f64, k: usize) -> Vector {
+        let share = (average / (self.times[k + 1] - self.times[k])).min(1.0);
+        let (a, b) = (Vector::from(values[k]), Vector::from(values[k + 1]));
+        0.5 * (1.0 - share) * a + 0.5 * (1.0 + share) * b
     }
 
     /// The reading at `t`.
     pub(super) fn at(&self, t: f64) -> Reading {
-        self.interpolated(self.step_at(t), t)
+        let k = self.step_at(t);
+        let of = |values: &[[f64; 3]], average: f64| self.interpolated(values, average, k, t);
+        let force = if self.has_forces() { of(self.forces, self.averages[1]) } else { Vector::zeros() };
+        Reading { rate: of(self.rates, self.averages[0]), force }
     }
 
-    /// Steps from `from` to `to`, cut at the stamps: their lengths, and the readings in their middles.
-    fn steps(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Reading)> {
+    /// Steps from `from` to `to`, cut at the stamps: the samples before them, their lengths, and the readings that stand for them.
+    fn steps(&self, from: f64, to: f64) -> impl Iterator<Item = (usize, f64, Reading)> {
+        let held = self.averages.map(|average| self.is_held(average));
         let (mut k, mut t) = (self.step_at(from), from);
         std::iter::from_fn(move || {
             if t >= to {
                 return None;
             }
             let end = if k + 2 < self.times.len() { self.times[k + 1].min(to) } else { to };
-            let step = (end - t, self.interpolated(k, 0.5 * (t + end)));
+            let of = |which: usize, values: &[[f64; 3]]| match self.averages[which] {
+                0.0 => self.curved(values, k, t, end),
+                average if held[which] => self.held(values, average, k),
+                average => self.interpolated(values, average, k, 0.5 * (t + end)),
+            };
+            let force = if self.has_forces() { of(1, self.forces) } else { Vector::zeros() };
+            let step = (k, end - t, Reading { rate: of(0, self.rates), force });
             (k, t) = (k + 1, end);
             Some(step)
+        })
+    }
+
+    /// What neighbours jump by in the step after sample `k` beside the slopes on either side.
+    fn jump(&self, values: &[[f64; 3]], k: usize) -> Vector {
+        let width = |k: usize| self.times[k + 1] - self.times[k];
+        let change = |k: usize| (Vector::from(values[k + 1]) - Vector::from(values[k])) / width(k);
+        let last = self.times.len() - 2;
+        let (before, after) =
+            (if k > 0 { k - 1 } else { last.min(k + 1) }, if k < last { k + 1 } else { k.saturating_sub(1) });
+        (change(k) - 0.5 * (change(before) + change(after))) * width(k)
+    }
+
+    /// The squares of jumps, an axis, as far as noise of readings, which has no more than these variances, does not make them.
+    fn jumps(&self, values: &[[f64; 3]], variances: &[f64; 3], k: usize) -> Vector {
+        let jump = self.jump(values, k);
+        Vector::from_fn(|axis, _| (jump[axis] * jump[axis] - JUMPS * FOUR * variances[axis]).max(0.0))
+    }
+
+    /// What rates (0) or forces (1) say.
+    fn values(&self, which: usize) -> &[[f64; 3]] {
+        if which == 0 { self.rates } else { self.forces }
+    }
+
+    /// The densities, squared, of what rates and forces miss in the step after sample `k`.
+    fn missed(&self, noise: &ImuNoise, k: usize) -> [Vector; 2] {
+        let width = self.times[k + 1] - self.times[k];
+        [0, 1].map(|which| match noise.missed[which] > 0.0 && !self.values(which).is_empty() {
+            true => {
+                let jumps = self.jumps(self.values(which), &noise.greatest(which, width), k);
+                jumps * (noise.missed[which].powi(2) * width / 12.0)
+            }
+            false => Vector::zeros(),
+        })
+    }
+
+    /// The variances of the errors of rate and force that [`Self::at`] tells, biases aside: noise of neighbours, and where between them a jump was.
+    pub(super) fn variances(&self, noise: &ImuNoise, t: f64) -> [Vector; 2] {
+        let first = self.step_at(t);
+        [0, 1].map(|which| {
+            if self.values(which).is_empty() {
+                return Vector::zeros();
+            }
+            let (k, share) = self.share(first, t + 0.5 * self.averages[which]);
+            let width = self.times[k + 1] - self.times[k];
+            let white = Vector::from(noise.variances(which, width)) * (share * share + (1.0 - share) * (1.0 - share));
+            if noise.missed[which] == 0.0 {
+                return white;
+            }
+            let jumps = self.jumps(self.values(which), &noise.greatest(which, width), k);
+            white + jumps * (noise.missed[which].powi(2) * share * (1.0 - share))
+        })
+    }
+
+    /// Deviations that single readings of rate and force do not exceed: where nothing happens neighbours differ by their noise alone, and whatever happens makes the lower quartile of the differences no smaller.
+    pub(super) fn scatter(&self) -> [[f64; 3]; 2] {
+        let rows = self.times.len();
+        [0, 1].map(|which| {
+            std::array::from_fn(|axis| {
+                if self.values(which).is_empty() || rows < FEWEST {
+                    return f64::INFINITY;
+                }
+                let jump = |k: usize| self.jump(self.values(which), k)[axis].abs();
+                let mut jumps: Vec<f64> = (1..rows - 2).map(jump).collect();
+                let at = jumps.len() / 4;
+                let (_, quartile, _) = jumps.select_nth_unstable_by(at, f64::total_cmp);
+                // Values that are rounded may not differ at all, and tell nothing then.
+                if *quartile > 0.0 { *quartile / (QUARTILE * FOUR.sqrt()) } else { f64::INFINITY }
+            })
         })
     }
 }
@@ -96,20 +247,23 @@ impl Preintegrated {
             position_g: Matrix::zeros(),
             position_a: Matrix::zeros(),
             covariance: Covariance::zeros(),
+            missed: [Vector::zeros(); 2],
         }
     }
 
     /// What the sensor measures from `from` to `to`, with these biases of gyroscope and accelerometer taken off.
     pub(super) fn new(imu: &ImuRecord<'_>, from: f64, to: f64, biases: &[Vector; 2], noise: &ImuNoise) -> Self {
         let mut sum = Self::none();
-        for (dt, reading) in imu.steps(from, to) {
-            sum.step(dt, &(reading.rate - biases[0]), &(reading.force - biases[1]), noise);
+        let misses = noise.missed.iter().any(|&missed| missed > 0.0);
+        for (k, dt, reading) in imu.steps(from, to) {
+            let missed = if misses { imu.missed(noise, k) } else { [Vector::zeros(); 2] };
+            sum.step(dt, &(reading.rate - biases[0]), &(reading.force - biases[1]), noise, &missed);
         }
         sum.rotation = normalised(&sum.rotation);
         sum
     }
 
-    fn step(&mut self, dt: f64, rate: &Vector, force: &Vector, noise: &ImuNoise) {
+    fn step(&mut self, dt: f64, rate: &Vector, force: &Vector, noise: &ImuNoise, missed: &[Vector; 2]) {
         let turn = rate * dt;
         let half = 0.5 * turn;
         let (whole_turn, half_turn) = (exp(&turn), exp(&half));
@@ -118,7 +272,8 @@ impl Preintegrated {
         let middle = (self.rotation * half_turn).to_rotation_matrix().into_inner();
         let middle_g = half_turn.inverse().to_rotation_matrix() * self.rotation_g - right_jacobian(&half) * (0.5 * dt);
         let (push, turned) = (middle * force, middle * force.cross_matrix());
-        self.propagate(dt, &back, &turned, noise);
+        self.propagate(dt, &back, &turned);
+        self.scatter(dt, &middle, noise, missed);
         let by_rate = turned * middle_g;
         self.position += self.velocity * dt + push * (0.5 * dt * dt);
         self.position_g += self.velocity_g * dt - by_rate * (0.5 * dt * dt);
@@ -131,8 +286,8 @@ impl Preintegrated {
         self.dt += dt;
     }
 
-    /// A P A' + Q over a step: white noise of the rate turns, that of the force is integrated once and twice.
-    fn propagate(&mut self, dt: f64, back: &Matrix, turned: &Matrix, noise: &ImuNoise) {
+    /// A P A' over a step.
+    fn propagate(&mut self, dt: f64, back: &Matrix, turned: &Matrix) {
         let (v, p) = (turned * -dt, turned * (-0.5 * dt * dt));
         // A changes three rows at a time: the whole product would be four times the work.
         let advance = |half: &Covariance| {
@@ -144,17 +299,27 @@ impl Preintegrated {
             next.fixed_view_mut::<3, 9>(6, 0).copy_from(&(position + velocity * dt + p * turn));
             next
         };
-        let mut moved = advance(&advance(&self.covariance).transpose());
-        let (gyro, force) = (noise.gyro * noise.gyro * dt, noise.accelerometer * noise.accelerometer * dt);
+        self.covariance = advance(&advance(&self.covariance).transpose());
+    }
+
+    /// Q of a step: noise of the rate turns, that of the force is integrated once and twice; so is what is missed, of these densities (squared) an axis.
+    fn scatter(&mut self, dt: f64, middle: &Matrix, noise: &ImuNoise, [turned, pushed]: &[Vector; 2]) {
+        let white = |densities: &[f64; 3]| Vector::from(densities.map(|density| density * density));
+        let (rate, force) = ((white(&noise.gyro) + turned) * dt, (white(&noise.accelerometer) + pushed) * dt);
         for axis in 0..3 {
-            let (v, p) = (3 + axis, 6 + axis);
-            moved[(axis, axis)] += gyro;
-            moved[(v, v)] += force;
-            moved[(v, p)] += force * dt / 2.0;
-            moved[(p, v)] += force * dt / 2.0;
-            moved[(p, p)] += force * dt * dt / 3.0;
+            self.covariance[(axis, axis)] += rate[axis];
         }
-        self.covariance = moved;
+        let across = |variances: &Vector| middle * Matrix::from_diagonal(variances) * middle.transpose();
+        let own =
+            if force[0] == force[1] && force[1] == force[2] { Matrix::from_diagonal(&force) } else { across(&force) };
+        for (row, column, share) in [(3, 3, 1.0), (3, 6, 0.5 * dt), (6, 3, 0.5 * dt), (6, 6, dt * dt / 3.0)] {
+            let mut block = self.covariance.fixed_view_mut::<3, 3>(row, column);
+            block += own * share;
+        }
+        self.missed[0] += turned * dt;
+        if pushed.max() > 0.0 {
+            self.missed[1] += across(&(pushed * dt)).diagonal();
+        }
     }
 
     /// Turn, change of velocity and displacement when the biases are these much greater.

@@ -9,7 +9,7 @@ use super::{
     factors::Block,
     rotation::{Vector, log, right_jacobian_inverse},
     start::{rotation, slack},
-    state::{BORDER, Border, BorderError, STATE, State, StateError, part},
+    state::{BORDER, Border, BorderError, State, StateError, part},
     track::{Setting, Track},
 };
 use crate::SignalError;
@@ -68,16 +68,134 @@ impl Share {
     /// The variance of weight one of this group: squares over its redundancy (Foerstner, "Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten", 1979; a fixed point is the maximum of the
     /// restricted likelihood). One where nothing is left over to tell.
     pub(super) fn variance(&self) -> f64 {
-        let redundancy = self.count - self.taken;
+        let redundancy = self.redundancy();
         if redundancy < 1.0 || self.squares <= 0.0 {
             return 1.0;
         }
         (self.squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
     }
+
+    /// What is left over to tell.
+    fn redundancy(&self) -> f64 {
+        (self.count - self.taken).max(0.0)
+    }
+
+    /// The same where a deviation of so many present ones is expected: as if one more residual, which nothing explains, were of that size.
+    fn expecting(&self, ratio: f64) -> f64 {
+        ((self.squares + EXPECTED * ratio * ratio) / (self.redundancy() + EXPECTED))
+            .clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
+    }
 }
 
-/// The groups whose noise is told: gyroscope, accelerometer, position, attitude.
-pub(super) type Shares = [Share; 4];
+/// Sums over residuals whose variance is in part white noise and in part what is missed between readings, of which this is an axis: how much they tell of either and of both together, and by how much they are too great for either.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Split {
+    white: f64,
+    both: f64,
+    missed: f64,
+    white_left: f64,
+    missed_left: f64,
+}
+
+impl Split {
+    fn residual(&mut self, part: f64, square: f64, taken: f64) {
+        let (white, free) = (1.0 - part, 1.0 - taken);
+        self.add(&Self {
+            white: white * white * free,
+            both: white * part * free,
+            missed: part * part * free,
+            white_left: white * (square - free),
+            missed_left: part * (square - free),
+        });
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.white += other.white;
+        self.both += other.both;
+        self.missed += other.missed;
+        self.white_left += other.white_left;
+        self.missed_left += other.missed_left;
+    }
+
+    /// The variance of weight one of white noise alone, as [`Share::variance`].
+    fn variance(&self) -> f64 {
+        Share { squares: self.white_left + self.white, count: self.white, taken: 0.0 }.variance()
+    }
+
+    /// The same where so many residuals of this variance are expected beside it.
+    fn expecting(mut self, variance: f64) -> Self {
+        self.white += ALIKE;
+        self.white_left += ALIKE * (variance - 1.0);
+        self
+    }
+
+    /// The variances of weight one of white noise about three axes of these densities and of what is missed about all of them, by a step of scoring: of one kind alone it is that of [`Split::variance`]. Axes are expected to be alike:
+    /// poses may tell next to nothing of what a good gyroscope misses.
+    fn variances(axes: &[Self; 3], densities: &[f64; 3]) -> ([f64; 3], f64) {
+        let alike = (densities.iter().map(|own| own.ln()).sum::<f64>() / 3.0).exp();
+        let mut axes = *axes;
+        axes.iter_mut().zip(densities).for_each(|(own, density)| *own = own.expecting((alike / density).powi(2)));
+        let all: f64 = axes.iter().map(|own| own.missed).sum();
+        // The missed part's equation once those of the axes are solved.
+        let (mut own, mut left) = (all, axes.iter().map(|own| own.missed_left).sum::<f64>());
+        for axis in &axes {
+            own -= axis.both * axis.both / axis.white;
+            left -= axis.both * axis.white_left / axis.white;
+        }
+        if all < 1.0 || own < 1e-3 * all {
+            return (axes.each_ref().map(Self::variance), 1.0);
+        }
+        let missed = (left / own).clamp(-FARTHEST, FARTHEST);
+        (axes.each_ref().map(|axis| ratio((axis.white_left - axis.both * missed) / axis.white)), ratio(missed))
+    }
+}
+
+/// A variance that is this share greater; a share that would make it negative makes it small.
+fn ratio(share: f64) -> f64 {
+    (1.0 + share).clamp(LEAST_RATIO, GREATEST_CHANGE)
+}
+
+/// What residuals tell of the noise.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Shares {
+    /// Of rates and forces about each axis; without an accelerometer forces are the jerk.
+    inertial: [[Split; 3]; 2],
+    /// Of position and attitude.
+    pose: [Share; 2],
+    /// Of the biases of gyroscope and accelerometer.
+    walk: [Share; 2],
+}
+
+impl Shares {
+    fn add(&mut self, other: &Self) {
+        for (own, other) in self.inertial.as_flattened_mut().iter_mut().zip(other.inertial.as_flattened()) {
+            own.add(other);
+        }
+        let own = self.pose.iter_mut().chain(&mut self.walk);
+        own.zip(other.pose.iter().chain(&other.walk)).for_each(|(own, other)| own.add(other));
+    }
+}
+
+/// Residuals that count for axes being alike.
+const ALIKE: f64 = 3.0;
+
+/// The ratio of variances that is no change any more.
+const SAME: f64 = 1.002;
+
+/// The share of what is known of a variance that is no change any more.
+const UNCERTAIN: f64 = 0.05;
+
+/// The least ratio of a variance to the one before where two kinds are told apart.
+const LEAST_RATIO: f64 = 0.2;
+
+/// How many kinds of noise are told one by one: position and attitude, the walks of both biases.
+pub(super) const SINGLE: usize = 4;
+
+/// The logarithm of a variance's ratio by which it goes ahead at most in a round.
+const FARTHEST: f64 = 1.5;
+
+/// Residuals that what is expected of a walk counts for: few seconds tell nothing of it.
+const EXPECTED: f64 = 1.0;
 
 /// A visitor of nodes, from the last to the first, with their covariances.
 pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
@@ -212,15 +330,16 @@ impl<'a> Problem<'a> {
         Ok(tracks.iter().sum::<f64>() + self.known_cost(&self.border))
     }
 
-    /// Goes down until steps change nothing.
-    pub(super) fn descend(&mut self) -> Result<Descent, SignalError> {
+    /// Goes down until steps change nothing, or by one step where noise changes next.
+    pub(super) fn descend(&mut self, settling: bool) -> Result<Descent, SignalError> {
         let (mut cost, mut damping) = (self.cost_now()?, 0.0);
         if !cost.is_finite() {
             return Err(SignalError::NotFused {
                 problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
             });
         }
-        for steps in 1..=STEPS {
+        let most = if settling { 1 } else { STEPS };
+        for steps in 1..=most {
             let step = self.stepped(damping, State::default(), State::moved)?;
             let border = self.border.moved(&step.border);
             let (found, is_small) = (self.cost(&step.states, &border)?, step.size < SMALL);
@@ -240,7 +359,7 @@ impl<'a> Problem<'a> {
                 return Ok(Descent { steps, converged: true });
             }
         }
-        Ok(Descent { steps: STEPS, converged: false })
+        Ok(Descent { steps: most, converged: false })
     }
 
     /// Visits the nodes of a track with their covariances.
@@ -272,17 +391,17 @@ impl<'a> Problem<'a> {
         self.each(of_track)
     }
 
-    /// What `of` makes of every node of a track and the variances of its error.
+    /// What `of` makes of every node of a track and the covariances of its error.
     pub(super) fn spread<T: Send>(
         &self,
         whole: &Whole,
-        of: impl Fn(usize, usize, &[f64; STATE]) -> T + Sync,
+        of: impl Fn(usize, usize, &Joint) -> T + Sync,
     ) -> Result<Vec<Vec<T>>, Undetermined> {
         let of_track = |at: usize| {
             let mut found = Vec::with_capacity(self.tracks[at].nodes());
             let mut visit = |node: usize, _: &StateError, joint: Option<&Joint>| {
                 let Some(joint) = joint else { return };
-                found.push(of(at, node, &std::array::from_fn(|i| joint.own[(i, i)])));
+                found.push(of(at, node, joint));
             };
             self.visit(at, whole, &mut visit)?;
             found.reverse();
@@ -306,38 +425,80 @@ impl<'a> Problem<'a> {
             let square = block.residual.norm_squared();
             let (_, weight) = self.setting.loss.of(square, 3.0);
             let taken = taken(&block, &given, joint, None, theta);
-            shares[2 + at].add(&Share { squares: weight * square, count: 3.0, taken: weight * taken.sum() });
+            shares.pose[at].add(&Share { squares: weight * square, count: 3.0, taken: weight * taken.sum() });
         }
         let Some(next) = next else { return };
-        let block = track.inertial(node, &self.border, &self.setting);
+        let between = track.between(node, &self.setting);
+        let block = track.inertial(&between, node, &self.border, &self.setting);
         let taken = taken(&block, &given, joint, Some(next), theta);
-        // The first three rows are of the turn, and see the gyroscope's noise alone; those of the motion are of the accelerometer's, or, without one, of the jerk.
-        let moved: Vec<usize> = if track.imu.has_forces() { (3..9).collect() } else { (3..9).chain(12..15).collect() };
-        for (at, rows) in [(0..3).collect(), moved].iter().enumerate() {
-            let squares = rows.iter().map(|&row| block.residual[row].powi(2)).sum();
-            shares[at].add(&Share {
-                squares,
-                count: rows.len() as f64,
-                taken: rows.iter().map(|&row| taken[row]).sum(),
-            });
+        // The first three rows are of the turn, and see the gyroscope's noise alone; those of the motion are of the accelerometer's, or, without one, of the jerk. What is missed between readings has the part of
+        // a residual's variance that it makes.
+        let has_forces = track.imu.has_forces();
+        for axis in 0..3 {
+            let square = |row: usize| block.residual[row].powi(2);
+            let part = |at: usize| between.missed[at][axis] / between.covariance[(3 * at + axis, 3 * at + axis)];
+            let mut split = |which: usize, row: usize, part: f64| {
+                shares.inertial[which][axis].residual(part, square(row), taken[row]);
+            };
+            split(0, axis, part(0));
+            let part = if has_forces { part(1) } else { 0.0 };
+            split(1, 3 + axis, part);
+            split(1, 6 + axis, part);
+            if !has_forces {
+                split(1, 12 + axis, 0.0);
+            }
+            for (which, row) in [9 + axis, 12 + axis].into_iter().enumerate().take(if has_forces { 2 } else { 1 }) {
+                shares.walk[which].add(&Share { squares: square(row), count: 1.0, taken: taken[row] });
+            }
         }
     }
 
-    /// Takes the noise for what residuals say it is. The greatest ratio of a variance to the one before.
-    pub(super) fn take_noise(&mut self, found: &[Shares]) -> f64 {
+    /// Takes the noise for what residuals say it is. The kinds that are told one by one go on as far as the changes of this round and the last, of which the logarithms are `changes`, will come to if they go on shrinking as they do
+    /// (Aitken). The greatest change, in those that are none any more: what is told by few residuals need not be told to the last digit.
+    pub(super) fn take_noise(&mut self, found: &[Shares], changes: &mut [f64; SINGLE]) -> f64 {
         let mut shares = Shares::default();
-        for (sum, at) in shares.iter_mut().zip(0..) {
-            found.iter().for_each(|own| sum.add(&own[at]));
+        found.iter().for_each(|own| shares.add(own));
+        let (has_forces, walks, expected) = (self.has_forces(), self.options.fit_walks, self.options.noise.imu);
+        let BodyNoise { imu, position, attitude, jerk } = &mut self.setting.noise;
+        let mut most: f64 = 0.0;
+        let mut take = |own: &mut f64, variance: f64, told: f64, ahead: Option<usize>| {
+            // A variance that so many residuals tell is known to a share of the root of 2 by their number.
+            most = most.max(variance.ln().abs() / (UNCERTAIN * (2.0 / told.max(1.0)).sqrt()).max(SAME.ln()));
+            let whole = match ahead {
+                Some(kind) => ahead_of(variance.ln(), &mut changes[kind]),
+                None => variance.ln(),
+            };
+            *own *= (0.5 * whole).exp();
+        };
+        let [rate, force] = &shares.inertial;
+        let (white, missed) = Split::variances(rate, &imu.gyro);
+        for ((own, variance), split) in imu.gyro.iter_mut().zip(white).zip(rate) {
+            take(own, variance, split.white + ALIKE, None);
         }
-        let [gyro, accelerometer, position, attitude] = shares.map(|share| share.variance());
-        let has_forces = self.has_forces();
-        let BodyNoise { imu, position: own_position, attitude: own_attitude, jerk } = &mut self.setting.noise;
-        imu.gyro *= gyro.sqrt();
-        *if has_forces { &mut imu.accelerometer } else { jerk } *= accelerometer.sqrt();
-        *own_position *= position.sqrt();
-        *own_attitude *= attitude.sqrt();
-        let variances = [gyro, accelerometer, position, attitude];
-        variances.iter().fold(1.0, |most, own| most.max(*own).max(own.recip()))
+        let told = |axes: &[Split; 3]| axes.iter().map(|own| own.missed).sum();
+        take(&mut imu.missed[0], missed, told(rate), None);
+        if has_forces {
+            let (white, missed) = Split::variances(force, &imu.accelerometer);
+            for ((own, variance), split) in imu.accelerometer.iter_mut().zip(white).zip(force) {
+                take(own, variance, split.white + ALIKE, None);
+            }
+            take(&mut imu.missed[1], missed, told(force), None);
+        } else {
+            let mut all = Split::default();
+            force.iter().for_each(|own| all.add(own));
+            take(jerk, all.variance(), all.white, None);
+        }
+        take(position, shares.pose[0].variance(), shares.pose[0].redundancy(), Some(0));
+        take(attitude, shares.pose[1].variance(), shares.pose[1].redundancy(), Some(1));
+        let own =
+            [(&mut imu.gyro_walk, expected.gyro_walk), (&mut imu.accelerometer_walk, expected.accelerometer_walk)];
+        for (which, (own, expected)) in own.into_iter().enumerate() {
+            if walks[which] && (which == 0 || has_forces) {
+                let variance = shares.walk[which].expecting(expected / *own);
+                take(own, variance, shares.walk[which].redundancy(), Some(2 + which));
+            }
+        }
+        most
     }
 
     /// Whether the poses are late within what was kept clear of the ends of the readings.
@@ -357,6 +518,17 @@ impl<'a> Problem<'a> {
         self.setting.anchor += late;
         self.border.late -= late;
     }
+}
+
+/// How far a change goes if those that follow shrink by the ratio of this one to the last; what went far ahead is no measure of how changes shrink, and the last is zero then.
+fn ahead_of(change: f64, last: &mut f64) -> f64 {
+    if change * *last > 0.0 && change.abs() < last.abs() {
+        let whole = change / (1.0 - change / *last);
+        *last = 0.0;
+        return whole.clamp(-FARTHEST.max(change.abs()), FARTHEST.max(change.abs()));
+    }
+    *last = change;
+    change
 }
 
 /// Covariance of the constants.

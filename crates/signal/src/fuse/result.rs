@@ -1,14 +1,16 @@
 //! What fusion found.
 
+use nalgebra::SMatrix;
+
 use super::{
-    BodyNoise,
-    chain::Undetermined,
+    BodyNoise, ImuNoise,
+    chain::{Joint, Undetermined},
     options::{ImuRecord, Prior},
     preintegration::Preintegrated,
-    problem::Problem,
+    problem::{Covariance, Problem},
     rotation::{Rotation, Vector, exp, log},
     start::rotation,
-    state::{STATE, part},
+    state::{BORDER, STATE, State, StateError, part},
     track::Track,
 };
 
@@ -33,6 +35,12 @@ pub struct BodyState {
     pub acceleration: [f64; 3],
     /// Standard deviations: of the attitude about the axes of the body (rad), position, velocity, bias of the gyroscope, bias of the accelerometer (without one: acceleration).
     pub deviations: [f64; 15],
+    /// Standard deviations of the rate about the axes of the body, rad/s: of the bias, of the reading, and of where between two readings a jump was.
+    pub rate_deviations: [f64; 3],
+    /// Standard deviations of the acceleration in the world, m/s^2: of the attitude, the bias and gravity, and of the reading, of whose window it is the mean.
+    pub acceleration_deviations: [f64; 3],
+    /// The part of the acceleration's variances that the reading does not make.
+    pulled: [f64; 3],
 }
 
 /// An uninterrupted stretch of states, one a pose.
@@ -104,7 +112,8 @@ pub(super) fn fused(
 ) -> Result<Fused, Undetermined> {
     let whole = problem.whole()?;
     let cost = problem.cost_now()?;
-    let states = problem.spread(&whole, |track, node, variances| body_state(problem, track, node, variances))?;
+    let states =
+        problem.spread(&whole, |track, node, joint| body_state(problem, track, node, joint, &whole.covariance))?;
     let tracks = problem.tracks.iter().zip(states).map(|(track, states)| body_track(track, states)).collect();
     let given = problem.given();
     let deviation = |at: usize| if given[at] { 0.0 } else { whole.covariance[(at, at)].sqrt() };
@@ -120,18 +129,21 @@ pub(super) fn fused(
     Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, contradicted, cost, steps, converged })
 }
 
-fn body_state(problem: &Problem<'_>, track: usize, node: usize, variances: &[f64; STATE]) -> BodyState {
+fn body_state(problem: &Problem<'_>, track: usize, node: usize, joint: &Joint, theta: &Covariance) -> BodyState {
     let track = &problem.tracks[track];
     let (state, time) = (&track.states[node], track.time(node, &problem.setting));
-    let reading = track.imu.at(time);
-    let (acceleration, bias) = match track.imu.has_forces() {
-        true => {
-            let force = state.attitude * (reading.force - state.accelerometer);
-            (force + problem.border.gravity, state.accelerometer)
-        }
+    let (reading, has_forces) = (track.imu.at(time), track.imu.has_forces());
+    let force = reading.force - state.accelerometer;
+    let (acceleration, bias) = match has_forces {
+        true => (state.attitude * force + problem.border.gravity, state.accelerometer),
         false => (state.accelerometer, Vector::zeros()),
     };
-    BodyState {
+    let deviations: [f64; STATE] = std::array::from_fn(|i| joint.own[(i, i)].sqrt());
+    let pulled = match has_forces {
+        true => pulled(state, &force, joint, theta, problem),
+        false => Vector::from_fn(|axis, _| joint.own[(part::ACCELEROMETER + axis, part::ACCELEROMETER + axis)]),
+    };
+    let mut own = BodyState {
         time,
         attitude: quaternion(&state.attitude),
         position: state.position.into(),
@@ -140,7 +152,39 @@ fn body_state(problem: &Problem<'_>, track: usize, node: usize, variances: &[f64
         accelerometer_bias: bias.into(),
         rate: (reading.rate - state.gyro).into(),
         acceleration: acceleration.into(),
-        deviations: variances.map(f64::sqrt),
+        deviations,
+        rate_deviations: [0.0; 3],
+        acceleration_deviations: [0.0; 3],
+        pulled: pulled.into(),
+    };
+    own.read_by(&track.imu, &problem.setting.noise.imu);
+    own
+}
+
+/// The variances of the acceleration in the world that errors of attitude, bias and gravity make.
+fn pulled(state: &State, force: &Vector, joint: &Joint, theta: &Covariance, problem: &Problem<'_>) -> Vector {
+    let turn = state.attitude.to_rotation_matrix().into_inner();
+    let mut own = SMatrix::<f64, 3, STATE>::zeros();
+    own.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-turn * force.cross_matrix()));
+    own.fixed_view_mut::<3, 3>(0, part::ACCELEROMETER).copy_from(&-turn);
+    let mut border = SMatrix::<f64, 3, BORDER>::zeros();
+    if !problem.given()[part::GRAVITY] {
+        border.fixed_view_mut::<3, 2>(0, part::GRAVITY).copy_from(&problem.border.gravity_slope());
+    }
+    let crossed = own * joint.with_border * border.transpose();
+    let sum = own * joint.own * own.transpose() + border * theta * border.transpose() + crossed + crossed.transpose();
+    sum.diagonal()
+}
+
+impl BodyState {
+    /// The deviations of what the reading at its instant is a part of.
+    fn read_by(&mut self, imu: &ImuRecord<'_>, noise: &ImuNoise) {
+        let [rate, force] = imu.variances(noise, self.time);
+        let bias = |axis: usize| self.deviations[part::GYRO + axis].powi(2);
+        self.rate_deviations = std::array::from_fn(|axis| (bias(axis) + rate[axis]).sqrt());
+        let turn = rotation(&self.attitude).to_rotation_matrix().into_inner();
+        let read = turn.component_mul(&turn) * force;
+        self.acceleration_deviations = std::array::from_fn(|axis| (self.pulled[axis].max(0.0) + read[axis]).sqrt());
     }
 }
 
@@ -160,8 +204,8 @@ fn body_track(track: &Track<'_>, states: Vec<BodyState>) -> BodyTrack {
 impl BodyTrack {
     /// The state at an instant between the first and the last, `None` outside and where there are fewer than two: the readings carry the state before on, and what they miss of the state after is spread over the time between.
     ///
-    /// `imu` is the record of the run, `gravity` as estimated.
-    pub fn at(&self, imu: &ImuRecord<'_>, gravity: [f64; 3], time: f64) -> Option<BodyState> {
+    /// `imu` is the record of the run, `gravity` and `noise` as estimated. Deviations are those of the states about it, of which none is greater when all is known of both, and what the readings since leave open.
+    pub fn at(&self, imu: &ImuRecord<'_>, gravity: [f64; 3], noise: &BodyNoise, time: f64) -> Option<BodyState> {
         if self.states.len() < 2 {
             return None;
         }
@@ -173,12 +217,16 @@ impl BodyTrack {
         let (from, to) = (&self.states[next.min(last) - 1], &self.states[next.min(last)]);
         let share = (time - from.time) / (to.time - from.time);
         let start = Carried::of(from);
-        let [here, there] = [time, to.time].map(|until| start.carried(imu, gravity.into(), until));
+        let [here, there] = [time, to.time].map(|until| start.carried(imu, gravity.into(), noise, until));
         let missed = Carried::of(to);
         let between = |a: &[f64], b: &[f64], i: usize| a[i] + share * (b[i] - a[i]);
-        let attitude = here.attitude * exp(&(log(&(there.attitude.inverse() * missed.attitude)) * share));
+        // What is missed at the end is spread as the variance is that has grown until then.
+        let turned = here.parts(&there, part::ATTITUDE);
+        let pushed = if imu.has_forces() { here.parts(&there, part::VELOCITY).mean() } else { share };
+        let left = log(&(there.attitude.inverse() * missed.attitude)).component_mul(&turned);
+        let attitude = here.attitude * exp(&left);
         let position = here.position + (missed.position - there.position) * share;
-        let velocity = here.velocity + (missed.velocity - there.velocity) * share;
+        let velocity = here.velocity + (missed.velocity - there.velocity) * pushed;
         let gyro = Vector::from_fn(|i, _| between(&from.gyro_bias, &to.gyro_bias, i));
         let accelerometer = Vector::from_fn(|i, _| between(&from.accelerometer_bias, &to.accelerometer_bias, i));
         let reading = imu.at(time);
@@ -186,7 +234,10 @@ impl BodyTrack {
             true => attitude * (reading.force - accelerometer) + Vector::from(gravity),
             false => Vector::from_fn(|i, _| between(&from.acceleration, &to.acceleration, i)),
         };
-        Some(BodyState {
+        // Of both ends no more than this can be wrong at once; between them the readings leave a bridge open.
+        let open = here.bridge(&there, imu.has_forces(), share);
+        let deviations = std::array::from_fn(|i| between(&from.deviations, &to.deviations, i).hypot(open[i].sqrt()));
+        let mut own = BodyState {
             time,
             attitude: quaternion(&attitude),
             position: position.into(),
@@ -195,8 +246,13 @@ impl BodyTrack {
             accelerometer_bias: accelerometer.into(),
             rate: (reading.rate - gyro).into(),
             acceleration: acceleration.into(),
-            deviations: std::array::from_fn(|i| between(&from.deviations, &to.deviations, i)),
-        })
+            deviations,
+            rate_deviations: [0.0; 3],
+            acceleration_deviations: [0.0; 3],
+            pulled: std::array::from_fn(|i| between(&from.pulled, &to.pulled, i)),
+        };
+        own.read_by(imu, &noise.imu);
+        Some(own)
     }
 }
 
@@ -209,6 +265,8 @@ struct Carried {
     /// In the world, where no force is measured.
     acceleration: Vector,
     biases: [Vector; 2],
+    /// The variances that have grown since: of the attitude about the axes of the body, of position, velocity and, where no force is measured, acceleration, in the world.
+    grown: StateError,
 }
 
 impl Carried {
@@ -220,23 +278,55 @@ impl Carried {
             velocity: state.velocity.into(),
             acceleration: state.acceleration.into(),
             biases: [state.gyro_bias.into(), state.accelerometer_bias.into()],
+            grown: StateError::zeros(),
         }
     }
 
-    fn carried(&self, imu: &ImuRecord<'_>, gravity: Vector, until: f64) -> Self {
-        let noise = BodyNoise::default().imu;
-        let sum = Preintegrated::new(imu, self.time, until, &self.biases, &noise);
+    fn carried(&self, imu: &ImuRecord<'_>, gravity: Vector, noise: &BodyNoise, until: f64) -> Self {
+        let sum = Preintegrated::new(imu, self.time, until, &self.biases, &noise.imu);
+        let (dt, mut grown) = (sum.dt, StateError::zeros());
+        let mut grow = |part: usize, variances: Vector| grown.fixed_rows_mut::<3>(part).copy_from(&variances);
+        let variances = |part: usize| sum.covariance.diagonal().fixed_rows::<3>(part).into_owned();
+        grow(part::ATTITUDE, variances(0));
         // Without forces the readings say how the body turns, and its acceleration stays.
         let (pushed, gained, constant) = match imu.has_forces() {
             true => (self.attitude * sum.position, self.attitude * sum.velocity, gravity),
             false => (Vector::zeros(), Vector::zeros(), self.acceleration),
         };
+        if imu.has_forces() {
+            let turn = self.attitude.to_rotation_matrix().into_inner();
+            let squares = turn.component_mul(&turn);
+            grow(part::POSITION, squares * variances(6));
+            grow(part::VELOCITY, squares * variances(3));
+        } else {
+            let jerk = Vector::repeat(noise.jerk * noise.jerk * dt);
+            grow(part::ACCELEROMETER, jerk);
+            grow(part::VELOCITY, jerk * (dt * dt / 3.0));
+        }
         Self {
             time: until,
             attitude: self.attitude * sum.rotation,
-            position: self.position + self.velocity * sum.dt + constant * (0.5 * sum.dt * sum.dt) + pushed,
-            velocity: self.velocity + constant * sum.dt + gained,
+            position: self.position + self.velocity * dt + constant * (0.5 * dt * dt) + pushed,
+            velocity: self.velocity + constant * dt + gained,
+            grown,
             ..*self
         }
+    }
+
+    /// Which part of what grows until the end has grown here.
+    fn parts(&self, end: &Self, part: usize) -> Vector {
+        let of = |i: usize| if end.grown[i] > 0.0 { (self.grown[i] / end.grown[i]).min(1.0) } else { 0.0 };
+        Vector::from_fn(|axis, _| of(part + axis))
+    }
+
+    /// What is open here when this state and that at the end are known: a bridge of independent increments, or, after this share of the time, that of what such increments are integrated to, the end's miss spread evenly.
+    fn bridge(&self, end: &Self, has_forces: bool, share: f64) -> StateError {
+        let integrated = (share * (1.0 - share)).powi(2);
+        StateError::from_fn(|i, _| match i / 3 * 3 {
+            part::POSITION => integrated * end.grown[i],
+            part::VELOCITY if !has_forces => integrated * end.grown[i],
+            _ if end.grown[i] > self.grown[i] => self.grown[i] * (1.0 - self.grown[i] / end.grown[i]),
+            _ => 0.0,
+        })
     }
 }

@@ -67,10 +67,16 @@ impl Track<'_> {
         Preintegrated::new(&self.imu, from, to, &self.reference, &setting.noise.imu)
     }
 
-    /// The residuals between a node and the next.
-    pub(super) fn inertial(&self, node: usize, border: &Border, setting: &Setting) -> Block<15> {
+    /// The residuals between a node and the next, of what was measured between them.
+    pub(super) fn inertial(
+        &self,
+        between: &Preintegrated,
+        node: usize,
+        border: &Border,
+        setting: &Setting,
+    ) -> Block<15> {
         let states = [&self.states[node], &self.states[node + 1]];
-        inertial(&self.between(node, setting), &self.reference, states, border, &setting.noise, self.imu.has_forces())
+        inertial(between, &self.reference, states, border, &setting.noise, self.imu.has_forces())
     }
 
     /// The residuals of the pose of a node, position and attitude.
@@ -89,7 +95,7 @@ impl Track<'_> {
             block.weighted(setting.loss).push(rows);
         }
         if node + 1 < self.nodes() {
-            self.inertial(node, border, setting).push(rows);
+            self.inertial(&self.between(node, setting), node, border, setting).push(rows);
         }
     }
 

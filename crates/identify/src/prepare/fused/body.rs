@@ -33,8 +33,12 @@ pub struct BodyReport {
     pub gravity_deviation: [f64; 2],
     /// Whether there is an accelerometer. Without one gravity is not felt, and the jerk is taken for white noise.
     pub accelerometer: bool,
-    /// Densities of the noise of rate and force.
-    pub imu_noise: [f64; 2],
+    /// Densities of the noise of rate and force, an axis.
+    pub imu_noise: [[f64; 3]; 2],
+    /// How their biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    pub imu_walk: [f64; 2],
+    /// What rates and forces leave open between two readings, as a factor on where a jump may have been: 1 where it may have been anywhere, 0 where readings are means.
+    pub imu_missed: [f64; 2],
     /// Without an accelerometer: the density of the jerk's noise, m/s^3/sqrt(Hz).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
@@ -86,33 +90,18 @@ impl Poses {
     }
 }
 
-/// Moments of readings: the middle of what each is the mean of.
-pub(super) struct Moments(Option<Vec<f64>>);
-
-impl Moments {
-    pub(super) fn new(rows: &LogRows, average: f64) -> Self {
-        Self((average > 0.0).then(|| rows.times.iter().map(|time| time - 0.5 * average).collect()))
-    }
-
-    /// The readings of a log at these moments.
-    pub(super) fn imu<'a>(&'a self, rows: &'a LogRows) -> ImuRecord<'a> {
-        let forces = rows.vectors.get(1).map_or(&[][..], Vec::as_slice);
-        ImuRecord { times: self.0.as_deref().unwrap_or(&rows.times), rates: &rows.vectors[0], forces }
-    }
+/// The readings of a log, which are means over so many seconds.
+pub(super) fn imu(rows: &LogRows, averages: [f64; 2]) -> ImuRecord<'_> {
+    let forces = rows.vectors.get(1).map_or(&[][..], Vec::as_slice);
+    ImuRecord { times: &rows.times, rates: &rows.vectors[0], forces, averages }
 }
 
 /// Fuses the body of all logs.
-pub(super) fn fused(
-    rows: &[LogRows],
-    moments: &[Moments],
-    poses: &[Poses],
-    sensors: &Sensors,
-    kept: &mut Kept,
-) -> Result<Fused, Error> {
+pub(super) fn fused(rows: &[LogRows], poses: &[Poses], sensors: &Sensors, kept: &mut Kept) -> Result<Fused, Error> {
     let records: Vec<BodyRun<'_>> = (0..rows.len())
         .map(|at| {
             let Poses { stamps, positions, attitudes } = &poses[at];
-            BodyRun { imu: moments[at].imu(&rows[at]), poses: PoseRecord { times: stamps, positions, attitudes } }
+            BodyRun { imu: imu(&rows[at], sensors.averages), poses: PoseRecord { times: stamps, positions, attitudes } }
         })
         .collect();
     let error =
@@ -129,12 +118,13 @@ pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f
     let rows: usize = poses.iter().map(|run| run.stamps.len()).sum();
     let seconds: f64 = poses.iter().filter_map(|run| Some(run.stamps.last()? - run.stamps.first()?)).sum();
     let (period, noise) = (seconds / rows.max(1) as f64, &fused.noise);
+    let least = |axes: &[f64; 3]| axes.iter().copied().fold(f64::INFINITY, f64::min);
     let (spline, force) = match accelerometer {
-        true => (Spline::Cubic, noise.imu.accelerometer),
+        true => (Spline::Cubic, least(&noise.imu.accelerometer)),
         false => (Spline::Quintic, noise.jerk),
     };
     let position = spline.correlation_rows((noise.position / force).powi(2), period, 1.0) * period;
-    position.max(100.0_f64.ln() * noise.attitude / noise.imu.gyro * period.sqrt())
+    position.max(100.0_f64.ln() * noise.attitude / least(&noise.imu.gyro) * period.sqrt())
 }
 
 pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: &Sensors) -> BodyReport {
@@ -163,6 +153,8 @@ pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: 
         accelerometer: sensors.has_forces(),
         jerk: (!sensors.has_forces()).then_some(noise.jerk),
         imu_noise: [noise.imu.gyro, noise.imu.accelerometer],
+        imu_walk: [noise.imu.gyro_walk, noise.imu.accelerometer_walk],
+        imu_missed: noise.imu.missed,
         pose_noise: [noise.position, noise.attitude],
         noise_fitted: sensors.options.fit_noise,
         poses: poses.iter().map(|run| run.stamps.len()).sum(),

@@ -16,8 +16,10 @@ pub(super) struct Sensors {
     pub(super) readings: Vec<String>,
     /// Position and quaternion x, y, z, w.
     pub(super) poses: Vec<String>,
-    /// Seconds before their stamps over which readings and poses are the mean.
-    pub(super) average: [f64; 2],
+    /// Seconds before their stamps over which rates and forces are means.
+    pub(super) averages: [f64; 2],
+    /// The same of poses.
+    pub(super) pose_average: f64,
     pub(super) options: FuseOptions,
 }
 
@@ -81,8 +83,13 @@ pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Res
 impl Sensors {
     /// Reads `[body]` and `[sensor.NAME]`.
     pub(super) fn new(recipe: &Recipe) -> Result<Self, Error> {
-        let mut own =
-            Self { readings: Vec::new(), poses: Vec::new(), average: [0.0; 2], options: FuseOptions::default() };
+        let mut own = Self {
+            readings: Vec::new(),
+            poses: Vec::new(),
+            averages: [0.0; 2],
+            pose_average: 0.0,
+            options: FuseOptions { fit_walks: [true; 2], ..FuseOptions::default() },
+        };
         let (mut forces, mut silent) = (Vec::new(), false);
         for (name, sensor) in recipe.sensor.iter().filter(|(_, sensor)| !sensor.kind.is_of_joint()) {
             let channels = channels(sensor.kind);
@@ -178,15 +185,12 @@ impl Sensors {
             return Err(refused(name, "resolution, bias", "these are of a joint's sensors"));
         }
         let average = seconds(name, "average", sensor.average)?;
-        let own = &mut self.average[usize::from(is_pose)];
-        if !is_pose && *own > 0.0 && *own != average {
-            return Err(refused(
-                name,
-                &format!("average = {average}"),
-                "rate and force are of the same moments: say one window for both",
-            ));
+        match sensor.kind {
+            SensorKind::Pose => self.pose_average = average,
+            SensorKind::Imu => self.averages = [average; 2],
+            SensorKind::Gyro => self.averages[0] = average,
+            _ => self.averages[1] = average,
         }
-        *own = own.max(average);
         let imu = &mut options.noise.imu;
         let (noise, walk) = (sensor.noise.as_deref(), sensor.walk.as_deref());
         match sensor.kind {
@@ -207,26 +211,32 @@ impl Sensors {
             }
             SensorKind::Imu => {
                 if let Some(noise) = noise {
-                    [imu.gyro, imu.accelerometer] = numbers(name, "noise", noise)?;
+                    let [gyro, accelerometer] = numbers(name, "noise", noise)?;
+                    (imu.gyro, imu.accelerometer) = ([gyro; 3], [accelerometer; 3]);
                 }
                 if let Some(walk) = walk {
                     [imu.gyro_walk, imu.accelerometer_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks = [false; 2];
                 }
             }
             SensorKind::Gyro => {
                 if let Some(noise) = noise {
-                    [imu.gyro] = numbers(name, "noise", noise)?;
+                    let [gyro] = numbers(name, "noise", noise)?;
+                    imu.gyro = [gyro; 3];
                 }
                 if let Some(walk) = walk {
                     [imu.gyro_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks[0] = false;
                 }
             }
             SensorKind::Accelerometer => {
                 if let Some(noise) = noise {
-                    [imu.accelerometer] = numbers(name, "noise", noise)?;
+                    let [accelerometer] = numbers(name, "noise", noise)?;
+                    imu.accelerometer = [accelerometer; 3];
                 }
                 if let Some(walk) = walk {
                     [imu.accelerometer_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks[1] = false;
                 }
             }
             SensorKind::Position | SensorKind::Rate => {}

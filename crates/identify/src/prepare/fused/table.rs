@@ -59,7 +59,10 @@ const DEVIATIONS: [&str; 15] = [
     "accelerometer_bias_z",
 ];
 
-/// Those of a body of which no force is measured: of the acceleration in place of the accelerometer's bias.
+/// Those of rates.
+const RATES: [&str; 3] = ["wx", "wy", "wz"];
+
+/// Those of accelerations. Of a body of which no force is measured they stand in place of those of the accelerometer's bias.
 const ACCELERATIONS: [&str; 3] = ["ax", "ay", "az"];
 
 /// Columns of [`STATES`] that such a body has.
@@ -95,8 +98,8 @@ impl Columns {
             write.extend(states.iter().map(|(name, unit)| column((*name).to_owned(), unit)));
             // An angle where the state itself is a quaternion.
             let unit_of = |name: &str| STATES.iter().find(|(own, _)| *own == name).map_or("rad", |(_, unit)| unit);
-            let last = if sensors.has_forces() { &DEVIATIONS[12..] } else { &ACCELERATIONS[..] };
-            let deviations = DEVIATIONS[..12].iter().chain(last);
+            let biases = if sensors.has_forces() { &DEVIATIONS[12..] } else { &[] };
+            let deviations = DEVIATIONS[..12].iter().chain(biases).chain(&ACCELERATIONS).chain(&RATES);
             write.extend(deviations.map(|name| column(format!("{name}_deviation"), unit_of(name))));
         }
         let joints: Vec<JointColumns> = joints
@@ -176,7 +179,7 @@ fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
 pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
     let biases = if has_forces { 3 } else { 0 };
     let row = |own: &BodyState| {
-        let parts: [&[f64]; 9] = [
+        let parts: [&[f64]; 11] = [
             &own.position,
             &own.velocity,
             &own.attitude,
@@ -185,12 +188,15 @@ pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
             &own.acceleration,
             &own.gyro_bias,
             &own.accelerometer_bias[..biases],
-            &own.deviations,
+            &own.deviations[..12 + biases],
+            &own.acceleration_deviations,
+            &own.rate_deviations,
         ];
         parts.concat()
     };
     let rows: Vec<Vec<f64>> = states.iter().map(row).collect();
-    (0..WITHOUT_FORCES + biases + DEVIATIONS.len()).map(|column| rows.iter().map(|row| row[column]).collect()).collect()
+    let width = WITHOUT_FORCES + biases + 12 + biases + ACCELERATIONS.len() + RATES.len();
+    (0..width).map(|column| rows.iter().map(|row| row[column]).collect()).collect()
 }
 
 #[cfg(test)]

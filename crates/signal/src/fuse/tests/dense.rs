@@ -103,7 +103,7 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
                 .unwrap();
             first += nodes;
         }
-        problem.descend().unwrap();
+        problem.descend(false).unwrap();
     }
 }
 
@@ -133,11 +133,11 @@ fn the_solution_is_the_least() {
         ..options()
     };
     let mut problem = problem(&[recording.run()], &options);
-    problem.descend().unwrap();
+    problem.descend(false).unwrap();
     problem.move_nodes();
-    assert!((0..20).any(|_| problem.descend().unwrap().converged));
+    assert!((0..20).any(|_| problem.descend(false).unwrap().converged));
     let whole = problem.whole().unwrap();
-    let spread = problem.spread(&whole, |_, _, variances| *variances).unwrap();
+    let spread = problem.spread(&whole, |_, _, joint| joint.own.diagonal()).unwrap();
     let states: Vec<State> = problem.tracks[0].states.clone();
     let slope = |h: f64, of: &dyn Fn(f64) -> f64| (of(h) - of(-h)) / 2e-4;
     let mut worst: f64 = 0.0;

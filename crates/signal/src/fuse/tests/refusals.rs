@@ -64,7 +64,7 @@ fn a_stretch_that_the_gate_leaves_undetermined_is_dropped() {
     let of = |rows: &[[f64; 3]]| keep.iter().map(|&row| rows[row]).collect::<Vec<_>>();
     let times: Vec<f64> = keep.iter().map(|&row| recording.times[row]).collect();
     let (rates, forces) = (of(run.imu.rates), of(run.imu.forces));
-    let imu = ImuRecord { times: &times, rates: &rates, forces: &forces };
+    let imu = ImuRecord { times: &times, rates: &rates, forces: &forces, averages: [0.0; 2] };
     let given = FuseOptions { offset: OFFSET.into(), ..known() };
     let fused = fuse(&[BodyRun { imu, ..run }], &given).unwrap();
     assert!(fused.converged);
@@ -165,6 +165,6 @@ fn a_track_without_states_has_none_anywhere() {
     let first = fused.tracks[0].states[0];
     for states in [vec![], vec![first]] {
         let track = BodyTrack { states, ..fused.tracks[0].clone() };
-        assert_eq!(track.at(&imu, fused.constants.gravity, first.time), None);
+        assert_eq!(track.at(&imu, fused.constants.gravity, &fused.noise, first.time), None);
     }
 }

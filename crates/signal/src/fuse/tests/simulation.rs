@@ -14,12 +14,8 @@ pub(super) const LEVER: [f64; 3] = [0.07, -0.03, -0.12];
 /// Far from the identity.
 pub(super) const MOUNTING: [f64; 3] = [2.0, -1.5, 0.7];
 pub(super) const OFFSET: f64 = 0.193;
-pub(super) const NOISE: BodyNoise = BodyNoise {
-    imu: ImuNoise { gyro: 1e-3, accelerometer: 1e-2, gyro_walk: 1e-3, accelerometer_walk: 5e-3 },
-    position: 1e-3,
-    attitude: 3e-3,
-    jerk: 10.0,
-};
+pub(super) const NOISE: BodyNoise =
+    BodyNoise { imu: ImuNoise::even(1e-3, 1e-2, 1e-3, 5e-3), position: 1e-3, attitude: 3e-3, jerk: 10.0 };
 
 fn uniform(seed: u64, at: u64) -> f64 {
     (mix(mix(seed).wrapping_add(at)) >> 11) as f64 / (1u64 << 53) as f64
@@ -69,6 +65,17 @@ pub(super) struct Recording {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) attitudes: Vec<[f64; 4]>,
     biases: Vec<[Vector; 2]>,
+    averages: [f64; 2],
+    kicks: Vec<Kick>,
+}
+
+/// A jump of rate and velocity.
+struct Kick {
+    at: f64,
+    /// rad/s about the first axis of the body.
+    turn: f64,
+    /// m/s in the world.
+    push: Vector,
 }
 
 impl Recording {
@@ -83,12 +90,15 @@ impl Recording {
             biases.push(own);
             let white = (normals(seed + 2, row), normals(seed + 3, row));
             let force = attitude(t).inverse() * (acceleration(t) - Vector::from(GRAVITY));
-            rates.push((rate(t) + own[0] + white.0 * (imu.gyro / dt.sqrt())).into());
-            forces.push((force + own[1] + white.1 * (imu.accelerometer / dt.sqrt())).into());
+            rates.push((rate(t) + own[0] + white.0 * (imu.gyro[0] / dt.sqrt())).into());
+            forces.push((force + own[1] + white.1 * (imu.accelerometer[0] / dt.sqrt())).into());
             own[0] += normals(seed + 4, row) * (imu.gyro_walk * dt.sqrt());
             own[1] += normals(seed + 5, row) * (imu.accelerometer_walk * dt.sqrt());
         }
-        let mut recording = Self { times, rates, forces, stamps: vec![], positions: vec![], attitudes: vec![], biases };
+        let (averages, kicks) = ([0.0; 2], vec![]);
+        let empty = (vec![], vec![], vec![]);
+        let (stamps, positions, attitudes) = empty;
+        let mut recording = Self { times, rates, forces, stamps, positions, attitudes, biases, averages, kicks };
         let mounting = exp(&Vector::from(MOUNTING));
         for row in 0..(seconds / 0.01) as u64 - 2 {
             let t = 0.01 * row as f64 + 0.0083;
@@ -101,8 +111,77 @@ impl Recording {
         recording
     }
 
+    /// The same body kicked again and again: it turns about an axis of its own at a rate that jumps at any moment, and its velocity jumps. Rates are of their stamps; forces are means over the time since the last.
+    pub(super) fn kicked(seconds: f64, seed: u64) -> Self {
+        let mut own = Self { averages: [0.0, 0.005], ..Self::new(seconds, seed) };
+        let mut at = 0.0;
+        for number in 0.. {
+            at += 0.02 + 0.1 * uniform(1000 + seed, number);
+            if at > seconds {
+                break;
+            }
+            let size = normals(2000 + seed, number);
+            own.kicks.push(Kick { at, turn: 1.5 * size.x, push: Vector::new(0.0, 0.02 * size.y, 0.05 * size.z) });
+        }
+        let seed = 100 * seed;
+        for (row, &t) in own.times.iter().enumerate() {
+            let (white, [gyro, bias]) =
+                ((normals(seed + 2, row as u64), normals(seed + 3, row as u64)), own.biases[row]);
+            own.rates[row] = (own.rate(t) + gyro + white.0 * (NOISE.imu.gyro[0] / 0.005_f64.sqrt())).into();
+            // The axes of the middle of the window are those of its mean.
+            let (from, middle) = (t - 0.005, own.attitude(t - 0.0025));
+            let steps = (0..50).map(|step| acceleration(from + 1e-4 * (f64::from(step) + 0.5)) / 50.0);
+            let pushes = own.kicks.iter().filter(|kick| from < kick.at && kick.at <= t).map(|kick| kick.push / 0.005);
+            let mean: Vector = steps.chain(pushes).sum();
+            let force = middle.inverse() * (mean - Vector::from(GRAVITY));
+            own.forces[row] = (force + bias + white.1 * (NOISE.imu.accelerometer[0] / 0.005_f64.sqrt())).into();
+        }
+        let mounting = exp(&Vector::from(MOUNTING));
+        for row in 0..own.stamps.len() {
+            let t = own.stamps[row] + OFFSET;
+            let seen = own.attitude(t) * mounting * exp(&(normals(seed + 6, row as u64) * NOISE.attitude));
+            let marker = own.position(t) + own.attitude(t) * Vector::from(LEVER);
+            own.positions[row] = (marker + normals(seed + 7, row as u64) * NOISE.position).into();
+            own.attitudes[row] = [seen.i, seen.j, seen.k, seen.w];
+        }
+        own
+    }
+
+    /// What kicks add up to until now: the angle and its rate, the displacement and its rate.
+    fn kicked_by(&self, t: f64) -> (f64, f64, Vector, Vector) {
+        let before = self.kicks.iter().filter(|kick| kick.at <= t);
+        before.fold((0.0, 0.0, Vector::zeros(), Vector::zeros()), |(angle, rate, place, speed), kick| {
+            let since = t - kick.at;
+            (angle + kick.turn * since, rate + kick.turn, place + kick.push * since, speed + kick.push)
+        })
+    }
+
+    fn attitude(&self, t: f64) -> Rotation {
+        attitude(t) * exp(&Vector::new(self.kicked_by(t).0, 0.0, 0.0))
+    }
+
+    /// In the body.
+    pub(super) fn rate(&self, t: f64) -> Vector {
+        let (angle, kicked, ..) = self.kicked_by(t);
+        exp(&Vector::new(-angle, 0.0, 0.0)) * rate(t) + Vector::new(kicked, 0.0, 0.0)
+    }
+
+    fn position(&self, t: f64) -> Vector {
+        position(t) + self.kicked_by(t).2
+    }
+
+    fn velocity(&self, t: f64) -> Vector {
+        velocity(t) + self.kicked_by(t).3
+    }
+
+    /// The errors of rate and acceleration; the acceleration is that of a body that nobody kicks.
+    pub(super) fn read_error(&self, state: &BodyState) -> [Vector; 2] {
+        let t = state.time;
+        [self.rate(t) - Vector::from(state.rate), acceleration(t) - Vector::from(state.acceleration)]
+    }
+
     pub(super) fn imu(&self) -> ImuRecord<'_> {
-        ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces }
+        ImuRecord { times: &self.times, rates: &self.rates, forces: &self.forces, averages: self.averages }
     }
 
     pub(super) fn run(&self) -> BodyRun<'_> {
@@ -128,9 +207,9 @@ impl Recording {
             a + (b - a) * (at - row as f64)
         };
         let parts = [
-            log(&(rotation(&state.attitude).inverse() * attitude(t))),
-            position(t) - Vector::from(state.position),
-            velocity(t) - Vector::from(state.velocity),
+            log(&(rotation(&state.attitude).inverse() * self.attitude(t))),
+            self.position(t) - Vector::from(state.position),
+            self.velocity(t) - Vector::from(state.velocity),
             bias(0) - Vector::from(state.gyro_bias),
             bias(1) - Vector::from(state.accelerometer_bias),
         ];
