@@ -3,18 +3,18 @@
 //! A node is eliminated by reflectors from the rows that see it, so that R x_i + U x_(i+1) + V theta = z is left of it, and rows on x_(i+1) and theta are carried on (a square-root information
 //! filter: Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapter VI). The rows on theta that the last node leaves are the square root of the Schur complement of the
 //! whole chain: those of several chains are stacked. No normal matrix is formed. The way back keeps the carried rows of every 1024th node and eliminates again between them, so that memory is some
-//! hundred bytes a node.
+//! hundred bytes a node; of short chains what is left of every node is kept.
 
 use fleetfoot_data::checkpoint;
 use nalgebra::SMatrix;
 
 use super::state::{BORDER, BorderError, STATE, StateError};
 
-/// Where the columns of a row begin: a node, the next node, theta, the right side.
+/// Where the columns of a row begin: a node, the next node, the right side, theta.
 pub(super) const NEXT_AT: usize = STATE;
-pub(super) const BORDER_AT: usize = 2 * STATE;
-pub(super) const RIGHT: usize = BORDER_AT + BORDER;
-pub(super) const WIDTH: usize = RIGHT + 1;
+pub(super) const RIGHT: usize = 2 * STATE;
+pub(super) const BORDER_AT: usize = RIGHT + 1;
+pub(super) const WIDTH: usize = BORDER_AT + BORDER;
 
 /// The share of a constant's column that is left when the others have explained what they can, below which rounding is all that is left.
 const DETERMINED: f64 = 1e-9;
@@ -34,6 +34,10 @@ pub(super) struct Chain<'a> {
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
     /// Levenberg and Marquardt's damping, in squares of the columns' norms.
     pub(super) damping: f64,
+    /// Columns of a row that hold anything: fewer than all where theta is given.
+    pub(super) width: usize,
+    /// Whether what is left of every node is kept for the way back.
+    pub(super) keeps_all: bool,
 }
 
 /// Squares of columns before elimination.
@@ -48,6 +52,8 @@ struct Squares {
 pub(super) struct Eliminated {
     /// The carried rows at every 1024th node.
     kept: Vec<Vec<Row>>,
+    /// What is left of every node, where that is kept.
+    heads: Vec<Head>,
     /// What is left on theta.
     pub(super) border: Vec<Row>,
     /// Squares of the columns of theta before elimination.
@@ -70,7 +76,7 @@ pub(super) struct Joint {
 /// Reflects the rows from `first` on, so that each of these columns is zero below a row of its own; the row after the last of these is handed back. A column without entries gets no row.
 ///
 /// The greatest entry of a column is its pivot, and rows that have none in it are left alone, which spares most of the work on rows that are triangular already.
-fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize) -> usize {
+fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, width: usize) -> usize {
     for c in columns {
         let size = |row: &Row| row[c].abs();
         let Some(pivot) = (first..rows.len()).reduce(|a, b| if size(&rows[b]) > size(&rows[a]) { b } else { a }) else {
@@ -90,25 +96,19 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize) -
         let norm = (head[c] * head[c] + tail).sqrt();
         let diagonal = if head[c] > 0.0 { -norm } else { norm };
         let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
+        // What is left of theta sees its right side, which comes before it.
+        let from = if c > RIGHT { RIGHT } else { c + 1 };
         let mut dots = [0.0; WIDTH];
-        for j in c + 1..WIDTH {
-            dots[j] = own * head[j];
-        }
+        let dots = &mut dots[from..width];
+        add(dots, own, &head[from..width]);
         for row in below.iter().filter(|row| row[c] != 0.0) {
-            let factor = row[c];
-            for j in c + 1..WIDTH {
-                dots[j] += factor * row[j];
-            }
+            add(dots, row[c], &row[from..width]);
         }
-        for j in c + 1..WIDTH {
-            dots[j] *= beta;
-            head[j] -= own * dots[j];
-        }
+        dots.iter_mut().for_each(|dot| *dot *= -beta);
+        head[from..width].iter_mut().zip(&*dots).for_each(|(head, dot)| *head += own * dot);
         for row in below.iter_mut().filter(|row| row[c] != 0.0) {
             let factor = row[c];
-            for j in c + 1..WIDTH {
-                row[j] -= factor * dots[j];
-            }
+            add(&mut row[from..width], factor, dots);
             row[c] = 0.0;
         }
         head[c] = diagonal;
@@ -116,9 +116,25 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize) -
     first
 }
 
+/// Adds a multiple of one row to another.
+fn add(to: &mut [f64], factor: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+}
+
+/// Moves the rows that the next node sees, and theta, to the front.
+fn carry(rows: &mut Vec<Row>, left: usize) {
+    for at in STATE..left {
+        let row = &mut rows[at];
+        row.copy_within(NEXT_AT..RIGHT, 0);
+        row[NEXT_AT..RIGHT].fill(0.0);
+        rows.swap(at, at - STATE);
+    }
+    rows.truncate(left - STATE);
+}
+
 impl Chain<'_> {
-    /// Eliminates a node: `rows` are those that were carried to it; the node's own come first afterwards, and those that are carried on are handed back.
-    fn eliminate(&self, node: usize, rows: &mut Vec<Row>, squares: &mut Squares) -> Result<Vec<Row>, Undetermined> {
+    /// Eliminates a node: `rows` are those that were carried to it; the node's own come first afterwards, and then those that are carried on, up to the row that is handed back.
+    fn eliminate(&self, node: usize, rows: &mut Vec<Row>, squares: &mut Squares) -> Result<usize, Undetermined> {
         if node.is_multiple_of(KEPT) {
             checkpoint();
         }
@@ -139,29 +155,28 @@ impl Chain<'_> {
             damp(rows, 0..STATE, self.damping);
         }
         // No number is greater than what is not a number, which is told as undetermined, too.
-        if reduce(rows, 0..STATE, 0) < STATE || !(0..STATE).all(|c| rows[c][c].abs() > REST * own[c].sqrt()) {
+        if reduce(rows, 0..STATE, 0, self.width) < STATE || !(0..STATE).all(|c| rows[c][c].abs() > REST * own[c].sqrt())
+        {
             return Err(Undetermined);
         }
-        let left = reduce(rows, NEXT_AT..RIGHT, STATE);
-        let carried = rows[STATE..left].iter().map(|row| {
-            let mut shifted = [0.0; WIDTH];
-            shifted[..STATE].copy_from_slice(&row[NEXT_AT..BORDER_AT]);
-            shifted[BORDER_AT..].copy_from_slice(&row[BORDER_AT..]);
-            shifted
-        });
-        Ok(carried.collect())
+        let left = reduce(rows, NEXT_AT..RIGHT, STATE, self.width);
+        Ok(reduce(rows, BORDER_AT..self.width, left, self.width))
     }
 
     /// Eliminates all nodes.
     pub(super) fn eliminated(&self) -> Result<Eliminated, Undetermined> {
-        let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), Squares::default());
+        let (mut kept, mut heads, mut rows, mut squares) = (Vec::new(), Vec::new(), Vec::new(), Squares::default());
         for node in 0..self.nodes {
             if node % KEPT == 0 {
                 kept.push(rows.clone());
             }
-            rows = self.eliminate(node, &mut rows, &mut squares)?;
+            let left = self.eliminate(node, &mut rows, &mut squares)?;
+            if self.keeps_all {
+                heads.push(Head::new(&rows));
+            }
+            carry(&mut rows, left);
         }
-        Ok(Eliminated { kept, border: rows, squares: squares.border })
+        Ok(Eliminated { kept, heads, border: rows, squares: squares.border })
     }
 
     /// The nodes' errors from the last to the first, given those of theta; with `covariance`, that of theta, also theirs.
@@ -173,21 +188,29 @@ impl Chain<'_> {
         each: &mut dyn FnMut(usize, &StateError, Option<&Joint>),
     ) -> Result<(), Undetermined> {
         let mut next: Option<(StateError, Option<Joint>)> = None;
-        for (at, start) in eliminated.kept.iter().enumerate().rev() {
-            let first = at * KEPT;
-            let (mut rows, mut heads, mut squares) = (start.clone(), Vec::with_capacity(KEPT), Squares::default());
-            for node in first..(first + KEPT).min(self.nodes) {
-                let carried = self.eliminate(node, &mut rows, &mut squares)?;
-                heads.push(Head::new(&rows));
-                rows = carried;
-            }
+        let mut visit = |first: usize, heads: &[Head]| {
             for (at, head) in heads.iter().enumerate().rev() {
-                let node = first + at;
                 let error = head.error(next.as_ref().map(|(error, _)| error), theta);
                 let joint = covariance.map(|own| head.joint(next.as_ref().and_then(|(_, joint)| joint.as_ref()), own));
-                each(node, &error, joint.as_ref());
+                each(first + at, &error, joint.as_ref());
                 next = Some((error, joint));
             }
+        };
+        if !eliminated.heads.is_empty() {
+            visit(0, &eliminated.heads);
+            return Ok(());
+        }
+        let mut heads = Vec::with_capacity(KEPT);
+        for (at, start) in eliminated.kept.iter().enumerate().rev() {
+            let first = at * KEPT;
+            let (mut rows, mut squares) = (start.clone(), Squares::default());
+            heads.clear();
+            for node in first..(first + KEPT).min(self.nodes) {
+                let left = self.eliminate(node, &mut rows, &mut squares)?;
+                heads.push(Head::new(&rows));
+                carry(&mut rows, left);
+            }
+            visit(first, &heads);
         }
         Ok(())
     }
@@ -224,15 +247,13 @@ impl Head {
     /// R^-1 B.
     fn solve<const N: usize>(&self, b: &SMatrix<f64, STATE, N>) -> SMatrix<f64, STATE, N> {
         let mut x = *b;
-        for i in (0..STATE).rev() {
-            for k in i + 1..STATE {
-                let factor = self.r[(i, k)];
-                for j in 0..N {
-                    x[(i, j)] -= factor * x[(k, j)];
+        for column in &mut x.data.0 {
+            for i in (0..STATE).rev() {
+                column[i] /= self.r[(i, i)];
+                let (above, own) = (&self.r.data.0[i], column[i]);
+                for k in 0..i {
+                    column[k] -= above[k] * own;
                 }
-            }
-            for j in 0..N {
-                x[(i, j)] /= self.r[(i, i)];
             }
         }
         x
@@ -250,17 +271,35 @@ impl Head {
     fn joint(&self, next: Option<&Joint>, theta: &SMatrix<f64, BORDER, BORDER>) -> Joint {
         let b = -self.solve(&self.v);
         let c = self.solve(&SMatrix::<f64, STATE, STATE>::identity());
-        let mut own = b * theta * b.transpose() + c * c.transpose();
-        let (mut with_border, mut with_next) = (b * theta, SMatrix::zeros());
+        let by_theta = product(&b, theta);
+        let mut own = product(&by_theta, &b.transpose()) + product(&c, &c.transpose());
+        let (mut with_border, mut with_next) = (by_theta, SMatrix::zeros());
         if let Some(next) = next {
             let a = -self.solve(&self.u);
-            let crossed = a * next.with_border * b.transpose();
-            own += a * next.own * a.transpose() + crossed + crossed.transpose();
-            with_border += a * next.with_border;
-            with_next = a * next.own + b * next.with_border.transpose();
+            let (by_border, by_next) = (product(&a, &next.with_border), product(&a, &next.own));
+            let crossed = product(&by_border, &b.transpose());
+            own += product(&by_next, &a.transpose()) + crossed + crossed.transpose();
+            with_border += by_border;
+            with_next = by_next + product(&b, &next.with_border.transpose());
         }
         Joint { own: 0.5 * (own + own.transpose()), with_border, with_next }
     }
+}
+
+/// A B, column by column: nalgebra's own product of this size is a call for every column of every column.
+pub(super) fn product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut sum = SMatrix::<f64, R, C>::zeros();
+    for (sum, factors) in sum.data.0.iter_mut().zip(&b.data.0) {
+        for (column, factor) in a.data.0.iter().zip(factors) {
+            for i in 0..R {
+                sum[i] += column[i] * factor;
+            }
+        }
+    }
+    sum
 }
 
 /// Theta and its covariance from rows on it alone, those of several chains and of what is known beforehand; `squares` are those of its columns before elimination.
@@ -270,9 +309,9 @@ pub(super) fn solve_border(
     damping: f64,
 ) -> Result<(BorderError, SMatrix<f64, BORDER, BORDER>), Undetermined> {
     if damping > 0.0 {
-        damp(&mut rows, BORDER_AT..RIGHT, damping);
+        damp(&mut rows, BORDER_AT..WIDTH, damping);
     }
-    if reduce(&mut rows, BORDER_AT..RIGHT, 0) < BORDER {
+    if reduce(&mut rows, BORDER_AT..WIDTH, 0, WIDTH) < BORDER {
         return Err(Undetermined);
     }
     let r = SMatrix::<f64, BORDER, BORDER>::from_fn(|i, j| rows[i][BORDER_AT + j]);

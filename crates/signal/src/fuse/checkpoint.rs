@@ -199,5 +199,6 @@ pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> O
     }
     let mut kept = kept.into_iter();
     problem.tracks.retain(|_| kept.next().unwrap_or(false));
+    problem.sum();
     Some(progress)
 }

@@ -13,7 +13,7 @@ use crate::{Loss, spline::chain::Chain};
 use super::{
     BodyNoise,
     chain::{BORDER_AT, NEXT_AT, RIGHT, Row, WIDTH},
-    preintegration::{Covariance, Preintegrated, Reading},
+    preintegration::{Preintegrated, Reading},
     rotation::{Matrix, Rotation, Vector, exp, log, right_jacobian, right_jacobian_inverse},
     state::{BORDER, Border, STATE, State, part},
 };
@@ -206,22 +206,9 @@ fn turn(
     block.next.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&inverse);
 }
 
-/// The Cholesky factor of the covariance of a motion, which is positive, as its noise is.
-fn root(covariance: &Covariance) -> Covariance {
-    let mut root = *covariance;
-    for i in 0..9 {
-        for j in 0..=i {
-            let known: f64 = (0..j).map(|k| root[(i, k)] * root[(j, k)]).sum();
-            let rest = root[(i, j)] - known;
-            root[(i, j)] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / root[(j, j)] };
-        }
-    }
-    root
-}
-
 /// Divides the first so many rows of the motion by the root of their covariance.
 fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated, rows: usize) {
-    let root = root(&between.covariance);
+    let root = &between.root;
     let gravity = part::GRAVITY..BORDER;
     for i in 0..rows {
         for k in 0..i {
@@ -256,7 +243,7 @@ pub(super) fn inertial_cost(
     noise: &BodyNoise,
     has_forces: bool,
 ) -> f64 {
-    let root = root(&between.covariance);
+    let root = &between.root;
     let left = inertial_residual(between, reference, states, gravity);
     let mut residual: [f64; 9] = std::array::from_fn(|i| left[i / 3][i % 3]);
     let mut sum = 0.0;

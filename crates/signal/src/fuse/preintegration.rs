@@ -31,6 +31,8 @@ pub(super) struct Preintegrated {
     pub(super) position_a: Matrix,
     /// Covariance of the noise of rotation (in the last frame), velocity, position.
     pub(super) covariance: Covariance,
+    /// Its Cholesky factor.
+    pub(super) root: Covariance,
     /// What of the variances of turn and velocity is missed between readings.
     pub(super) missed: [Vector; 2],
 }
@@ -233,6 +235,19 @@ impl ImuRecord<'_> {
     }
 }
 
+/// The Cholesky factor of the covariance of a motion, which is positive, as its noise is.
+fn root(covariance: &Covariance) -> Covariance {
+    let mut root = *covariance;
+    for i in 0..9 {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| root[(i, k)] * root[(j, k)]).sum();
+            let rest = root[(i, j)] - known;
+            root[(i, j)] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / root[(j, j)] };
+        }
+    }
+    root
+}
+
 impl Preintegrated {
     /// Nothing yet.
     fn none() -> Self {
@@ -247,6 +262,7 @@ impl Preintegrated {
             position_g: Matrix::zeros(),
             position_a: Matrix::zeros(),
             covariance: Covariance::zeros(),
+            root: Covariance::zeros(),
             missed: [Vector::zeros(); 2],
         }
     }
@@ -260,6 +276,7 @@ impl Preintegrated {
             sum.step(dt, &(reading.rate - biases[0]), &(reading.force - biases[1]), noise, &missed);
         }
         sum.rotation = normalised(&sum.rotation);
+        sum.root = root(&sum.covariance);
         sum
     }
 

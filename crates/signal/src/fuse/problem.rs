@@ -5,11 +5,11 @@ use nalgebra::SMatrix;
 
 use super::{
     BodyNoise, FuseOptions,
-    chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, solve_border},
+    chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
     factors::Block,
     rotation::{Vector, log, right_jacobian_inverse},
-    start::{rotation, slack},
-    state::{BORDER, Border, BorderError, State, StateError, part},
+    start::{rotation, slack, sum},
+    state::{BORDER, Border, BorderError, STATE, State, StateError, part},
     track::{Setting, Track},
 };
 use crate::SignalError;
@@ -231,7 +231,8 @@ impl<'a> Problem<'a> {
     fn push(&self, track: &Track<'_>, node: usize, rows: &mut Vec<Row>) {
         let before = rows.len();
         track.push(node, &self.border, &self.setting, rows);
-        for at in (0..BORDER).filter(|&at| self.given()[at]) {
+        let given = self.given();
+        for at in (0..BORDER).filter(|&at| given[at]) {
             for row in &mut rows[before..] {
                 row[BORDER_AT + at] = 0.0;
             }
@@ -293,7 +294,8 @@ impl<'a> Problem<'a> {
 
     fn chain<T>(&self, track: &Track<'_>, damping: f64, work: impl FnOnce(&Chain<'_>) -> T) -> T {
         let rows = |node: usize, rows: &mut Vec<Row>| self.push(track, node, rows);
-        work(&Chain { nodes: track.nodes(), rows: &rows, damping })
+        let width = if self.given() == [true; BORDER] { BORDER_AT } else { WIDTH };
+        work(&Chain { nodes: track.nodes(), rows: &rows, damping, width, keeps_all: !track.sums.is_empty() })
     }
 
     /// The step to the least of the linearised problem, and what `of` makes of every node's error.
@@ -498,6 +500,7 @@ impl<'a> Problem<'a> {
                 take(own, variance, shares.walk[which].redundancy(), Some(2 + which));
             }
         }
+        self.sum();
         most
     }
 
@@ -517,6 +520,12 @@ impl<'a> Problem<'a> {
         }
         self.setting.anchor += late;
         self.border.late -= late;
+        self.sum();
+    }
+
+    /// Sums the readings between nodes anew, after nodes or noise changed.
+    pub(super) fn sum(&mut self) {
+        sum(&mut self.tracks, &self.setting);
     }
 }
 
@@ -567,13 +576,15 @@ fn taken<const N: usize>(
     for at in (0..BORDER).filter(|&at| given[at]) {
         border.column_mut(at).fill(0.0);
     }
-    let mut product = block.own * own.own * block.own.transpose() + border * theta * border.transpose();
-    let crossed = block.own * own.with_border * border.transpose();
-    product += crossed + crossed.transpose();
+    // Of A B' with these factors only the diagonal is asked for.
+    let diagonal = |a: SMatrix<f64, N, STATE>, b: &SMatrix<f64, N, STATE>| a.component_mul(b).column_sum();
+    let (by_own, by_border) = (product(&block.own, &own.own), product(&block.own, &own.with_border));
+    let mut taken = diagonal(by_own, &block.own);
+    taken += (product(&border, theta) + by_border * 2.0).component_mul(&border).column_sum();
     if let Some(next) = next {
-        let crossed =
-            block.own * own.with_next * block.next.transpose() + block.next * next.with_border * border.transpose();
-        product += block.next * next.own * block.next.transpose() + crossed + crossed.transpose();
+        let crossed = product(&block.own, &own.with_next) * 2.0 + product(&block.next, &next.own);
+        taken += diagonal(crossed, &block.next);
+        taken += (product(&block.next, &next.with_border) * 2.0).component_mul(&border).column_sum();
     }
-    product.diagonal()
+    taken
 }

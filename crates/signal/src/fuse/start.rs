@@ -8,6 +8,7 @@ use super::{
     track::{Setting, Track},
 };
 use crate::{Lambda, Spline, smooth};
+use fleetfoot_data::{Cancelled, Silent, parallel_map};
 use nalgebra::Quaternion;
 
 /// Median periods of the inertial sensor that make a gap.
@@ -90,6 +91,7 @@ fn track<'a>(at: usize, run: &BodyRun<'a>, rows: std::ops::Range<usize>) -> Trac
         poses: run.poses,
         states: Vec::new(),
         reference: [Vector::zeros(); 2],
+        sums: Vec::new(),
     }
 }
 
@@ -108,6 +110,32 @@ pub(super) fn jerk(tracks: &[Track<'_>], otherwise: f64) -> f64 {
     (0..3).filter_map(of_axis).reduce(f64::max).unwrap_or(otherwise)
 }
 
+/// Poses of all tracks up to which what was measured between them is kept, and what an elimination leaves of them: some 7 KB each.
+pub(super) const SHORT: usize = 16_384;
+
+/// Nodes whose readings are summed at a time.
+const PIECE: usize = 256;
+
+/// Sums the readings between nodes, where there are not too many of these to keep the sums.
+pub(super) fn sum(tracks: &mut [Track<'_>], setting: &Setting) {
+    tracks.iter_mut().for_each(|track| track.sums.clear());
+    if tracks.iter().map(Track::nodes).sum::<usize>() > SHORT {
+        return;
+    }
+    let piece = |(at, track): (usize, &Track<'_>)| (0..track.nodes() - 1).step_by(PIECE).map(move |first| (at, first));
+    let pieces: Vec<(usize, usize)> = tracks.iter().enumerate().flat_map(piece).collect();
+    let found = parallel_map(pieces.len(), &Silent, |piece| {
+        let (at, first) = pieces[piece];
+        let track = &tracks[at];
+        let nodes = first..(first + PIECE).min(track.nodes() - 1);
+        Ok::<_, Cancelled>(nodes.map(|node| track.summed(node, setting)).collect::<Vec<_>>())
+    });
+    // Where a stop is set sums are made when they are needed.
+    for ((at, _), sums) in pieces.iter().zip(found.into_iter().flatten()) {
+        tracks[*at].sums.extend(sums);
+    }
+}
+
 /// Gives every track states that follow from its poses, and hands back the constants to begin with.
 pub(super) fn begin(tracks: &mut [Track<'_>], options: &FuseOptions, setting: &Setting) -> Border {
     let mounting = match options.mounting.deviation.is_finite() {
@@ -118,6 +146,9 @@ pub(super) fn begin(tracks: &mut [Track<'_>], options: &FuseOptions, setting: &S
         Border { lever: options.lever.value.into(), mounting, late: 0.0, gravity: options.gravity.value.into() };
     for track in tracks.iter_mut() {
         track.reference = setting.biases.map(|prior| prior.value);
+    }
+    sum(tracks, setting);
+    for track in tracks.iter_mut() {
         track.states = states(track, &border, setting);
     }
     if options.gravity.deviation.is_infinite() {

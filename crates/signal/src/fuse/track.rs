@@ -11,6 +11,7 @@ use super::{
 };
 use crate::Loss;
 use fleetfoot_data::checkpoint;
+use std::borrow::Cow;
 
 /// What is known of a bias at the start: its value, and its deviation; infinite where nothing is known.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +35,8 @@ pub(super) struct Track<'a> {
     pub(super) states: Vec<State>,
     /// The biases with which readings are summed.
     pub(super) reference: [Vector; 2],
+    /// What was measured between nodes, where that is kept: as long as neither nodes nor noise nor these biases change.
+    pub(super) sums: Vec<Preintegrated>,
 }
 
 /// What all tracks share besides the constants that are estimated.
@@ -62,7 +65,16 @@ impl Track<'_> {
         self.stamps[node] + setting.anchor
     }
 
-    pub(super) fn between(&self, node: usize, setting: &Setting) -> Preintegrated {
+    /// What was measured between a node and the next.
+    pub(super) fn between(&self, node: usize, setting: &Setting) -> Cow<'_, Preintegrated> {
+        match self.sums.get(node) {
+            Some(sum) => Cow::Borrowed(sum),
+            None => Cow::Owned(self.summed(node, setting)),
+        }
+    }
+
+    /// The readings between a node and the next, summed.
+    pub(super) fn summed(&self, node: usize, setting: &Setting) -> Preintegrated {
         let (from, to) = (self.time(node, setting), self.time(node + 1, setting));
         Preintegrated::new(&self.imu, from, to, &self.reference, &setting.noise.imu)
     }

@@ -107,6 +107,25 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
     }
 }
 
+/// Of a long chain nothing is kept but the rows at every 1024th node, and readings are summed again wherever they are needed: to the same bits.
+#[test]
+fn what_is_computed_again_is_what_was_kept() {
+    let recording = Recording::new(11.0, 5);
+    let mut problem = problem(&[recording.run()], &options());
+    let nodes = problem.tracks[0].nodes();
+    assert!(nodes > 1024 && problem.tracks[0].sums.len() == nodes - 1);
+    let of = |problem: &Problem<'_>| {
+        let step = problem.step(1e-9).unwrap();
+        let whole = problem.whole().unwrap();
+        let mut joints = Vec::new();
+        problem.visit(0, &whole, &mut |_, _, joint| joints.extend(joint.map(|joint| joint.own))).unwrap();
+        (step.states, step.border, whole.covariance, joints, problem.cost_now().unwrap())
+    };
+    let kept = of(&problem);
+    problem.tracks[0].sums.clear();
+    assert!(of(&problem) == kept && kept.3.len() == nodes);
+}
+
 /// Damping is what it says: the rows of the squares' norms stacked below, node by node, as the chain adds them, hold the step back and vanish with it.
 #[test]
 fn damping_shortens_the_step() {

@@ -10,7 +10,7 @@ use crate::{
     SignalError,
     fuse::{
         BodyNoise, BodyRun, BodyTrack, FuseOptions, Fused, ImuRecord, PoseRecord, Prior,
-        chain::{Chain, Row, Undetermined},
+        chain::{Chain, Row, Undetermined, WIDTH},
         fuse,
     },
 };
@@ -138,7 +138,9 @@ fn a_chain_of_nan_is_undetermined() {
         track.push(node, &problem.border, &problem.setting, rows);
         rows.iter_mut().filter(|_| node == 5).for_each(|row| row[3] = f64::NAN);
     };
-    assert!(Chain { nodes: track.nodes(), rows: &rows, damping: 0.0 }.eliminated().is_err());
+    assert!(
+        Chain { nodes: track.nodes(), rows: &rows, damping: 0.0, width: WIDTH, keeps_all: false }.eliminated().is_err()
+    );
 }
 
 /// A stop ends the fusion, and a chain by itself: neither answers with what was not computed.
@@ -152,7 +154,7 @@ fn a_stop_ends_fusion() {
     let problem = problem(&[recording.run()], &options());
     let track = &problem.tracks[0];
     let rows = |node: usize, rows: &mut Vec<Row>| track.push(node, &problem.border, &problem.setting, rows);
-    let chain = Chain { nodes: track.nodes(), rows: &rows, damping: 0.0 };
+    let chain = Chain { nodes: track.nodes(), rows: &rows, damping: 0.0, width: WIDTH, keeps_all: false };
     assert_eq!(stoppable(&stop, || chain.eliminated().is_ok()), Err(Cancelled));
     let cost = || track.cost(&track.states, &problem.border, &problem.setting);
     assert_eq!(stoppable(&stop, cost), Err(Cancelled));
