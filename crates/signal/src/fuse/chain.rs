@@ -15,6 +15,8 @@ pub(super) const NEXT_AT: usize = STATE;
 pub(super) const RIGHT: usize = 2 * STATE;
 pub(super) const BORDER_AT: usize = RIGHT + 1;
 pub(super) const WIDTH: usize = BORDER_AT + BORDER;
+/// Columns of a row that is without theta.
+pub(super) const NARROW: usize = BORDER_AT.next_multiple_of(LANES);
 
 /// The share of a constant's column that is left when the others have explained what they can, below which rounding is all that is left.
 const DETERMINED: f64 = 1e-9;
@@ -34,7 +36,7 @@ pub(super) struct Chain<'a> {
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
     /// Levenberg and Marquardt's damping, in squares of the columns' norms.
     pub(super) damping: f64,
-    /// Columns of a row that hold anything: fewer than all where theta is given.
+    /// Columns of a row up to which they hold anything, a multiple of four: fewer than all where theta is given.
     pub(super) width: usize,
     /// Whether what is left of every node is kept for the way back.
     pub(super) keeps_all: bool,
@@ -96,19 +98,19 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, w
         let norm = (head[c] * head[c] + tail).sqrt();
         let diagonal = if head[c] > 0.0 { -norm } else { norm };
         let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
-        // What is left of theta sees its right side, which comes before it.
-        let from = if c > RIGHT { RIGHT } else { c + 1 };
+        // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of four columns: what lies before is zero already.
+        let from = c.min(RIGHT) / LANES * LANES;
         let mut dots = [0.0; WIDTH];
-        let dots = &mut dots[from..width];
-        add(dots, own, &head[from..width]);
+        add(&mut dots, own, head, from..width);
         for row in below.iter().filter(|row| row[c] != 0.0) {
-            add(dots, row[c], &row[from..width]);
+            add(&mut dots, row[c], row, from..width);
         }
-        dots.iter_mut().for_each(|dot| *dot *= -beta);
-        head[from..width].iter_mut().zip(&*dots).for_each(|(head, dot)| *head += own * dot);
+        for dot in &mut dots {
+            *dot *= -beta;
+        }
+        add(head, own, &dots, from..width);
         for row in below.iter_mut().filter(|row| row[c] != 0.0) {
-            let factor = row[c];
-            add(&mut row[from..width], factor, dots);
+            add(row, row[c], &dots, from..width);
             row[c] = 0.0;
         }
         head[c] = diagonal;
@@ -116,9 +118,17 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, w
     first
 }
 
-/// Adds a multiple of one row to another.
-fn add(to: &mut [f64], factor: f64, from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+/// Columns that are worked on at a time.
+const LANES: usize = 4;
+
+/// Adds a multiple of these columns of one row to another, `columns` from a multiple of [`LANES`] to one.
+#[inline]
+fn add(to: &mut Row, factor: f64, from: &Row, columns: std::ops::Range<usize>) {
+    let (to, from) = (to.as_chunks_mut::<LANES>().0, from.as_chunks::<LANES>().0);
+    for at in columns.start / LANES..columns.end / LANES {
+        let ([a, b, c, d], own) = (to[at], from[at]);
+        to[at] = [a + factor * own[0], b + factor * own[1], c + factor * own[2], d + factor * own[3]];
+    }
 }
 
 /// Moves the rows that the next node sees, and theta, to the front.
@@ -236,12 +246,18 @@ struct Head {
 
 impl Head {
     fn new(rows: &[Row]) -> Self {
-        Self {
-            r: SMatrix::from_fn(|i, j| rows[i][j]),
-            u: SMatrix::from_fn(|i, j| rows[i][NEXT_AT + j]),
-            v: SMatrix::from_fn(|i, j| rows[i][BORDER_AT + j]),
-            z: StateError::from_fn(|i, _| rows[i][RIGHT]),
+        let mut own = Self { r: SMatrix::zeros(), u: SMatrix::zeros(), v: SMatrix::zeros(), z: StateError::zeros() };
+        for (i, row) in rows[..STATE].iter().enumerate() {
+            for j in 0..STATE {
+                own.r.data.0[j][i] = row[j];
+                own.u.data.0[j][i] = row[NEXT_AT + j];
+            }
+            for j in 0..BORDER {
+                own.v.data.0[j][i] = row[BORDER_AT + j];
+            }
+            own.z.data.0[0][i] = row[RIGHT];
         }
+        own
     }
 
     /// R^-1 B.

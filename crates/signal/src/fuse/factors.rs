@@ -47,17 +47,22 @@ impl<const N: usize> Block<N> {
 
     /// Rows J d = -r of a least-squares problem.
     pub(super) fn push(&self, rows: &mut Vec<Row>) {
+        let first = rows.len();
+        rows.resize(first + N, [0.0; WIDTH]);
+        let rows = &mut rows[first..];
+        for (j, (own, next)) in self.own.data.0.iter().zip(&self.next.data.0).enumerate() {
+            for i in 0..N {
+                rows[i][j] = own[i];
+                rows[i][NEXT_AT + j] = next[i];
+            }
+        }
+        for (j, column) in self.border.data.0.iter().enumerate() {
+            for i in 0..N {
+                rows[i][BORDER_AT + j] = column[i];
+            }
+        }
         for i in 0..N {
-            let mut row = [0.0; WIDTH];
-            for j in 0..STATE {
-                row[j] = self.own[(i, j)];
-                row[NEXT_AT + j] = self.next[(i, j)];
-            }
-            for j in 0..BORDER {
-                row[BORDER_AT + j] = self.border[(i, j)];
-            }
-            row[RIGHT] = -self.residual[i];
-            rows.push(row);
+            rows[i][RIGHT] = -self.residual[i];
         }
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::SMatrix;
 
 use super::{
     BodyNoise, FuseOptions,
-    chain::{BORDER_AT, Chain, Eliminated, Joint, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
+    chain::{BORDER_AT, Chain, Eliminated, Joint, NARROW, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
     factors::Block,
     rotation::{Vector, log, right_jacobian_inverse},
     start::{rotation, slack, sum},
@@ -294,7 +294,7 @@ impl<'a> Problem<'a> {
 
     fn chain<T>(&self, track: &Track<'_>, damping: f64, work: impl FnOnce(&Chain<'_>) -> T) -> T {
         let rows = |node: usize, rows: &mut Vec<Row>| self.push(track, node, rows);
-        let width = if self.given() == [true; BORDER] { BORDER_AT } else { WIDTH };
+        let width = if self.given() == [true; BORDER] { NARROW } else { WIDTH };
         work(&Chain { nodes: track.nodes(), rows: &rows, damping, width, keeps_all: !track.sums.is_empty() })
     }
 
