@@ -62,7 +62,7 @@ pub fn fuse_joint(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Fused
     options.check()?;
     runs.iter().try_for_each(|run| run.check(options.sensors.len()))?;
     let mut problem = Problem::new(runs, options)?;
-    let (mut rounds, mut converged) = (0, false);
+    let (mut rounds, mut converged, mut last) = (0, false, None);
     while !converged && rounds < ROUNDS {
         rounds += 1;
         let passes = problem.passes()?;
@@ -70,7 +70,10 @@ pub fn fuse_joint(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Fused
         // What is far off is known once the noise nearly is.
         let change = problem.take_noise(&passes);
         let chosen = problem.weigh(&passes, change < 2.0);
-        converged = rounds > 1 && moved < STILL && change < SAME && !chosen;
+        // Where nothing changed at all, another pass over the readings says the same.
+        let rests = moved == 0.0 && change == 1.0 && !chosen;
+        converged = rests || (rounds > 1 && moved < STILL && change < SAME && !chosen);
+        last = rests.then_some(passes);
     }
-    problem.fused(rounds, converged)
+    problem.fused(rounds, converged, last)
 }

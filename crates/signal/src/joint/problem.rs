@@ -377,15 +377,20 @@ impl<'a> Problem<'a> {
         changed
     }
 
-    /// Reads the answer from a problem that came to rest.
-    pub(super) fn fused(mut self, rounds: usize, converged: bool) -> Result<FusedJoint, SignalError> {
+    /// Reads the answer from a problem that came to rest, and from what the last pass over the readings left where nothing changed since.
+    pub(super) fn fused(
+        mut self,
+        rounds: usize,
+        converged: bool,
+        last: Option<Vec<Pass>>,
+    ) -> Result<FusedJoint, SignalError> {
         if self.is_far() {
             return Err(SignalError::NotFused {
                 problem: "a sensor of the joint is stamped later or earlier than another by three deviations of its delay, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give a delay nearer to what it is",
             });
         }
         self.is_rarely_used()?;
-        let passes = self.passes()?;
+        let passes = last.map_or_else(|| self.passes(), Ok)?;
         let covariance = match self.sought.is_empty() {
             true => DMatrix::zeros(0, 0),
             false => self.border(&passes)?.1,

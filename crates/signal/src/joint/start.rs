@@ -6,6 +6,9 @@ use crate::{Lambda, Record, Rejected, SignalError, Spline, Within, align, fuse::
 /// Readings that are enough to begin.
 const ROWS: usize = 20_000;
 
+/// Readings that a curve needs.
+const FEWEST: usize = 5;
+
 /// The share of what a sensor's readings span that is the least noise to begin with.
 const LEAST: f64 = 1e-9;
 
@@ -49,8 +52,11 @@ fn curve(record: &JointRecord<'_>, quantity: Quantity) -> Result<Rejected, Signa
     reject(record.times, record.values, None, spline, Lambda::Likelihood, FAR)
 }
 
-fn alone(record: &JointRecord<'_>, sensor: &JointSensor, smoothed: &Rejected) -> Alone {
-    let smoothed = &smoothed.smoothed;
+/// What a sensor says alone by its curve, or, where nobody asked for that, what is given of it: its density counts for nothing then.
+fn alone(record: &JointRecord<'_>, sensor: &JointSensor, curve: Option<&Rejected>) -> Alone {
+    let Some(Rejected { smoothed, .. }) = curve else {
+        return Alone { noise: sensor.noise.unwrap_or(1.0), density: 1.0 };
+    };
     let ends = |best: fn(f64, f64) -> f64| record.values.iter().copied().reduce(best).unwrap_or(0.0);
     let (low, high) = (ends(f64::min), ends(f64::max));
     let (found, step) = (smoothed.noise.powi(2), sensor.resolution.powi(2) / 12.0);
@@ -76,16 +82,19 @@ pub(super) struct Begin {
 pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Begin, SignalError> {
     let sensors = &options.sensors;
     let records: Vec<JointRecord<'_>> = (0..sensors.len()).map(|at| longest(runs, at)).collect();
-    let each = sensors.iter().zip(&records);
-    let curves: Vec<Rejected> =
-        each.map(|(sensor, record)| curve(record, sensor.quantity)).collect::<Result<_, _>>()?;
-    let alone: Vec<Alone> = (0..sensors.len()).map(|at| alone(&records[at], &sensors[at], &curves[at])).collect();
-    let unit = (0..alone.len()).map(|sensor| period(runs, sensor)).fold(f64::INFINITY, f64::min);
     // A position is known to be there; the one that was read most often, of those whose delay is given, says how the joint moves.
     let readings = |sensor: usize| runs.iter().map(|run| run.records[sensor].values.len()).sum::<usize>();
     let rank = |sensor: usize| (sensors[sensor].delay.deviation == 0.0, readings(sensor));
-    let positions = (0..alone.len()).filter(|&at| sensors[at].quantity == Quantity::Position);
+    let positions = (0..sensors.len()).filter(|&at| sensors[at].quantity == Quantity::Position);
     let main = positions.reduce(|most, own| if rank(own) > rank(most) { own } else { most }).unwrap_or(0);
+    // A curve is sought for noise, and that of the main sensor for the jerk and for delays; records that are too short for one are refused by it.
+    let led = options.jerk.is_none() || sensors.iter().any(|sensor| sensor.delay.deviation > 0.0);
+    let asked = |at: usize| sensors[at].noise.is_none() || (at == main && led) || records[at].times.len() < FEWEST;
+    let curve = |at: usize| asked(at).then(|| curve(&records[at], sensors[at].quantity)).transpose();
+    let curves: Vec<Option<Rejected>> = (0..sensors.len()).map(curve).collect::<Result<_, _>>()?;
+    let alone: Vec<Alone> =
+        (0..sensors.len()).map(|at| alone(&records[at], &sensors[at], curves[at].as_ref())).collect();
+    let unit = (0..alone.len()).map(|sensor| period(runs, sensor)).fold(f64::INFINITY, f64::min);
     let values = records[main].values;
     let centre = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let scale = Scale { origin: 0.0, unit, centre, size: alone[main].noise };
@@ -94,7 +103,10 @@ pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Beg
     let variances = alone.iter().zip(sensors).map(variance).collect();
     let delay = |at: usize| match at == main || sensors[at].delay.deviation == 0.0 {
         true => sensors[at].delay.value,
-        false => delay(&records, &curves[main], sensors, [main, at]).unwrap_or(sensors[at].delay.value),
+        false => curves[main]
+            .as_ref()
+            .and_then(|curve| delay(&records, curve, sensors, [main, at]))
+            .unwrap_or(sensors[at].delay.value),
     };
     Ok(Begin { scale, variances, density, delays: (0..sensors.len()).map(delay).collect() })
 }
