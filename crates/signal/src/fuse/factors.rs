@@ -290,6 +290,25 @@ pub(super) struct Pose {
     pub(super) attitude: Rotation,
 }
 
+/// What is left of a pose, position and attitude, in units of their deviations; `turn` is how the body turns until it is seen.
+pub(super) fn pose_left(
+    measured: &Pose,
+    state: &State,
+    border: &Border,
+    turn: &Rotation,
+    noise: &BodyNoise,
+) -> [Vector; 2] {
+    let attitude = state.attitude * turn;
+    let position = measured.position - state.position - state.velocity * border.late - attitude * border.lever;
+    let angle = log(&(border.mounting.inverse() * attitude.inverse() * measured.attitude));
+    [position / noise.position, angle / noise.attitude]
+}
+
+/// How the body turns from a node until its pose is seen.
+pub(super) fn turn_until_seen(state: &State, border: &Border, reading: &Reading) -> Rotation {
+    exp(&((reading.rate - state.gyro) * border.late))
+}
+
 /// The residuals of a pose: position, then attitude, each in units of its deviation. `reading` is what the inertial sensor says at the node.
 pub(super) fn pose(
     measured: &Pose,
@@ -300,12 +319,12 @@ pub(super) fn pose(
 ) -> [Block<3>; 2] {
     use part::{ATTITUDE, GYRO, LEVER, MOUNTING, OFFSET, POSITION, VELOCITY};
     let (late, lever, rate) = (border.late, &border.lever, reading.rate - state.gyro);
-    let turn = exp(&(rate * late));
+    let turn = turn_until_seen(state, border, reading);
+    let [away, turned_away] = pose_left(measured, state, border, &turn, noise);
     let attitude = state.attitude * turn;
     let matrix = attitude.to_rotation_matrix().into_inner();
     let by_gyro = right_jacobian(&(rate * late)) * late;
     let mut position = Block::<3>::zeros();
-    position.residual = measured.position - state.position - state.velocity * late - attitude * lever;
     let turned = state.attitude.to_rotation_matrix() * (turn * lever).cross_matrix();
     position.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&turned);
     position.own.fixed_view_mut::<3, 3>(0, POSITION).copy_from(&-Matrix::identity());
@@ -315,15 +334,16 @@ pub(super) fn pose(
     position.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-state.velocity - matrix * rate.cross(lever)));
     let mut angle = Block::<3>::zeros();
     let back = border.mounting.inverse();
-    angle.residual = log(&(back * attitude.inverse() * measured.attitude));
-    let inverse = right_jacobian_inverse(&angle.residual).transpose();
+    let inverse = right_jacobian_inverse(&(turned_away * noise.attitude)).transpose();
     let back_matrix = back.to_rotation_matrix();
     let turned = (back * turn.inverse()).to_rotation_matrix().into_inner();
     angle.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&(-inverse * turned));
     angle.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(inverse * back_matrix * by_gyro));
     angle.border.fixed_view_mut::<3, 3>(0, MOUNTING).copy_from(&-inverse);
     angle.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-inverse * (back * rate)));
-    [position.scaled(noise.position.recip()), angle.scaled(noise.attitude.recip())]
+    let mut blocks = [position.scaled(noise.position.recip()), angle.scaled(noise.attitude.recip())];
+    (blocks[0].residual, blocks[1].residual) = (away, turned_away);
+    blocks
 }
 
 impl Block<3> {

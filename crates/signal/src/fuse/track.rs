@@ -3,9 +3,9 @@
 use super::{
     BodyNoise, ImuRecord, PoseRecord,
     chain::{KEPT, RIGHT, Row, WIDTH},
-    factors::{Block, Pose, inertial, inertial_cost, pose},
+    factors::{Block, Pose, inertial, inertial_cost, pose, pose_left, turn_until_seen},
     preintegration::Preintegrated,
-    rotation::{Vector, exp},
+    rotation::{Rotation, Vector, exp},
     start::rotation,
     state::{Border, State, part},
 };
@@ -97,6 +97,15 @@ impl Track<'_> {
         pose(&self.measured(node), state, border, &reading, &setting.noise)
     }
 
+    /// What is left of the pose of a node, position and attitude.
+    fn pose_left(&self, node: usize, state: &State, border: &Border, setting: &Setting) -> [Vector; 2] {
+        let turn = match border.late == 0.0 {
+            true => Rotation::identity(),
+            false => turn_until_seen(state, border, &self.imu.at(self.time(node, setting))),
+        };
+        pose_left(&self.measured(node), state, border, &turn, &setting.noise)
+    }
+
     /// Pushes the rows whose first node is `node`.
     pub(super) fn push(&self, node: usize, border: &Border, setting: &Setting, rows: &mut Vec<Row>) {
         if node == 0 {
@@ -135,9 +144,9 @@ impl Track<'_> {
             if node.is_multiple_of(KEPT) {
                 checkpoint();
             }
-            let blocks = self.pose(node, &states[node], border, setting);
-            let used = blocks.iter().zip(self.used[node]).filter(|(_, used)| *used);
-            sum += used.map(|(block, _)| setting.loss.of(block.residual.norm_squared(), 3.0).0).sum::<f64>();
+            let left = self.pose_left(node, &states[node], border, setting);
+            let used = left.iter().zip(self.used[node]).filter(|(_, used)| *used);
+            sum += used.map(|(left, _)| setting.loss.of(left.norm_squared(), 3.0).0).sum::<f64>();
             if node + 1 < self.nodes() {
                 let pair = [&states[node], &states[node + 1]];
                 let between = self.between(node, setting);
@@ -171,7 +180,7 @@ impl Track<'_> {
     pub(super) fn choose(&mut self, gate: f64, border: &Border, setting: &Setting) -> bool {
         let mut changed = false;
         for node in 0..self.nodes() {
-            let found = self.pose(node, &self.states[node], border, setting).map(|block| block.residual.norm() <= gate);
+            let found = self.pose_left(node, &self.states[node], border, setting).map(|left| left.norm() <= gate);
             changed |= found != self.used[node];
             self.used[node] = found;
         }
