@@ -37,7 +37,7 @@ pub use start::gaps;
 pub(crate) use start::slack;
 
 use checkpoint::Progress;
-use problem::Problem;
+use problem::{Problem, STEPS};
 use track::{BiasPrior, Setting, Track};
 
 use crate::SignalError;
@@ -202,7 +202,9 @@ fn solve(
 
 /// A round. Whether all came to rest.
 fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, SignalError> {
-    let descent = problem.descend(progress.settling)?;
+    // While noise is on its way one step is enough: the next round takes another.
+    let settles = problem.options.fit_noise && !progress.rested;
+    let descent = problem.descend(if settles && progress.round > 0 { 1 } else { STEPS })?;
     progress.steps += descent.steps;
     // Readings between noisy stamps are averages, so that the least depends a little on where between them nodes stand: nodes that do not come to rest are left where they are.
     let late = problem.border.late.abs();
@@ -212,18 +214,20 @@ fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, Sig
         problem.move_nodes();
     }
     let mut change = 0.0;
-    if problem.options.fit_noise {
+    if settles {
         let whole = problem.whole()?;
         let shares = problem.shares(&whole)?;
         change = problem.take_noise(&shares, &mut progress.changes);
-        progress.settling = change >= 1.0;
+        // What follows is to come to rest with noise that stays.
+        progress.rested = change < 1.0 && !progress.moving;
     }
     // What is far off is known once the noise nearly is.
     let mut chosen = false;
     if problem.options.gate > 0.0 && change < NEARLY {
         chosen = choose(problem, &mut progress.contradicted)?;
     }
-    Ok(descent.converged && !progress.moving && !chosen && change < 1.0 && progress.round > 0)
+    progress.rested &= !chosen;
+    Ok(descent.converged && !progress.moving && !chosen && !settles && progress.round > 0)
 }
 
 /// Chooses which poses count. A track that these do not determine any more is dropped, and its poses are added to `contradicted`. Whether the choice changed.

@@ -45,8 +45,8 @@ pub(super) struct Progress {
     pub(super) contradicted: usize,
     /// Logarithms by which the variances of noise changed last.
     pub(super) changes: [f64; SINGLE],
-    /// Whether noise is on its way.
-    pub(super) settling: bool,
+    /// Whether noise stays as it is.
+    pub(super) rested: bool,
 }
 
 impl Progress {
@@ -57,7 +57,7 @@ impl Progress {
         last: f64::INFINITY,
         contradicted: 0,
         changes: [0.0; SINGLE],
-        settling: false,
+        rested: false,
     };
 }
 
@@ -80,12 +80,12 @@ const NODE: usize = 17;
 
 /// Where the problem stands.
 pub(super) fn write(problem: &Problem<'_>, progress: &Progress, digest: u64) -> Vec<u8> {
-    let Progress { round, steps, moving, last, contradicted, changes, settling } = *progress;
+    let Progress { round, steps, moving, last, contradicted, changes, rested } = *progress;
     let (border, setting) = (&problem.border, &problem.setting);
     let noise = &setting.noise;
     let mut words =
         vec![VERSION, f64::from_bits(digest), round as f64, steps as f64, f64::from(u8::from(moving)), last];
-    words.extend([f64::from(u8::from(settling))].iter().chain(&changes));
+    words.extend([f64::from(u8::from(rested))].iter().chain(&changes));
     words.extend([contradicted as f64, setting.anchor, noise.position, noise.attitude, noise.jerk]);
     words.extend(noise.imu.gyro.iter().chain(&noise.imu.accelerometer));
     words.extend([noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
@@ -148,7 +148,7 @@ pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> O
         steps: words.number()?,
         moving: words.next()? > 0.0,
         last: words.next()?,
-        settling: words.next()? > 0.0,
+        rested: words.next()? > 0.0,
         ..Progress::BEGIN
     };
     for change in &mut progress.changes {

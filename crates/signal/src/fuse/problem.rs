@@ -15,7 +15,7 @@ use super::{
 use crate::SignalError;
 
 /// Steps of Gauss and Newton, at most, before the nodes are moved.
-const STEPS: usize = 3;
+pub(super) const STEPS: usize = 3;
 
 /// A step whose every number is less than this changes nothing: rad, m, m/s, rad/s, m/s^2, s.
 const SMALL: f64 = 1e-9;
@@ -332,15 +332,14 @@ impl<'a> Problem<'a> {
         Ok(tracks.iter().sum::<f64>() + self.known_cost(&self.border))
     }
 
-    /// Goes down until steps change nothing, or by one step where noise changes next.
-    pub(super) fn descend(&mut self, settling: bool) -> Result<Descent, SignalError> {
+    /// Goes down until steps change nothing, by so many at most.
+    pub(super) fn descend(&mut self, most: usize) -> Result<Descent, SignalError> {
         let (mut cost, mut damping) = (self.cost_now()?, 0.0);
         if !cost.is_finite() {
             return Err(SignalError::NotFused {
                 problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
             });
         }
-        let most = if settling { 1 } else { STEPS };
         for steps in 1..=most {
             let step = self.stepped(damping, State::default(), State::moved)?;
             let border = self.border.moved(&step.border);

@@ -10,7 +10,7 @@ use nalgebra::Cholesky;
 
 use super::{
     BodyNoise, BodyRun, FuseOptions, Fused, ImuNoise, Prior, fuse,
-    problem::Problem,
+    problem::{Problem, STEPS},
     rotation::{Vector, exp, log},
     start::{self, rotation},
     state::StateError,
@@ -112,7 +112,7 @@ fn errors_are_as_large_as_stated() {
             &FuseOptions { offset: Prior { value: fused.constants.offset.value, ..options.offset }, ..options },
         );
         found.options.offset = options.offset;
-        found.descend(false).unwrap();
+        found.descend(STEPS).unwrap();
         let whole = found.whole().unwrap();
         let states = &fused.tracks[0].states;
         sums.resize(states.len().min(if sums.is_empty() { usize::MAX } else { sums.len() }), [0.0; 6]);

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Loss, SignalError,
-    fuse::{BodyRun, FuseOptions, ImuRecord, Prior, fuse, rotation::Vector, state::StateError},
+    fuse::{BodyRun, FuseOptions, ImuRecord, Prior, fuse, problem::STEPS, rotation::Vector, state::StateError},
 };
 
 /// The run without its forces.
@@ -58,9 +58,9 @@ fn the_solution_without_forces_is_the_least() {
     problem.options.gravity.deviation = 0.0;
     problem.setting.biases[1].deviation = f64::INFINITY;
     problem.setting.noise.jerk = 30.0;
-    problem.descend(false).unwrap();
+    problem.descend(STEPS).unwrap();
     problem.move_nodes();
-    assert!((0..20).any(|_| problem.descend(false).unwrap().converged));
+    assert!((0..20).any(|_| problem.descend(STEPS).unwrap().converged));
     let whole = problem.whole().unwrap();
     let spread = problem.spread(&whole, |_, _, joint| joint.own.diagonal()).unwrap();
     let states = problem.tracks[0].states.clone();

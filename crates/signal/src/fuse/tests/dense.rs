@@ -9,7 +9,7 @@ use super::{
 use crate::fuse::{
     FuseOptions, Prior,
     chain::{BORDER_AT, NEXT_AT, RIGHT, Row},
-    problem::Problem,
+    problem::{Problem, STEPS},
     rotation::{Vector, exp},
     state::{BORDER, BorderError, STATE, State, StateError},
 };
@@ -103,7 +103,7 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
                 .unwrap();
             first += nodes;
         }
-        problem.descend(false).unwrap();
+        problem.descend(STEPS).unwrap();
     }
 }
 
@@ -152,9 +152,9 @@ fn the_solution_is_the_least() {
         ..options()
     };
     let mut problem = problem(&[recording.run()], &options);
-    problem.descend(false).unwrap();
+    problem.descend(STEPS).unwrap();
     problem.move_nodes();
-    assert!((0..20).any(|_| problem.descend(false).unwrap().converged));
+    assert!((0..20).any(|_| problem.descend(STEPS).unwrap().converged));
     let whole = problem.whole().unwrap();
     let spread = problem.spread(&whole, |_, _, joint| joint.own.diagonal()).unwrap();
     let states: Vec<State> = problem.tracks[0].states.clone();
