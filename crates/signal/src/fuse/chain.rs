@@ -87,9 +87,13 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, w
         if rows[pivot][c] == 0.0 {
             continue;
         }
-        rows.swap(first, pivot);
+        // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of four columns: what lies before is zero already.
+        let from = c.min(RIGHT) / LANES * LANES;
         let (done, below) = rows.split_at_mut(first + 1);
         let head = &mut done[first];
+        if pivot > first {
+            head[from..width].swap_with_slice(&mut below[pivot - first - 1][from..width]);
+        }
         let tail: f64 = below.iter().map(|row| row[c] * row[c]).sum();
         first += 1;
         if tail == 0.0 {
@@ -98,8 +102,6 @@ fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, w
         let norm = (head[c] * head[c] + tail).sqrt();
         let diagonal = if head[c] > 0.0 { -norm } else { norm };
         let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
-        // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of four columns: what lies before is zero already.
-        let from = c.min(RIGHT) / LANES * LANES;
         let mut dots = [0.0; WIDTH];
         add(&mut dots, own, head, from..width);
         for row in below.iter().filter(|row| row[c] != 0.0) {
@@ -134,10 +136,11 @@ fn add(to: &mut Row, factor: f64, from: &Row, columns: std::ops::Range<usize>) {
 /// Moves the rows that the next node sees, and theta, to the front.
 fn carry(rows: &mut Vec<Row>, left: usize) {
     for at in STATE..left {
-        let row = &mut rows[at];
-        row.copy_within(NEXT_AT..RIGHT, 0);
-        row[NEXT_AT..RIGHT].fill(0.0);
-        rows.swap(at, at - STATE);
+        let (before, row) = rows.split_at_mut(at);
+        let (to, row) = (&mut before[at - STATE], &row[0]);
+        to[..STATE].copy_from_slice(&row[NEXT_AT..RIGHT]);
+        to[NEXT_AT..RIGHT].fill(0.0);
+        to[RIGHT..].copy_from_slice(&row[RIGHT..]);
     }
     rows.truncate(left - STATE);
 }

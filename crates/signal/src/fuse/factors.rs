@@ -36,13 +36,12 @@ impl<const N: usize> Block<N> {
         Self { residual: SVector::zeros(), own: SMatrix::zeros(), next: SMatrix::zeros(), border: SMatrix::zeros() }
     }
 
-    /// The block times a number.
-    fn scaled(mut self, scale: f64) -> Self {
+    /// Takes the block times a number.
+    fn scale(&mut self, scale: f64) {
         self.residual *= scale;
         self.own *= scale;
         self.next *= scale;
         self.border *= scale;
-        self
     }
 
     /// Rows J d = -r of a least-squares problem.
@@ -214,29 +213,22 @@ fn turn(
 /// Divides the first so many rows of the motion by the root of their covariance.
 fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated, rows: usize) {
     let root = &between.root;
-    let gravity = part::GRAVITY..BORDER;
-    for i in 0..rows {
-        for k in 0..i {
-            let factor = root[(i, k)];
-            block.residual[i] -= factor * block.residual[k];
-            for j in 0..STATE {
-                block.own[(i, j)] -= factor * block.own[(k, j)];
-                block.next[(i, j)] -= factor * block.next[(k, j)];
-            }
-            for j in gravity.clone() {
-                block.border[(i, j)] -= factor * block.border[(k, j)];
+    let scales: [f64; 9] = std::array::from_fn(|i| root[(i, i)].recip());
+    let forward = |column: &mut [f64; INERTIAL]| {
+        if column[..rows].iter().all(|entry| *entry == 0.0) {
+            return;
+        }
+        for i in 0..rows {
+            column[i] *= scales[i];
+            for k in i + 1..rows {
+                column[k] -= root[(k, i)] * column[i];
             }
         }
-        let scale = root[(i, i)].recip();
-        block.residual[i] *= scale;
-        for j in 0..STATE {
-            block.own[(i, j)] *= scale;
-            block.next[(i, j)] *= scale;
-        }
-        for j in gravity.clone() {
-            block.border[(i, j)] *= scale;
-        }
-    }
+    };
+    block.residual.data.0.iter_mut().for_each(forward);
+    block.own.data.0.iter_mut().for_each(forward);
+    block.next.data.0.iter_mut().for_each(forward);
+    block.border.data.0[part::GRAVITY..].iter_mut().for_each(forward);
 }
 
 /// The sum of squares of [`inertial`], without slopes.
@@ -341,16 +333,19 @@ pub(super) fn pose(
     angle.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(inverse * back_matrix * by_gyro));
     angle.border.fixed_view_mut::<3, 3>(0, MOUNTING).copy_from(&-inverse);
     angle.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-inverse * (back * rate)));
-    let mut blocks = [position.scaled(noise.position.recip()), angle.scaled(noise.attitude.recip())];
-    (blocks[0].residual, blocks[1].residual) = (away, turned_away);
-    blocks
+    position.scale(noise.position.recip());
+    angle.scale(noise.attitude.recip());
+    (position.residual, angle.residual) = (away, turned_away);
+    [position, angle]
 }
 
 impl Block<3> {
-    /// The block as it counts under a loss.
-    pub(super) fn weighted(self, loss: Loss) -> Self {
+    /// Weighs the block as it counts under a loss.
+    pub(super) fn weigh(&mut self, loss: Loss) {
         let (_, weight) = loss.of(self.residual.norm_squared(), 3.0);
-        if weight == 1.0 { self } else { self.scaled(weight.sqrt()) }
+        if weight != 1.0 {
+            self.scale(weight.sqrt());
+        }
     }
 }
 

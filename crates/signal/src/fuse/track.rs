@@ -111,9 +111,10 @@ impl Track<'_> {
         if node == 0 {
             self.push_biases(setting, rows);
         }
-        let blocks = self.pose(node, &self.states[node], border, setting);
-        for (block, _) in blocks.into_iter().zip(self.used[node]).filter(|(_, used)| *used) {
-            block.weighted(setting.loss).push(rows);
+        let mut blocks = self.pose(node, &self.states[node], border, setting);
+        for (block, _) in blocks.iter_mut().zip(self.used[node]).filter(|(_, used)| *used) {
+            block.weigh(setting.loss);
+            block.push(rows);
         }
         if node + 1 < self.nodes() {
             self.inertial(&self.between(node, setting), node, border, setting).push(rows);
