@@ -286,10 +286,7 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
     let (seconds, fused) = with_threads(1, || best_of(3, run));
     let fused: FusedJoint = fused?;
     println!("\na joint of {} readings, noise and jerk given", times.len());
-    println!(
-        "fleetfoot          {seconds:>9.4} s  {} passes and the states, the begin from a spline included",
-        fused.rounds
-    );
+    println!("fleetfoot          {seconds:>9.4} s  passes and the states: {}", fused.rounds + 1);
     write_f64(&folder.join("values.f64"), &values)?;
     write_f64(&folder.join("noise.f64"), &[1e-3, noise, jerk])?;
     match peer("fusion.py", &[folder, Path::new("filterpy")]) {
