@@ -18,6 +18,7 @@
 mod chain;
 mod checkpoint;
 mod factors;
+mod noise;
 mod options;
 mod preintegration;
 mod problem;

@@ -5,7 +5,8 @@ use nalgebra::Quaternion;
 
 use super::{
     BodyRun, FuseOptions, ImuNoise,
-    problem::{Problem, SINGLE},
+    noise::SINGLE,
+    problem::Problem,
     rotation::{Rotation, Vector},
     state::State,
 };

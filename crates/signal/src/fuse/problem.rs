@@ -1,12 +1,13 @@
-//! The whole problem: all tracks and the constants that they share, Gauss and Newton's steps with Levenberg's damping, covariances, and what residuals say of the noise.
+//! The whole problem: all tracks and the constants that they share, Gauss and Newton's steps with Levenberg's damping, and covariances.
 
 use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
 use nalgebra::SMatrix;
 
 use super::{
-    BodyNoise, FuseOptions,
+    FuseOptions,
     chain::{BORDER_AT, Chain, Eliminated, Joint, NARROW, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
     factors::Block,
+    noise::{SINGLE, Share, Shares, Sought},
     rotation::{Vector, log, right_jacobian_inverse},
     start::{rotation, slack, sum},
     state::{BORDER, Border, BorderError, STATE, State, StateError, part},
@@ -22,9 +23,6 @@ const SMALL: f64 = 1e-9;
 
 /// The damping that follows a step that did not go down.
 const FIRST_DAMPING: f64 = 1e-6;
-
-/// Squares of deviations by which noise changes at most between two rounds.
-const GREATEST_CHANGE: f64 = 1e4;
 
 /// The problem and where it is at present.
 pub(super) struct Problem<'a> {
@@ -49,153 +47,6 @@ pub(super) struct Descent {
     pub(super) steps: usize,
     pub(super) converged: bool,
 }
-
-/// Sums over a group of residuals: squares as they count, how many, and the trace of what the unknowns took of them.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Share {
-    pub(super) squares: f64,
-    pub(super) count: f64,
-    pub(super) taken: f64,
-}
-
-impl Share {
-    fn add(&mut self, other: &Self) {
-        self.squares += other.squares;
-        self.count += other.count;
-        self.taken += other.taken;
-    }
-
-    /// The variance of weight one of this group: squares over its redundancy (Foerstner, "Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten", 1979; a fixed point is the maximum of the
-    /// restricted likelihood). One where nothing is left over to tell.
-    pub(super) fn variance(&self) -> f64 {
-        let redundancy = self.redundancy();
-        if redundancy < 1.0 || self.squares <= 0.0 {
-            return 1.0;
-        }
-        (self.squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
-    }
-
-    /// What is left over to tell.
-    fn redundancy(&self) -> f64 {
-        (self.count - self.taken).max(0.0)
-    }
-
-    /// The same where a deviation of so many present ones is expected: as if one more residual, which nothing explains, were of that size.
-    fn expecting(&self, ratio: f64) -> f64 {
-        ((self.squares + EXPECTED * ratio * ratio) / (self.redundancy() + EXPECTED))
-            .clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
-    }
-}
-
-/// Sums over residuals whose variance is in part white noise and in part what is missed between readings, of which this is an axis: how much they tell of either and of both together, and by how much they are too great for either.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Split {
-    white: f64,
-    both: f64,
-    missed: f64,
-    white_left: f64,
-    missed_left: f64,
-}
-
-impl Split {
-    fn residual(&mut self, part: f64, square: f64, taken: f64) {
-        let (white, free) = (1.0 - part, 1.0 - taken);
-        self.add(&Self {
-            white: white * white * free,
-            both: white * part * free,
-            missed: part * part * free,
-            white_left: white * (square - free),
-            missed_left: part * (square - free),
-        });
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.white += other.white;
-        self.both += other.both;
-        self.missed += other.missed;
-        self.white_left += other.white_left;
-        self.missed_left += other.missed_left;
-    }
-
-    /// The variance of weight one of white noise alone, as [`Share::variance`].
-    fn variance(&self) -> f64 {
-        Share { squares: self.white_left + self.white, count: self.white, taken: 0.0 }.variance()
-    }
-
-    /// The same where so many residuals of this variance are expected beside it.
-    fn expecting(mut self, variance: f64) -> Self {
-        self.white += ALIKE;
-        self.white_left += ALIKE * (variance - 1.0);
-        self
-    }
-
-    /// The variances of weight one of white noise about three axes of these densities and of what is missed about all of them, by a step of scoring: of one kind alone it is that of [`Split::variance`]. Axes are expected to be alike:
-    /// poses may tell next to nothing of what a good gyroscope misses.
-    fn variances(axes: &[Self; 3], densities: &[f64; 3]) -> ([f64; 3], f64) {
-        let alike = (densities.iter().map(|own| own.ln()).sum::<f64>() / 3.0).exp();
-        let mut axes = *axes;
-        axes.iter_mut().zip(densities).for_each(|(own, density)| *own = own.expecting((alike / density).powi(2)));
-        let all: f64 = axes.iter().map(|own| own.missed).sum();
-        // The missed part's equation once those of the axes are solved.
-        let (mut own, mut left) = (all, axes.iter().map(|own| own.missed_left).sum::<f64>());
-        for axis in &axes {
-            own -= axis.both * axis.both / axis.white;
-            left -= axis.both * axis.white_left / axis.white;
-        }
-        if all < 1.0 || own < 1e-3 * all {
-            return (axes.each_ref().map(Self::variance), 1.0);
-        }
-        let missed = (left / own).clamp(-FARTHEST, FARTHEST);
-        (axes.each_ref().map(|axis| ratio((axis.white_left - axis.both * missed) / axis.white)), ratio(missed))
-    }
-}
-
-/// A variance that is this share greater; a share that would make it negative makes it small.
-fn ratio(share: f64) -> f64 {
-    (1.0 + share).clamp(LEAST_RATIO, GREATEST_CHANGE)
-}
-
-/// What residuals tell of the noise.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Shares {
-    /// Of rates and forces about each axis; without an accelerometer forces are the jerk.
-    inertial: [[Split; 3]; 2],
-    /// Of position and attitude.
-    pose: [Share; 2],
-    /// Of the biases of gyroscope and accelerometer.
-    walk: [Share; 2],
-}
-
-impl Shares {
-    fn add(&mut self, other: &Self) {
-        for (own, other) in self.inertial.as_flattened_mut().iter_mut().zip(other.inertial.as_flattened()) {
-            own.add(other);
-        }
-        let own = self.pose.iter_mut().chain(&mut self.walk);
-        own.zip(other.pose.iter().chain(&other.walk)).for_each(|(own, other)| own.add(other));
-    }
-}
-
-/// Residuals that count for axes being alike.
-const ALIKE: f64 = 3.0;
-
-/// The ratio of variances that is no change any more.
-const SAME: f64 = 1.002;
-
-/// The share of what is known of a variance that is no change any more.
-const UNCERTAIN: f64 = 0.05;
-
-/// The least ratio of a variance to the one before where two kinds are told apart.
-const LEAST_RATIO: f64 = 0.2;
-
-/// How many kinds of noise are told one by one: position and attitude, the walks of both biases.
-pub(super) const SINGLE: usize = 4;
-
-/// The logarithm of a variance's ratio by which it goes ahead at most in a round.
-const FARTHEST: f64 = 1.5;
-
-/// Residuals that what is expected of a walk counts for: few seconds tell nothing of it.
-const EXPECTED: f64 = 1.0;
 
 /// A visitor of nodes, from the last to the first, with their covariances.
 pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
@@ -454,53 +305,15 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Takes the noise for what residuals say it is. The kinds that are told one by one go on as far as the changes of this round and the last, of which the logarithms are `changes`, will come to if they go on shrinking as they do
-    /// (Aitken). The greatest change, in those that are none any more: what is told by few residuals need not be told to the last digit.
+    /// Takes the noise for what residuals say it is; see [`Shares::take`].
     pub(super) fn take_noise(&mut self, found: &[Shares], changes: &mut [f64; SINGLE]) -> f64 {
         let mut shares = Shares::default();
         found.iter().for_each(|own| shares.add(own));
-        let (has_forces, walks, expected) = (self.has_forces(), self.options.fit_walks, self.options.noise.imu);
-        let BodyNoise { imu, position, attitude, jerk } = &mut self.setting.noise;
-        let mut most: f64 = 0.0;
-        let mut take = |own: &mut f64, variance: f64, told: f64, ahead: Option<usize>| {
-            // A variance that so many residuals tell is known to a share of the root of 2 by their number.
-            most = most.max(variance.ln().abs() / (UNCERTAIN * (2.0 / told.max(1.0)).sqrt()).max(SAME.ln()));
-            let whole = match ahead {
-                Some(kind) => ahead_of(variance.ln(), &mut changes[kind]),
-                None => variance.ln(),
-            };
-            *own *= (0.5 * whole).exp();
-        };
-        let [rate, force] = &shares.inertial;
-        let (white, missed) = Split::variances(rate, &imu.gyro);
-        for ((own, variance), split) in imu.gyro.iter_mut().zip(white).zip(rate) {
-            take(own, variance, split.white + ALIKE, None);
-        }
-        let told = |axes: &[Split; 3]| axes.iter().map(|own| own.missed).sum();
-        take(&mut imu.missed[0], missed, told(rate), None);
-        if has_forces {
-            let (white, missed) = Split::variances(force, &imu.accelerometer);
-            for ((own, variance), split) in imu.accelerometer.iter_mut().zip(white).zip(force) {
-                take(own, variance, split.white + ALIKE, None);
-            }
-            take(&mut imu.missed[1], missed, told(force), None);
-        } else {
-            let mut all = Split::default();
-            force.iter().for_each(|own| all.add(own));
-            take(jerk, all.variance(), all.white, None);
-        }
-        take(position, shares.pose[0].variance(), shares.pose[0].redundancy(), Some(0));
-        take(attitude, shares.pose[1].variance(), shares.pose[1].redundancy(), Some(1));
-        let own =
-            [(&mut imu.gyro_walk, expected.gyro_walk), (&mut imu.accelerometer_walk, expected.accelerometer_walk)];
-        for (which, (own, expected)) in own.into_iter().enumerate() {
-            if walks[which] && (which == 0 || has_forces) {
-                let variance = shares.walk[which].expecting(expected / *own);
-                take(own, variance, shares.walk[which].redundancy(), Some(2 + which));
-            }
-        }
+        let FuseOptions { fit_walks: walks, noise: expected, .. } = &self.options;
+        let sought = Sought { has_forces: self.has_forces(), walks: *walks, expected: expected.imu };
+        let change = shares.take(&mut self.setting.noise, &sought, changes);
         self.sum();
-        most
+        change
     }
 
     /// Whether the poses are late within what was kept clear of the ends of the readings.
@@ -526,17 +339,6 @@ impl<'a> Problem<'a> {
     pub(super) fn sum(&mut self) {
         sum(&mut self.tracks, &self.setting);
     }
-}
-
-/// How far a change goes if those that follow shrink by the ratio of this one to the last; what went far ahead is no measure of how changes shrink, and the last is zero then.
-fn ahead_of(change: f64, last: &mut f64) -> f64 {
-    if change * *last > 0.0 && change.abs() < last.abs() {
-        let whole = change / (1.0 - change / *last);
-        *last = 0.0;
-        return whole.clamp(-FARTHEST.max(change.abs()), FARTHEST.max(change.abs()));
-    }
-    *last = change;
-    change
 }
 
 /// Covariance of the constants.
