@@ -22,11 +22,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod asked;
+pub(crate) mod asked;
 mod error;
 mod gains;
 mod lqr;
-mod pieces;
 mod setpoint;
 
 pub use error::ControlError;

@@ -156,6 +156,9 @@ pub enum Error {
     /// A regulator cannot be made for the model.
     #[error(transparent)]
     Control(#[from] crate::control::ControlError),
+    /// A filter cannot be made of the model.
+    #[error(transparent)]
+    Filter(#[from] crate::filter::FilterError),
     /// A controller's parameter cannot be used.
     #[error("the controller's {0}")]
     Parameter(#[from] crate::parameter_error::ParameterError),

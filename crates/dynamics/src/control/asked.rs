@@ -3,7 +3,8 @@
 use fleetfoot_data::nearest;
 use fleetfoot_model::Model;
 
-use super::{ControlError, LqrOptions, Named, gains::Weights, pieces::Pieces};
+use super::{ControlError, LqrOptions, Named, gains::Weights};
+use crate::pieces::Pieces;
 
 /// Periods may differ by this share.
 const SAME_PERIOD: f64 = 1e-9;
@@ -87,7 +88,7 @@ pub(super) fn weights(
 }
 
 /// Refuses what is no number.
-pub(super) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), ControlError> {
+pub(crate) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), ControlError> {
     if value.is_finite() {
         return Ok(());
     }
@@ -95,7 +96,7 @@ pub(super) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), Con
 }
 
 /// The place of a name.
-pub(super) fn find(of: &'static str, kind: &'static str, name: &str, known: &[&String]) -> Result<usize, ControlError> {
+pub(crate) fn find(of: &'static str, kind: &'static str, name: &str, known: &[&String]) -> Result<usize, ControlError> {
     known.iter().position(|own| *own == name).ok_or_else(|| {
         let names = || known.iter().map(|name| name.as_str());
         let similar = nearest(name, names());

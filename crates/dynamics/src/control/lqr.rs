@@ -1,19 +1,19 @@
 //! The linear-quadratic regulator of a model about a set point, a law for each region.
 
 use faer::Mat;
-use fleetfoot_model::Model;
+use fleetfoot_model::{Model, Rule};
 
 use super::{
     ControlError,
     asked::{find, finite, indices, period, weights},
     gains::{Gains, Weights},
-    pieces::{Affine, Pieces},
     setpoint::{AT_REST, Rest, Wanted, rest},
 };
 use crate::{
     Error,
     controller::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator},
     linear::Mode,
+    pieces::{Affine, Pieces},
 };
 
 /// A Riccati equation that is solved no better than this has no solution that can be trusted.
@@ -132,6 +132,10 @@ struct Design<'a> {
 /// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`crate::Stepper::new`].
 pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     let pieces = Pieces::new(model)?;
+    let labelled = |index: usize| matches!(model.partitions[index].rule, Rule::Labels { .. });
+    if pieces.partition.is_some_and(labelled) {
+        return Err(ControlError::Labels.into());
+    }
     let mut design = Design::new(model, &pieces, options)?;
     let (found, region) = design.setpoint()?;
     let by_region = match options.schedule {
@@ -140,7 +144,7 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
         Schedule::Mean => false,
     };
     let steps: Vec<(String, u64, Affine)> = if by_region {
-        let step = |piece: &super::pieces::Piece| {
+        let step = |piece: &crate::pieces::Piece| {
             (piece.name.clone(), piece.rows, piece.step(&found.x, &found.u, design.period, pieces.continuous))
         };
         pieces.regions.iter().map(step).collect()

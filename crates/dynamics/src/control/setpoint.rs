@@ -3,7 +3,7 @@
 use faer::Mat;
 use fleetfoot_stats::svd;
 
-use super::pieces::{Affine, Pieces};
+use crate::pieces::{Affine, Pieces};
 
 /// Newton's steps.
 const MOST_STEPS: usize = 100;

@@ -2,6 +2,7 @@
 
 mod common;
 mod controllers;
+mod filters;
 mod horizons;
 mod latents;
 mod plane;

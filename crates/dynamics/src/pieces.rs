@@ -2,11 +2,11 @@
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{Model, Partition, Rule};
+use fleetfoot_model::{Model, Partition};
 
-use super::ControlError;
 use crate::{
     Error, Linearized, Points, Stepper, StepperWorkspace, Tangent,
+    control::ControlError,
     linear::{exponential, of_rows},
 };
 
@@ -171,9 +171,6 @@ fn divided(model: &Model) -> Result<Option<usize>, Error> {
     let first = found.next();
     if found.next().is_some() {
         return Err(ControlError::Partitions.into());
-    }
-    if first.is_some_and(|index| matches!(model.partitions[index].rule, Rule::Labels { .. })) {
-        return Err(ControlError::Labels.into());
     }
     Ok(first)
 }

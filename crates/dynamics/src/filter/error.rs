@@ -1,0 +1,26 @@
+//! Why a model has no filter.
+
+/// Why a filter could not be made of a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FilterError {
+    /// Nothing is measured.
+    #[error("no state is measured: a filter needs at least one; the states are {states}")]
+    NotMeasured {
+        /// Those that there are.
+        states: String,
+    },
+    /// How often regions follow one another was not counted.
+    #[error(
+        "no transitions were counted for this model, so that regions cannot switch by them: fit with --partition refined:K, lattice:K or tree:DEPTH, or let them switch by the state"
+    )]
+    NoTransitions,
+    /// The residuals of an equation are not known.
+    #[error(
+        "the model does not know the residuals of d({state})/dt or next({state}), which are the process noise; fit with `fit pwa`"
+    )]
+    NoResiduals {
+        /// Whose equation it is.
+        state: String,
+    },
+}

@@ -1,0 +1,196 @@
+//! Normal distributions of states: prediction, measurement, mixture.
+
+use super::steps::StepMap;
+use crate::angle::wrap;
+
+/// Points that the covariance of the whole counts as, where that of a part is found by few.
+const BLENDED: f64 = 2.0;
+
+/// A normal distribution of n states.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gaussian {
+    /// n numbers.
+    pub mean: Vec<f64>,
+    /// n x n by rows, symmetric to the bit.
+    pub covariance: Vec<f64>,
+}
+
+impl Gaussian {
+    /// Independent states.
+    pub(super) fn independent(mean: Vec<f64>, deviations: &[f64]) -> Self {
+        let n = mean.len();
+        let mut covariance = vec![0.0; n * n];
+        deviations.iter().enumerate().for_each(|(i, deviation)| covariance[i * n + i] = deviation * deviation);
+        Self { mean, covariance }
+    }
+
+    /// One step on: `A m + B u + c`, `A P A' + Q`.
+    pub(super) fn predicted(&self, step: &StepMap, inputs: &[f64], angles: &[bool]) -> Self {
+        let (n, m) = (self.mean.len(), inputs.len());
+        let row = |i: usize| {
+            let mut value = step.c[i];
+            for (j, x) in self.mean.iter().enumerate() {
+                value += step.a[i * n + j] * x;
+            }
+            for (j, u) in inputs.iter().enumerate() {
+                value += step.b[i * m + j] * u;
+            }
+            if angles[i] { wrap(value) } else { value }
+        };
+        let mean = (0..n).map(row).collect();
+        let mut half = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..n {
+                for k in 0..n {
+                    half[i * n + j] += step.a[i * n + k] * self.covariance[k * n + j];
+                }
+            }
+        }
+        let mut covariance = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let mut value = step.q[i * n + j];
+                for k in 0..n {
+                    value += half[i * n + k] * step.a[j * n + k];
+                }
+                covariance[i * n + j] = value;
+                covariance[j * n + i] = value;
+            }
+        }
+        Self { mean, covariance }
+    }
+
+    /// Takes in the measurement of one state with a variance: gives the innovation and its variance. The covariance is that of Joseph's form, a sum of two
+    /// positive semidefinite terms (Bucy and Joseph, *Filtering for Stochastic Processes with Applications to Guidance*, 1968).
+    pub(super) fn observe(&mut self, state: usize, value: f64, variance: f64, angles: &[bool]) -> [f64; 2] {
+        let n = self.mean.len();
+        let innovation = if angles[state] { wrap(value - self.mean[state]) } else { value - self.mean[state] };
+        let spread = self.covariance[state * n + state] + variance;
+        let gain: Vec<f64> = (0..n).map(|i| self.covariance[i * n + state] / spread).collect();
+        for i in 0..n {
+            self.mean[i] += gain[i] * innovation;
+            if angles[i] {
+                self.mean[i] = wrap(self.mean[i]);
+            }
+        }
+        // (I - K h') P, then its product with (I - K h')', and the measurement's own share.
+        let half: Vec<f64> =
+            (0..n * n).map(|at| self.covariance[at] - gain[at / n] * self.covariance[state * n + at % n]).collect();
+        for i in 0..n {
+            for j in 0..=i {
+                let value = half[i * n + j] - half[i * n + state] * gain[j] + gain[i] * variance * gain[j];
+                self.covariance[i * n + j] = value;
+                self.covariance[j * n + i] = value;
+            }
+        }
+        [innovation, spread]
+    }
+
+    /// The normal distribution with the mean and the covariance of a mixture; weights sum to one. Of angles, differences from the first part's are averaged.
+    pub(super) fn mixture(parts: &[(f64, &Gaussian)], angles: &[bool]) -> Self {
+        let Some(((_, first), rest)) = parts.split_first() else { return Self { mean: vec![], covariance: vec![] } };
+        if rest.is_empty() {
+            return (*first).clone();
+        }
+        let n = first.mean.len();
+        let apart = |value: f64, from: f64, angle: bool| if angle { wrap(value - from) } else { value - from };
+        let mut mean = first.mean.clone();
+        for i in 0..n {
+            for (weight, part) in rest {
+                mean[i] += weight * apart(part.mean[i], first.mean[i], angles[i]);
+            }
+            if angles[i] {
+                mean[i] = wrap(mean[i]);
+            }
+        }
+        let mut covariance = vec![0.0; n * n];
+        for (weight, part) in parts {
+            let off: Vec<f64> = (0..n).map(|i| apart(part.mean[i], mean[i], angles[i])).collect();
+            for i in 0..n {
+                for j in 0..=i {
+                    covariance[i * n + j] += weight * (part.covariance[i * n + j] + off[i] * off[j]);
+                }
+            }
+        }
+        for i in 0..n {
+            for j in 0..i {
+                covariance[j * n + i] = covariance[i * n + j];
+            }
+        }
+        Self { mean, covariance }
+    }
+
+    /// The distribution of a part of this one: of `count` of the points that stand for it, at these offsets from its mean.
+    pub(super) fn around<'a>(
+        &self,
+        count: usize,
+        offsets: impl Iterator<Item = &'a [f64]> + Clone,
+        angles: &[bool],
+    ) -> Self {
+        let n = self.mean.len();
+        let mut centre = vec![0.0; n];
+        for offset in offsets.clone() {
+            centre.iter_mut().zip(offset).for_each(|(sum, value)| *sum += value);
+        }
+        centre.iter_mut().for_each(|sum| *sum /= count as f64);
+        let mut covariance: Vec<f64> = self.covariance.iter().map(|value| BLENDED * value).collect();
+        for offset in offsets {
+            for i in 0..n {
+                for j in 0..=i {
+                    covariance[i * n + j] += (offset[i] - centre[i]) * (offset[j] - centre[j]);
+                }
+            }
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                covariance[i * n + j] /= count as f64 + BLENDED;
+                covariance[j * n + i] = covariance[i * n + j];
+            }
+        }
+        let mean = |s: usize| {
+            let value = self.mean[s] + centre[s];
+            if angles[s] { wrap(value) } else { value }
+        };
+        Self { mean: (0..n).map(mean).collect(), covariance }
+    }
+
+    /// The lower Cholesky factor by rows; a direction without spread has a column of zeros.
+    pub(super) fn factor(&self) -> Vec<f64> {
+        let n = self.mean.len();
+        let mut lower = vec![0.0; n * n];
+        for j in 0..n {
+            for i in j..n {
+                let mut value = self.covariance[i * n + j];
+                for k in 0..j {
+                    value -= lower[i * n + k] * lower[j * n + k];
+                }
+                if i == j {
+                    lower[j * n + j] = if value > 0.0 { value.sqrt() } else { 0.0 };
+                } else if lower[j * n + j] > 0.0 {
+                    lower[i * n + j] = value / lower[j * n + j];
+                }
+            }
+        }
+        lower
+    }
+
+    /// The squared Mahalanobis distance `e'P^-1 e` of some states' errors; NaN where they have no spread.
+    pub fn square(&self, states: &[usize], errors: &[f64]) -> f64 {
+        let (n, d) = (self.mean.len(), states.len());
+        let part = Self {
+            mean: vec![0.0; d],
+            covariance: (0..d * d).map(|at| self.covariance[states[at / d] * n + states[at % d]]).collect(),
+        };
+        let lower = part.factor();
+        let mut whitened = vec![0.0; d];
+        for i in 0..d {
+            let mut value = errors[i];
+            for k in 0..i {
+                value -= lower[i * d + k] * whitened[k];
+            }
+            whitened[i] = value / lower[i * d + i];
+        }
+        let square: f64 = whitened.iter().map(|value| value * value).sum();
+        if square.is_finite() { square } else { f64::NAN }
+    }
+}

@@ -1,0 +1,85 @@
+//! The steps of a region, with their noise.
+
+use faer::{Mat, MatRef};
+
+use crate::{
+    linear::{exponential, norm, symmetric},
+    pieces::Affine,
+};
+
+/// A step `x+ = A x + B u + c + w`, w of covariance Q; matrices by rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepMap {
+    /// n x n.
+    pub a: Vec<f64>,
+    /// n x m.
+    pub b: Vec<f64>,
+    /// n.
+    pub c: Vec<f64>,
+    /// n x n.
+    pub q: Vec<f64>,
+}
+
+impl StepMap {
+    /// A discrete step with the covariance of its noise.
+    pub(super) fn discrete(step: &Affine, q: &Mat<f64>) -> Self {
+        Self { a: by_rows(step.a.as_ref()), b: by_rows(step.b.as_ref()), c: step.c.clone(), q: by_rows(q.as_ref()) }
+    }
+
+    /// Derivatives over `seconds` with inputs held, driven by white noise of this spectral density.
+    pub(super) fn continuous(rates: &Affine, density: &Mat<f64>, seconds: f64) -> Self {
+        let noise = noise_over(rates.a.as_ref(), density, seconds);
+        Self::discrete(&rates.held(seconds), &noise)
+    }
+}
+
+fn by_rows(a: MatRef<'_, f64>) -> Vec<f64> {
+    (0..a.nrows()).flat_map(|i| (0..a.ncols()).map(move |j| a[(i, j)])).collect()
+}
+
+/// What white noise of a spectral density S adds over `seconds`: the integral of `e^(A t) S e^(A' t)`, from the exponential of `[-A S; 0 A']` (Van Loan, "Computing integrals
+/// involving the matrix exponential", IEEE Trans. Automatic Control 23, 1978) over a part of the time in which that is well-conditioned, doubled as often as it
+/// takes: fast decays would overflow it.
+fn noise_over(a: MatRef<'_, f64>, density: &Mat<f64>, seconds: f64) -> Mat<f64> {
+    let n = a.nrows();
+    let length = norm(a) * seconds;
+    let doublings = if length > 1.0 && length.is_finite() { length.log2().ceil() as i32 } else { 0 };
+    let part = seconds / 2f64.powi(doublings);
+    let generator = Mat::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
+        (true, true) => -part * a[(i, j)],
+        (true, false) => part * density[(i, j - n)],
+        (false, true) => 0.0,
+        (false, false) => part * a[(j - n, i - n)],
+    });
+    let all = exponential(generator.as_ref());
+    let mut power = Mat::from_fn(n, n, |i, j| all[(n + j, n + i)]);
+    let mut noise = symmetric(&(&power * Mat::from_fn(n, n, |i, j| all[(i, n + j)])));
+    for _ in 0..doublings {
+        noise = symmetric(&(&noise + &power * &noise * power.transpose()));
+        power = &power * &power;
+    }
+    noise
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_over_a_time_has_its_closed_forms() {
+        // A double integrator pushed by noise: h^3/3, h^2/2, h.
+        let (h, s) = (0.3f64, 2.0);
+        let a = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == 0 && j == 1)));
+        let density = Mat::from_fn(2, 2, |i, j| if i == 1 && j == 1 { s } else { 0.0 });
+        let found = noise_over(a.as_ref(), &density, h);
+        for (i, j, value) in
+            [(0, 0, s * h.powi(3) / 3.0), (0, 1, s * h * h / 2.0), (1, 0, s * h * h / 2.0), (1, 1, s * h)]
+        {
+            assert!((found[(i, j)] - value).abs() < 1e-14, "{i} {j}: {}", found[(i, j)]);
+        }
+        // A decay a thousand times faster than the step forgets all but s / (2 a).
+        let a = Mat::from_fn(1, 1, |_, _| -1e4);
+        let found = noise_over(a.as_ref(), &Mat::from_fn(1, 1, |_, _| s), 0.1)[(0, 0)];
+        assert!((found / (s / 2e4) - 1.0).abs() < 1e-12, "{found:e}");
+    }
+}

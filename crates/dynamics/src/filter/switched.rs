@@ -1,0 +1,350 @@
+//! The interacting Kalman filters of a model's regions.
+
+use std::cell::RefCell;
+
+use faer::Mat;
+use fleetfoot_model::Model;
+
+use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points, track::Track};
+use crate::{
+    Error, Points, StepperWorkspace,
+    angle::wrap,
+    control::asked::{find, finite},
+    pieces::Pieces,
+};
+
+/// A step this near to the model's own is its own, a share of it.
+const SAME_STEP: f64 = 1e-3;
+/// Probabilities of transitions are a mixture with this share of all regions alike: what was never seen is not impossible.
+pub(super) const FLOOR: f64 = 1e-3;
+/// Regions less probable than this take no part in a step.
+const LEAST: f64 = 1e-9;
+/// Slopes that differ by less, relative to the largest, are the same: the submodel is affine.
+const SAME_SLOPE: f64 = 1e-9;
+
+/// What a filter is to do.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FilterOptions {
+    /// What is measured; each state once.
+    pub measured: Vec<Measured>,
+    /// Where states begin that the first row does not measure: mean and standard deviation. Where not given, those of the training.
+    pub initial: Vec<(String, f64, f64)>,
+    /// Factor on the process noise (covariances); 1 where not given.
+    pub process: Option<f64>,
+    /// How one region follows another.
+    pub switching: Switching,
+}
+
+/// A state that is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// Its name.
+    pub state: String,
+    /// The standard deviation of a measurement; `None`: told row by row, or found from the innovations so far.
+    pub deviation: Option<f64>,
+}
+
+/// How one region follows another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Switching {
+    /// The region is where the state is: its probability is the mass that the state's distribution has there.
+    #[default]
+    State,
+    /// By the transitions that were counted in training, wherever the state is.
+    Transitions,
+}
+
+/// A filter for every region of a model, which exchange what they know (interacting multiple models: Blom and Bar-Shalom, "The interacting multiple model algorithm for
+/// systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33, 1988).
+///
+/// The regions of a piecewise-affine model are functions of the state, and so are their transitions, as in Seah and Hwang, "State estimation for stochastic linear hybrid systems with
+/// continuous-state-dependent transitions", IEEE Trans. Aerospace and Electronic Systems 45, 2009. Here the hypothesis of a region is a normal distribution of which only what
+/// lies inside counts. A step carries its points along: those that cross a border go over to the region behind it, with their moments. A measurement moves the distribution, and the
+/// hypothesis is as much less probable as less of it lies in its region than before. Points are placed by the partition itself, whatever its rule.
+///
+/// It is immutable, and shared by all recordings; a [`Track`] is the memory along one.
+pub struct SwitchedFilter {
+    pub(super) pieces: Pieces,
+    /// Whether a state is an angle.
+    pub(super) angles: Vec<bool>,
+    /// Of every sensor: its state and its deviation.
+    pub(super) sensors: Vec<(usize, Option<f64>)>,
+    /// Mean and deviation of the states before the first row.
+    pub(super) prior: (Vec<f64>, Vec<f64>),
+    noise: Vec<Mat<f64>>,
+    /// The steps of affine submodels, over the model's own period.
+    steps: Option<Vec<StepMap>>,
+    /// Points x states.
+    points: Vec<f64>,
+    /// Probabilities from region to region, where these switch by themselves.
+    transitions: Option<Vec<Vec<f64>>>,
+    period: f64,
+}
+
+/// Memory of the partition at points.
+pub(super) type Placing = RefCell<(Points, StepperWorkspace)>;
+
+impl SwitchedFilter {
+    /// Makes the filter of a model.
+    ///
+    /// # Errors
+    /// [`Error::Control`]: names that the model has not, numbers that cannot be, a model that looks back or has several partitions; [`Error::Filter`]; those of
+    /// [`crate::Stepper::new`].
+    pub fn new(model: &Model, options: &FilterOptions) -> Result<Self, Error> {
+        let pieces = Pieces::new(model)?;
+        let names: Vec<&String> = pieces.states.iter().collect();
+        let mut sensors = Vec::new();
+        for Measured { state, deviation } in &options.measured {
+            if let Some(deviation) = *deviation {
+                positive("measured", state, deviation)?;
+            }
+            sensors.push((find("measured", "state", state, &names)?, *deviation));
+        }
+        if sensors.is_empty() {
+            return Err(FilterError::NotMeasured { states: pieces.states.join(", ") }.into());
+        }
+        let factor = options.process.unwrap_or(1.0);
+        positive("process", "it", factor)?;
+        let n = pieces.states.len();
+        let known = |s: usize| pieces.seen[s].map_or(0.0, |[mean, _]| mean);
+        let mut prior: (Vec<f64>, Vec<f64>) = ((0..n).map(known).collect(), (0..n).map(|s| pieces.size(s)).collect());
+        for (name, mean, deviation) in &options.initial {
+            let state = find("initial", "state", name, &names)?;
+            finite("initial", name, *mean)?;
+            positive("initial", name, *deviation)?;
+            (prior.0[state], prior.1[state]) = (*mean, *deviation);
+        }
+        let noise = (0..pieces.regions.len())
+            .map(|region| region_noise(model, &pieces, region, factor))
+            .collect::<Result<Vec<_>, _>>()?;
+        let transitions = match options.switching {
+            Switching::State => None,
+            Switching::Transitions => Some(transitions(model, &pieces)?),
+        };
+        let angles = (0..n).map(|s| pieces.whole.model.columns[pieces.whole.state_column(s)].angle).collect();
+        let mut filter = Self {
+            angles,
+            sensors,
+            prior,
+            noise,
+            steps: None,
+            points: standard_points(n),
+            transitions,
+            period: model.step,
+            pieces,
+        };
+        if filter.is_affine() {
+            let origin = (vec![0.0; n], vec![0.0; filter.pieces.inputs.len()]);
+            let step = |region| filter.linearized(region, &origin.0, &origin.1, filter.period);
+            filter.steps = Some((0..filter.regions()).map(step).collect());
+        }
+        Ok(filter)
+    }
+
+    /// The states, in the order of estimates.
+    pub fn states(&self) -> &[String] {
+        &self.pieces.states
+    }
+
+    /// What is given at every row.
+    pub fn inputs(&self) -> &[String] {
+        &self.pieces.inputs
+    }
+
+    /// The state that each sensor measures.
+    pub fn measured(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.sensors.iter().map(|&(state, _)| state)
+    }
+
+    /// The deviation of each sensor, where it was given.
+    pub fn deviations(&self) -> impl ExactSizeIterator<Item = Option<f64>> {
+        self.sensors.iter().map(|&(_, deviation)| deviation)
+    }
+
+    /// Number of regions.
+    pub fn regions(&self) -> usize {
+        self.pieces.regions.len()
+    }
+
+    /// The names of the regions.
+    pub fn region_names(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.pieces.regions.iter().map(|piece| piece.name.as_str())
+    }
+
+    /// Whether errors of a state are taken within half a turn.
+    pub fn is_angle(&self, state: usize) -> bool {
+        self.angles[state]
+    }
+
+    /// The mean and the deviation of a state before anything is measured.
+    pub fn prior(&self, state: usize) -> [f64; 2] {
+        [self.prior.0[state], self.prior.1[state]]
+    }
+
+    /// Whether the mean of a state in training is known, where it begins before it is measured.
+    pub fn has_mean(&self, state: usize) -> bool {
+        self.pieces.seen[state].is_some()
+    }
+
+    /// The steps of the regions over the model's period, where every submodel is affine; else they are made about the present mean, step by step.
+    pub fn steps(&self) -> Option<&[StepMap]> {
+        self.steps.as_deref()
+    }
+
+    /// Points that stand for the standard normal distribution (points x states).
+    pub fn points(&self) -> &[f64] {
+        &self.points
+    }
+
+    /// Probabilities from region to region, where these do not follow from the state.
+    pub fn transitions(&self) -> Option<&[Vec<f64>]> {
+        self.transitions.as_deref()
+    }
+
+    /// Seconds of a step of the model.
+    pub fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// Begins at a row: states that it measures at what it says, the others as known before.
+    ///
+    /// `measured` and `deviations` have a number a sensor; NaN: missing, and not told.
+    pub fn start(&self, measured: &[f64], deviations: &[f64]) -> Track {
+        Track::new(self, measured, deviations)
+    }
+
+    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held over the step (NaN: as they were), `measured` and `deviations` those of the new one.
+    pub fn step(&self, track: &mut Track, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
+        track.advance(self, inputs, seconds, measured, deviations);
+    }
+
+    /// Memory of [`Self::place`].
+    pub(super) fn placing(&self) -> Placing {
+        RefCell::new((self.pieces.whole.points(self.points.len() / self.states().len()), StepperWorkspace::default()))
+    }
+
+    /// The points of a distribution, as offsets from its mean (points x states).
+    pub(super) fn offsets(&self, state: &Gaussian) -> Vec<f64> {
+        let n = state.mean.len();
+        let lower = state.factor();
+        let mut offsets = vec![0.0; self.points.len()];
+        for (offset, point) in offsets.chunks_exact_mut(n).zip(self.points.chunks_exact(n)) {
+            for s in 0..n {
+                for k in 0..=s {
+                    offset[s] += lower[s * n + k] * point[k];
+                }
+            }
+        }
+        offsets
+    }
+
+    /// The region of every point; `None` where none holds.
+    pub(super) fn place(&self, mean: &[f64], offsets: &[f64], inputs: &[f64], placing: &Placing) -> Vec<Option<usize>> {
+        let n = mean.len();
+        let (points, workspace) = &mut *placing.borrow_mut();
+        for s in 0..n {
+            let column = points.column_mut(self.pieces.whole.state_column(s), 0);
+            for (value, offset) in column.iter_mut().zip(offsets.chunks_exact(n)) {
+                let own = mean[s] + offset[s];
+                *value = if self.angles[s] { wrap(own) } else { own };
+            }
+        }
+        for (i, &input) in inputs.iter().enumerate() {
+            points.column_mut(self.pieces.whole.input_column(i), 0).fill(input);
+        }
+        self.pieces.whole.evaluate(points, workspace);
+        let found = self.pieces.whole.regions(workspace).iter();
+        found.map(|&region| Some(region as usize).filter(|&region| region < self.regions())).collect()
+    }
+
+    /// Whether the partition looks at inputs.
+    pub(super) fn regions_read_inputs(&self) -> bool {
+        let Some(partition) = self.pieces.partition else { return false };
+        let columns = &self.pieces.whole.model.partitions[partition].columns;
+        columns.iter().any(|column| column.columns().iter().any(|name| self.inputs().iter().any(|own| **own == **name)))
+    }
+
+    /// Whether regions follow from the state.
+    pub(super) fn by_state(&self) -> bool {
+        self.transitions.is_none() && self.regions() > 1
+    }
+
+    /// The step of a region about a mean.
+    pub(super) fn region_step(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
+        match &self.steps {
+            Some(steps) if self.is_own(seconds) => steps[region].clone(),
+            _ => self.linearized(region, mean, inputs, seconds),
+        }
+    }
+
+    /// Whether a step is the model's own: those of discrete models always are.
+    fn is_own(&self, seconds: f64) -> bool {
+        !self.pieces.continuous || (seconds / self.period - 1.0).abs() <= SAME_STEP
+    }
+
+    fn linearized(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
+        let own = self.pieces.regions[region].linearized(mean, inputs);
+        match self.pieces.continuous {
+            true => StepMap::continuous(&own, &self.noise[region], seconds),
+            false => StepMap::discrete(&own, &self.noise[region]),
+        }
+    }
+
+    /// Whether every submodel has the same slopes wherever it is asked.
+    fn is_affine(&self) -> bool {
+        let (n, all) = (self.states().len(), self.states().len() + self.inputs().len());
+        let point = |turn: usize| -> Vec<f64> {
+            let of = |v: usize| {
+                let [mean, _] = self.pieces.seen[v].unwrap_or([0.0, 1.0]);
+                // Anywhere: no two coordinates alike, and none of them special.
+                mean + self.pieces.size(v) * (1.3 * turn as f64 + 0.7 * v as f64 + 0.1).sin() * turn as f64
+            };
+            (0..all).map(of).collect()
+        };
+        self.pieces.regions.iter().all(|piece| {
+            let slopes = |at: &[f64]| piece.linearized(&at[..n], &at[n..]);
+            let first = slopes(&vec![0.0; all]);
+            let largest = |m: &Mat<f64>| m.col_iter().flat_map(|c| c.iter()).fold(0.0f64, |a, v| a.max(v.abs()));
+            let size = largest(&first.a).max(largest(&first.b));
+            let finite = size.is_finite() && first.c.iter().all(|value| value.is_finite());
+            finite
+                && (0..3).all(|turn| {
+                    let other = slopes(&point(turn));
+                    let off = largest(&(&other.a - &first.a)).max(largest(&(&other.b - &first.b)));
+                    off <= SAME_SLOPE * size
+                })
+        })
+    }
+
+    /// Regions that are probable enough to count, with their shares of one.
+    pub(super) fn likely(&self, probabilities: &mut [f64]) {
+        probabilities.iter_mut().filter(|own| **own < LEAST).for_each(|own| *own = 0.0);
+        let all: f64 = probabilities.iter().sum();
+        probabilities.iter_mut().for_each(|own| *own /= all);
+    }
+}
+
+/// Refuses what is no positive number.
+fn positive(of: &'static str, name: &str, value: f64) -> Result<(), Error> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    let allowed = "a positive number";
+    Err(crate::control::ControlError::Value { of, name: name.to_owned(), value, allowed }.into())
+}
+
+/// Probabilities from region to region by the counts of the training, with a share of all alike.
+fn transitions(model: &Model, pieces: &Pieces) -> Result<Vec<Vec<f64>>, FilterError> {
+    let count = pieces.regions.len();
+    if count == 1 {
+        return Ok(vec![vec![1.0]]);
+    }
+    let counted = pieces.partition.and_then(|index| model.partitions[index].transitions.as_ref());
+    let counted = counted.ok_or(FilterError::NoTransitions)?;
+    let alike = 1.0 / count as f64;
+    let share = |from: usize, to: usize| {
+        let own = counted.probability(from, to);
+        if own.is_finite() { (1.0 - FLOOR) * own + FLOOR * alike } else { alike }
+    };
+    Ok((0..count).map(|from| (0..count).map(|to| share(from, to)).collect()).collect())
+}

@@ -1,0 +1,368 @@
+//! A filter's memory along one recording.
+
+use super::{Gaussian, SwitchedFilter, switched::Placing};
+use crate::angle::wrap;
+
+/// Innovations before which the noise of a sensor is guessed.
+const FIRST: u64 = 20;
+/// The guess, as a share of what is large for the state.
+const GUESS: f64 = 0.1;
+/// The least share of the squared innovations that is noise of the sensor.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// What a filter knows at a row.
+pub struct Track {
+    /// The probability of every region.
+    weights: Vec<f64>,
+    /// The states under every region.
+    modes: Vec<Mode>,
+    estimate: Gaussian,
+    inputs: Vec<f64>,
+    sensors: Vec<Sensor>,
+    log_likelihood: f64,
+    /// Squared innovations in their deviations, and how many there are.
+    nis: f64,
+    observed: usize,
+    held_inputs: usize,
+    placing: Placing,
+}
+
+/// The states under the hypothesis that they are in a region: a normal distribution, of which what lies outside does not count.
+#[derive(Clone)]
+struct Mode {
+    state: Gaussian,
+    /// Its points and their regions; empty where regions do not follow from the state.
+    offsets: Vec<f64>,
+    places: Vec<Option<usize>>,
+}
+
+/// What is known of a sensor.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sensor {
+    /// The innovation at the present row, NaN for none, and its variance.
+    innovation: f64,
+    variance: f64,
+    /// Of the innovations so far: how many, their squares, and the variance that the states have of them.
+    count: u64,
+    squares: f64,
+    states: f64,
+}
+
+impl Sensor {
+    /// The variance of the sensor's noise that is expected of the innovations so far.
+    fn found(&self, size: f64) -> f64 {
+        if self.count < FIRST {
+            return (GUESS * size).powi(2);
+        }
+        let count = self.count as f64;
+        ((self.squares - self.states) / count).max(LEAST_SHARE * self.squares / count).max(f64::MIN_POSITIVE)
+    }
+}
+
+impl Mode {
+    fn new(filter: &SwitchedFilter, state: Gaussian, inputs: &[f64], placing: &Placing) -> Self {
+        if !filter.by_state() {
+            return Self { state, offsets: Vec::new(), places: Vec::new() };
+        }
+        let offsets = filter.offsets(&state);
+        let places = filter.place(&state.mean, &offsets, inputs, placing);
+        Self { state, offsets, places }
+    }
+
+    /// The share of the distribution that lies in a region: half a point where none does, as its tail does.
+    fn mass(&self, region: usize) -> f64 {
+        if self.places.is_empty() {
+            return 1.0;
+        }
+        let inside = self.places.iter().filter(|place| **place == Some(region)).count() as f64;
+        inside.max(0.5) / self.places.len() as f64
+    }
+
+    /// What lies where a test says so, as a normal distribution; the whole, where all does or nothing.
+    fn part(&self, inside: &dyn Fn(usize) -> bool, angles: &[bool]) -> Gaussian {
+        let n = self.state.mean.len();
+        let count = (0..self.places.len()).filter(|&point| inside(point)).count();
+        if count == 0 || count == self.places.len() {
+            return self.state.clone();
+        }
+        let offsets = self.offsets.chunks_exact(n).enumerate().filter(|(point, _)| inside(*point));
+        self.state.around(count, offsets.map(|(_, offset)| offset), angles)
+    }
+
+    /// Where this went from a region: probabilities and states by region, by what its points, which stood at `before`, have crossed. What stays is the whole, as it was.
+    fn crossed(&self, from: usize, before: &[Option<usize>], angles: &[bool]) -> Vec<(usize, f64, Gaussian)> {
+        let began = |point: usize| before[point] == Some(from);
+        // Where no point stood in the region, all of them count.
+        let any = (0..before.len()).any(began);
+        let counts = |point: usize| !any || began(point);
+        let all = (0..before.len()).filter(|&point| counts(point)).count() as f64;
+        let mut regions: Vec<usize> =
+            (0..before.len()).filter(|&point| counts(point)).map(|point| self.places[point].unwrap_or(from)).collect();
+        regions.sort_unstable();
+        regions.dedup();
+        let part = |region: usize| {
+            let here = |point: usize| counts(point) && self.places[point].unwrap_or(from) == region;
+            let share = (0..before.len()).filter(|&point| here(point)).count() as f64 / all;
+            let state = if region == from { self.state.clone() } else { self.part(&here, angles) };
+            (region, share, state)
+        };
+        regions.into_iter().map(part).collect()
+    }
+}
+
+impl Track {
+    pub(super) fn new(filter: &SwitchedFilter, measured: &[f64], deviations: &[f64]) -> Self {
+        let (mut mean, mut spread) = filter.prior.clone();
+        let blank = Sensor { innovation: f64::NAN, variance: f64::NAN, ..Sensor::default() };
+        let count = filter.regions();
+        let mut begun = Self {
+            weights: vec![1.0 / count as f64; count],
+            modes: Vec::new(),
+            estimate: Gaussian { mean: Vec::new(), covariance: Vec::new() },
+            inputs: vec![0.0; filter.inputs().len()],
+            sensors: vec![blank; filter.sensors.len()],
+            log_likelihood: 0.0,
+            nis: 0.0,
+            observed: 0,
+            held_inputs: 0,
+            placing: filter.placing(),
+        };
+        for (k, &(state, _)) in filter.sensors.iter().enumerate() {
+            if measured[k].is_finite() {
+                (mean[state], spread[state]) = (measured[k], begun.variance(filter, k, deviations[k]).sqrt());
+            }
+        }
+        begun.estimate = Gaussian::independent(mean, &spread);
+        let whole = Mode::new(filter, begun.estimate.clone(), &begun.inputs, &begun.placing);
+        if filter.by_state() {
+            let inside = |region: usize| whole.places.iter().filter(|place| **place == Some(region)).count() as f64;
+            let shares: Vec<f64> = (0..count).map(inside).collect();
+            let all: f64 = shares.iter().sum();
+            if all > 0.0 {
+                begun.weights = shares.iter().map(|share| share / all).collect();
+            }
+        }
+        begun.modes = vec![whole; count];
+        begun
+    }
+
+    /// The states, and their covariance.
+    pub fn estimate(&self) -> &Gaussian {
+        &self.estimate
+    }
+
+    /// The probability of every region, with the inputs of the step that led to the row.
+    pub fn probabilities(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// Measured less predicted, a number a sensor; NaN where nothing was measured.
+    pub fn innovation(&self, sensor: usize) -> f64 {
+        self.sensors[sensor].innovation
+    }
+
+    /// The variance that this innovation was expected to have.
+    pub fn innovation_variance(&self, sensor: usize) -> f64 {
+        self.sensors[sensor].variance
+    }
+
+    /// The logarithm of the probability density of what the row measured, given all rows before.
+    pub fn log_likelihood(&self) -> f64 {
+        self.log_likelihood
+    }
+
+    /// The normalised innovation squared, and its degrees of freedom: the sensors that measured.
+    pub fn nis(&self) -> (f64, usize) {
+        (self.nis, self.observed)
+    }
+
+    /// The deviation that a sensor without a given one was found to have so far.
+    pub fn found_deviation(&self, filter: &SwitchedFilter, sensor: usize) -> f64 {
+        self.sensors[sensor].found(filter.prior.1[filter.sensors[sensor].0]).sqrt()
+    }
+
+    /// Steps for which inputs were missing and held.
+    pub fn held_inputs(&self) -> usize {
+        self.held_inputs
+    }
+
+    /// The variance of a measurement: told with it, or of its sensor, or found so far.
+    fn variance(&self, filter: &SwitchedFilter, sensor: usize, told: f64) -> f64 {
+        let (state, deviation) = filter.sensors[sensor];
+        let told = Some(told).filter(|told| told.is_finite() && *told > 0.0);
+        match told.or(deviation) {
+            Some(deviation) => deviation * deviation,
+            None => self.sensors[sensor].found(filter.prior.1[state]),
+        }
+    }
+
+    pub(super) fn advance(
+        &mut self,
+        filter: &SwitchedFilter,
+        inputs: &[f64],
+        seconds: f64,
+        measured: &[f64],
+        deviations: &[f64],
+    ) {
+        self.take_inputs(filter, inputs);
+        match filter.transitions() {
+            Some(transitions) if filter.regions() > 1 => self.switch(filter, transitions),
+            _ => {}
+        }
+        self.predict(filter, seconds);
+        self.observe(filter, measured, deviations);
+        let active = self.active();
+        let inside = |region: usize| {
+            let mode = &self.modes[region];
+            mode.part(&|point| mode.places[point] == Some(region), &filter.angles)
+        };
+        let parts: Vec<Gaussian> = active.iter().map(|&region| inside(region)).collect();
+        let parts: Vec<(f64, &Gaussian)> = active.iter().map(|&region| self.weights[region]).zip(&parts).collect();
+        self.estimate = Gaussian::mixture(&parts, &filter.angles);
+    }
+
+    /// The regions that count.
+    fn active(&self) -> Vec<usize> {
+        (0..self.weights.len()).filter(|&region| self.weights[region] > 0.0).collect()
+    }
+
+    /// The inputs of the step that begins; where the regions hang on them, the state changes its region with them.
+    fn take_inputs(&mut self, filter: &SwitchedFilter, inputs: &[f64]) {
+        let (mut held, mut changed) = (false, false);
+        for (own, &input) in self.inputs.iter_mut().zip(inputs) {
+            held |= !input.is_finite();
+            if input.is_finite() {
+                changed |= *own != input;
+                *own = input;
+            }
+        }
+        self.held_inputs += usize::from(held);
+        if !(changed && filter.by_state() && filter.regions_read_inputs()) {
+            return;
+        }
+        let moved = self.active().into_iter().map(|region| {
+            let mut mode = self.modes[region].clone();
+            let before = std::mem::take(&mut mode.places);
+            mode.places = filter.place(&mode.state.mean, &mode.offsets, &self.inputs, &self.placing);
+            (region, mode, before)
+        });
+        let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();
+        self.join(filter, moved);
+    }
+
+    /// One region follows another, wherever the state is.
+    fn switch(&mut self, filter: &SwitchedFilter, transitions: &[Vec<f64>]) {
+        let active = self.active();
+        let to = |to: usize| {
+            let share = |&from: &usize| (self.weights[from] * transitions[from][to], &self.modes[from].state);
+            active.iter().map(share).collect::<Vec<_>>()
+        };
+        let next: Vec<(f64, Gaussian)> =
+            (0..self.weights.len()).map(|region| mixed(&to(region), &filter.angles)).collect();
+        self.set(filter, next);
+    }
+
+    /// The step of every region, and what crosses a border by it.
+    fn predict(&mut self, filter: &SwitchedFilter, seconds: f64) {
+        let moved = self.active().into_iter().map(|region| {
+            let mode = &self.modes[region];
+            let step = filter.region_step(region, &mode.state.mean, &self.inputs, seconds);
+            let state = mode.state.predicted(&step, &self.inputs, &filter.angles);
+            (region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone())
+        });
+        let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();
+        if filter.by_state() {
+            self.join(filter, moved);
+        } else {
+            moved.into_iter().for_each(|(region, mode, _)| self.modes[region] = mode);
+        }
+    }
+
+    /// Joins in every region what stayed there and what came.
+    fn join(&mut self, filter: &SwitchedFilter, moved: Vec<(usize, Mode, Vec<Option<usize>>)>) {
+        let mut parts: Vec<Vec<(f64, Gaussian)>> = vec![Vec::new(); self.weights.len()];
+        let mut stayed = true;
+        for (from, mode, before) in &moved {
+            for (to, share, state) in mode.crossed(*from, before, &filter.angles) {
+                stayed &= to == *from;
+                parts[to].push((self.weights[*from] * share, state));
+            }
+        }
+        if stayed {
+            moved.into_iter().for_each(|(region, mode, _)| self.modes[region] = mode);
+            return;
+        }
+        let of = |parts: &Vec<(f64, Gaussian)>| {
+            let parts: Vec<(f64, &Gaussian)> = parts.iter().map(|(share, state)| (*share, state)).collect();
+            mixed(&parts, &filter.angles)
+        };
+        let next = parts.iter().map(of).collect();
+        self.set(filter, next);
+    }
+
+    /// Takes over probabilities and states by region; what is hardly probable is dropped.
+    fn set(&mut self, filter: &SwitchedFilter, next: Vec<(f64, Gaussian)>) {
+        self.weights.iter_mut().zip(&next).for_each(|(own, (share, _))| *own = *share);
+        filter.likely(&mut self.weights);
+        for (region, (_, state)) in next.into_iter().enumerate() {
+            if self.weights[region] > 0.0 {
+                self.modes[region] = Mode::new(filter, state, &self.inputs, &self.placing);
+            }
+        }
+    }
+
+    /// Takes in a row's measurements.
+    fn observe(&mut self, filter: &SwitchedFilter, measured: &[f64], deviations: &[f64]) {
+        let active = self.active();
+        let parts: Vec<(f64, &Gaussian)> =
+            active.iter().map(|&region| (self.weights[region], &self.modes[region].state)).collect();
+        let mut whole = Gaussian::mixture(&parts, &filter.angles);
+        let prior = whole.clone();
+        let n = prior.mean.len();
+        (self.nis, self.observed, self.log_likelihood) = (0.0, 0, 0.0);
+        let mut logarithms = vec![0.0; self.weights.len()];
+        let mut states: Vec<Gaussian> = active.iter().map(|&region| self.modes[region].state.clone()).collect();
+        for (k, &(state, _)) in filter.sensors.iter().enumerate() {
+            (self.sensors[k].innovation, self.sensors[k].variance) = (f64::NAN, f64::NAN);
+            if !measured[k].is_finite() {
+                continue;
+            }
+            let variance = self.variance(filter, k, deviations[k]);
+            let [innovation, spread] = whole.observe(state, measured[k], variance, &filter.angles);
+            self.nis += innovation * innovation / spread;
+            self.observed += 1;
+            for (own, &region) in states.iter_mut().zip(&active) {
+                let [innovation, spread] = own.observe(state, measured[k], variance, &filter.angles);
+                logarithms[region] -= 0.5 * (innovation * innovation / spread + (std::f64::consts::TAU * spread).ln());
+            }
+            let off = measured[k] - prior.mean[state];
+            let off = if filter.angles[state] { wrap(off) } else { off };
+            let expected = prior.covariance[state * n + state];
+            let sensor = &mut self.sensors[k];
+            (sensor.innovation, sensor.variance) = (off, expected + variance);
+            (sensor.count, sensor.squares, sensor.states) =
+                (sensor.count + 1, sensor.squares + off * off, sensor.states + expected);
+        }
+        if self.observed == 0 {
+            return;
+        }
+        for (state, &region) in states.into_iter().zip(&active) {
+            let before = self.modes[region].mass(region);
+            self.modes[region] = Mode::new(filter, state, &self.inputs, &self.placing);
+            // Only what lies in the region has foreseen the measurement.
+            logarithms[region] += (self.modes[region].mass(region) / before).ln();
+        }
+        let largest = active.iter().map(|&region| logarithms[region]).fold(f64::NEG_INFINITY, f64::max);
+        active.iter().for_each(|&region| self.weights[region] *= (logarithms[region] - largest).exp());
+        let all: f64 = self.weights.iter().sum();
+        self.log_likelihood = largest + all.ln();
+        filter.likely(&mut self.weights);
+    }
+}
+
+/// The sum of shares, and the normal distribution with the moments of their mixture.
+fn mixed(parts: &[(f64, &Gaussian)], angles: &[bool]) -> (f64, Gaussian) {
+    let all: f64 = parts.iter().map(|(share, _)| share).sum();
+    let parts: Vec<(f64, &Gaussian)> = parts.iter().map(|(share, state)| (share / all, *state)).collect();
+    (all, Gaussian::mixture(&parts, angles))
+}
