@@ -3,6 +3,7 @@
 mod control;
 mod examples;
 mod export;
+mod filter;
 mod narx;
 mod parameters;
 mod prepare;
@@ -18,6 +19,7 @@ use std::{path::PathBuf, sync::Arc};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
+pub(crate) use filter::Filter;
 use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
@@ -88,6 +90,9 @@ pub(crate) enum Command {
     /// Simulate a model from measured states and compare with what happened.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
+    /// Estimate a model's states from noisy measurements of some of them, row by row, with a Kalman filter for every region.
+    #[command(after_help = examples::FILTER)]
+    Filter(Box<Filter>),
     /// Find states and inputs that obey a model, stay within bounds and follow a recording as closely as can be.
     #[command(after_help = examples::RESIMULATE)]
     Resimulate(Box<Resimulate>),

@@ -4,6 +4,7 @@ pub(crate) mod completions;
 pub(crate) mod control;
 pub(crate) mod demo;
 pub(crate) mod export;
+pub(crate) mod filter;
 pub(crate) mod fit;
 pub(crate) mod fit_known;
 pub(crate) mod fit_narx;

@@ -38,5 +38,5 @@ pub use consistency::{Consistency, MeanBand, chi_square_band};
 pub use error::FilterError;
 pub use gaussian::Gaussian;
 pub use steps::StepMap;
-pub use switched::{FilterOptions, Measured, SwitchedFilter, Switching};
+pub use switched::{FilterOptions, Measured, ProcessFactor, SwitchedFilter, Switching};
 pub use track::Track;

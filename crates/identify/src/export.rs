@@ -5,9 +5,9 @@ mod engine;
 use std::path::{Path, PathBuf};
 
 use fleetfoot_log::{check_outputs, write_atomic};
-use fleetfoot_model::{Cost, ExportOptions, Model, Target, TestVector, test_vectors};
+use fleetfoot_model::{Cost, ExportOptions, ExportedFile, Model, Target, TestVector, test_vectors};
 
-use crate::Error;
+use crate::{Error, FilterSection};
 
 /// Test vectors of exported C.
 const VECTORS: usize = 32;
@@ -41,13 +41,44 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
         Target::Latex | Target::Npz => Vec::new(),
     };
     let exported = fleetfoot_model::export(model, options, &vectors)?;
+    let files = write(&exported.files, folder, inputs)?;
+    Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
+}
+
+/// Writes the filter of a model as C into a folder, as `[filter]` says: `PREFIX_filter.h` and `PREFIX_filter.c`.
+///
+/// # Errors
+/// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], [`Error::Write`] and [`Error::Log`] of writing.
+pub fn export_filter(
+    model: &Model,
+    said: &FilterSection,
+    options: &ExportOptions,
+    folder: &Path,
+    inputs: &[PathBuf],
+) -> Result<Vec<PathBuf>, Error> {
+    if options.target != Target::C {
+        return Err(Error::conflict("filters are written as C: export with --to c".to_owned()));
+    }
+    let filter = crate::filter_of(model, said)?;
+    let tables = filter.tables().ok_or_else(|| {
+        Error::conflict(
+            "the regions of the model are not affine, so that code would have to make them linear at every step: leave the states whose equations multiply or rotate others out of the model"
+                .to_owned(),
+        )
+    })?;
+    let exported = fleetfoot_model::export_filter(model, &tables, options)?;
+    write(&exported, folder, inputs)
+}
+
+/// Writes files into a folder.
+fn write(exported: &[ExportedFile], folder: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
-    let files: Vec<PathBuf> = exported.files.iter().map(|file| folder.join(&file.name)).collect();
+    let files: Vec<PathBuf> = exported.iter().map(|file| folder.join(&file.name)).collect();
     check_outputs(&files, inputs)?;
-    for (path, file) in files.iter().zip(&exported.files) {
+    for (path, file) in files.iter().zip(exported) {
         write_atomic(path, &file.bytes)?;
     }
-    Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
+    Ok(files)
 }
 
 /// Test vectors with the engine's values: next states from a rollout of one step, outputs from a prediction.

@@ -2,6 +2,7 @@
 //! that is none is `null`.
 
 mod control;
+mod filter;
 mod narx;
 mod parameters;
 mod pwa;

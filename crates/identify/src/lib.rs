@@ -28,6 +28,7 @@ mod controller;
 mod dataset;
 mod error;
 mod export;
+mod filter;
 mod fit;
 mod fit_statistic;
 pub mod folder;
@@ -68,7 +69,8 @@ pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, c
 pub use controller::{controller, controller_file, made_controller};
 pub use dataset::Dataset;
 pub use error::Error;
-pub use export::{Exported, engine_vectors, export};
+pub use export::{Exported, engine_vectors, export, export_filter};
+pub use filter::{DeviationFrom, Filtered, SensorReport, SquareReport, TruthReport, filter, filter_of};
 pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
@@ -92,10 +94,11 @@ pub use parameters::{
 pub use project::{Projected, project};
 pub use recipe::{
     BodySection, ClockSection, ControlSchedule, ControlSection, Derivative, EpisodeRule, EstimateMethod,
-    EstimateSection, Gap, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, LatentSection,
-    LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxTerms, Normalize, Over, ParameterSection,
-    PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection,
-    Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    EstimateSection, FilterSection, FilterSwitching, Gap, Gravity, Input, InputTable, Join, JoinTable, JointSection,
+    Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxTerms, Normalize, Over,
+    ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection,
+    SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time,
+    Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use resimulate::{Followed, Spread, resimulate};

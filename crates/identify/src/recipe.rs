@@ -14,6 +14,7 @@ mod clocks;
 mod control;
 mod derivative;
 mod estimate;
+mod filter;
 mod narx;
 mod prepare;
 mod pwa;
@@ -27,6 +28,7 @@ pub use clocks::ClockSection;
 pub use control::{ControlSchedule, ControlSection};
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
+pub use filter::{FilterSection, FilterSwitching};
 pub use narx::{NarxSection, NarxTerms};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
 pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
@@ -82,6 +84,9 @@ pub struct Recipe {
     /// How channels are prepared: what the flags of `prepare` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub prepare: PrepareSection,
+    /// How states are filtered by a model: what the flags of `filter` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub filter: FilterSection,
     /// How recordings are followed by a model: what the flags of `resimulate` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub resimulate: ResimulateSection,

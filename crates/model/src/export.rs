@@ -14,6 +14,7 @@ mod code;
 mod cost;
 mod error;
 mod evaluation;
+mod filter;
 mod interpret;
 mod jacobian;
 mod latex;
@@ -36,6 +37,7 @@ mod zip;
 
 pub use cost::{Cost, Operations};
 pub use error::ExportError;
+pub use filter::{FilterTables, export_filter};
 pub use options::{ExportOptions, Precision, StepMethod, Target};
 pub use vectors::{Signals, TestResult, TestVector, evaluate_at, signals, test_vectors};
 

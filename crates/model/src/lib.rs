@@ -48,8 +48,8 @@ pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_si
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
 pub use export::{
-    Cost, Export, ExportError, ExportOptions, ExportedFile, Operations, Precision, Signals, StepMethod, Target,
-    TestResult, TestVector, evaluate_at, export, signals, test_vectors,
+    Cost, Export, ExportError, ExportOptions, ExportedFile, FilterTables, Operations, Precision, Signals, StepMethod,
+    Target, TestResult, TestVector, evaluate_at, export, export_filter, signals, test_vectors,
 };
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;

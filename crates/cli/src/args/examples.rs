@@ -99,6 +99,11 @@ Examples:
   fleetfoot control lqr model.json --setpoint x=0,y=0 --limits u_v=0:1 --integral x=10 -o controller.json
   fleetfoot control lqr model.json --setpoint yaw=0,v=0.5 --free x --r v_command=4";
 
+pub(crate) const FILTER: &str = "\
+Examples:
+  fleetfoot filter model.json run.parquet --measured x=0.01,yaw=0.02 -o estimates.parquet
+  fleetfoot filter model.json run.mcap --sensors v=/odom.twist.twist.linear.x --truth v=/truth/odometry.twist.twist.linear.x";
+
 pub(crate) const PREDICT: &str = "\
 Examples:
   fleetfoot predict model.json run.mcap -o predicted.mcap

@@ -27,6 +27,12 @@ pub(crate) struct Export {
     /// Leave the check of the training domain away: two numbers a function and region less.
     #[arg(long)]
     pub(crate) no_domain: bool,
+    /// Write the model's filter, in place of the model, as the `[filter]` of its recipe says, or of `--recipe`.
+    #[arg(long)]
+    pub(crate) filter: bool,
+    /// A recipe whose `[filter]` stands above the model's.
+    #[arg(short = 'c', long = "recipe", value_name = "RECIPE", requires = "filter")]
+    pub(crate) recipe: Option<PathBuf>,
     /// The folder to write to.
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     pub(crate) output: PathBuf,

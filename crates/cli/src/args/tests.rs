@@ -2,8 +2,8 @@
 
 use clap::{CommandFactory, Parser};
 use fleetfoot::{
-    EstimateSection, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings, SindySection,
-    SparseSection,
+    EstimateSection, FilterSection, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings,
+    SindySection, SparseSection,
 };
 
 use super::{Cli, Command, Fit, List};
@@ -73,6 +73,10 @@ fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
     });
     walk::<EstimateSection>(&["fit", "parameters"], |command| match command {
         Command::Fit(Fit::Parameters(own)) => Some(&own.estimate),
+        _ => None,
+    });
+    walk::<FilterSection>(&["filter", "model.json"], |command| match command {
+        Command::Filter(own) => Some(&own.how),
         _ => None,
     });
     walk::<ResimulateSection>(&["resimulate", "model.json"], |command| match command {

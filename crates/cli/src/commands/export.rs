@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fleetfoot::{
-    Error, Model, made_controller,
+    Error, Model, Recipe, made_controller,
     model::{ExportOptions, Precision, StepMethod, Target},
 };
 use serde_json::json;
@@ -17,6 +17,16 @@ fn read(path: &Path) -> Result<(Model, bool), Error> {
         Some(made) => Ok((made.law_model()?, false)),
         None => Ok((read_model(path)?, true)),
     }
+}
+
+/// The filter of a model.
+fn filter(model: &Model, arguments: &Export, options: &ExportOptions, context: &Context) -> Result<(), Error> {
+    let said = arguments.recipe.as_ref().map(|path| Recipe::read(path)).transpose()?.unwrap_or_default();
+    let inputs: Vec<_> = arguments.recipe.iter().chain([&arguments.model]).cloned().collect();
+    let files = fleetfoot::export_filter(model, &said.filter, options, &arguments.output, &inputs)?;
+    let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+    context.print(&json!({ "files": files }), || format!("wrote {}", files.join(", ")));
+    Ok(())
 }
 
 pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error> {
@@ -39,6 +49,9 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     options.prefix.clone_from(&arguments.prefix);
     options.discretize = arguments.discretize;
     options.domain = checked && !arguments.no_domain;
+    if arguments.filter {
+        return filter(&model, arguments, &options, context);
+    }
     let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
     let cost = exported.cost.as_ref().map(|cost| {

@@ -24,8 +24,8 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// One step on: `A m + B u + c`, `A P A' + Q`.
-    pub(super) fn predicted(&self, step: &StepMap, inputs: &[f64], angles: &[bool]) -> Self {
+    /// One step on: `A m + B u + c`, `A P A' + f Q`.
+    pub(super) fn predicted(&self, step: &StepMap, inputs: &[f64], factor: f64, angles: &[bool]) -> Self {
         let (n, m) = (self.mean.len(), inputs.len());
         let row = |i: usize| {
             let mut value = step.c[i];
@@ -49,7 +49,7 @@ impl Gaussian {
         let mut covariance = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..=i {
-                let mut value = step.q[i * n + j];
+                let mut value = factor * step.q[i * n + j];
                 for k in 0..n {
                     value += half[i * n + k] * step.a[j * n + k];
                 }

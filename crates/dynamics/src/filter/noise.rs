@@ -14,12 +14,7 @@ const GIVEN: f64 = 1e-6;
 ///
 /// Residuals of derivatives that were measured over k rows are means over k steps of noise that is white, so that their variance is that of a step's by `k h^2`; a step's
 /// noise divided by h is the density. Few rows fit their own noise: a covariance over all rows is made one over the degrees of freedom.
-pub(super) fn region_noise(
-    model: &Model,
-    pieces: &Pieces,
-    region: usize,
-    factor: f64,
-) -> Result<Mat<f64>, FilterError> {
+pub(super) fn region_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<Mat<f64>, FilterError> {
     let n = pieces.states.len();
     let described = pieces.partition.or((model.partitions.len() == 1).then_some(0));
     let own = described.and_then(|index| model.partitions[index].regions.get(region));
@@ -40,7 +35,7 @@ pub(super) fn region_noise(
             (Some((s, k)), Some((t, l)), Some(own)) => {
                 let value = own.residual_covariance.get(packed(s, t)).copied().unwrap_or(f64::NAN);
                 let known = if i == j || value.is_finite() { value } else { 0.0 };
-                known * scale * factor * (k * l).sqrt()
+                known * scale * (k * l).sqrt()
             }
             _ if i == j => (GIVEN * pieces.size(i)).powi(2),
             _ => 0.0,

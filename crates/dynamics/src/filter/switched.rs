@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use faer::Mat;
-use fleetfoot_model::Model;
+use fleetfoot_model::{FilterTables, Model};
 
 use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points, track::Track};
 use crate::{
@@ -29,8 +29,8 @@ pub struct FilterOptions {
     pub measured: Vec<Measured>,
     /// Where states begin that the first row does not measure: mean and standard deviation. Where not given, those of the training.
     pub initial: Vec<(String, f64, f64)>,
-    /// Factor on the process noise (covariances); 1 where not given.
-    pub process: Option<f64>,
+    /// The factor on the process noise, which is the residual covariance of the regions.
+    pub process: ProcessFactor,
     /// How one region follows another.
     pub switching: Switching,
 }
@@ -42,6 +42,21 @@ pub struct Measured {
     pub state: String,
     /// The standard deviation of a measurement; `None`: told row by row, or found from the innovations so far.
     pub deviation: Option<f64>,
+}
+
+/// The factor on the covariances of the process noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ProcessFactor {
+    /// This one.
+    Given(f64),
+    /// By the innovations so far, where the deviations of all sensors are known; else 1.
+    Found,
+}
+
+impl Default for ProcessFactor {
+    fn default() -> Self {
+        Self::Given(1.0)
+    }
 }
 
 /// How one region follows another.
@@ -78,6 +93,7 @@ pub struct SwitchedFilter {
     points: Vec<f64>,
     /// Probabilities from region to region, where these switch by themselves.
     transitions: Option<Vec<Vec<f64>>>,
+    pub(super) process: ProcessFactor,
     period: f64,
 }
 
@@ -103,8 +119,9 @@ impl SwitchedFilter {
         if sensors.is_empty() {
             return Err(FilterError::NotMeasured { states: pieces.states.join(", ") }.into());
         }
-        let factor = options.process.unwrap_or(1.0);
-        positive("process", "it", factor)?;
+        if let ProcessFactor::Given(factor) = options.process {
+            positive("process", "it", factor)?;
+        }
         let n = pieces.states.len();
         let known = |s: usize| pieces.seen[s].map_or(0.0, |[mean, _]| mean);
         let mut prior: (Vec<f64>, Vec<f64>) = ((0..n).map(known).collect(), (0..n).map(|s| pieces.size(s)).collect());
@@ -115,7 +132,7 @@ impl SwitchedFilter {
             (prior.0[state], prior.1[state]) = (*mean, *deviation);
         }
         let noise = (0..pieces.regions.len())
-            .map(|region| region_noise(model, &pieces, region, factor))
+            .map(|region| region_noise(model, &pieces, region))
             .collect::<Result<Vec<_>, _>>()?;
         let transitions = match options.switching {
             Switching::State => None,
@@ -130,6 +147,7 @@ impl SwitchedFilter {
             steps: None,
             points: standard_points(n),
             transitions,
+            process: options.process,
             period: model.step,
             pieces,
         };
@@ -186,7 +204,7 @@ impl SwitchedFilter {
         self.pieces.seen[state].is_some()
     }
 
-    /// The steps of the regions over the model's period, where every submodel is affine; else they are made about the present mean, step by step.
+    /// The steps of the regions over the model's period, their noise without the factor, where every submodel is affine; else they are made about the present mean, step by step.
     pub fn steps(&self) -> Option<&[StepMap]> {
         self.steps.as_deref()
     }
@@ -204,6 +222,30 @@ impl SwitchedFilter {
     /// Seconds of a step of the model.
     pub fn period(&self) -> f64 {
         self.period
+    }
+
+    /// The numbers of the filter, of which code is made ([`fleetfoot_model::export_filter`]); `None` where a submodel is not affine or a sensor has no deviation. A factor on the
+    /// process noise that is to be found is 1.
+    pub fn tables(&self) -> Option<FilterTables> {
+        let steps = self.steps.as_ref()?;
+        let factor = if let ProcessFactor::Given(factor) = self.process { factor } else { 1.0 };
+        let all = |of: &dyn Fn(&StepMap) -> Vec<f64>| steps.iter().map(of).collect();
+        Some(FilterTables {
+            states: self.states().to_vec(),
+            angles: self.angles.clone(),
+            inputs: self.inputs().to_vec(),
+            regions: self.region_names().map(str::to_owned).collect(),
+            a: all(&|step| step.a.clone()),
+            b: all(&|step| step.b.clone()),
+            c: all(&|step| step.c.clone()),
+            q: all(&|step| step.q.iter().map(|own| factor * own).collect()),
+            sensors: self.sensors.iter().map(|&(state, own)| Some((state, own?))).collect::<Option<_>>()?,
+            prior: (0..self.states().len()).map(|state| self.prior(state)).collect(),
+            points: self.points.clone(),
+            transitions: self.transitions.clone(),
+            regions_read_inputs: self.regions_read_inputs(),
+            period: self.period,
+        })
     }
 
     /// Begins at a row: states that it measures at what it says, the others as known before.

@@ -1,12 +1,16 @@
 //! A filter's memory along one recording.
 
-use super::{Gaussian, SwitchedFilter, switched::Placing};
+use super::{Gaussian, ProcessFactor, SwitchedFilter, switched::Placing};
 use crate::angle::wrap;
 
 /// Innovations before which the noise of a sensor is guessed.
 const FIRST: u64 = 20;
 /// The guess, as a share of what is large for the state.
 const GUESS: f64 = 0.1;
+/// Slope that the factor on the process noise begins with, rows: what it is moved by first.
+const FIRST_SLOPE: f64 = 20.0;
+/// A row moves that factor no more than this many times the expected square says: outliers are no process noise.
+const MOST_OVER: f64 = 5.0;
 /// The least share of the squared innovations that is noise of the sensor.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -24,7 +28,27 @@ pub struct Track {
     nis: f64,
     observed: usize,
     held_inputs: usize,
+    process: Process,
     placing: Placing,
+}
+
+/// The factor on the process noise.
+#[derive(Debug, Clone, Copy)]
+struct Process {
+    factor: f64,
+    /// How much the normalised innovations so far would have changed with the logarithm; `None`: it is given.
+    slope: Option<f64>,
+}
+
+impl Process {
+    /// A step of Newton's method towards the factor by which the squares of normalised innovations, `over` their number, have been what they should be: with gains that fall as 1/k, as
+    /// all rows so far say the same (Robbins and Monro, "A stochastic approximation method", Ann. Math. Statist. 22, 1951).
+    fn learn(&mut self, over: f64, slope: f64, sensors: f64) {
+        if let Some(all) = &mut self.slope {
+            *all += slope;
+            self.factor *= (over.min(MOST_OVER * sensors) / *all).exp();
+        }
+    }
 }
 
 /// The states under the hypothesis that they are in a region: a normal distribution, of which what lies outside does not count.
@@ -115,6 +139,8 @@ impl Track {
         let (mut mean, mut spread) = filter.prior.clone();
         let blank = Sensor { innovation: f64::NAN, variance: f64::NAN, ..Sensor::default() };
         let count = filter.regions();
+        let known = |(sensor, told): (&(usize, Option<f64>), &f64)| sensor.1.is_some() || told.is_finite();
+        let known = filter.sensors.iter().zip(deviations).all(known);
         let mut begun = Self {
             weights: vec![1.0 / count as f64; count],
             modes: Vec::new(),
@@ -125,6 +151,10 @@ impl Track {
             nis: 0.0,
             observed: 0,
             held_inputs: 0,
+            process: Process {
+                factor: if let ProcessFactor::Given(factor) = filter.process { factor } else { 1.0 },
+                slope: (filter.process == ProcessFactor::Found && known).then_some(FIRST_SLOPE),
+            },
             placing: filter.placing(),
         };
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
@@ -184,6 +214,11 @@ impl Track {
     /// Steps for which inputs were missing and held.
     pub fn held_inputs(&self) -> usize {
         self.held_inputs
+    }
+
+    /// The factor on the process noise: as given, or found so far.
+    pub fn process(&self) -> f64 {
+        self.process.factor
     }
 
     /// The variance of a measurement: told with it, or of its sensor, or found so far.
@@ -267,7 +302,7 @@ impl Track {
         let moved = self.active().into_iter().map(|region| {
             let mode = &self.modes[region];
             let step = filter.region_step(region, &mode.state.mean, &self.inputs, seconds);
-            let state = mode.state.predicted(&step, &self.inputs, &filter.angles);
+            let state = mode.state.predicted(&step, &self.inputs, self.process.factor, &filter.angles);
             (region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone())
         });
         let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();
@@ -320,7 +355,7 @@ impl Track {
         let prior = whole.clone();
         let n = prior.mean.len();
         (self.nis, self.observed, self.log_likelihood) = (0.0, 0, 0.0);
-        let mut logarithms = vec![0.0; self.weights.len()];
+        let (mut logarithms, mut slope) = (vec![0.0; self.weights.len()], 0.0);
         let mut states: Vec<Gaussian> = active.iter().map(|&region| self.modes[region].state.clone()).collect();
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
             (self.sensors[k].innovation, self.sensors[k].variance) = (f64::NAN, f64::NAN);
@@ -331,6 +366,7 @@ impl Track {
             let [innovation, spread] = whole.observe(state, measured[k], variance, &filter.angles);
             self.nis += innovation * innovation / spread;
             self.observed += 1;
+            slope += 1.0 - variance / spread;
             for (own, &region) in states.iter_mut().zip(&active) {
                 let [innovation, spread] = own.observe(state, measured[k], variance, &filter.angles);
                 logarithms[region] -= 0.5 * (innovation * innovation / spread + (std::f64::consts::TAU * spread).ln());
@@ -346,6 +382,8 @@ impl Track {
         if self.observed == 0 {
             return;
         }
+        let sensors = self.observed as f64;
+        self.process.learn(self.nis - sensors, slope, sensors);
         for (state, &region) in states.into_iter().zip(&active) {
             let before = self.modes[region].mass(region);
             self.modes[region] = Mode::new(filter, state, &self.inputs, &self.placing);

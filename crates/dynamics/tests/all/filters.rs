@@ -6,7 +6,7 @@ use fleetfoot_data::{EpisodeId, packed};
 use fleetfoot_dynamics::{
     Error, Stepper, StepperWorkspace,
     control::ControlError,
-    filter::{Consistency, FilterError, FilterOptions, MeanBand, Measured, SwitchedFilter, Switching},
+    filter::{Consistency, FilterError, FilterOptions, MeanBand, Measured, ProcessFactor, SwitchedFilter, Switching},
 };
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, Transitions};
 use proptest::prelude::*;
@@ -251,12 +251,34 @@ fn errors_are_as_large_as_they_are_said_to_be() {
     assert!(by_state.mean.holds(), "{by_state:?}");
     assert!((by_state.share - 0.95).abs() < 0.01, "{by_state:?}");
     // Process noise that is said to have a tenth of its variance shows.
-    let wrong = FilterOptions { process: Some(0.1), ..measured(&[("x", 0.3)]) };
+    let wrong = FilterOptions { process: ProcessFactor::Given(0.1), ..measured(&[("x", 0.3)]) };
     assert!(!all(&model, &wrong).mean.holds());
     // By transitions errors are told as well, but are half as large again: where the state is says more than how long the regions last.
     model.partitions[0].transitions = Some(Transitions { counts: vec![vec![900, 100], vec![100, 900]] });
     let by_counts = all(&model, &FilterOptions { switching: Switching::Transitions, ..measured(&[("x", 0.3)]) });
     assert!(by_counts.mean.holds() && by_state.error < 0.7 * by_counts.error, "{by_state:?} {by_counts:?}");
+}
+
+#[test]
+fn process_noise_is_found_from_innovations_so_far() {
+    // The model knows a quarter of the noise.
+    let (model, own) = (jumping(0.0, 0.1), jumping(0.0, 0.05));
+    let filter = |process| SwitchedFilter::new(&own, &FilterOptions { process, ..measured(&[("x", 0.1)]) }).unwrap();
+    let inputs: Vec<Vec<f64>> = (0..4000).map(|row| vec![(0.05 * f64::from(row)).sin()]).collect();
+    let truth = simulated(&model, &[0.0, 0.0], &inputs, &[0.1, 0.1], 5);
+    let reading = |row: usize| [truth[row][0] + 0.1 * normal(row as u64 + (1 << 42))];
+    let run = |filter: &SwitchedFilter| {
+        let mut track = filter.start(&reading(0), &[f64::NAN]);
+        let mut likelihood = 0.0;
+        for row in 1..=4000 {
+            filter.step(&mut track, &inputs[row - 1], 0.01, &reading(row), &[f64::NAN]);
+            likelihood += track.log_likelihood();
+        }
+        (track.process(), likelihood)
+    };
+    let (factor, likelihood) = run(&filter(ProcessFactor::Found));
+    assert!((factor / 4.0 - 1.0).abs() < 0.15, "{factor}");
+    assert!(likelihood > run(&filter(ProcessFactor::default())).1);
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod outside;
 
 mod aircraft_study;
 mod export;
+mod filters;
 mod goldens;
 mod regulators;
 mod sindy_study;

@@ -40,6 +40,7 @@ impl Recipe {
         self.say(said.narx.clone());
         self.say(said.estimate.clone());
         self.say(said.control.clone());
+        self.say(said.filter.clone());
         self.say(said.prepare.clone());
         self.say(said.resimulate.clone());
     }

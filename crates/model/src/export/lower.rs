@@ -33,6 +33,13 @@ impl Lowering<'_> {
         Function { name, gives: true, parameters, body }
     }
 
+    /// `code = name(x, u)`: the region, and nothing else.
+    pub(super) fn region_alone(&mut self, name: &'static str) -> Function {
+        let mut body = self.regions_and_latents();
+        body.extend(self.finish("q", 0).pop());
+        Function { name, gives: true, parameters: self.plan.parameters(), body }
+    }
+
     /// Features, regions and latents: arrays `q` and `l`, counters `region..` and `outside`.
     pub(super) fn regions_and_latents(&mut self) -> Vec<Statement> {
         let evaluation = self.evaluation;

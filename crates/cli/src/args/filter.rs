@@ -1,0 +1,19 @@
+//! Arguments of `filter`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetfoot::FilterSection;
+
+use super::ModelData;
+
+#[derive(Debug, Args)]
+pub(crate) struct Filter {
+    #[command(flatten)]
+    pub(crate) model: ModelData,
+    #[command(flatten)]
+    pub(crate) how: FilterSection,
+    /// The file to write to: mean and deviation of every state, innovations, probabilities of the regions: Parquet (`*.parquet`) or text (`*.csv`, `*.tsv`) (default: none).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+}
