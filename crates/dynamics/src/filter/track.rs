@@ -10,7 +10,7 @@ const GUESS: f64 = 0.1;
 /// Slope that the factor on the process noise begins with, rows: what it is moved by first.
 const FIRST_SLOPE: f64 = 20.0;
 /// A row moves that factor no more than this many times the expected square says: outliers are no process noise.
-const MOST_OVER: f64 = 5.0;
+const MOST_OVER: f64 = 20.0;
 /// The least share of the squared innovations that is noise of the sensor.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -41,12 +41,12 @@ struct Process {
 }
 
 impl Process {
-    /// A step of Newton's method towards the factor by which the squares of normalised innovations, `over` their number, have been what they should be: with gains that fall as 1/k, as
-    /// all rows so far say the same (Robbins and Monro, "A stochastic approximation method", Ann. Math. Statist. 22, 1951).
+    /// A step of Newton's method towards the factor by which the squares of normalised innovations, `over` their number, have been what they should be (Robbins and Monro, "A stochastic
+    /// approximation method", Ann. Math. Statist. 22, 1951). Gains fall as 2/k, not 1/k, so that the k-th row counts k times: the first ones were judged by a factor that was wrong.
     fn learn(&mut self, over: f64, slope: f64, sensors: f64) {
         if let Some(all) = &mut self.slope {
             *all += slope;
-            self.factor *= (over.min(MOST_OVER * sensors) / *all).exp();
+            self.factor *= (2.0 * over.min(MOST_OVER * sensors) / *all).exp();
         }
     }
 }
