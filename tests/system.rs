@@ -7,6 +7,7 @@ mod commands;
 mod demo;
 mod derivatives;
 mod docs;
+mod filter;
 mod folds;
 mod fusion;
 mod generate;

@@ -14,7 +14,7 @@ use crate::{Error, FilterSwitching, Logs, Recipe, output};
 
 pub use asked::filter_of;
 use asked::{Asked, Reading};
-pub(crate) use row::FilteredRows;
+pub use row::FilteredRows;
 
 /// What filtering logs gave.
 #[derive(Debug, Clone, Serialize)]
@@ -146,7 +146,7 @@ struct Sums {
 /// told of a row depends on later ones.
 ///
 /// # Errors
-/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`] and of writing.
+/// Those of [`filter_rows`] and of writing.
 pub fn filter(
     model: &Model,
     changes: &Recipe,
@@ -158,10 +158,36 @@ pub fn filter(
     if let Some(path) = output {
         output::table_only(path)?;
     }
+    let mut writer = None;
+    let filtered = filter_rows(model, changes, &logs, progress, |filter, rows| {
+        let Some(path) = output else { return Ok(()) };
+        let writer = match &mut writer {
+            Some(writer) => writer,
+            None => writer.insert(output::FilteredWriter::create(path, model, filter, &logs)?),
+        };
+        writer.write(rows)
+    })?;
+    if let Some(writer) = writer {
+        writer.finish()?;
+    }
+    Ok(filtered)
+}
+
+/// Filters the episodes of logs by a model; `take` gets them in their order, and the filter.
+///
+/// # Errors
+/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`.
+pub fn filter_rows(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+    mut take: impl FnMut(&SwitchedFilter, &FilteredRows) -> Result<(), Error> + Send,
+) -> Result<Filtered, Error> {
+    let logs = logs.into();
     let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
     recipe.say(changes.filter.clone());
-    let Asked { model: wide, filter, readings, dataset, mut notes } =
-        Asked::new(model, changes, &recipe.filter, &logs, progress)?;
+    let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, &logs, progress)?;
     notes.splice(0..0, dataset.notes().iter().cloned());
     let view = dataset.view()?;
     progress.stage("filter");
@@ -177,27 +203,20 @@ pub fn filter(
         process: Vec::new(),
         held: 0,
     };
-    let mut writer = output.map(|path| output::FilteredWriter::create(path, &wide, &filter, &logs)).transpose()?;
     parallel_fold(
         view.episodes().len(),
         progress,
         |episode| {
             let block = view.read(episode, 0..view.episodes()[episode].rows, Halo::default())?;
-            Ok::<_, Error>((episode, FilteredRows::new(&filter, &readings, &block)))
+            let name = view.episodes()[episode].name.clone();
+            Ok::<_, Error>((episode, FilteredRows::new(&filter, &readings, name, &block)))
         },
         |(episode, rows)| {
-            let about = &view.episodes()[episode];
-            sums.add(about.id, &filter, &readings, &rows);
-            match &mut writer {
-                Some(writer) => writer.write(&about.name, &rows),
-                None => Ok(()),
-            }
+            sums.add(view.episodes()[episode].id, &filter, &readings, &rows);
+            take(&filter, &rows)
         },
     )?;
     dataset.all_were_read();
-    if let Some(writer) = writer {
-        writer.finish()?;
-    }
     Ok(Filtered {
         rows: view.rows() as u64,
         episodes: view.episodes().len(),
@@ -226,7 +245,8 @@ impl Sums {
         rows: &FilteredRows,
     ) {
         for k in 0..self.sensors.len() {
-            let of = |row: usize| rows.innovation(row, k) / rows.innovation_deviation(row, k);
+            let width = self.sensors.len();
+            let of = |row: usize| rows.innovations()[row * width + k] / rows.innovation_deviations()[row * width + k];
             let normalised: Vec<f64> = (0..rows.rows()).map(of).collect();
             self.sensors[k].add(episode, normalised.iter().map(|value| value * value));
             for pair in normalised.windows(2).filter(|pair| pair.iter().all(|value| value.is_finite())) {

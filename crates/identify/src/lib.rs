@@ -70,7 +70,9 @@ pub use controller::{controller, controller_file, made_controller};
 pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export, export_filter};
-pub use filter::{DeviationFrom, Filtered, SensorReport, SquareReport, TruthReport, filter, filter_of};
+pub use filter::{
+    DeviationFrom, Filtered, FilteredRows, SensorReport, SquareReport, TruthReport, filter, filter_of, filter_rows,
+};
 pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    ControlSection, EstimateSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe,
+    ControlSection, EstimateSection, FilterSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe,
     ResimulateSection, Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
@@ -59,6 +59,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
         of::<NarxSection>(),
         of::<EstimateSection>(),
         of::<ControlSection>(),
+        of::<FilterSection>(),
         of::<PrepareSection>(),
         of::<ResimulateSection>(),
     ]

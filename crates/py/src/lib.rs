@@ -83,9 +83,9 @@ mod _core {
     #[pymodule_export]
     use crate::fit::{fit_narx, fit_parameters, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
     #[pymodule_export]
-    use crate::model::{Model, export_controller, write_controller};
+    use crate::model::{Model, export_controller, export_filter, write_controller};
     #[pymodule_export]
-    use crate::on_data::{predict_rows, report, resimulate, rollout, score};
+    use crate::on_data::{filter, predict_rows, report, resimulate, rollout, score};
     #[pymodule_export]
     use crate::simulate::{TimeGrid, simulate, time_grid};
 

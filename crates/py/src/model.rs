@@ -357,6 +357,21 @@ fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str
     Ok(options)
 }
 
+/// Writes the filter of a model as C into a folder, as the recipe's `[filter]` says; tells the files.
+#[pyfunction]
+pub(crate) fn export_filter(
+    py: Python<'_>,
+    model: &Model,
+    recipe_text: &str,
+    folder: PathBuf,
+    prefix: &str,
+    precision: &str,
+) -> PyResult<Vec<PathBuf>> {
+    let options = export_options("c", prefix, precision, "rk4")?;
+    let said = crate::fit::recipe(recipe_text)?;
+    run(py, None, |_| fleetfoot::export_filter(&model.model, &said.filter, &options, &folder, &[]))
+}
+
 /// Writes a controller, the text of its file, whole or not at all.
 #[pyfunction]
 pub(crate) fn write_controller(py: Python<'_>, text: &str, path: PathBuf) -> PyResult<()> {

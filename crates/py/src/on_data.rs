@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    FigureFormat, Followed,
+    FigureFormat, FilteredRows, Followed,
     dynamics::{Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory},
 };
 use numpy::{PyArray1, PyArrayMethods};
@@ -225,6 +225,53 @@ pub(crate) fn rollout<'py>(
     let report = object(py, &rolled.to_json())?;
     let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
     Ok((report, found.collect::<PyResult<_>>()?))
+}
+
+/// Recordings filtered by a model, as the recipe's `[filter]` says: the report (JSON), and with `keep` what is estimated of each episode.
+#[pyfunction]
+#[pyo3(signature = (model, data, recipe_text, keep=false, output=None, cache=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "those of the Python method")]
+pub(crate) fn filter<'py>(
+    py: Python<'py>,
+    model: &Model,
+    data: &Data,
+    recipe_text: &str,
+    keep: bool,
+    output: Option<PathBuf>,
+    cache: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
+    let changes = with_cache(recipe(recipe_text)?, cache);
+    let (filtered, kept) = run(py, progress, |progress| {
+        let mut kept = Vec::new();
+        let filtered = match (&output, keep) {
+            (None, true) => fleetfoot::filter_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
+                kept.push(rows.clone());
+                Ok(())
+            }),
+            _ => fleetfoot::filter(&model.model, &changes, &data.logs, output.as_deref(), progress),
+        }?;
+        Ok::<_, fleetfoot::Error>((filtered, kept))
+    })?;
+    let report = object(py, &filtered.to_json())?;
+    Ok((report, kept.iter().map(|rows| filtered_to_dict(py, rows)).collect::<PyResult<_>>()?))
+}
+
+fn filtered_to_dict<'py>(py: Python<'py>, found: &FilteredRows) -> PyResult<Bound<'py, PyDict>> {
+    let rows = found.rows();
+    let matrix = |values: &[f64]| array(py, values.to_vec(), &[rows, values.len().checked_div(rows).unwrap_or(0)]);
+    let dict = PyDict::new(py);
+    dict.set_item("episode", found.episode())?;
+    let stamps = found.stamps();
+    dict.set_item("t", PyArray1::from_iter(py, stamps.iter().map(|stamp| (stamp - stamps[0]) as f64 * 1e-9)))?;
+    dict.set_item("x", matrix(found.means())?)?;
+    dict.set_item("deviation", matrix(found.deviations())?)?;
+    dict.set_item("probability", matrix(found.probabilities())?)?;
+    dict.set_item("region", PyArray1::from_iter(py, (0..rows).map(|row| found.region(row) as i64)))?;
+    dict.set_item("innovation", matrix(found.innovations())?)?;
+    dict.set_item("innovation_deviation", matrix(found.innovation_deviations())?)?;
+    dict.set_item("log_likelihood", PyArray1::from_slice(py, found.log_likelihood()))?;
+    Ok(dict)
 }
 
 /// Recordings followed by a model within bounds, as the recipe's `[resimulate]` says: the report (JSON), and what follows each episode.

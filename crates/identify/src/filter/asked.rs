@@ -11,8 +11,6 @@ use crate::{Dataset, Error, FilterSection, FilterSwitching, Logs, Recipe, Settin
 
 /// What is asked, resolved on logs.
 pub(super) struct Asked {
-    /// The model with the columns that are read beside its own.
-    pub(super) model: Model,
     pub(super) filter: SwitchedFilter,
     pub(super) readings: Reading,
     pub(super) dataset: Dataset,
@@ -66,8 +64,10 @@ impl Asked {
         let mut sensors = measured(settings.measured.as_deref())?;
         let fields = named("sensors", settings.sensors.as_deref())?;
         let truth = named("truth", settings.truth.as_deref())?;
-        for (of, (state, _)) in fields.iter().map(|own| ("sensors", own)).chain(truth.iter().map(|own| ("truth", own)))
-        {
+        let said = (sensors.iter().map(|own| ("measured", &own.state)))
+            .chain(fields.iter().map(|own| ("sensors", &own.0)))
+            .chain(truth.iter().map(|own| ("truth", &own.0)));
+        for (of, state) in said {
             if !states.contains(state) {
                 let problem =
                     format!("[filter] {of}: the model has no state `{state}`; there is {}", states.join(", "));
@@ -109,9 +109,8 @@ impl Asked {
         let truth_names: Vec<String> = truth.iter().map(|(state, field)| add("true", state, field.clone())).collect();
         let read: Vec<&String> =
             inputs.iter().chain(&measured_names).chain(told_names.iter().flatten()).chain(&truth_names).collect();
-        let mut seen = wide.clone();
-        seen.columns.retain(|column| read.contains(&&column.name));
-        let dataset = Dataset::for_filter(model, &seen.columns, changes, logs, progress)?;
+        let columns: Vec<Column> = wide.columns.iter().filter(|column| read.contains(&&column.name)).cloned().collect();
+        let dataset = Dataset::for_filter(model, &columns, changes, logs, progress)?;
         let filter = SwitchedFilter::new(model, &options(settings, sensors.clone())?)?;
         let view = dataset.view()?;
         let place = |name: &String| {
@@ -130,7 +129,7 @@ impl Asked {
         };
         drop(view);
         let notes = notes(&filter, &sensors, &readings);
-        Ok(Self { model: wide, filter, readings, dataset, notes })
+        Ok(Self { filter, readings, dataset, notes })
     }
 }
 

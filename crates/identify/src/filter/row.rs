@@ -6,9 +6,11 @@ use fleetfoot_library::Unary;
 
 use super::asked::Reading;
 
-/// An episode, filtered. Values of rows stand row by row.
-pub(crate) struct FilteredRows {
-    pub(crate) stamps: Vec<i64>,
+/// An episode, filtered.
+#[derive(Debug, Clone)]
+pub struct FilteredRows {
+    episode: String,
+    stamps: Vec<i64>,
     states: usize,
     sensors: usize,
     regions: usize,
@@ -20,7 +22,7 @@ pub(crate) struct FilteredRows {
     /// Rows x sensors.
     innovations: Vec<f64>,
     innovation_deviations: Vec<f64>,
-    pub(crate) log_likelihood: Vec<f64>,
+    pub(super) log_likelihood: Vec<f64>,
     /// NaN where not all sensors measured.
     pub(super) nis: Vec<f64>,
     /// NaN where the truth is not known.
@@ -41,9 +43,10 @@ fn apart(a: f64, b: f64, angle: bool) -> f64 {
 }
 
 impl FilteredRows {
-    pub(super) fn new(filter: &SwitchedFilter, readings: &Reading, block: &Block) -> Self {
+    pub(super) fn new(filter: &SwitchedFilter, readings: &Reading, episode: String, block: &Block) -> Self {
         let (states, sensors) = (filter.states().len(), readings.measured.len());
         let mut found = Self {
+            episode,
             stamps: block.stamps().to_vec(),
             states,
             sensors,
@@ -123,28 +126,55 @@ impl FilteredRows {
         self.truths.extend(truths);
     }
 
-    pub(crate) fn rows(&self) -> usize {
+    /// The episode's name.
+    pub fn episode(&self) -> &str {
+        &self.episode
+    }
+
+    /// Stamps of the rows, nanoseconds.
+    pub fn stamps(&self) -> &[i64] {
+        &self.stamps
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
         self.stamps.len()
     }
 
-    pub(crate) fn mean(&self, row: usize, state: usize) -> f64 {
-        self.means[row * self.states + state]
+    /// Means of the states, rows x states.
+    pub fn means(&self) -> &[f64] {
+        &self.means
     }
 
-    pub(crate) fn deviation(&self, row: usize, state: usize) -> f64 {
-        self.deviations[row * self.states + state]
+    /// Their standard deviations, rows x states.
+    pub fn deviations(&self) -> &[f64] {
+        &self.deviations
     }
 
-    pub(crate) fn probability(&self, row: usize, region: usize) -> f64 {
-        self.probabilities[row * self.regions + region]
+    /// Probabilities of the regions, rows x regions.
+    pub fn probabilities(&self) -> &[f64] {
+        &self.probabilities
     }
 
-    pub(crate) fn innovation(&self, row: usize, sensor: usize) -> f64 {
-        self.innovations[row * self.sensors + sensor]
+    /// Measured less predicted, rows x sensors; NaN where nothing was measured.
+    pub fn innovations(&self) -> &[f64] {
+        &self.innovations
     }
 
-    pub(crate) fn innovation_deviation(&self, row: usize, sensor: usize) -> f64 {
-        self.innovation_deviations[row * self.sensors + sensor]
+    /// The deviations that innovations were expected to have, rows x sensors.
+    pub fn innovation_deviations(&self) -> &[f64] {
+        &self.innovation_deviations
+    }
+
+    /// The logarithm of the probability density of what each row measured.
+    pub fn log_likelihood(&self) -> &[f64] {
+        &self.log_likelihood
+    }
+
+    /// The region of a row that is most probable, the lowest of equals.
+    pub fn region(&self, row: usize) -> usize {
+        let own = &self.probabilities[row * self.regions..][..self.regions];
+        (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best })
     }
 
     /// Estimate less truth.

@@ -7,7 +7,7 @@ use fleetfoot_log::{TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::{Kind, kind, table_options};
-use crate::{Error, Logs, filter::FilteredRows};
+use crate::{Error, FilteredRows, Logs};
 
 /// Refuses what is no table.
 pub(crate) fn table_only(path: &Path) -> Result<(), Error> {
@@ -57,31 +57,24 @@ impl FilteredWriter {
         })
     }
 
-    pub(crate) fn write(&mut self, episode: &str, found: &FilteredRows) -> Result<(), Error> {
-        let rows = 0..found.rows();
-        let column = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { rows.clone().map(of).collect() };
+    pub(crate) fn write(&mut self, found: &FilteredRows) -> Result<(), Error> {
+        let rows = found.rows();
+        let column =
+            |of: &[f64], width: usize, at: usize| -> Vec<f64> { (0..rows).map(|row| of[row * width + at]).collect() };
         let mut numbers = Vec::new();
         for state in 0..self.states {
-            numbers.push(column(&|row| found.mean(row, state)));
-            numbers.push(column(&|row| found.deviation(row, state)));
+            numbers.push(column(found.means(), self.states, state));
+            numbers.push(column(found.deviations(), self.states, state));
         }
         for sensor in 0..self.sensors {
-            numbers.push(column(&|row| found.innovation(row, sensor)));
-            numbers.push(column(&|row| found.innovation_deviation(row, sensor)));
+            numbers.push(column(found.innovations(), self.sensors, sensor));
+            numbers.push(column(found.innovation_deviations(), self.sensors, sensor));
         }
-        for region in 0..self.regions {
-            numbers.push(column(&|row| found.probability(row, region)));
-        }
-        numbers.push(found.log_likelihood.clone());
-        // The lowest of equally probable ones.
-        let likely = |row: usize| {
-            (1..self.regions).fold(0, |best, own| {
-                if found.probability(row, own) > found.probability(row, best) { own } else { best }
-            })
-        };
-        let regions: Vec<i64> = rows.clone().map(|row| likely(row) as i64).collect();
-        let names = vec![episode; found.rows()];
-        let mut values = vec![Values::Text(&names), Values::Integer(&found.stamps)];
+        numbers.extend((0..self.regions).map(|region| column(found.probabilities(), self.regions, region)));
+        numbers.push(found.log_likelihood().to_vec());
+        let regions: Vec<i64> = (0..rows).map(|row| found.region(row) as i64).collect();
+        let names = vec![found.episode(); rows];
+        let mut values = vec![Values::Text(&names), Values::Integer(found.stamps())];
         values.extend(numbers.iter().map(|column| Values::Float(column)));
         values.push(Values::Integer(&regions));
         self.writer.write(&values)?;

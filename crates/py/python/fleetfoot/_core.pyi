@@ -369,6 +369,7 @@ def report(
     progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def write_controller(text: str, path: str | PathLike[str]) -> None: ...
+def export_filter(model: Model, recipe_text: str, folder: str, prefix: str, precision: str) -> list[Path]: ...
 def export_controller(
     text: str, target: str, folder: str | PathLike[str], prefix: str, precision: str
 ) -> list[Path]: ...
@@ -377,6 +378,15 @@ def rollout(
     data: Data,
     recipe_text: str,
     request: dict[str, Any],
+    cache: str | PathLike[str] | None = None,
+    progress: _Progress = None,
+) -> tuple[dict[str, Any], list[dict[str, Any]]]: ...
+def filter(
+    model: Model,
+    data: Data,
+    recipe_text: str,
+    keep: bool = False,
+    output: str | None = None,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]: ...

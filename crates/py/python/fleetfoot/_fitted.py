@@ -143,6 +143,10 @@ class Fitted:
         """Free runs from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
         return self._found().rollout(data, horizon, **options)
 
+    def filter(self, data: Any, **options: Any) -> dict[str, Any]:
+        """States estimated from noisy measurements: :meth:`fleetfoot.Model.filter`."""
+        return self._found().filter(data, **options)
+
     def resimulate(self, data: Any, **options: Any) -> dict[str, Any]:
         """States and inputs that obey the model and follow recordings: :meth:`fleetfoot.Model.resimulate`."""
         return self._found().resimulate(data, **options)

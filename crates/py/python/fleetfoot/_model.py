@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _core, _recipe
 from ._equations import Content
+from ._filtering import Filtering
 from ._html import of_model
 from ._on_recordings import OnRecordings
 from ._regulated import Regulated
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     History = tuple[ArrayLike, ArrayLike]
 
 
-class Model(OnRecordings, Regulated):
+class Model(OnRecordings, Filtering, Regulated):
     """A model of a recording: what is predicted, from what, and how. It does not change.
 
     Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds

@@ -364,7 +364,7 @@ class OnRecordings:
 
         dataset: Dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        own = ("time", "rename", "join", "episodes", "resimulate")
+        own = ("time", "rename", "join", "episodes", "filter", "resimulate")
         kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}
         kept = _recipe.say(said or {}, kept)
         return dataset._core, _recipe.to_json(kept)

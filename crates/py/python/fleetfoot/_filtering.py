@@ -1,0 +1,173 @@
+"""Models by which the states of recordings are filtered."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from . import _core as engine
+from . import _recipe
+from ._progress import Progress, reporting
+from ._warnings import tell_all
+
+#: States, or states with the deviations of their sensors.
+Measured = Sequence[str] | Mapping[str, float | None]
+
+
+class Filtering:
+    """What a model estimates from noisy measurements."""
+
+    __slots__ = ()
+
+    _core: engine.Model
+
+    def filter(
+        self,
+        data: Any,
+        *,
+        measured: Measured | None = None,
+        sensors: Mapping[str, str] | None = None,
+        truth: Mapping[str, str] | None = None,
+        initial: Mapping[str, tuple[float, float]] | None = None,
+        process: float | str | None = None,
+        switching: str | None = None,
+        keep: bool = False,
+        output: str | os.PathLike[str] | None = None,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        cache: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """The states of recordings, estimated row by row from noisy measurements of some of them.
+
+        Every region has a Kalman filter whose process noise is the residual covariance of the region. What is told of
+        a row does not depend on later ones.
+
+        Parameters
+        ----------
+        data : anything that :func:`fleetfoot.open` takes
+            Recordings.
+        measured : list or mapping, optional
+            States that are measured, and the standard deviations of their sensors; ``None`` as a deviation, or none
+            given: by the column ``NAME_deviation`` of the recording, else by the innovations so far. All states that
+            the recording has when not given.
+        sensors : mapping, optional
+            Where the recording has the measurement of a state: a field or an expression.
+        truth : mapping, optional
+            Where the recording has the truth of a state, that errors are told of.
+        initial : mapping, optional
+            Mean and standard deviation of states before their first measurement; those of the training when not given.
+        process : float or "auto", optional
+            Factor on the process noise; ``"auto"``: by the innovations so far. 1 when not given.
+        switching : {"state", "transitions"}, optional
+            How one region follows another: by where the state is, or as it was counted in training.
+        keep : bool
+            Whether estimates are given.
+        output : path, optional
+            A file that estimates are written to, Parquet or text; then they are not given.
+        recipe, cache, progress : optional
+            As for :meth:`predict`; what ``[filter]`` of a recipe says stands below the arguments.
+
+        Returns
+        -------
+        dict
+            ``sensors`` (``state``, ``deviation`` and where it is from, ``share`` of the innovations in their 95 %
+            band, ``correlation`` with the row before and how large it is where they are ``white``), ``nis`` and, with
+            a truth, ``nees`` (``mean`` by degree of freedom, its 95 % band ``low`` and ``high``, ``share``), ``truth``
+            (``rmse``, ``measured_rmse``), ``log_likelihood``, ``process``, ``notes``; and with ``keep`` ``estimates``:
+            for each episode a dict of ``episode``, ``t``, ``x`` and ``deviation`` (rows, states), ``probability``
+            (rows, regions), ``region``, ``innovation``, ``innovation_deviation`` (rows, sensors), ``log_likelihood``.
+
+        Raises
+        ------
+        DataError, RequestError, ModelError
+
+        Examples
+        --------
+        >>> import numpy as np, fleetfoot as ff
+        >>> t, random = np.arange(0, 20, 0.01), np.random.default_rng(0)
+        >>> v = 0.1 * np.cumsum(random.normal(size=t.size))
+        >>> x = np.cumsum(np.append(0, v[:-1])) * 0.01
+        >>> mass = ff.PWA(target="next").fit(np.column_stack([x, v]), t, feature_names=["x", "v"]).model_
+        >>> rows = {"t": t, "x": x + 0.05 * random.normal(size=t.size), "true_v": v}
+        >>> found = mass.filter(rows, measured={"x": 0.05}, truth={"v": "true_v"}, keep=True)
+        >>> found["estimates"][0]["x"].shape, bool(found["truth"][0]["rmse"] < 0.5 * v.std())
+        ((2000, 2), True)
+        """
+        said = _said(measured, sensors, truth, initial, process, switching)
+        opened, changes = self._opened(data, recipe, said={"filter": said} if said else {})  # type: ignore[attr-defined]
+        written = None if output is None else os.fspath(output)
+        with reporting(progress) as callback:
+            report, estimates = engine.filter(self._core, opened, changes, keep, written, cache, callback)
+        if keep and output is None:
+            report["estimates"] = estimates
+        report["notes"] = tell_all(report["notes"])
+        return report
+
+    def export_filter(
+        self,
+        folder: str | os.PathLike[str] = ".",
+        *,
+        measured: Mapping[str, float] | None = None,
+        initial: Mapping[str, tuple[float, float]] | None = None,
+        process: float | None = None,
+        switching: str | None = None,
+        prefix: str = "model",
+        precision: str = "double",
+    ) -> list[str]:
+        """Writes the filter of a model with affine regions as C: ``PREFIX_filter.h`` and ``PREFIX_filter.c``.
+
+        Parameters
+        ----------
+        folder : path
+            Where the files go; made when needed.
+        measured, initial, process, switching : optional
+            As for :meth:`filter`; every sensor has its deviation.
+        prefix : str
+            In front of all names, and the name of the files.
+        precision : {"double", "float"}
+            Numbers.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        RequestError
+            A sensor without a deviation, regions that are not affine.
+        """
+        said = _said(measured, None, None, initial, process, switching)
+        files = engine.export_filter(
+            self._core, _recipe.to_json({"filter": said}), os.fspath(folder), prefix, precision
+        )
+        return [os.fspath(file) for file in files]
+
+
+def _said(
+    measured: Measured | None,
+    sensors: Mapping[str, str] | None,
+    truth: Mapping[str, str] | None,
+    initial: Mapping[str, tuple[float, float]] | None,
+    process: float | str | None,
+    switching: str | None,
+) -> dict[str, Any]:
+    """The arguments as entries of a recipe."""
+
+    def fields(named: Mapping[str, str] | None) -> str | None:
+        return None if named is None else ",".join(f"{name}={field}" for name, field in named.items())
+
+    if isinstance(measured, Mapping):
+        sure = [name if own is None else f"{name}={float(own)!r}" for name, own in measured.items()]
+    else:
+        sure = [] if measured is None else list(measured)
+    starts = (initial or {}).items()
+    return _recipe.said(
+        measured=None if measured is None else ",".join(sure),
+        sensors=fields(sensors),
+        truth=fields(truth),
+        initial=None if initial is None else ",".join(f"{n}={float(m)!r}:{float(d)!r}" for n, (m, d) in starts),
+        process=process if process is None or isinstance(process, str) else float(process),
+        switching=switching,
+    )

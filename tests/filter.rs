@@ -1,0 +1,113 @@
+//! `filter`, and the filter as code.
+
+use std::fs;
+
+use crate::{closed_loop::fitted, runner::*};
+
+/// A measurement of a column with normal noise, as an expression: Box and Muller's transform of two numbers that hang on the stamp and on nothing else.
+fn noisy(column: &str, deviation: f64, key: u32) -> String {
+    let uniform = |key: u32| format!("wrap(1e7*sin({key}*t))");
+    format!(
+        "{column}={column} + {deviation}*sqrt(-2*log(0.5 + {}/6.283185307179586))*cos({})",
+        uniform(100_003 + 40 * key),
+        uniform(100_019 + 40 * key)
+    )
+}
+
+/// The cells of a column of a table.
+fn cells(text: &str, column: &str) -> Vec<String> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let at = header.iter().position(|own| *own == column).unwrap_or_else(|| panic!("{column}: {header:?}"));
+    lines.map(|line| line.split(',').nth(at).expect("a cell").to_owned()).collect()
+}
+
+#[test]
+fn a_recording_is_filtered_alike_on_any_number_of_threads_and_nothing_looks_ahead() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let sensors = [noisy("x", 0.01, 1), noisy("y", 0.01, 2), noisy("yaw", 0.02, 3)].join(",");
+    let filter = |log: &str, output: &str, threads: &str| {
+        let arguments = ["filter", "model.json", log, "--measured", "x=0.01,y=0.01,yaw=0.02", "--sensors", &sensors];
+        let more = ["--truth", "x=x,y=y,yaw=yaw,vx=vx", "-o", output, "--threads", threads, "--json"];
+        let told = run(&[&arguments[..], &more].concat()).ok().json();
+        (told, fs::read_to_string(folder.path().join(output)).expect("estimates"))
+    };
+    let (told, text) = filter("run_2.csv", "1.csv", "1");
+    for threads in ["2", "7"] {
+        let (other, same) = filter("run_2.csv", "other.csv", threads);
+        assert!(other == told && same == text, "{threads} threads");
+    }
+    let states: Vec<&str> =
+        told["states"].as_array().expect("states").iter().filter_map(|state| state.as_str()).collect();
+    assert!(states.contains(&"vx") && told["nis"]["freedom"] == 3 && told["nees"]["freedom"] == 4, "{told}");
+    for truth in told["truth"].as_array().expect("errors") {
+        if let Some(measured) = truth["measured_rmse"].as_f64() {
+            assert!(truth["rmse"].as_f64().expect("a number") < measured, "{truth}");
+        }
+    }
+    // Half of the log gives the first half of the estimates, to the bit.
+    let log = fs::read_to_string(folder.path().join("run_2.csv")).expect("a log");
+    let half: Vec<&str> = log.lines().take(log.lines().count() / 2).collect();
+    fs::write(folder.path().join("half.csv"), half.join("\n") + "\n").expect("written");
+    let (_, first) = filter("half.csv", "half_estimates.csv", "1");
+    for column in ["vx", "vx deviation", "x innovation", "log likelihood"] {
+        let (whole, part) = (cells(&text, column), cells(&first, column));
+        assert!(part.len() == half.len() - 1 && whole[..part.len()] == part, "{column}");
+    }
+}
+
+#[test]
+fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let filter = |more: &[&str]| run(&[&["filter", "model.json", "run_2.csv"], more].concat());
+    filter(&["--measured", "xx"]).fails(&["no state `xx`", "there is"]);
+    filter(&["--measured", "x=0"]).fails(&["positive number"]);
+    filter(&["--truth", "xx=x"]).fails(&["no state `xx`"]);
+    filter(&["--sensors", "x"]).fails(&["STATE=FIELD"]);
+    filter(&["--initial", "x=1"]).fails(&["STATE=MEAN:DEVIATION"]);
+    filter(&["--process", "much"]).fails(&["a number, or \"auto\""]);
+    filter(&["-o", "estimates.mcap"]).fails(&["tables", "*.parquet"]);
+    // The log's own columns are measured where nothing is said, and their noise is found.
+    let told = filter(&[]).ok();
+    assert!(told.err.contains("found from the innovations so far"), "{}", told.err);
+    assert!(told.out.contains("NIS") && told.out.contains("innovations"), "{}", told.out);
+    let json = filter(&["--measured", "x=0.01", "--process", "auto", "--json"]).ok().json();
+    assert!(
+        json["process"].as_f64().expect("a factor") != 1.0 && json["sensors"][0]["deviation_from"] == "given",
+        "{json}"
+    );
+    run(&["export", "model.json", "--to", "c", "--filter"]).fails(&["no state is measured"]);
+}
+
+/// The hexapod over a stride: where it is, from a camera's noise, by a model of other runs. Its residuals over a stride are what the noise of its strides is.
+#[test]
+fn the_hexapods_errors_are_as_large_as_the_filter_says() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let generate = ["generate", "hexapod", "--runs", "4", "--seconds", "30", "--speed", "0.25:0.35"];
+    run(&[&generate[..], &["--excitation", "ornstein-uhlenbeck", "--format", "parquet", "-o", "belt"]].concat()).ok();
+    let recipe = "[states]\nx = { derivative = { over = 200 }, regressor = false }\ny = { derivative = { over = 200 }, regressor = false }\n\
+         yaw = { derivative = { over = 200 } }\n[inputs]\nu_v = \"u_v\"\nu_w = \"u_w\"\nbelt_speed = \"belt_speed\"\n[time]\ncolumn = \"t\"\n\
+         [filter]\nmeasured = \"x=0.005,y=0.005,yaw=0.02\"\ntruth = \"x=x,y=y,yaw=yaw\"\n";
+    fs::write(folder.path().join("place.toml"), recipe).expect("written");
+    let logs = ["belt/hexapod_00.parquet", "belt/hexapod_01.parquet", "belt/hexapod_02.parquet"];
+    let fit =
+        [&["fit", "pwa", "-c", "place.toml"], &logs[..], &["--partition", "refined:4", "-o", "place.json"]].concat();
+    run(&fit).ok();
+    let sensors = [noisy("x", 0.005, 1), noisy("y", 0.005, 2), noisy("yaw", 0.02, 3)].join(",");
+    let told = run(&["filter", "place.json", "belt/hexapod_03.parquet", "--sensors", &sensors, "--json"]).ok().json();
+    println!("{told}");
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let nees = &told["nees"];
+    assert!(told["regions"].as_u64().expect("regions") > 1 && told["exact"] == true);
+    assert!((number(&nees["low"])..=number(&nees["high"])).contains(&number(&nees["mean"])), "{nees}");
+    assert!((number(&nees["share"]) - 0.95).abs() < 0.03, "{nees}");
+    for truth in told["truth"].as_array().expect("errors") {
+        assert!(number(&truth["rmse"]) < 0.6 * number(&truth["measured_rmse"]), "{truth}");
+    }
+    // Affine regions become code.
+    run(&["export", "place.json", "--to", "c", "--filter", "--prefix", "place", "-o", "src"]).ok();
+    assert!(folder.path().join("src/place_filter.c").is_file());
+}
