@@ -144,7 +144,7 @@ pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result
 }
 
 /// What a name means in the fields of the log.
-fn source(recipe: &Recipe, name: &str) -> String {
+pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
     let mut scope = Scope::open();
     let aliased = scope.define_all(&recipe.columns).ok().and_then(|()| Expr::parse(name, &scope).ok());
     match aliased {

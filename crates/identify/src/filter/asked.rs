@@ -7,7 +7,9 @@ use fleetfoot_dynamics::{
 };
 use fleetfoot_model::{Column, Model, Role};
 
-use crate::{Dataset, Error, FilterSection, FilterSwitching, Logs, Recipe, Settings, Tunable, items};
+use crate::{
+    Dataset, Error, FilterSection, FilterSwitching, Logs, Recipe, Settings, Tunable, controller::source, items,
+};
 
 /// What is asked, resolved on logs.
 pub(super) struct Asked {
@@ -62,8 +64,11 @@ impl Asked {
         let states: Vec<String> = stepper.states().map(str::to_owned).collect();
         let inputs: Vec<String> = stepper.inputs().map(str::to_owned).collect();
         let mut sensors = measured(settings.measured.as_deref())?;
-        let fields = named("sensors", settings.sensors.as_deref())?;
-        let truth = named("truth", settings.truth.as_deref())?;
+        // An alias of the recipe, a field, or an expression over fields.
+        let own = Recipe::parse(&model.training.recipe, "the model's recipe")?;
+        let meant = |(state, name): (String, String)| (state, source(&own, &name));
+        let fields: Vec<_> = named("sensors", settings.sensors.as_deref())?.into_iter().map(meant).collect();
+        let truth: Vec<_> = named("truth", settings.truth.as_deref())?.into_iter().map(meant).collect();
         let said = (sensors.iter().map(|own| ("measured", &own.state)))
             .chain(fields.iter().map(|own| ("sensors", &own.0)))
             .chain(truth.iter().map(|own| ("truth", &own.0)));
@@ -75,7 +80,7 @@ impl Asked {
             }
         }
         // Where the measurement of a state stands.
-        let source = |state: &str| {
+        let measurement = |state: &str| {
             let own = fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
             own.or_else(|| model.column(state).map(|at| model.columns[at].source.clone()))
                 .unwrap_or_else(|| state.to_owned())
@@ -83,11 +88,12 @@ impl Asked {
         let recipe = Dataset::recipe_of_run(model, changes)?;
         if sensors.is_empty() {
             let there =
-                Dataset::readable(&recipe, logs, &states.iter().map(|state| source(state)).collect::<Vec<_>>())?;
+                Dataset::readable(&recipe, logs, &states.iter().map(|state| measurement(state)).collect::<Vec<_>>())?;
             let all = states.iter().zip(there).filter(|(_, there)| *there);
             sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
         }
-        let told: Vec<String> = sensors.iter().map(|sensor| format!("{}_deviation", source(&sensor.state))).collect();
+        let told: Vec<String> =
+            sensors.iter().map(|sensor| format!("{}_deviation", measurement(&sensor.state))).collect();
         let told_there = Dataset::readable(&recipe, logs, &told)?;
         // The model reads what the filter reads, and nothing else: states that nobody measures may be missing.
         let mut wide = model.clone();
@@ -100,7 +106,7 @@ impl Asked {
             name
         };
         let measured_names: Vec<String> =
-            sensors.iter().map(|own| add("measured", &own.state, source(&own.state))).collect();
+            sensors.iter().map(|own| add("measured", &own.state, measurement(&own.state))).collect();
         let told_names: Vec<Option<String>> = (sensors.iter().zip(&told).zip(told_there))
             .map(|((own, told), there)| {
                 (there && own.deviation.is_none()).then(|| add("deviation", &own.state, told.clone()))

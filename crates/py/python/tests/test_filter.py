@@ -54,7 +54,7 @@ def test_nothing_looks_ahead_and_missing_rows_are_predicted(model: ff.Model) -> 
     whole["seen"][100:150] = np.nan
     part = {name: values[:200] for name, values in whole.items()}
     asked = {"measured": ["x"], "sensors": {"x": "seen"}, "keep": True}
-    with pytest.warns(ff.exceptions.DataWarning) if hasattr(ff.exceptions, "DataWarning") else pytest.warns():
+    with pytest.warns(ff.FleetfootWarning, match="innovations"):
         first, second = (model.filter(own, **asked)["estimates"][0] for own in (whole, part))
     assert np.array_equal(first["x"][:200], second["x"])
     assert np.isnan(first["innovation"][100:150]).all() and np.isfinite(first["x"]).all()
