@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    ControlSection, EstimateSection, FilterSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection, Recipe,
-    ResimulateSection, Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
+    ControlSection, EstimateSection, FilterSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection,
+    Recipe, ResimulateSection, Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 

@@ -98,7 +98,9 @@ fn batch(
 
 #[test]
 fn filtered_means_are_those_of_all_measurements_at_once() {
-    let cases: [(usize, &[f64], &[(&str, f64)]); 3] = [
+    /// States, process noise, sensors with their deviations.
+    type Case<'a> = (usize, &'a [f64], &'a [(&'a str, f64)]);
+    let cases: [Case<'_>; 3] = [
         (1, &[0.04], &[("x0", 0.3)]),
         (3, &[0.04, 0.01, 0.02, -0.005, 0.002, 0.03], &[("x0", 0.3), ("x2", 0.1)]),
         (4, &[0.01, 0.0, 0.02, 0.004, 0.0, 0.5, 0.0, 0.0, 0.0, 1e-4], &[("x3", 1e-3), ("x1", 2.0)]),
