@@ -30,7 +30,7 @@ pub(crate) struct Export {
     /// Write the model's filter, in place of the model, as the `[filter]` of its recipe says, or of `--recipe`.
     #[arg(long)]
     pub(crate) filter: bool,
-    /// A recipe whose `[filter]` stands above the model's.
+    /// A recipe whose `[filter]` stands above the model's (default: none).
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE", requires = "filter")]
     pub(crate) recipe: Option<PathBuf>,
     /// The folder to write to.
