@@ -111,3 +111,45 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     run(&["export", "place.json", "--to", "c", "--filter", "--prefix", "place", "-o", "src"]).ok();
     assert!(folder.path().join("src/place_filter.c").is_file());
 }
+
+#[test]
+fn labels_say_the_region_and_a_column_says_the_deviation() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let write = |name: &str, text: String| fs::write(folder.path().join(name), text).expect("written");
+    let recipe = "[states]\nv = { derivative = \"dv\" }\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
+    write("robot.toml", recipe.to_owned());
+    let plain = |rows, phase| robot_csv(rows, phase).replace("v [m/s]", "v");
+    write("train.csv", plain(3000, 0.0));
+    // Noise that the log tells of, row by row.
+    let log = plain(1000, 1.0);
+    let told = |(i, line): (usize, &str)| {
+        let deviation = if i % 2 == 0 { 0.02 } else { 0.05 };
+        if i == 0 { format!("{line},v_deviation") } else { format!("{line},{deviation}") }
+    };
+    write("run.csv", log.lines().enumerate().map(told).collect::<Vec<_>>().join("\n") + "\n");
+    run(&["fit", "pwa", "-c", "robot.toml", "train.csv", "--partition", "labels:mode", "-o", "model.json"]).ok();
+    let arguments = ["filter", "model.json", "run.csv", "--truth", "v=v", "-o", "estimates.csv", "--json"];
+    let said = run(&arguments).ok();
+    let told = said.json();
+    assert!(said.err.contains("the log's columns"), "{}", said.err);
+    assert!(told["regions"] == 2 && told["sensors"][0]["deviation_from"] == "column", "{told}");
+    let text = fs::read_to_string(folder.path().join("estimates.csv")).expect("estimates");
+    let (slip, mode) = (cells(&text, "probability slip"), cells(&log, "mode"));
+    // The region is that of the step which led to a row: the label of the row before.
+    for row in 1..slip.len() {
+        let wanted = if mode[row - 1] == "slip" { 1.0 } else { 0.0 };
+        assert_eq!(slip[row].parse::<f64>().expect("a number"), wanted, "row {row}");
+    }
+    // The exact model follows the exact log; its steps are Euler's there and exact here.
+    let error = told["truth"][0]["rmse"].as_f64().expect("a number");
+    assert!(error < 0.01, "{error}");
+    let spread = cells(&text, "v innovation deviation");
+    let spread = |row: usize| spread[row].parse::<f64>().expect("a number");
+    assert!(spread(500) < 0.03 || spread(501) < 0.03);
+    assert!((spread(500) - spread(501)).abs() > 0.02, "{} {}", spread(500), spread(501));
+    // A sensor that is slower than the rows is held between its samples, and told.
+    let slow = ["filter", "model.json", "run.csv", "--measured", "v=0.05", "--sensors", "v=0.1*sign(sin(7*t))"];
+    let said = run(&slow).ok();
+    assert!(said.err.contains("repeat the one before") && said.err.contains("[time] base"), "{}", said.err);
+}

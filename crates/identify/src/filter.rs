@@ -140,7 +140,12 @@ struct Sums {
     log_likelihood: f64,
     process: Vec<f64>,
     held: u64,
+    /// Of every sensor: rows that say what the row before said, and rows that follow one.
+    repeated: Vec<[u64; 2]>,
 }
+
+/// Measurements that repeat the one before in more than this share of rows are those of a slower sensor, held.
+const HELD: f64 = 0.5;
 
 /// Filters the episodes of logs by a model; writes what it finds where `output` is given. How is said by `[filter]` of `changes`, above the model's own recipe. Nothing that is
 /// told of a row depends on later ones.
@@ -202,6 +207,7 @@ pub fn filter_rows(
         log_likelihood: 0.0,
         process: Vec::new(),
         held: 0,
+        repeated: vec![[0; 2]; sensors],
     };
     parallel_fold(
         view.episodes().len(),
@@ -217,6 +223,7 @@ pub fn filter_rows(
         },
     )?;
     dataset.all_were_read();
+    notes.extend(sums.held_sensors(&filter));
     Ok(Filtered {
         rows: view.rows() as u64,
         episodes: view.episodes().len(),
@@ -258,6 +265,8 @@ impl Sums {
                 ];
             }
             self.deviations[k].push(rows.last_deviations[k]);
+            let [repeated, pairs] = rows.repeated(k);
+            self.repeated[k] = [self.repeated[k][0] + repeated, self.repeated[k][1] + pairs];
         }
         self.nis.add(episode, rows.nis.iter().copied());
         self.nees.add(episode, rows.nees.iter().copied());
@@ -279,6 +288,20 @@ impl Sums {
         self.log_likelihood += rows.log_likelihood.iter().sum::<f64>();
         self.process.push(rows.process);
         self.held += rows.held_inputs as u64;
+    }
+
+    /// A note of the sensors that are slower than the rows.
+    fn held_sensors(&self, filter: &SwitchedFilter) -> Option<String> {
+        let slow = |(state, [repeated, pairs]): (usize, &[u64; 2])| {
+            (*repeated as f64 > HELD * *pairs as f64).then(|| filter.states()[state].clone())
+        };
+        let slow: Vec<String> = filter.measured().zip(&self.repeated).filter_map(slow).collect();
+        (!slow.is_empty()).then(|| {
+            format!(
+                "{}: most measurements repeat the one before, as those of a slow sensor do that is held between its samples; each counts as a new one: make its topic the base of the rows ([time] base)",
+                slow.join(", ")
+            )
+        })
     }
 
     fn sensors(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<SensorReport> {

@@ -52,6 +52,71 @@ pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, 
     Ok(SwitchedFilter::new(model, &options(&settings, measured)?)?)
 }
 
+/// What `[filter]` says of a model's states: checked, and in the fields of logs.
+struct Said<'a> {
+    model: &'a Model,
+    sensors: Vec<Measured>,
+    /// Where measurements stand that are not where the model was trained on.
+    fields: Vec<(String, String)>,
+    truth: Vec<(String, String)>,
+}
+
+/// The columns that a filter reads of logs.
+struct Columns<'a> {
+    model: &'a Model,
+    columns: Vec<Column>,
+}
+
+impl<'a> Said<'a> {
+    fn new(model: &'a Model, settings: &FilterSection, states: &[String]) -> Result<Self, Error> {
+        let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
+        // An alias of the recipe, a field, or an expression over fields.
+        let meant = |(state, name): (String, String)| (state, source(&recipe, &name));
+        let said = Self {
+            model,
+            sensors: measured(settings.measured.as_deref())?,
+            fields: named("sensors", settings.sensors.as_deref())?.into_iter().map(meant).collect(),
+            truth: named("truth", settings.truth.as_deref())?.into_iter().map(meant).collect(),
+        };
+        let all = (said.sensors.iter().map(|own| ("measured", &own.state)))
+            .chain(said.fields.iter().map(|own| ("sensors", &own.0)))
+            .chain(said.truth.iter().map(|own| ("truth", &own.0)));
+        for (of, state) in all {
+            if !states.contains(state) {
+                let problem =
+                    format!("[filter] {of}: the model has no state `{state}`; there is {}", states.join(", "));
+                return Err(Error::unknown(state, problem));
+            }
+        }
+        Ok(said)
+    }
+
+    /// Where the measurement of a state stands.
+    fn measurement(&self, state: &str) -> String {
+        let said = self.fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
+        let trained = || self.model.column(state).map(|at| self.model.columns[at].source.clone());
+        said.or_else(trained).unwrap_or_else(|| state.to_owned())
+    }
+}
+
+impl<'a> Columns<'a> {
+    /// Those of the model with these names.
+    fn of(model: &'a Model, names: &[String]) -> Self {
+        let columns = model.columns.iter().filter(|column| names.contains(&column.name)).cloned().collect();
+        Self { model, columns }
+    }
+
+    /// One more, under a name that nothing has.
+    fn add(&mut self, prefix: &str, state: &str, source: String) -> String {
+        let mut name = format!("{prefix}_{state}");
+        while self.model.column(&name).is_some() {
+            name.push('_');
+        }
+        self.columns.push(Column { name: name.clone(), source, unit: None, role: Role::Auxiliary, angle: false });
+        name
+    }
+}
+
 impl Asked {
     pub(super) fn new(
         model: &Model,
@@ -63,78 +128,52 @@ impl Asked {
         let stepper = Stepper::new(model)?;
         let states: Vec<String> = stepper.states().map(str::to_owned).collect();
         let inputs: Vec<String> = stepper.inputs().map(str::to_owned).collect();
-        let mut sensors = measured(settings.measured.as_deref())?;
-        // An alias of the recipe, a field, or an expression over fields.
-        let own = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-        let meant = |(state, name): (String, String)| (state, source(&own, &name));
-        let fields: Vec<_> = named("sensors", settings.sensors.as_deref())?.into_iter().map(meant).collect();
-        let truth: Vec<_> = named("truth", settings.truth.as_deref())?.into_iter().map(meant).collect();
-        let said = (sensors.iter().map(|own| ("measured", &own.state)))
-            .chain(fields.iter().map(|own| ("sensors", &own.0)))
-            .chain(truth.iter().map(|own| ("truth", &own.0)));
-        for (of, state) in said {
-            if !states.contains(state) {
-                let problem =
-                    format!("[filter] {of}: the model has no state `{state}`; there is {}", states.join(", "));
-                return Err(Error::unknown(state, problem));
-            }
-        }
-        // Where the measurement of a state stands.
-        let measurement = |state: &str| {
-            let own = fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
-            own.or_else(|| model.column(state).map(|at| model.columns[at].source.clone()))
-                .unwrap_or_else(|| state.to_owned())
-        };
+        let mut said = Said::new(model, settings, &states)?;
         let recipe = Dataset::recipe_of_run(model, changes)?;
-        if sensors.is_empty() {
-            let there =
-                Dataset::readable(&recipe, logs, &states.iter().map(|state| measurement(state)).collect::<Vec<_>>())?;
+        if said.sensors.is_empty() {
+            let places: Vec<String> = states.iter().map(|state| said.measurement(state)).collect();
+            let there = Dataset::readable(&recipe, logs, &places)?;
             let all = states.iter().zip(there).filter(|(_, there)| *there);
-            sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
+            said.sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
         }
+        let sensors = &said.sensors;
         let told: Vec<String> =
-            sensors.iter().map(|sensor| format!("{}_deviation", measurement(&sensor.state))).collect();
-        let told_there = Dataset::readable(&recipe, logs, &told)?;
-        // The model reads what the filter reads, and nothing else: states that nobody measures may be missing.
-        let mut wide = model.clone();
-        let mut add = |prefix: &str, state: &str, source: String| {
-            let mut name = format!("{prefix}_{state}");
-            while wide.column(&name).is_some() {
-                name.push('_');
-            }
-            wide.columns.push(Column { name: name.clone(), source, unit: None, role: Role::Auxiliary, angle: false });
-            name
-        };
-        let measured_names: Vec<String> =
-            sensors.iter().map(|own| add("measured", &own.state, measurement(&own.state))).collect();
-        let told_names: Vec<Option<String>> = (sensors.iter().zip(&told).zip(told_there))
+            sensors.iter().map(|sensor| format!("{}_deviation", said.measurement(&sensor.state))).collect();
+        let there = Dataset::readable(&recipe, logs, &told)?;
+        // What the filter reads, and nothing else: states that nobody measures may be missing.
+        let mut columns = Columns::of(model, &inputs);
+        let measured: Vec<String> =
+            sensors.iter().map(|own| columns.add("measured", &own.state, said.measurement(&own.state))).collect();
+        let deviations: Vec<Option<String>> = (sensors.iter().zip(told).zip(there))
             .map(|((own, told), there)| {
-                (there && own.deviation.is_none()).then(|| add("deviation", &own.state, told.clone()))
+                (there && own.deviation.is_none()).then(|| columns.add("deviation", &own.state, told))
             })
             .collect();
-        let truth_names: Vec<String> = truth.iter().map(|(state, field)| add("true", state, field.clone())).collect();
-        let read: Vec<&String> =
-            inputs.iter().chain(&measured_names).chain(told_names.iter().flatten()).chain(&truth_names).collect();
-        let columns: Vec<Column> = wide.columns.iter().filter(|column| read.contains(&&column.name)).cloned().collect();
-        let dataset = Dataset::for_filter(model, &columns, changes, logs, progress)?;
+        let truth: Vec<String> =
+            said.truth.iter().map(|(state, field)| columns.add("true", state, field.clone())).collect();
+        let dataset = Dataset::for_filter(model, &columns.columns, changes, logs, progress)?;
         let filter = SwitchedFilter::new(model, &options(settings, sensors.clone())?)?;
-        let view = dataset.view()?;
-        let place = |name: &String| {
-            let found = view.column_index(name);
-            found.ok_or_else(|| Error::unknown(name, format!("the logs have no {name}, which the filter reads")))
+        let readings = {
+            let view = dataset.view()?;
+            let place = |name: &String| {
+                let found = view.column_index(name);
+                found.ok_or_else(|| Error::unknown(name, format!("the logs have no {name}, which the filter reads")))
+            };
+            let truth = said.truth.iter().zip(&truth).map(|((own, _), name)| {
+                let state = states.iter().position(|state| state == own).unwrap_or(0);
+                Ok::<_, Error>(Truth { state, column: place(name)? })
+            });
+            Reading {
+                inputs: inputs.iter().map(place).collect::<Result<_, _>>()?,
+                measured: measured.iter().map(place).collect::<Result<_, _>>()?,
+                deviations: deviations
+                    .iter()
+                    .map(|own| own.as_ref().map(place).transpose())
+                    .collect::<Result<_, _>>()?,
+                truth: truth.collect::<Result<_, _>>()?,
+            }
         };
-        let state = |name: &String| states.iter().position(|own| own == name).unwrap_or(0);
-        let places = |names: &[String]| names.iter().map(place).collect::<Result<Vec<_>, _>>();
-        let readings = Reading {
-            inputs: places(&inputs)?,
-            measured: places(&measured_names)?,
-            deviations: told_names.iter().map(|name| name.as_ref().map(place).transpose()).collect::<Result<_, _>>()?,
-            truth: (truth.iter().zip(&truth_names))
-                .map(|((own, _), name)| Ok(Truth { state: state(own), column: place(name)? }))
-                .collect::<Result<_, Error>>()?,
-        };
-        drop(view);
-        let notes = notes(&filter, &sensors, &readings);
+        let notes = notes(&filter, sensors, &readings);
         Ok(Self { filter, readings, dataset, notes })
     }
 }

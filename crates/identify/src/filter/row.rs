@@ -177,6 +177,13 @@ impl FilteredRows {
         (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best })
     }
 
+    /// Rows at which a sensor says what it said at the row before, and rows that follow one that it measured.
+    pub(super) fn repeated(&self, sensor: usize) -> [u64; 2] {
+        let own: Vec<f64> = self.measured.iter().skip(sensor).step_by(self.sensors).copied().collect();
+        let pairs = || own.windows(2).filter(|pair| pair.iter().all(|value| value.is_finite()));
+        [pairs().filter(|pair| pair[0] == pair[1]).count() as u64, pairs().count() as u64]
+    }
+
     /// Estimate less truth.
     pub(super) fn error(&self, row: usize, truth: usize, angle: bool) -> f64 {
         apart(self.errors[row * self.errors.len() / self.rows() + truth], 0.0, angle)
