@@ -19,6 +19,8 @@ const SAME_STEP: f64 = 1e-3;
 pub(super) const FLOOR: f64 = 1e-3;
 /// Regions less probable than this take no part in a step.
 const LEAST: f64 = 1e-9;
+/// More missing rows than this are not stepped over one by one.
+const MOST_MISSING: f64 = 1e5;
 /// Slopes that differ by less, relative to the largest, are the same: the submodel is affine.
 const SAME_SLOPE: f64 = 1e-9;
 
@@ -255,7 +257,7 @@ impl SwitchedFilter {
         Track::new(self, measured, deviations)
     }
 
-    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held over the step (NaN: as they were), `measured` and `deviations` those of the new one.
+    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held until then (NaN: as they were), `measured` and `deviations` those of the new one.
     pub fn step(&self, track: &mut Track, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
         track.advance(self, inputs, seconds, measured, deviations);
     }
@@ -322,6 +324,12 @@ impl SwitchedFilter {
     /// Whether a step is the model's own: those of discrete models always are.
     fn is_own(&self, seconds: f64) -> bool {
         !self.pieces.continuous || (seconds / self.period - 1.0).abs() <= SAME_STEP
+    }
+
+    /// Steps that lead to a row so many seconds later: as many as there are periods, where rows between are missing.
+    pub(super) fn steps_over(&self, seconds: f64) -> usize {
+        let periods = (seconds / self.period).round();
+        if !periods.is_finite() { 1 } else { periods.clamp(1.0, MOST_MISSING) as usize }
     }
 
     fn linearized(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {

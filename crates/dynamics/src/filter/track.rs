@@ -240,11 +240,14 @@ impl Track {
         deviations: &[f64],
     ) {
         self.take_inputs(filter, inputs);
-        match filter.transitions() {
-            Some(transitions) if filter.regions() > 1 => self.switch(filter, transitions),
-            _ => {}
+        let steps = filter.steps_over(seconds);
+        for _ in 0..steps {
+            match filter.transitions() {
+                Some(transitions) if filter.regions() > 1 => self.switch(filter, transitions),
+                _ => {}
+            }
+            self.predict(filter, seconds / steps as f64);
         }
-        self.predict(filter, seconds);
         self.observe(filter, measured, deviations);
         let active = self.active();
         let inside = |region: usize| {

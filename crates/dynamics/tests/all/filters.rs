@@ -372,6 +372,26 @@ fn covariances_stay_symmetric_and_definite() {
 }
 
 #[test]
+fn rows_that_are_missing_are_stepped_over() {
+    let model = jumping(0.0, 0.1);
+    let filter = SwitchedFilter::new(&model, &measured(&[("x", 0.3)])).unwrap();
+    let run = |missing: bool| {
+        let mut track = filter.start(&[0.3], &[f64::NAN]);
+        for row in 0..40 {
+            let reading = [noise(row + 30)];
+            if missing {
+                filter.step(&mut track, &[0.5], 0.04, &reading, &[f64::NAN]);
+            } else {
+                (0..3).for_each(|_| filter.step(&mut track, &[0.5], 0.01, &[f64::NAN], &[f64::NAN]));
+                filter.step(&mut track, &[0.5], 0.01, &reading, &[f64::NAN]);
+            }
+        }
+        track.estimate().clone()
+    };
+    assert_eq!(run(true), run(false));
+}
+
+#[test]
 fn what_cannot_be_filtered_is_said() {
     let model = jumping(0.0, 0.1);
     let refused = |options: &FilterOptions| SwitchedFilter::new(&model, options).err().unwrap();
