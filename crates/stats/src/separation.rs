@@ -1,6 +1,7 @@
 //! Which columns the data can tell apart: the rank decision, made once, in units of each column's rounding noise.
 
 use faer::Mat;
+use fleetfoot_data::{checkpoint, parallel_pieces};
 
 use crate::{
     householder::{Pivoted, condition, pivoted_qr, solve_upper},
@@ -9,6 +10,8 @@ use crate::{
 
 /// How far above its noise, in all directions, a triangle has to stand for its columns to be told apart without pivoting.
 const CLEAR: f64 = 8.0;
+/// Dependent columns that a thread rebuilds at once.
+const DEPENDENT_AT_ONCE: usize = 8;
 
 /// A triangle factored by column-pivoted QR in units of its columns' noise.
 pub(crate) struct Separation {
@@ -52,12 +55,12 @@ impl Separation {
     pub(crate) fn confounded(&self) -> Vec<Vec<usize>> {
         let p = self.order.len();
         let mut group: Vec<Option<usize>> = (0..p).map(|j| self.constant[j].then_some(j)).collect();
-        for k in self.rank..p {
-            let column = self.order[k];
-            if self.constant[column] {
-                continue;
-            }
-            let mut members = self.rebuilt_from(k);
+        let lengths: Vec<f64> = (0..self.rank).map(|i| norm(&self.r.col_as_slice(i)[..=i])).collect();
+        let mut dependent: Vec<usize> = (self.rank..p).filter(|&k| !self.constant[self.order[k]]).collect();
+        let rebuilt = parallel_pieces(&mut dependent, DEPENDENT_AT_ONCE, |_, some| {
+            some.iter().map(|&k| (self.order[k], self.rebuilt_from(k, &lengths))).collect::<Vec<_>>()
+        });
+        for (column, mut members) in rebuilt.into_iter().flatten() {
             members.push(column);
             let known: Vec<usize> = members.iter().filter_map(|&member| group[member]).collect();
             let name = known.iter().copied().min().unwrap_or(column);
@@ -79,16 +82,14 @@ impl Separation {
         groups
     }
 
-    /// The independent columns that matter for the dependent column at position `k`.
-    fn rebuilt_from(&self, k: usize) -> Vec<usize> {
+    /// The independent columns, of these lengths, that matter for the dependent column at position `k`.
+    fn rebuilt_from(&self, k: usize, lengths: &[f64]) -> Vec<usize> {
+        checkpoint();
         let mut weights = Mat::from_fn(self.rank, 1, |i, _| self.r[(i, k)]);
         let length = norm(weights.col_as_slice(0));
         solve_upper(&self.r, self.rank, &mut weights);
         // Noise of length 1 in the column moves the weights by the inverse of R11; a share below that is not a finding.
         let least = (10.0 * self.condition / length).clamp(1e-6, 0.1);
-        (0..self.rank)
-            .filter(|&i| weights[(i, 0)].abs() * norm(&self.r.col_as_slice(i)[..=i]) > least * length)
-            .map(|i| self.order[i])
-            .collect()
+        (0..self.rank).filter(|&i| weights[(i, 0)].abs() * lengths[i] > least * length).map(|i| self.order[i]).collect()
     }
 }
