@@ -29,6 +29,8 @@ pub(crate) mod stats;
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{Error, Model, Recipe};
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::progress::Bar;
 
@@ -79,9 +81,9 @@ impl Context {
     }
 
     /// Results go to standard output.
-    pub(crate) fn print(&self, json: &serde_json::Value, text: impl FnOnce() -> String) {
+    pub(crate) fn print(&self, told: impl Serialize, text: impl FnOnce() -> String) {
         if self.json {
-            write_out(&format!("{json:#}\n"));
+            write_out(&format!("{:#}\n", tree(told)));
         } else {
             write_out(&format!("{}\n", text().trim_end()));
         }
@@ -147,15 +149,28 @@ pub(crate) fn in_sample(context: &Context, names: &[String], episodes: usize) {
     }
 }
 
-/// A number for JSON, which has no NaN.
-pub(crate) fn real(value: f64) -> serde_json::Value {
-    serde_json::Number::from_f64(value).map_or(serde_json::Value::Null, serde_json::Value::Number)
+/// The files that were written.
+#[derive(Serialize)]
+pub(crate) struct Files<'a> {
+    pub(crate) files: &'a [String],
 }
 
-/// An object with the fields of another beside its own.
-pub(crate) fn with(mut value: serde_json::Value, more: serde_json::Value) -> serde_json::Value {
-    if let (Some(fields), serde_json::Value::Object(more)) = (value.as_object_mut(), more) {
-        fields.extend(more);
+/// What a fit told, and the model that was written.
+#[derive(Serialize)]
+pub(crate) struct WithModel {
+    #[serde(flatten)]
+    report: Value,
+    model: String,
+    hash: String,
+}
+
+impl WithModel {
+    pub(crate) fn new(report: Value, model: &Model, path: &Path) -> Self {
+        Self { report, model: path.display().to_string(), hash: model.hash() }
     }
-    value
+}
+
+/// What is told to programs as a tree of values, in which a number that is none is `null`.
+fn tree(told: impl Serialize) -> Value {
+    serde_json::to_value(told).expect("keys and paths are text, and nothing else can fail in memory")
 }

@@ -9,10 +9,11 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Prediction;
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification};
+use serde::Serialize;
 
 use crate::{
     Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
-    Task, concentrated, dataset, fit_statistic,
+    Task, concentrated, dataset, fit_statistic, json,
     left_out::left_out,
     not_finite, objective,
     output::{refuse_not_finite, write_model},
@@ -78,7 +79,7 @@ pub fn rival(chosen: &Path, specification: &Specification) -> PathBuf {
 }
 
 /// What a fit would read and keep.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct FitPlan {
     /// Files.
@@ -88,6 +89,7 @@ pub struct FitPlan {
     /// Rows; of robots' logs at most, from the counts in the files.
     pub rows: usize,
     /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
+    #[serde(flatten, serialize_with = "json::decoded")]
     pub decoded: Option<(u64, bool)>,
     /// Columns that are read.
     pub columns: Vec<String>,
@@ -96,24 +98,32 @@ pub struct FitPlan {
     /// Fitted equations.
     pub targets: usize,
     /// Partitions to choose from.
+    #[serde(skip)]
     pub partitions: usize,
     /// How partitions and open spans would be compared by rollouts, where they would be.
+    #[serde(skip)]
     pub rollouts: Option<RolloutRule>,
     /// How many spans would be compared; 1 where none is open.
+    #[serde(skip)]
     pub spans: usize,
     /// Passes over the rows, at most.
     pub passes: usize,
     /// Those among them that the choice by rollouts takes.
+    #[serde(skip)]
     pub choice_passes: usize,
     /// Passes of one identification.
+    #[serde(skip)]
     pub fit_passes: usize,
     /// What coefficients are fitted to, which takes [`Objective::passes`] beside [`Self::passes`].
+    #[serde(skip)]
     pub objective: Objective,
     /// Rows that k-means keeps.
     pub clustered_rows: usize,
     /// Bytes, about.
+    #[serde(rename = "memory_bytes")]
     pub memory: usize,
     /// What was assumed or left out.
+    #[serde(skip)]
     pub notes: Vec<String>,
 }
 

@@ -4,13 +4,16 @@
 mod control;
 mod filter;
 mod narx;
+mod page;
 mod parameters;
+mod plan;
 mod pwa;
 mod resimulate;
 mod rollout;
 mod score;
 mod sindy;
 mod sparse;
+mod statistic;
 
 use std::collections::BTreeMap;
 
@@ -19,6 +22,7 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 pub(crate) use narx::tried_order;
+pub(crate) use plan::decoded;
 pub(crate) use sparse::{certificate, largest_change};
 
 /// Version of the keys of reports (docs/reference/reports.md): raised when one is renamed, removed or means something else.
@@ -42,12 +46,15 @@ fn value(told: impl Serialize) -> Value {
     serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
 }
 
-/// A value and its interval.
-#[derive(Serialize)]
-struct Interval {
-    value: f64,
-    low: f64,
-    high: f64,
+/// A value and the ends of its interval, as every report tells them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Interval {
+    /// The value.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
 }
 
 impl From<&Estimate> for Interval {

@@ -78,7 +78,7 @@ pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
 pub use in_words::{spans_in_words, useful_in_words};
 pub use init::starter_recipe;
-pub use json::{interval_in_words, replayed_in_words};
+pub use json::{Interval, interval_in_words, replayed_in_words};
 pub use known::{KnownModel, is_known, known_model};
 pub use list::items;
 pub use logs::Logs;

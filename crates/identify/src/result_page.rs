@@ -30,7 +30,7 @@ use fleetfoot_dynamics::controller::Controller;
 use fleetfoot_log::{check_outputs, write_atomic};
 use fleetfoot_model::Model;
 use fleetfoot_report::{Page, Part, Section, Sentence, words::series as listed};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::{Error, Logs, Recipe};
 use fitting::Fit;
@@ -211,16 +211,6 @@ impl Report {
             _ => None,
         });
         findings.flatten()
-    }
-
-    /// The findings for programs; the figures have their tables on the page.
-    pub fn to_json(&self) -> Value {
-        let finding =
-            |finding: &Sentence| json!({ "light": finding.light.word(), "head": finding.head, "text": finding.text });
-        json!({
-            "title": self.page.title, "findings": self.findings().map(finding).collect::<Vec<_>>(),
-            "episodes": self.episodes, "in_sample_episodes": self.in_sample, "notes": self.notes,
-        })
     }
 
     /// Writes the page. `inputs` are files that must not be written over.

@@ -9,6 +9,7 @@ use fleetfoot_dynamics::{
 };
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Equation, Model, Prediction, Rule};
+use serde::Serialize;
 
 use crate::{
     Dataset, Error, FileRuns, Logs, Recipe, controller,
@@ -93,7 +94,7 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
 }
 
 /// What was written.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Written {
     /// Rows in the file.

@@ -32,7 +32,7 @@ pub use error::StatisticError;
 pub use file::{ColumnRecord, EpisodeRecord, FileRecord, StatisticFile};
 pub use key::LabelKey;
 pub use operations::Unwanted;
-pub use plan::{ScanPlan, plan_scan};
+pub use plan::{PlannedLatent, ScanPlan, plan_scan};
 pub(crate) use scan::scan_tasks;
 pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
 pub(crate) use subset::Subset;

@@ -28,7 +28,7 @@ use fleetfoot_sim::{End, Run, Scenario};
 use serde::{Serialize, Serializer};
 
 pub use excitation_report::Excitation;
-pub use plan::{Plan, PlannedTopic, plan};
+pub use plan::{Plan, PlannedColumn, PlannedTopic, plan};
 pub use seeds::run_seed;
 pub use world::{World, robots};
 

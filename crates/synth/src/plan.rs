@@ -2,6 +2,7 @@
 
 use fleetfoot_data::{Progress, Silent};
 use fleetfoot_sim::Run;
+use serde::Serialize;
 
 use super::{
     Format, Job,
@@ -18,7 +19,7 @@ use fleetfoot_identify::{Error, folder::Folder};
 const SAMPLE_ROWS: f64 = 4000.0;
 
 /// What a job would do.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Plan {
     /// Runs.
@@ -33,22 +34,34 @@ pub struct Plan {
     pub bytes: u64,
     /// Topics of MCAP files.
     pub topics: Vec<PlannedTopic>,
-    /// Columns of the rows of truth, with their units.
-    pub columns: Vec<(String, Option<String>)>,
+    /// Columns of the rows of truth.
+    pub columns: Vec<PlannedColumn>,
     /// Length of the short run that bytes and messages are estimated from, s.
     pub sampled_seconds: f64,
     /// Files of an earlier command that would be replaced.
+    #[serde(rename = "replaced_files")]
     pub replaced: usize,
 }
 
 /// A topic that would be written.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct PlannedTopic {
     /// Its name.
     pub name: String,
     /// The ROS 2 type of its messages.
+    #[serde(rename = "type")]
     pub message_type: &'static str,
+}
+
+/// A column that would be written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct PlannedColumn {
+    /// Its name.
+    pub name: String,
+    /// Its unit, where it has one.
+    pub unit: Option<String>,
 }
 
 /// Tells what [`super::generate`] would do.
@@ -88,7 +101,7 @@ pub fn plan(job: &Job, progress: &dyn Progress) -> Result<Plan, Error> {
         topics: topics
             .map(|topic| PlannedTopic { message_type: message_type(&topic.kind).unwrap_or_default(), name: topic.name })
             .collect(),
-        columns: columns.into_iter().map(|column| (column.name, column.unit)).collect(),
+        columns: (columns.into_iter()).map(|column| PlannedColumn { name: column.name, unit: column.unit }).collect(),
         sampled_seconds: rows as f64 * scenario.row_period(),
         replaced,
     })

@@ -17,9 +17,14 @@ use fleetfoot::{
     pwa::Specification,
     rival, write_model,
 };
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
 
-use super::{Context, plane, report::named, with, write_out};
+use super::{
+    Context, plane,
+    report::{OnPage, named},
+    tree, write_out,
+};
 use crate::args;
 use horizons::Curve;
 
@@ -68,6 +73,18 @@ struct Demo<'a> {
     told: Map<String, Value>,
 }
 
+/// The logs that were simulated.
+#[derive(Serialize)]
+struct Simulated {
+    runs: usize,
+    rows: f64,
+    seconds: f64,
+    bytes: f64,
+    faults: usize,
+    training_runs: usize,
+    held_out_runs: usize,
+}
+
 impl Demo<'_> {
     fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
@@ -100,9 +117,9 @@ impl Demo<'_> {
         self.data("train", &logs.training.runs, &logs.training_files())
     }
 
-    fn tell(&mut self, key: &str, json: Value, text: impl FnOnce() -> String) {
+    fn tell(&mut self, key: &str, told: impl Serialize, text: impl FnOnce() -> String) {
         if self.context.json {
-            self.told.insert(key.to_owned(), json);
+            self.told.insert(key.to_owned(), tree(told));
         } else {
             write_out(&format!("{}\n", text().trim_end()));
         }
@@ -129,9 +146,16 @@ impl Demo<'_> {
         let faults = runs().filter(|run| run.end != fleetfoot::sim::End::Complete).count();
         let (rows, bytes, seconds) =
             (total(|run| run.rows as f64), total(|run| run.bytes as f64), total(|run| run.seconds));
-        let json = json!({ "runs": runs().count(), "rows": rows, "seconds": seconds, "bytes": bytes, "faults": faults,
-            "training_runs": logs.training.runs.len(), "held_out_runs": logs.held_out.runs.len() });
-        self.tell("logs", json, || {
+        let told = Simulated {
+            runs: runs().count(),
+            rows,
+            seconds,
+            bytes,
+            faults,
+            training_runs: logs.training.runs.len(),
+            held_out_runs: logs.held_out.runs.len(),
+        };
+        self.tell("logs", told, || {
             format!(
                 "{} runs to fit on and {} to score on: {} of running, {rows} rows of 1 ms, {} of MCAP; {faults} ended early, off the belt",
                 logs.training.runs.len(),
@@ -150,7 +174,7 @@ impl Demo<'_> {
         bar.finish();
         let found = found?;
         self.context.say("");
-        self.tell("gait", gait::to_json(&found), || gait::to_text(&found));
+        self.tell("gait", gait::Told::new(&found), || gait::to_text(&found));
         Ok(())
     }
 
@@ -171,7 +195,7 @@ impl Demo<'_> {
         write_model(&fitted.identification.model, &path)?;
         fitted.write_rivals(&path)?;
         self.context.notes(&fitted.notes);
-        self.tell("table_1", table_one::to_json(&fitted), || {
+        self.tell("table_1", table_one::Told::from(&fitted), || {
             format!("{}\n\n{}", table_one::to_text(&fitted), table_one::paper())
         });
         Ok(())
@@ -210,7 +234,7 @@ impl Demo<'_> {
                 bar.finish();
                 curves.push(Curve { model, rolled: rolled? });
             }
-            self.tell(key, horizons::to_json(&curves), || horizons::to_text(&curves, name));
+            self.tell(key, horizons::Told::new(&curves), || horizons::to_text(&curves, name));
         }
         Ok(())
     }
@@ -232,13 +256,13 @@ impl Demo<'_> {
         let drive_path = self.path("differential_drive.json");
         write_model(&drive?, &drive_path)?;
         let projected = self.plane(&drive_path, "plane_drive.parquet", logs)?;
-        self.tell("figure_9a", plane::to_json(&projected), || {
+        self.tell("figure_9a", plane::Told::from(&projected), || {
             let title = "Fig. 9a. Mean Mahalanobis score of the differential drive (equation (2)): forward speed and yaw rate from the cranks";
             plane::map(&projected.plane, title, &PlaneCell::mean_score)
         });
         let finest = self.models()?.into_iter().find(|(name, _)| name == FINEST).map(|(_, path)| path);
         let projected = self.plane(&finest.unwrap_or_else(|| self.model()), "plane_transitions.parquet", logs)?;
-        self.tell("figure_9b", plane::to_json(&projected), || {
+        self.tell("figure_9b", plane::Told::from(&projected), || {
             let title = format!(
                 "Fig. 9b. Transition ratio of {FINEST}: share of a cell's passages in which the region changes"
             );
@@ -284,8 +308,7 @@ impl Demo<'_> {
         bar.finish();
         let made = made?;
         made.write(&page, &files)?;
-        let told = with(made.to_json(), json!({ "page": page }));
-        self.tell("report", told, || format!("The result on one page: {}", page.display()));
+        self.tell("report", OnPage::new(&made, &page), || format!("The result on one page: {}", page.display()));
         Ok(())
     }
 
@@ -295,9 +318,8 @@ impl Demo<'_> {
         self.context.say(format!(
             "\nin {folder}: report.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
         ));
-        let folder = json!(self.folder.display().to_string());
         if self.context.json {
-            self.told.insert("folder".into(), folder);
+            self.told.insert("folder".into(), self.folder.display().to_string().into());
         }
     }
 }

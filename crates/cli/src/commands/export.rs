@@ -4,12 +4,26 @@ use std::path::Path;
 
 use fleetfoot::{
     Error, Model, Recipe, made_controller,
-    model::{ExportOptions, Precision, StepMethod, Target},
+    model::{Cost, ExportOptions, Precision, StepMethod, Target},
 };
-use serde_json::json;
+use serde::Serialize;
 
 use super::{Context, read_model};
 use crate::args::{Export, ExportMethod, ExportPrecision, ExportTo};
+
+/// The files, and what their code takes.
+#[derive(Serialize)]
+struct Told<'a> {
+    files: &'a [String],
+    compared: usize,
+    cost: Option<&'a Cost>,
+}
+
+/// The files of a filter.
+#[derive(Serialize)]
+struct Written<'a> {
+    files: &'a [String],
+}
 
 /// A model, or a controller's law as one; whether its training domain can be checked.
 fn read(path: &Path) -> Result<(Model, bool), Error> {
@@ -25,7 +39,7 @@ fn filter(model: &Model, arguments: &Export, options: &ExportOptions, context: &
     let inputs: Vec<_> = arguments.recipe.iter().chain([&arguments.model]).cloned().collect();
     let files = fleetfoot::export_filter(model, &said.filter, options, &arguments.output, &inputs)?;
     let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-    context.print(&json!({ "files": files }), || format!("wrote {}", files.join(", ")));
+    context.print(Written { files: &files }, || format!("wrote {}", files.join(", ")));
     Ok(())
 }
 
@@ -54,24 +68,7 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     }
     let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
-    let cost = exported.cost.as_ref().map(|cost| {
-        let calls: serde_json::Map<String, serde_json::Value> = cost
-            .calls
-            .iter()
-            .map(|(name, operations)| {
-                let counts = json!({
-                    "multiplications": operations.multiplications,
-                    "additions": operations.additions,
-                    "divisions": operations.divisions,
-                    "comparisons": operations.comparisons,
-                    "functions": operations.functions,
-                });
-                (name.clone(), counts)
-            })
-            .collect();
-        json!({ "tables": cost.tables, "code": cost.code, "model": cost.model, "stack": cost.stack, "calls": calls })
-    });
-    context.print(&json!({ "files": files, "compared": exported.compared, "cost": cost }), || {
+    context.print(Told { files: &files, compared: exported.compared, cost: exported.cost.as_ref() }, || {
         let mut lines = vec![format!("wrote {}", files.join(", "))];
         if let Some(cost) = &exported.cost {
             lines.push(format!("compared with the engine at {} points", exported.compared));

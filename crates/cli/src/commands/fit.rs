@@ -7,9 +7,10 @@ use fleetfoot::{
     pwa::{Score, Specification, Stability, StableRegion},
     rival, write_model,
 };
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 
-use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, with};
+use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
     table::{bytes, count, number, ratio, table},
@@ -41,7 +42,8 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     write_model(&fitted.identification.model, &arguments.output)?;
     let rivals = fitted.write_rivals(&arguments.output)?;
     context.notes(&fitted.notes);
-    context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted));
+    let told = Told { fitted: fitted.to_json(), model: arguments.output.display().to_string() };
+    context.print(told, || to_text(&fitted));
     for path in std::iter::once(&arguments.output).chain(&rivals) {
         context.say(format!("wrote {}", path.display()));
     }
@@ -95,12 +97,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
     });
     let simulations = plan.objective.in_words(plan.fit_passes).map_or_else(String::new, |words| format!("\n{words}"));
     context.print(
-        &json!({
-            "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes),
-            "cached": plan.decoded.map(|(_, cached)| cached), "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns,
-            "regressors": plan.regressors, "targets": plan.targets, "passes": passes,
-            "clustered_rows": plan.clustered_rows, "memory_bytes": plan.memory,
-        }),
+        &plan,
         || {
             format!(
                 "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
@@ -263,8 +260,12 @@ pub(crate) fn by_rollouts(choice: &RolloutChoice) -> String {
     format!("chosen: {}\n{}", choice.in_words(), table(&header, rows))
 }
 
-pub(crate) fn to_json(fitted: &Fitted, output: &std::path::Path) -> serde_json::Value {
-    with(fitted.to_json(), json!({ "model": output.display().to_string() }))
+/// What the fit told, the hash of its model included, and the file of the model.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    fitted: Value,
+    model: String,
 }
 
 /// The recipe with all flags applied.

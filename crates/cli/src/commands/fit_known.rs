@@ -3,10 +3,21 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{Error, KnownModel, Recipe, known_model, write_model};
-use serde_json::json;
+use serde::Serialize;
 
 use super::Context;
 use crate::table::count;
+
+#[derive(Serialize)]
+struct Told<'a> {
+    rows: u64,
+    episodes: usize,
+    files: usize,
+    equations: &'a [String],
+    model: String,
+    hash: String,
+    notes: &'a [String],
+}
 
 /// Writes the model of a recipe in which every state is known.
 pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: &Context) -> Result<(), Error> {
@@ -19,10 +30,15 @@ pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: 
     context.say("note: all states are known: nothing is fitted, and no library or partition is used; score the model by rollouts");
     let equations = equations(&found);
     context.print(
-        &json!({
-            "rows": found.rows, "episodes": found.episodes, "files": found.files, "equations": equations,
-            "model": output.display().to_string(), "hash": found.model.hash(), "notes": found.notes,
-        }),
+        Told {
+            rows: found.rows,
+            episodes: found.episodes,
+            files: found.files,
+            equations: &equations,
+            model: output.display().to_string(),
+            hash: found.model.hash(),
+            notes: &found.notes,
+        },
         || {
             let text = format!("{} rows of {}", found.rows, count(found.episodes, "episode"));
             format!("{text}; every equation is given\n\n{}", equations.join("\n"))

@@ -1,12 +1,14 @@
 //! `fleetfoot fit narx`.
 
+use std::path::Path;
+
 use fleetfoot::{
     Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, Recipe,
     dynamics::Baseline, fit_narx, replayed_in_words, write_model,
 };
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use super::{Context, files, fit, logs_or_statistic, read_by, with};
+use super::{Context, WithModel, files, fit, logs_or_statistic, read_by};
 use crate::{
     args::FitNarx,
     table::{count, number, ratio, table},
@@ -36,7 +38,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     let fitted = fitted?;
     write_model(&fitted.model, &arguments.output)?;
     context.notes(&fitted.report.notes);
-    context.print(&to_json(&fitted, arguments), || to_text(&fitted.report, arguments.tried));
+    context.print(Told::new(&fitted, &arguments.output), || to_text(&fitted.report, arguments.tried));
     context.say(format!("wrote {}", arguments.output.display()));
     Ok(())
 }
@@ -254,9 +256,17 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
     text
 }
 
-fn to_json(fitted: &NarxFitted, arguments: &FitNarx) -> Value {
-    with(
-        fitted.report.to_json(),
-        json!({ "model": arguments.output, "hash": fitted.model.hash(), "seed": fitted.model.training.seed }),
-    )
+/// What the fit told, the model, and the seed of its clustering.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    fitted: WithModel,
+    seed: u64,
+}
+
+impl Told {
+    fn new(fitted: &NarxFitted, output: &Path) -> Self {
+        let seed = fitted.model.training.seed;
+        Self { fitted: WithModel::new(fitted.report.to_json(), &fitted.model, output), seed }
+    }
 }

@@ -4,9 +4,8 @@ use fleetfoot::{
     Error, EstimateMethod, GainInterval, ParameterInterval, ParametersReport, estimate::Uncertain, fit_parameters,
     write_model,
 };
-use serde_json::json;
 
-use super::{Context, fit, fit_sindy, logs_or_statistic, read_by, with};
+use super::{Context, WithModel, fit, fit_sindy, logs_or_statistic, read_by};
 use crate::{
     args::FitParameters,
     table::{count, number, table},
@@ -28,8 +27,8 @@ pub(crate) fn parameters(arguments: &FitParameters, context: &Context) -> Result
     let fitted = fitted?;
     write_model(&fitted.model, &arguments.output)?;
     context.notes(&fitted.report.notes);
-    let model = json!({ "model": arguments.output.display().to_string(), "hash": fitted.model.hash() });
-    context.print(&with(fitted.report.to_json(), model), || to_text(&fitted.report));
+    let told = WithModel::new(fitted.report.to_json(), &fitted.model, &arguments.output);
+    context.print(told, || to_text(&fitted.report));
     context.say(format!("wrote {}", arguments.output.display()));
     Ok(())
 }

@@ -3,12 +3,11 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyFitted, SindyPlan,
-    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
+    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan, SindyReport,
+    SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
 };
-use serde_json::json;
 
-use super::{Context, fit, fit_known, logs_or_statistic, read_by, with};
+use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by};
 use crate::{
     args::{EquationArgs, FitSindy},
     table::{bytes, count, number, ratio, table},
@@ -48,7 +47,8 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
         written.extend(fitted.write_front(&arguments.output)?);
     }
     context.notes(&fitted.report.notes);
-    context.print(&to_json(&fitted, &arguments.output), || to_text(&fitted.report, arguments.front));
+    let told = WithModel::new(fitted.report.to_json(), &fitted.model, &arguments.output);
+    context.print(told, || to_text(&fitted.report, arguments.front));
     for path in &written {
         context.say(format!("wrote {}", path.display()));
     }
@@ -109,14 +109,7 @@ fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), 
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
-    context.print(
-        &json!({
-            "files": plan.files, "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes), "cached": plan.decoded.map(|(_, cached)| cached),
-            "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "equations": plan.equations,
-            "candidates": plan.candidates, "parameters": plan.parameters, "regions": plan.regions, "memory_bytes": plan.memory,
-        }),
-        || plan_text(&plan),
-    );
+    context.print(&plan, || plan_text(&plan));
     Ok(())
 }
 
@@ -293,8 +286,4 @@ fn front_text(equation: &EquationReport) -> String {
     };
     let header = ["terms", "error (rms)", "held out (rms)", "parameter", "functions", ""];
     table(&header, equation.front.iter().map(row).collect())
-}
-
-fn to_json(fitted: &SindyFitted, output: &std::path::Path) -> serde_json::Value {
-    with(fitted.report.to_json(), json!({ "model": output.display().to_string(), "hash": fitted.model.hash() }))
 }

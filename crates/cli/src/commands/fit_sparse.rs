@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use fleetfoot::{
     CandidateReport, Error, LatentReport, LeaveOneOutReport, Recipe, SparseFitted, SparseReport, SparseRequest,
     file_by_value, fit_sparse, is_statistic,
-    statistic::{LabelKey, ScanOptions, StatisticFile, plan_scan},
+    statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
 };
-use serde_json::json;
+use serde::Serialize;
 
-use super::{Context, fit, logs_or_statistic, read_by, with};
+use super::{Context, WithModel, fit, logs_or_statistic, read_by};
 use crate::{
     args::FitSparse,
     table::{bytes, count, number, ratio, table},
@@ -58,7 +58,7 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
         let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
         context.notes(&found.report.notes.iter().map(|note| format!("{value}{note}")).collect::<Vec<_>>());
     }
-    context.print(&to_json(&fitted, arguments), || to_text(&fitted, arguments));
+    tell(&fitted, arguments, context);
     for path in &written {
         context.say(format!("wrote {}", path.display()));
     }
@@ -69,12 +69,54 @@ fn path_of(found: &SparseFitted, arguments: &FitSparse) -> PathBuf {
     found.value.as_ref().map_or_else(|| arguments.output.clone(), |value| file_by_value(&arguments.output, value))
 }
 
+/// What a fit on a statistic would take: no pass over rows.
+#[derive(Serialize)]
+struct PlannedOnStatistic {
+    files: usize,
+    episodes: usize,
+    rows: u64,
+    passes: usize,
+    chunks: usize,
+}
+
+/// What a fit on logs would take: one pass, of which only the sums of the structured regression are kept.
+#[derive(Serialize)]
+struct Planned<'a> {
+    files: usize,
+    episodes: Option<usize>,
+    rows: usize,
+    columns: &'a [String],
+    passes: usize,
+    tasks: &'a [String],
+    latents: &'a [PlannedLatent],
+    chunks: usize,
+    chunk_rows: usize,
+    bytes: usize,
+}
+
+impl<'a> From<&'a ScanPlan> for Planned<'a> {
+    fn from(plan: &'a ScanPlan) -> Self {
+        Self {
+            files: plan.files,
+            episodes: plan.episodes,
+            rows: plan.rows,
+            columns: &plan.columns,
+            passes: 1,
+            tasks: &plan.tasks,
+            latents: &plan.latents,
+            chunks: plan.chunks,
+            chunk_rows: plan.chunk_rows,
+            bytes: plan.bytes,
+        }
+    }
+}
+
 fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &Context) -> Result<(), Error> {
     if let (true, [path]) = (is_statistic(files), files) {
         let file = StatisticFile::read(path)?;
         let rows = file.scanned.counts().complete;
         context.print(
-            &json!({ "files": 1, "episodes": file.episodes.len(), "rows": rows, "passes": 0, "chunks": file.chunks() }),
+            PlannedOnStatistic { files: 1, episodes: file.episodes.len(), rows, passes: 0, chunks: file.chunks() },
             || {
                 format!(
                     "{}, {rows} rows, {}; no pass",
@@ -90,13 +132,9 @@ fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
-    let latents: Vec<String> = plan.latents.iter().map(|(name, functions)| format!("{name} ({functions})")).collect();
+    let latents: Vec<String> = plan.latents.iter().map(|own| format!("{} ({})", own.name, own.functions)).collect();
     context.print(
-        &json!({
-            "files": plan.files, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "passes": 1,
-            "tasks": plan.tasks, "latents": plan.latents.iter().map(|(name, functions)| json!({ "name": name, "functions": functions })).collect::<Vec<_>>(),
-            "chunks": plan.chunks, "chunk_rows": plan.chunk_rows, "bytes": plan.bytes,
-        }),
+        Planned::from(&plan),
         || {
             format!(
                 "{}, {}{} rows\n{} columns read: {}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
@@ -285,16 +323,34 @@ fn tenths(frequency: f64) -> char {
     }
 }
 
-fn to_json(fitted: &[SparseFitted], arguments: &FitSparse) -> serde_json::Value {
-    match (fitted, &arguments.by) {
-        ([one], None) => one_json(one, arguments),
-        (_, by) => json!({
-            "by": by, "models": fitted.iter().map(|found| one_json(found, arguments)).collect::<Vec<_>>(),
-        }),
+/// What was found by the value of a label.
+#[derive(Serialize)]
+struct ByValue<'a> {
+    by: Option<&'a str>,
+    models: Vec<Found<'a>>,
+}
+
+#[derive(Serialize)]
+struct Found<'a> {
+    value: Option<&'a str>,
+    #[serde(flatten)]
+    fitted: WithModel,
+}
+
+impl<'a> Found<'a> {
+    fn new(found: &'a SparseFitted, arguments: &FitSparse) -> Self {
+        let fitted = WithModel::new(found.report.to_json(), &found.model, &path_of(found, arguments));
+        Self { value: found.value.as_deref(), fitted }
     }
 }
 
-fn one_json(found: &SparseFitted, arguments: &FitSparse) -> serde_json::Value {
-    let model = path_of(found, arguments).display().to_string();
-    with(found.report.to_json(), json!({ "value": found.value, "model": model, "hash": found.model.hash() }))
+fn tell(fitted: &[SparseFitted], arguments: &FitSparse, context: &Context) {
+    let text = || to_text(fitted, arguments);
+    match (fitted, arguments.by.as_deref()) {
+        ([one], None) => context.print(Found::new(one, arguments), text),
+        (_, by) => {
+            let models = fitted.iter().map(|found| Found::new(found, arguments)).collect();
+            context.print(ByValue { by, models }, text);
+        }
+    }
 }

@@ -6,9 +6,8 @@ use fleetfoot::{
     generate::{Excitation, Format, Generated, Job, Plan, RunReport, World, generate as run_job, plan},
     sim::End,
 };
-use serde_json::json;
 
-use super::{Context, real, write_out};
+use super::{Context, write_out};
 use crate::{
     args::{Cli, Generate, LogFormat, Speed},
     table::{bytes, count, number, ratio, seconds, table},
@@ -26,14 +25,14 @@ pub(crate) fn generate(arguments: &Generate, context: &Context) -> Result<(), Er
         let planned = plan(&job, &bar);
         bar.finish();
         let planned = planned?;
-        context.print(&plan_json(&planned), || plan_text(&planned));
+        context.print(&planned, || plan_text(&planned));
         return Ok(());
     }
     let made = run_job(&job, &bar);
     bar.finish();
     let made = made?;
     context.notes(&notes(&made));
-    context.print(&json!(made), || to_text(&made));
+    context.print(&made, || to_text(&made));
     let folder = job.folder.display();
     context.say(format!(
         "wrote {} and {} in {folder}; next: fleetfoot fit pwa -c {} {folder}",
@@ -228,19 +227,9 @@ fn plan_text(plan: &Plan) -> String {
     if !plan.topics.is_empty() {
         out += &format!("\n{}", table(&["topic", "type"], topics));
     }
-    let columns = plan.columns.iter().map(|(name, unit)| match unit {
-        Some(unit) if unit != "1" => format!("{name} ({unit})"),
-        _ => name.clone(),
+    let columns = plan.columns.iter().map(|column| match &column.unit {
+        Some(unit) if unit != "1" => format!("{} ({unit})", column.name),
+        _ => column.name.clone(),
     });
     out + &format!("\ncolumns of truth: {}", columns.collect::<Vec<_>>().join(", "))
-}
-
-fn plan_json(plan: &Plan) -> serde_json::Value {
-    let topics = plan.topics.iter().map(|topic| json!({ "name": topic.name, "type": topic.message_type }));
-    let columns = plan.columns.iter().map(|(name, unit)| json!({ "name": name, "unit": unit }));
-    json!({
-        "runs": plan.runs, "seconds": real(plan.seconds), "rows": plan.rows, "messages": plan.messages, "bytes": plan.bytes,
-        "topics": topics.collect::<Vec<_>>(), "columns": columns.collect::<Vec<_>>(),
-        "sampled_seconds": real(plan.sampled_seconds), "replaced_files": plan.replaced,
-    })
 }

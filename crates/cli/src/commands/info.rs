@@ -4,7 +4,6 @@ use fleetfoot::{
     ColumnKind, Error,
     log::{FileInfo, TopicInfo, inspect, inspect_values},
 };
-use serde_json::json;
 
 use super::{Context, files};
 use crate::{
@@ -19,7 +18,7 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
         files.iter().map(|path| if arguments.values { inspect_values(path, &bar) } else { inspect(path) }).collect();
     bar.finish();
     let infos = infos?;
-    context.print(&json!(infos), || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
+    context.print(&infos, || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
     Ok(())
 }
 

@@ -2,9 +2,8 @@
 
 use clap::CommandFactory;
 use fleetfoot::{Error, log::write_atomic};
-use serde_json::json;
 
-use super::Context;
+use super::{Context, Files};
 use crate::args::{Cli, Man};
 
 pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
@@ -20,7 +19,7 @@ pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
         write_atomic(&path, page)?;
         files.push(path.display().to_string());
     }
-    context.print(&json!({ "files": files }), || format!("wrote {}", files.join(", ")));
+    context.print(Files { files: &files }, || format!("wrote {}", files.join(", ")));
     Ok(())
 }
 

@@ -4,9 +4,8 @@ use fleetfoot::{
     Projected,
     dynamics::{Axis, Plane, PlaneCell},
 };
-use serde_json::json;
+use serde::Serialize;
 
-use super::real;
 use crate::{heatmap::HeatMap, table::number};
 
 /// Cells of a heat map along each axis, at most: it shall fit a terminal.
@@ -74,17 +73,49 @@ pub(crate) fn to_text(projected: &Projected) -> String {
     text
 }
 
-pub(crate) fn to_json(projected: &Projected) -> serde_json::Value {
-    let plane = &projected.plane;
-    let total = plane.total();
-    json!({
-        "bins": plane.bins, "outside": plane.outside, "rows": total.rows, "passages": total.passages,
-        "transitions": total.transitions, "transition_ratio": real(total.transition_ratio()), "score": real(total.mean_score()),
-        "axes": plane.axes.iter().map(|axis| json!({
-            "expression": axis.expression.to_string(), "low": axis.low, "high": axis.high, "angle": axis.periodic,
-        })).collect::<Vec<_>>(),
-        "cells": plane.cells.iter().map(|cell| json!([
-            cell.rows, cell.passages, cell.transitions, cell.scored, real(cell.mean_score()),
-        ])).collect::<Vec<_>>(),
-    })
+/// A plane for programs: its axes, and of every cell the rows, passages, transitions, scored rows and mean score.
+#[derive(Serialize)]
+pub(crate) struct Told {
+    bins: usize,
+    outside: u64,
+    rows: u64,
+    passages: u64,
+    transitions: u64,
+    transition_ratio: f64,
+    score: f64,
+    axes: [ToldAxis; 2],
+    cells: Vec<(u64, u64, u64, u64, f64)>,
+}
+
+#[derive(Serialize)]
+struct ToldAxis {
+    expression: String,
+    low: f64,
+    high: f64,
+    angle: bool,
+}
+
+impl From<&Axis> for ToldAxis {
+    fn from(axis: &Axis) -> Self {
+        Self { expression: axis.expression.to_string(), low: axis.low, high: axis.high, angle: axis.periodic }
+    }
+}
+
+impl From<&Projected> for Told {
+    fn from(projected: &Projected) -> Self {
+        let plane = &projected.plane;
+        let total = plane.total();
+        let cell = |cell: &PlaneCell| (cell.rows, cell.passages, cell.transitions, cell.scored, cell.mean_score());
+        Self {
+            bins: plane.bins,
+            outside: plane.outside,
+            rows: total.rows,
+            passages: total.passages,
+            transitions: total.transitions,
+            transition_ratio: total.transition_ratio(),
+            score: total.mean_score(),
+            axes: plane.axes.each_ref().map(ToldAxis::from),
+            cells: plane.cells.iter().map(cell).collect(),
+        }
+    }
 }

@@ -1,10 +1,18 @@
 //! `fleetfoot predict`.
 
-use fleetfoot::Error;
-use serde_json::json;
+use fleetfoot::{Error, Written};
+use serde::Serialize;
 
 use super::{Context, files, read_by, read_model, time_changes};
 use crate::args::Predict;
+
+/// The file, and what it has.
+#[derive(Serialize)]
+struct Told<'a> {
+    file: String,
+    #[serde(flatten)]
+    written: &'a Written,
+}
 
 pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
@@ -19,10 +27,7 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
     context.notes(&written.notes);
     let path = arguments.output.display();
     context.print(
-        &json!({
-            "file": path.to_string(), "rows": written.rows, "predicted": written.predicted, "compared": written.compared,
-            "outside_domain": written.outside_domain, "notes": written.notes,
-        }),
+        Told { file: path.to_string(), written: &written },
         || {
             format!(
                 "wrote {path}: {} rows, {} with a prediction, {} of them with a measured target; {} outside what their region saw in training",

@@ -28,7 +28,7 @@ pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Erro
     bar.finish();
     let prepared = prepared?;
     context.notes(&prepared.report.notes);
-    context.print(&prepared.to_json(), || to_text(&prepared.report));
+    context.print(prepared.to_json(), || to_text(&prepared.report));
     let folder = arguments.output.display();
     context.say(format!(
         "wrote {} and its recipe in {folder}; next: fleetfoot fit sindy -c {} {folder}",

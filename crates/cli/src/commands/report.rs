@@ -3,10 +3,32 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{Error, FigureFormat, Model, ReportOptions};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 
-use super::{Context, changes, files, in_sample, read_by, read_model, with};
+use super::{Context, changes, files, in_sample, read_by, read_model};
 use crate::args::Report;
+
+/// What a page says, and its file.
+#[derive(Serialize)]
+pub(super) struct OnPage {
+    #[serde(flatten)]
+    report: Value,
+    page: String,
+}
+
+impl OnPage {
+    pub(super) fn new(made: &fleetfoot::Report, path: &Path) -> Self {
+        Self { report: made.to_json(), page: path.display().to_string() }
+    }
+}
+
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    page: OnPage,
+    figures: Vec<String>,
+}
 
 pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error> {
     let (paths, data): (Vec<PathBuf>, Vec<PathBuf>) = arguments.files.iter().cloned().partition(|path| is_model(path));
@@ -37,9 +59,12 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     for (folder, format) in folders.iter().filter_map(|(folder, format)| Some((folder.as_deref()?, *format))) {
         figures.push((folder, made.write_figures(folder, format, &inputs)?));
     }
-    let written: Vec<&PathBuf> = figures.iter().flat_map(|(_, paths)| paths).collect();
-    let told = with(made.to_json(), json!({ "page": arguments.output, "figures": written }));
-    context.print(&told, || {
+    let shown = |path: &PathBuf| path.display().to_string();
+    let told = Told {
+        page: OnPage::new(&made, &arguments.output),
+        figures: figures.iter().flat_map(|(_, paths)| paths.iter().map(shown)).collect(),
+    };
+    context.print(told, || {
         let finding = |finding: &fleetfoot::report::Sentence| {
             format!("{}: {} {}", finding.light.word(), finding.head, finding.text)
         };

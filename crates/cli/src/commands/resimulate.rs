@@ -22,7 +22,7 @@ pub(crate) fn resimulate(arguments: &Resimulate, context: &Context) -> Result<()
     let followed = followed?;
     context.notes(&followed.notes);
     in_sample(context, &followed.in_sample, followed.names.len());
-    context.print(&followed.to_json(), || to_text(&followed, arguments.episodes));
+    context.print(followed.to_json(), || to_text(&followed, arguments.episodes));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
         context.layouts(&layouts);

@@ -59,7 +59,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
             rolled.rollouts.driven_inputs.join(", ")
         ));
     }
-    context.print(&rolled.to_json(), || to_text(&rolled, &model, &options.position.join(", ")));
+    context.print(rolled.to_json(), || to_text(&rolled, &model, &options.position.join(", ")));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
         context.layouts(&layouts);

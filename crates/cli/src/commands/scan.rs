@@ -4,13 +4,22 @@ use fleetfoot::{
     Error,
     statistic::{LabelKey, ScanOptions, ScanOutcome, ScanTarget, StatisticFile, plan_scan, scan_to},
 };
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::{Context, files, fit, read_by};
 use crate::{
     args::Scan,
     table::{bytes, count},
 };
+
+/// The statistic's file, and what was scanned into it.
+#[derive(Serialize)]
+struct Told {
+    file: String,
+    #[serde(flatten)]
+    scanned: Value,
+}
 
 pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     let mut recipe = fit::recipe(&arguments.recipe)?;
@@ -37,7 +46,7 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
         bar.finish();
         let plan = plan?;
         context.notes(&plan.notes);
-        context.print(&plan_json(&plan), || plan_text(&plan));
+        context.print(&plan, || plan_text(&plan));
         return Ok(());
     }
     let target = ScanTarget {
@@ -56,7 +65,8 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     if outcome.resumed {
         context.say("went on where the same command was stopped");
     }
-    context.print(&to_json(&outcome, &arguments.output), || to_text(&outcome));
+    let file = arguments.output.display().to_string();
+    context.print(Told { file, scanned: outcome.to_json() }, || to_text(&outcome));
     context.say(format!("wrote {}", arguments.output.display()));
     Ok(())
 }
@@ -81,19 +91,6 @@ fn to_text(outcome: &ScanOutcome) -> String {
     )
 }
 
-fn to_json(outcome: &ScanOutcome, output: &std::path::Path) -> serde_json::Value {
-    let (file, report) = (&outcome.file, &outcome.report);
-    let counts = file.scanned.counts();
-    json!({
-        "file": output.display().to_string(), "plan": file.plan_hash(), "serves": file.serves(), "resumed": outcome.resumed,
-        "scanned": { "files": report.files, "episodes": report.episodes, "rows": report.rows },
-        "skipped": report.skipped, "notes": report.notes,
-        "files": file.files.len(), "episodes": file.episodes.len(), "chunks": file.chunks(), "chunk_rows": file.plan.chunk_rows,
-        "rows": { "complete": counts.complete, "at_border": counts.at_border, "incomplete": counts.incomplete },
-        "bytes": outcome.sizes.total, "bytes_before": outcome.before,
-    })
-}
-
 fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
     let decoded = match plan.decoded {
         None => String::new(),
@@ -105,7 +102,7 @@ fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
         number => format!(" ({number} more are there already)"),
     };
     let latents: Vec<String> =
-        plan.latents.iter().map(|(name, functions)| format!("{name} ({})", count(*functions, "function"))).collect();
+        plan.latents.iter().map(|own| format!("{} ({})", own.name, count(own.functions, "function"))).collect();
     format!(
         "{}{skipped}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
         count(plan.files, "file"),
@@ -126,14 +123,4 @@ fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
         plan.chunk_rows,
         bytes((plan.bytes + plan.equation_bytes) as u64),
     )
-}
-
-fn plan_json(plan: &fleetfoot::statistic::ScanPlan) -> serde_json::Value {
-    json!({
-        "files": plan.files, "skipped": plan.skipped, "episodes": plan.episodes, "rows": plan.rows, "columns": plan.columns, "tasks": plan.tasks,
-        "latents": plan.latents.iter().map(|(name, functions)| json!({ "name": name, "functions": functions })).collect::<Vec<_>>(),
-        "decoded_bytes": plan.decoded.map(|(bytes, _)| bytes), "cached": plan.decoded.map(|(_, cached)| cached),
-        "passes": 1 + plan.equation_passes, "chunk_rows": plan.chunk_rows, "chunks": plan.chunks,
-        "bytes": plan.bytes + plan.equation_bytes,
-    })
 }

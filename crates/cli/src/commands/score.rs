@@ -5,6 +5,8 @@ use fleetfoot::{
     dynamics::{Baseline, Estimate, TargetScore},
     interval_in_words,
 };
+use serde::Serialize;
+use serde_json::Value;
 
 use super::{Context, files, fit_narx, in_sample, plane, read_by, read_model, time_changes};
 use crate::{
@@ -30,11 +32,8 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let (scored, projected) = scored?;
     context.notes(&scored.notes);
     in_sample(context, &scored.in_sample, scored.episodes);
-    let mut json = scored.to_json();
-    if let Some(projected) = &projected {
-        json["plane"] = plane::to_json(projected);
-    }
-    context.print(&json, || {
+    let told = Told { scored: scored.to_json(), plane: projected.as_ref().map(plane::Told::from) };
+    context.print(told, || {
         let text = to_text(&scored, arguments.episodes);
         projected.as_ref().map_or(text.clone(), |projected| format!("{text}\n\n{}", plane::to_text(projected)))
     });
@@ -42,6 +41,15 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
         context.say(format!("wrote {}", path.display()));
     }
     Ok(())
+}
+
+/// The scores, and the plane where one is asked for.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    scored: Value,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plane: Option<plane::Told>,
 }
 
 fn interval(estimate: &Estimate, show: impl Fn(f64) -> String) -> String {

@@ -6,9 +6,9 @@ use fleetfoot::{
     Error,
     statistic::{Sizes, StatisticFile, TaskSummary, Unwanted},
 };
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use super::{Context, is_replaced, real};
+use super::{Context, is_replaced};
 use crate::{
     args::{Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge},
     table::{bytes, count, number, ratio, table},
@@ -26,7 +26,7 @@ pub(crate) fn stats(arguments: &Stats, context: &Context) -> Result<(), Error> {
 fn info(arguments: &StatsInfo, context: &Context) -> Result<(), Error> {
     let (file, sizes) = StatisticFile::read_with_sizes(&arguments.file)?;
     let tasks = file.task_summaries();
-    context.print(&info_json(&file, &sizes, &tasks), || {
+    context.print(file.to_json(&sizes, &tasks), || {
         let mut text = info_text(&file, &sizes, &tasks);
         if arguments.episodes {
             text.push_str(&episodes_text(&file));
@@ -118,37 +118,6 @@ fn episodes_text(file: &StatisticFile) -> String {
     format!("\n{}", table(&["episode", "rows", "complete", "labels", "identity", "file"], rows))
 }
 
-fn info_json(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Value {
-    let counts = file.scanned.counts();
-    let regression = &file.plan.regression;
-    json!({
-        "plan": file.plan_hash(), "version": file.version, "partial": file.is_partial(), "serves": file.serves(),
-        "rows": { "complete": counts.complete, "at_border": counts.at_border, "incomplete": counts.incomplete },
-        "chunks": file.chunks(), "chunk_rows": file.plan.chunk_rows,
-        "tasks": tasks.iter().map(|task| json!({
-            "name": task.name, "equation": task.equation, "prior": task.prior, "columns": task.columns, "rank": task.rank,
-            "condition": real(task.condition), "preconditioned_condition": real(task.preconditioned), "sigma": real(task.deviation),
-            "r2": real(task.r2) })).collect::<Vec<_>>(),
-        "latents": regression.latents.iter().map(|latent| json!({
-            "name": latent.name, "functions": latent.functions.iter().map(ToString::to_string).collect::<Vec<_>>() })).collect::<Vec<_>>(),
-        "columns": file.columns.iter().map(|column| json!({
-            "name": column.name, "source": column.source, "unit": column.unit })).collect::<Vec<_>>(),
-        "labels": file.by_label().into_iter().map(|(label, values)| {
-            let values = values.into_iter().map(|(value, (episodes, rows))| {
-                (value, json!({ "episodes": episodes, "rows": rows }))
-            });
-            (label, Value::Object(values.collect()))
-        }).collect::<serde_json::Map<_, _>>(),
-        "files": file.files.iter().map(|file| json!({
-            "name": file.name, "hash": file.hash.to_string(), "bytes": file.bytes })).collect::<Vec<_>>(),
-        "episodes": file.episodes.iter().map(|episode| json!({
-            "name": episode.name, "id": episode.id.to_string(), "rows": episode.rows, "labels": episode.labels,
-            "complete": file.scanned.rows.get(&episode.id).map(|rows| rows.complete), "file": episode.file.to_string(),
-            "period": real(episode.period) })).collect::<Vec<_>>(),
-        "bytes": sizes.total, "sections": sizes.sections, "recipe": file.recipe,
-    })
-}
-
 fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
     claim(context, &arguments.output, &arguments.files, arguments.force)?;
     let mut inputs = arguments.files.iter();
@@ -162,9 +131,9 @@ fn merge(arguments: &StatsMerge, context: &Context) -> Result<(), Error> {
         before.push(sizes.total);
     }
     let sizes = whole.write(&arguments.output)?;
-    let json = json!({ "merged": arguments.files.len() });
+    let done = Done { merged: Some(arguments.files.len()), ..Done::default() };
     let text = format!("merged {}", count(arguments.files.len(), "file"));
-    tell(context, &whole, (json, text), before.iter().sum(), &sizes, &arguments.output);
+    tell(context, &whole, (done, text), before.iter().sum(), &sizes, &arguments.output);
     Ok(())
 }
 
@@ -184,7 +153,8 @@ fn drop(arguments: &StatsDrop, context: &Context) -> Result<(), Error> {
     let some: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
     let more = if names.len() > 8 { ", ..." } else { "" };
     let text = format!("dropped {}: {}{more}", count(names.len(), "episode"), some.join(", "));
-    tell(context, &file, (json!({ "dropped": names }), text), before.total, &sizes, &arguments.output);
+    let done = Done { dropped: Some(&names), ..Done::default() };
+    tell(context, &file, (done, text), before.total, &sizes, &arguments.output);
     Ok(())
 }
 
@@ -200,7 +170,8 @@ fn compact(arguments: &StatsCompact, context: &Context) -> Result<(), Error> {
         file.chunks(),
         arguments.by
     );
-    tell(context, &file, (json!({ "chunks_before": chunks }), text), before.total, &sizes, &arguments.output);
+    let done = Done { chunks_before: Some(chunks), ..Done::default() };
+    tell(context, &file, (done, text), before.total, &sizes, &arguments.output);
     Ok(())
 }
 
@@ -213,21 +184,46 @@ fn claim(context: &Context, output: &PathBuf, inputs: &[PathBuf], force: bool) -
     Ok(())
 }
 
+/// What an operation did: files joined, names of the episodes taken out, chunks before they were joined.
+#[derive(Default, Serialize)]
+struct Done<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    merged: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dropped: Option<&'a [String]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    chunks_before: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    done: Done<'a>,
+    file: String,
+    episodes: usize,
+    chunks: usize,
+    bytes_before: u64,
+    bytes: u64,
+}
+
 /// What an operation did, and the sizes before and after.
 fn tell(
     context: &Context,
     file: &StatisticFile,
-    (mut json, text): (Value, String),
+    (done, text): (Done<'_>, String),
     before: u64,
     sizes: &Sizes,
     output: &Path,
 ) {
-    json["file"] = output.display().to_string().into();
-    json["episodes"] = file.episodes.len().into();
-    json["chunks"] = file.chunks().into();
-    json["bytes_before"] = before.into();
-    json["bytes"] = sizes.total.into();
-    context.print(&json, || {
+    let told = Told {
+        done,
+        file: output.display().to_string(),
+        episodes: file.episodes.len(),
+        chunks: file.chunks(),
+        bytes_before: before,
+        bytes: sizes.total,
+    };
+    context.print(told, || {
         format!(
             "{text}\n{}, {} complete rows, {}\n{} before, {} now",
             count(file.episodes.len(), "episode"),

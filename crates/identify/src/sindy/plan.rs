@@ -1,12 +1,13 @@
 //! What a fit of equations would read and keep.
 
 use fleetfoot_data::Progress;
+use serde::Serialize;
 
 use super::{EquationTask, SindyOptions, evidence::specification};
-use crate::{Dataset, Error, Logs, Objective, Recipe, dataset};
+use crate::{Dataset, Error, Logs, Objective, Recipe, dataset, json};
 
 /// What a fit of equations would read and keep.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SindyPlan {
     /// Files.
@@ -16,6 +17,7 @@ pub struct SindyPlan {
     /// Rows; of robots' logs at most, from the counts in the files.
     pub rows: usize,
     /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
+    #[serde(flatten, serialize_with = "json::decoded")]
     pub decoded: Option<(u64, bool)>,
     /// Columns that are read.
     pub columns: Vec<String>,
@@ -28,10 +30,13 @@ pub struct SindyPlan {
     /// Regions, at most.
     pub regions: usize,
     /// What coefficients are fitted to.
+    #[serde(skip)]
     pub objective: Objective,
     /// Bytes of statistics, about.
+    #[serde(rename = "memory_bytes")]
     pub memory: usize,
     /// What was assumed or left out.
+    #[serde(skip)]
     pub notes: Vec<String>,
 }
 

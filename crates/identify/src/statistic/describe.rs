@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::structured::{Regression, Task};
 use fleetfoot_stats::{SquareRoot, explained_share, least_squares};
+use serde::Serialize;
 
 use super::StatisticFile;
 
 /// One task of a statistic.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TaskSummary {
     /// Its name.
@@ -25,8 +26,10 @@ pub struct TaskSummary {
     /// Condition number of the independent columns, centred and of unit length.
     pub condition: f64,
     /// Condition number of the Gram matrix in the plan's coordinates: near 1 while the pilot sample was representative.
+    #[serde(rename = "preconditioned_condition")]
     pub preconditioned: f64,
     /// Standard deviation of the target.
+    #[serde(rename = "sigma")]
     pub deviation: f64,
     /// Share of the target's variance that least squares on all columns explains.
     pub r2: f64,

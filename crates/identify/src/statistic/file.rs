@@ -12,6 +12,7 @@ use fleetfoot_model::TrainedEpisode;
 use fleetfoot_sparse::structured::{Plan, Scanned, TaskStats};
 use fleetfoot_stats::Stats;
 use fleetfoot_stats::scan::RowCounts;
+use serde::Serialize;
 
 use super::{
     ContentHash, EquationStatistic, StatisticError,
@@ -66,7 +67,7 @@ impl EpisodeRecord {
 }
 
 /// A column of the regression.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ColumnRecord {
     /// Its name in the expressions of the plan.
     pub name: String,

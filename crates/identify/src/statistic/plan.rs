@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use fleetfoot_data::{Progress, Source};
+use serde::Serialize;
 
 use super::{
     ContentHash, EquationStatistic, ScanOptions, StatisticFile,
@@ -32,8 +33,8 @@ pub struct ScanPlan {
     pub columns: Vec<String>,
     /// Names of the tasks.
     pub tasks: Vec<String>,
-    /// Names of the latents, and how many candidate functions each has.
-    pub latents: Vec<(String, usize)>,
+    /// The latents.
+    pub latents: Vec<PlannedLatent>,
     /// Rows of a chunk, at most.
     pub chunk_rows: usize,
     /// Chunks; at least, where the episodes are not known.
@@ -46,6 +47,16 @@ pub struct ScanPlan {
     pub equation_passes: usize,
     /// What was assumed or left out.
     pub notes: Vec<String>,
+}
+
+/// A latent that would be summed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct PlannedLatent {
+    /// Its name.
+    pub name: String,
+    /// How many candidate functions it has.
+    pub functions: usize,
 }
 
 /// Opens the files and tells what a scan would do. Robots' logs are not decoded for it.
@@ -146,7 +157,9 @@ impl ScanPlan {
             decoded: None,
             columns: Vec::new(),
             tasks: regression.tasks.iter().map(|task| task.name.clone()).collect(),
-            latents: regression.latents.iter().map(|latent| (latent.name.clone(), latent.functions.len())).collect(),
+            latents: (regression.latents.iter())
+                .map(|latent| PlannedLatent { name: latent.name.clone(), functions: latent.functions.len() })
+                .collect(),
             chunk_rows,
             chunks,
             bytes: chunks.saturating_mul(chunk_bytes(task)),

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_library::{Binary, Unary};
+use serde::{Serialize, Serializer};
 
 use super::{
     code::{Argument, Code, Condition, Function, Real, Statement, Values},
@@ -10,7 +11,7 @@ use super::{
 };
 
 /// Operations of one call.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Operations {
     /// Multiplications.
     pub multiplications: u64,
@@ -25,7 +26,7 @@ pub struct Operations {
 }
 
 /// What the code of a model takes.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Cost {
     /// Bytes of constant tables.
     pub tables: usize,
@@ -36,7 +37,12 @@ pub struct Cost {
     /// Bytes of local arrays on the deepest chain of calls.
     pub stack: usize,
     /// Functions by name, with the operations of one call at most.
+    #[serde(serialize_with = "by_name")]
     pub calls: Vec<(String, Operations)>,
+}
+
+fn by_name<S: Serializer>(calls: &[(String, Operations)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(calls.iter().map(|(name, operations)| (name, operations)))
 }
 
 /// Elementary functions that code uses.

@@ -9,6 +9,7 @@ use std::{
 use fleetfoot_data::{Halo, Progress, Source};
 use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_stats::{Grid, Moments, reduce};
+use serde::Serialize;
 
 use super::view;
 use fleetfoot_identify::{Error, Recipe};
@@ -19,10 +20,11 @@ pub const PHASE_BINS: usize = 24;
 const CHUNK_ROWS: usize = 65_536;
 
 /// What the gait was in one run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Gait {
     /// The episode's name.
+    #[serde(rename = "run")]
     pub name: String,
     /// Rows.
     pub rows: u64,

@@ -1,10 +1,9 @@
 //! Fig. 5: how the robot runs at each speed of the belt.
 
 use fleetfoot::demo::{Gait, PHASE_BINS, phase_of};
-use serde_json::json;
+use serde::Serialize;
 
 use crate::{
-    commands::real,
     heatmap::HeatMap,
     table::{number, ratio, table},
 };
@@ -77,13 +76,15 @@ fn summary(gaits: &[Gait]) -> String {
     )
 }
 
-pub(super) fn to_json(gaits: &[Gait]) -> serde_json::Value {
-    json!({
-        "phase_bins": (0..PHASE_BINS).map(phase_of).collect::<Vec<_>>(),
-        "runs": gaits.iter().map(|gait| json!({
-            "run": gait.name, "rows": gait.rows, "belt_speed": real(gait.belt_speed), "stride_frequency": real(gait.stride_frequency),
-            "speed": real(gait.speed), "no_slip_speed": real(gait.no_slip_speed), "mean_phase": real(gait.mean_phase),
-            "concentration": real(gait.concentration), "tripod": real(gait.tripod), "phases": gait.phases,
-        })).collect::<Vec<_>>(),
-    })
+/// Fig. 5 for programs: the phases of the bins' centres, and the runs.
+#[derive(Serialize)]
+pub(super) struct Told<'a> {
+    phase_bins: Vec<f64>,
+    runs: &'a [Gait],
+}
+
+impl<'a> Told<'a> {
+    pub(super) fn new(gaits: &'a [Gait]) -> Self {
+        Self { phase_bins: (0..PHASE_BINS).map(phase_of).collect(), runs: gaits }
+    }
 }

@@ -5,10 +5,10 @@ use fleetfoot::{
     dynamics::{Baseline, Estimate, Horizon, Reign, reigns},
     interval_in_words,
 };
-use serde_json::json;
+use serde::Serialize;
 
 use crate::{
-    commands::{real, rollout::told},
+    commands::rollout::told,
     table::{count, ratio, seconds, table},
 };
 
@@ -89,20 +89,65 @@ fn frontier(what: &str, lists: &[(String, &[Estimate])], horizon: &Horizon) -> S
     format!("{what}: {}", told.join(", "))
 }
 
-pub(super) fn to_json(curves: &[Curve]) -> serde_json::Value {
-    let lists = lists(curves);
-    let time = curves.first().map_or(&[][..], |curve| &curve.rolled.rollouts.horizon.time);
-    json!({
-        "seconds": time,
-        "scores": lists.iter().map(|(name, list)| json!({
-            "model": name, "mahalanobis": list.iter().map(|e| json!([real(e.value), real(e.low), real(e.high)])).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "best": spans(&lists[..curves.len()]).iter().map(|reign| json!({
-            "model": lists[reign.model].0, "first_step": reign.first, "last_step": reign.last,
-        })).collect::<Vec<_>>(),
-        "simulations": curves.iter().map(|curve| json!({
-            "model": curve.model, "count": curve.rolled.rollouts.outcomes.len(), "diverged": curve.rolled.rollouts.diverged(),
-            "left_domain": curve.rolled.rollouts.left_domain(),
-        })).collect::<Vec<_>>(),
-    })
+/// Fig. 8 for programs: scores with the ends of their intervals by step, and which model is the best when.
+#[derive(Serialize)]
+pub(super) struct Told<'a> {
+    seconds: &'a [f64],
+    scores: Vec<Scores>,
+    best: Vec<Best>,
+    simulations: Vec<Simulations<'a>>,
+}
+
+#[derive(Serialize)]
+struct Scores {
+    model: String,
+    mahalanobis: Vec<[f64; 3]>,
+}
+
+#[derive(Serialize)]
+struct Best {
+    model: String,
+    first_step: usize,
+    last_step: usize,
+}
+
+#[derive(Serialize)]
+struct Simulations<'a> {
+    model: &'a str,
+    count: usize,
+    diverged: usize,
+    left_domain: usize,
+}
+
+impl<'a> From<&'a Curve> for Simulations<'a> {
+    fn from(curve: &'a Curve) -> Self {
+        let rollouts = &curve.rolled.rollouts;
+        Self {
+            model: &curve.model,
+            count: rollouts.outcomes.len(),
+            diverged: rollouts.diverged(),
+            left_domain: rollouts.left_domain(),
+        }
+    }
+}
+
+impl<'a> Told<'a> {
+    pub(super) fn new(curves: &'a [Curve]) -> Self {
+        let lists = lists(curves);
+        let best = spans(&lists[..curves.len()]).into_iter().map(|reign| Best {
+            model: lists[reign.model].0.clone(),
+            first_step: reign.first,
+            last_step: reign.last,
+        });
+        let best = best.collect();
+        let triple = |own: &Estimate| [own.value, own.low, own.high];
+        let scores =
+            lists.into_iter().map(|(model, list)| Scores { model, mahalanobis: list.iter().map(triple).collect() });
+        Self {
+            seconds: curves.first().map_or(&[][..], |curve| &curve.rolled.rollouts.horizon.time),
+            scores: scores.collect(),
+            best,
+            simulations: curves.iter().map(Simulations::from).collect(),
+        }
+    }
 }

@@ -1,9 +1,13 @@
 //! Table I: absolute errors of the accelerations over those of the null model.
 
-use fleetfoot::{Fitted, interval_in_words, pwa::Identification};
-use serde_json::json;
+use fleetfoot::{
+    Fitted, Interval,
+    dynamics::Estimate,
+    interval_in_words,
+    pwa::{Identification, Score},
+};
+use serde::Serialize;
 
-use crate::commands::real;
 use crate::table::{count, number, ratio, table};
 
 /// Table I of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot" (2013): what its authors
@@ -106,25 +110,77 @@ fn ordering(found: &Identification) -> String {
         .join("\n")
 }
 
-pub(super) fn to_json(fitted: &Fitted) -> serde_json::Value {
-    let found = &fitted.identification;
-    let estimates = |list: &[fleetfoot::dynamics::Estimate]| list.iter().map(estimate).collect::<Vec<_>>();
-    json!({
-        "targets": found.targets, "units": units(found), "sigma": found.sigma, "rows": found.rows, "runs": fitted.episodes,
-        "intervals": interval_in_words(&found.basis),
-        "models": found.candidates.iter().map(|score| json!({
-            "model": score.specification.to_string(), "mae_over_null": estimates(&score.over_null_interval),
-            "mahalanobis": super::super::real(score.mahalanobis), "loss": super::super::real(score.loss),
-        })).collect::<Vec<_>>(),
-        "ordering": pairs(found).into_iter().map(|(fine, coarse)| json!({
-            "fine": found.candidates[fine].specification.to_string(), "coarse": found.candidates[coarse].specification.to_string(),
-            "error_ratio": estimates(&found.error_ratio(fine, coarse)),
-        })).collect::<Vec<_>>(),
-        "paper": PAPER.iter().map(|(name, values)| json!({ "model": name, "values": values })).collect::<Vec<_>>(),
-    })
+/// Table I for programs, and what its authors measured.
+#[derive(Serialize)]
+pub(super) struct Told<'a> {
+    targets: &'a [String],
+    units: Vec<String>,
+    sigma: &'a [f64],
+    rows: u64,
+    runs: usize,
+    intervals: String,
+    models: Vec<Row>,
+    ordering: Vec<Pair>,
+    paper: Vec<Printed>,
 }
 
-/// A value and its interval.
-fn estimate(estimate: &fleetfoot::dynamics::Estimate) -> serde_json::Value {
-    json!({ "value": real(estimate.value), "low": real(estimate.low), "high": real(estimate.high) })
+#[derive(Serialize)]
+struct Row {
+    model: String,
+    mae_over_null: Vec<Interval>,
+    mahalanobis: f64,
+    loss: f64,
+}
+
+impl From<&Score> for Row {
+    fn from(score: &Score) -> Self {
+        Self {
+            model: score.specification.to_string(),
+            mae_over_null: intervals(&score.over_null_interval),
+            mahalanobis: score.mahalanobis,
+            loss: score.loss,
+        }
+    }
+}
+
+/// Two models of which the paper says that the fine one errs less.
+#[derive(Serialize)]
+struct Pair {
+    fine: String,
+    coarse: String,
+    error_ratio: Vec<Interval>,
+}
+
+/// A row of the paper's table.
+#[derive(Serialize)]
+struct Printed {
+    model: &'static str,
+    values: [f64; 8],
+}
+
+impl<'a> From<&'a Fitted> for Told<'a> {
+    fn from(fitted: &'a Fitted) -> Self {
+        let found = &fitted.identification;
+        let name = |candidate: usize| found.candidates[candidate].specification.to_string();
+        let pair = |(fine, coarse)| Pair {
+            fine: name(fine),
+            coarse: name(coarse),
+            error_ratio: intervals(&found.error_ratio(fine, coarse)),
+        };
+        Self {
+            targets: &found.targets,
+            units: units(found),
+            sigma: &found.sigma,
+            rows: found.rows,
+            runs: fitted.episodes,
+            intervals: interval_in_words(&found.basis),
+            models: found.candidates.iter().map(Row::from).collect(),
+            ordering: pairs(found).into_iter().map(pair).collect(),
+            paper: PAPER.iter().map(|&(model, values)| Printed { model, values }).collect(),
+        }
+    }
+}
+
+fn intervals(list: &[Estimate]) -> Vec<Interval> {
+    list.iter().map(Interval::from).collect()
 }
