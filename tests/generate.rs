@@ -191,6 +191,31 @@ fn a_full_disk_leaves_nothing_behind() {
     assert!(files(&folder.path().join("runs")).is_empty());
 }
 
+/// JSON is text, and names of files need not be: a path is told as messages show it.
+#[cfg(unix)]
+#[test]
+fn a_folder_whose_name_is_no_text_is_told() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
+    let folder = tempfile::tempdir().unwrap();
+    let name = OsStr::from_bytes(b"r\xffns");
+    let run = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fleetfoot"));
+        let output = command.current_dir(folder.path()).args(words).arg(name).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let flags = ["generate", "diffdrive", "--seconds", "1", "--runs", "1", "--json", "-o"];
+    if fs::create_dir(folder.path().join(name)).is_err() {
+        eprintln!("skipped: this file system takes only text for names");
+        return;
+    }
+    let made = run(&flags);
+    let shown = |value: &serde_json::Value| value.as_str().is_some_and(|path| path.starts_with("r\u{fffd}ns/"));
+    assert!(shown(&made["runs"][0]["file"]) && shown(&made["recipe"]), "{made}");
+    let told = run(&["info", "--json"]);
+    assert!(shown(&told[0]["file"]), "{told}");
+}
+
 /// What `mcap-ros2-support` says of a log.
 #[derive(Default)]
 struct Told {

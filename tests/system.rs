@@ -13,6 +13,7 @@ mod fusion;
 mod generate;
 mod guards;
 mod joints;
+mod keys;
 mod narx;
 mod narx_search;
 mod objective;

@@ -42,7 +42,7 @@ fn report(told: impl Serialize) -> Value {
 }
 
 /// A part of a report as a tree of values.
-fn value(told: impl Serialize) -> Value {
+pub(crate) fn value(told: impl Serialize) -> Value {
     serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
 }
 

@@ -17,6 +17,7 @@ use std::{collections::BTreeMap, ops::Range, path::PathBuf};
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_signal::{SignalError, dejitter};
+use serde::Serialize;
 
 pub(crate) use columns::aliases;
 pub use fused::{BodyReport, CorrelationReport, JointReport, JointSensorReport, RejectedPoses};
@@ -26,6 +27,7 @@ use crate::{
     Dataset, EpisodeRule, Error, Logs, Recipe,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
+    json,
 };
 use channel::{Channel, Curve};
 use columns::{Planned, written_recipe};
@@ -57,12 +59,20 @@ pub struct Prepared {
 impl Prepared {
     /// The report with the paths of what was written, as `prepare --json` prints it.
     pub fn to_json(&self) -> serde_json::Value {
-        let files: Vec<String> = self.files.iter().map(|file| file.display().to_string()).collect();
-        let mut found = serde_json::to_value(&self.report).unwrap_or_default();
-        found["recipe"] = self.recipe.display().to_string().into();
-        found["files"] = files.into();
-        found
+        json::value(Told {
+            report: &self.report,
+            recipe: self.recipe.display().to_string(),
+            files: self.files.iter().map(|file| file.display().to_string()).collect(),
+        })
     }
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    report: &'a PrepareReport,
+    recipe: String,
+    files: Vec<String>,
 }
 
 /// Names that the column of the stamps may have: the first that is free.

@@ -21,7 +21,7 @@ const BLOCK: usize = 65_536;
 #[non_exhaustive]
 pub struct FileInfo {
     /// The file.
-    #[serde(rename = "file")]
+    #[serde(rename = "file", serialize_with = "path_in_words")]
     pub path: PathBuf,
     /// Its format.
     #[serde(serialize_with = "format_name")]
@@ -115,6 +115,14 @@ pub struct TimeInfo {
     pub unit: TimeUnit,
     /// What was assumed and why, when something was.
     pub assumed: Option<String>,
+}
+
+/// A path for programs as people see it: names of files need not be text, which all of JSON is.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn path_in_words<S: Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
 }
 
 fn format_name<S: Serializer>(format: &Format, to: S) -> Result<S::Ok, S::Error> {

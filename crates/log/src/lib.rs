@@ -73,7 +73,7 @@ pub use error::Error;
 pub use estimate::{Estimate, estimate};
 pub use format::{Compression, Format};
 pub use index::ClockSummary;
-pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, inspect_values};
+pub use inspect::{ColumnInfo, ColumnStatistics, FileInfo, TimeInfo, inspect, inspect_values, path_in_words};
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp, TopicClock};
 pub use lock::WriteLock;

@@ -24,6 +24,7 @@ use std::{
 };
 
 use fleetfoot_data::{Column, Progress, parallel_map};
+use fleetfoot_log::path_in_words;
 use fleetfoot_sim::{End, Run, Scenario};
 use serde::{Serialize, Serializer};
 
@@ -192,6 +193,7 @@ pub struct RunReport {
     /// Its number.
     pub run: u64,
     /// Its file.
+    #[serde(serialize_with = "path_in_words")]
     pub file: PathBuf,
     /// Its value of [`World::speed_parameter`], where the job sets it.
     pub speed: Option<f64>,
@@ -235,6 +237,7 @@ pub struct Generated {
     /// What the rows of all runs together could tell a model.
     pub excitation: Excitation,
     /// The recipe for the logs.
+    #[serde(serialize_with = "path_in_words")]
     pub recipe: PathBuf,
     /// What a person should know of the folder.
     pub notes: Vec<String>,
