@@ -8,6 +8,7 @@ use std::{
 };
 
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     Cache, Error, ParquetWriter, Selection, Stamp, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions,
@@ -161,52 +162,80 @@ impl Table for CachedTable {
     }
 }
 
+/// [`Meta`] as it is stored.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    columns: Vec<StoredColumn>,
+    notes: Vec<String>,
+    stamp: Option<String>,
+    log_offset: i64,
+    #[serde(default)]
+    breaks: Vec<i64>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct StoredColumn {
+    name: String,
+    kind: StoredKind,
+    /// Of a category.
+    names: Option<Vec<String>>,
+    empty: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum StoredKind {
+    Float,
+    Integer,
+    Boolean,
+    Category,
+}
+
+impl From<&TableColumn> for StoredColumn {
+    fn from(TableColumn { column, empty }: &TableColumn) -> Self {
+        let (kind, names) = match &column.kind {
+            ColumnKind::Float => (StoredKind::Float, None),
+            ColumnKind::Integer => (StoredKind::Integer, None),
+            ColumnKind::Boolean => (StoredKind::Boolean, None),
+            ColumnKind::Category(names) => (StoredKind::Category, Some(names.clone())),
+        };
+        Self { name: column.name.clone(), kind, names, empty: *empty }
+    }
+}
+
+impl StoredColumn {
+    fn column(self) -> Option<TableColumn> {
+        let kind = match self.kind {
+            StoredKind::Float => ColumnKind::Float,
+            StoredKind::Integer => ColumnKind::Integer,
+            StoredKind::Boolean => ColumnKind::Boolean,
+            StoredKind::Category => ColumnKind::Category(self.names?),
+        };
+        Some(TableColumn { column: Column { name: self.name, unit: None, kind }, empty: self.empty })
+    }
+}
+
 impl Meta {
     fn to_text(&self) -> String {
-        let columns: Vec<serde_json::Value> = self
-            .columns
-            .iter()
-            .map(|TableColumn { column, empty }| {
-                let (kind, names) = match &column.kind {
-                    ColumnKind::Float => ("float", None),
-                    ColumnKind::Integer => ("integer", None),
-                    ColumnKind::Boolean => ("boolean", None),
-                    ColumnKind::Category(names) => ("category", Some(names)),
-                };
-                serde_json::json!({ "name": column.name, "kind": kind, "names": names, "empty": empty })
-            })
-            .collect();
-        let stamp = self.stamp.map(Stamp::name);
-        serde_json::json!({ "columns": columns, "notes": self.notes, "stamp": stamp, "log_offset": self.log_offset,
-            "breaks": self.breaks.moments() })
-        .to_string()
+        let stored = Stored {
+            columns: self.columns.iter().map(StoredColumn::from).collect(),
+            notes: self.notes.clone(),
+            stamp: self.stamp.map(|stamp| stamp.name().to_owned()),
+            log_offset: self.log_offset,
+            breaks: self.breaks.moments().to_vec(),
+        };
+        serde_json::to_string(&stored).unwrap_or_default()
     }
 
     fn parse(text: &str) -> Option<Self> {
-        let value: serde_json::Value = serde_json::from_str(text).ok()?;
-        let strings = |value: &serde_json::Value| -> Option<Vec<String>> {
-            value.as_array()?.iter().map(|text| text.as_str().map(str::to_owned)).collect()
-        };
-        let columns = value["columns"]
-            .as_array()?
-            .iter()
-            .map(|column| {
-                let kind = match column["kind"].as_str()? {
-                    "float" => ColumnKind::Float,
-                    "integer" => ColumnKind::Integer,
-                    "boolean" => ColumnKind::Boolean,
-                    _ => ColumnKind::Category(strings(&column["names"])?),
-                };
-                let column_of = Column { name: column["name"].as_str()?.to_owned(), unit: None, kind };
-                Some(TableColumn { column: column_of, empty: column["empty"].as_bool()? })
-            })
-            .collect::<Option<_>>()?;
-        let stamp = Stamp::parse(value["stamp"].as_str()?);
-        let moments: Vec<i64> =
-            value["breaks"].as_array().into_iter().flatten().map(serde_json::Value::as_i64).collect::<Option<_>>()?;
-        let breaks = Breaks::new(&moments, 0);
-        let log_offset = value["log_offset"].as_i64()?;
-        Some(Self { columns, notes: strings(&value["notes"])?, stamp, log_offset, breaks })
+        let stored: Stored = serde_json::from_str(text).ok()?;
+        Some(Self {
+            columns: stored.columns.into_iter().map(StoredColumn::column).collect::<Option<_>>()?,
+            notes: stored.notes,
+            stamp: Stamp::parse(&stored.stamp?),
+            log_offset: stored.log_offset,
+            breaks: Breaks::new(&stored.breaks, 0),
+        })
     }
 }
 
