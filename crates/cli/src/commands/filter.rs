@@ -21,7 +21,7 @@ pub(crate) fn filter(arguments: &Filter, context: &Context) -> Result<(), Error>
     let filtered = filtered?;
     context.notes(&filtered.notes);
     in_sample(context, &filtered.in_sample_episodes, filtered.episodes);
-    context.print(&filtered.to_json(), || to_text(&filtered));
+    context.print(filtered.to_json(), || to_text(&filtered));
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
     }
