@@ -180,12 +180,10 @@ struct Descent<'a> {
     l1: f64,
 }
 
-/// The Gram matrix of a working set, and what it was made for. It stays where it is while columns join.
+/// The Gram matrix of a working set, and what it was made for. It stays where it is while columns join; the weight of the squares is on its diagonal alone.
 #[derive(Default)]
 struct Formed {
     working: Vec<usize>,
-    /// Weight of the squares on its diagonal.
-    l2: f64,
     matrix: Slab,
 }
 
@@ -299,15 +297,16 @@ impl<'a> Descent<'a> {
         let products = &mut self.left.products;
         products.form(working);
         let formed = &mut self.formed;
-        let same = formed.working.iter().zip(working).take_while(|(a, b)| a == b).count();
-        let known = if formed.l2 == l2 { same } else { 0 };
+        let known = formed.working.iter().zip(working).take_while(|(a, b)| a == b).count();
         let mut matrix = std::mem::take(&mut formed.matrix);
         matrix.resize(known, known);
         matrix.resize(working.len(), working.len());
-        for (at, &j) in working.iter().enumerate().skip(known) {
+        for (at, &j) in working.iter().enumerate() {
             let column = matrix.column_mut(at);
-            products.with(j, working, column);
-            column[at] += l2 * self.weights.rho[j];
+            if at >= known {
+                products.with(j, working, column);
+            }
+            column[at] = products.pair(j, j) + l2 * self.weights.rho[j];
         }
         // What is known of the others stands in the columns that are new.
         for (at, block) in
@@ -320,7 +319,6 @@ impl<'a> Descent<'a> {
                 }
             }
         }
-        formed.l2 = l2;
         formed.working.clear();
         formed.working.extend_from_slice(working);
         let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();
