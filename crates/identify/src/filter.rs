@@ -147,6 +147,18 @@ struct Sums {
 /// Measurements that repeat the one before in more than this share of rows are those of a slower sensor, held.
 const HELD: f64 = 0.5;
 
+/// Bytes that the rows of one episode may take.
+const MEMORY: usize = 1 << 32;
+
+/// Refuses an episode of which not all rows fit into memory, before one is read.
+fn check_memory<'a>(mut episodes: impl Iterator<Item = (&'a str, usize)>, bytes_of_row: usize) -> Result<(), Error> {
+    let most = MEMORY / bytes_of_row;
+    let Some((name, rows)) = episodes.find(|(_, rows)| *rows > most) else { return Ok(()) };
+    Err(Error::value(format!(
+        "episode {name} has {rows} rows, and {most} fit into memory: filter a part of it (--where 'time() < SECONDS', or where of [time]), or split the log"
+    )))
+}
+
 /// Filters the episodes of logs by a model; writes what it finds where `output` is given. How is said by `[filter]` of `changes`, above the model's own recipe. Nothing that is
 /// told of a row depends on later ones.
 ///
@@ -181,7 +193,7 @@ pub fn filter(
 /// Filters the episodes of logs by a model; `take` gets them in their order, and the filter.
 ///
 /// # Errors
-/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`.
+/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`; an episode that does not fit into memory.
 pub fn filter_rows(
     model: &Model,
     changes: &Recipe,
@@ -195,6 +207,8 @@ pub fn filter_rows(
     let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, &logs, progress)?;
     notes.splice(0..0, dataset.notes().iter().cloned());
     let view = dataset.view()?;
+    let rows = view.episodes().iter().map(|episode| (episode.name.as_str(), episode.rows));
+    check_memory(rows, FilteredRows::bytes_of_row(&filter, &readings, view.columns().len()))?;
     progress.stage("filter");
     let sensors = filter.measured().len();
     let mut sums = Sums {
@@ -334,5 +348,22 @@ impl Sums {
             measured_rmse: (readings > 0.0).then(|| (off / readings).sqrt()),
         };
         readings.truth.iter().zip(&self.errors).map(told).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_episode_that_does_not_fit_is_refused_with_what_fits() {
+        let most = MEMORY / 800;
+        assert!(check_memory([("short", 10), ("long", most)].into_iter(), 800).is_ok());
+        let refused = check_memory([("short", 10), ("long", most + 1)].into_iter(), 800);
+        let said = refused.expect_err("too long").to_string();
+        assert!(
+            said.contains("episode long") && said.contains(&format!("{most} fit")) && said.contains("--where"),
+            "{said}"
+        );
     }
 }

@@ -43,6 +43,14 @@ fn apart(a: f64, b: f64, angle: bool) -> f64 {
 }
 
 impl FilteredRows {
+    /// Bytes that a row of an episode takes, read from so many columns.
+    pub(super) fn bytes_of_row(filter: &SwitchedFilter, readings: &Reading, columns: usize) -> usize {
+        let (states, sensors) = (filter.states().len(), readings.measured.len());
+        // The stamp and three numbers of the row itself.
+        let numbers = 4 + 2 * states + filter.regions() + 3 * sensors + 2 * readings.truth.len();
+        size_of::<f64>() * (numbers + columns)
+    }
+
     pub(super) fn new(filter: &SwitchedFilter, readings: &Reading, episode: String, block: &Block) -> Self {
         let (states, sensors) = (filter.states().len(), readings.measured.len());
         let mut found = Self {
