@@ -3,6 +3,7 @@
 mod clock;
 mod cost;
 mod fields;
+mod measured;
 mod selection;
 mod topics;
 mod trained;
@@ -345,32 +346,6 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         Self::with_model(model, changes, &logs.into(), (needed, 1), progress)
-    }
-
-    /// Opens files for these columns, by the clock and the labels of a model, which may lack every other column of the model.
-    pub(crate) fn for_filter(
-        model: &Model,
-        columns: &[ModelColumn],
-        changes: &Recipe,
-        logs: &Logs,
-        progress: &dyn Progress,
-    ) -> Result<Self, Error> {
-        let mut read = model.clone();
-        read.columns = columns.to_vec();
-        Self::with_model(&read, changes, logs, (&|_| true, 1), progress)
-    }
-
-    /// Whether the first of the logs has each of these fields, or what these expressions read.
-    pub(crate) fn readable(recipe: &Recipe, logs: &Logs, sources: &[String]) -> Result<Vec<bool>, Error> {
-        let (fields, _) = fields(recipe, logs)?;
-        let column = |source: &String| ModelColumn {
-            name: "column".into(),
-            source: source.clone(),
-            unit: None,
-            role: Role::Auxiliary,
-            angle: false,
-        };
-        Ok(sources.iter().map(|source| aliases_of_model(&[column(source)], &fields).is_ok()).collect())
     }
 
     /// The recipe by which a model reads logs: its own, with what is said of these logs.
