@@ -1,5 +1,7 @@
 //! The crate arrows of the design are law: this table is the design's, and any other arrow fails.
 
+mod circles;
+
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.

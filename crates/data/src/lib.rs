@@ -24,7 +24,7 @@ mod block;
 mod column;
 mod episode;
 mod error;
-mod marks;
+mod mark;
 mod memory;
 mod nearest;
 mod packed;
@@ -32,20 +32,21 @@ mod parallel;
 mod random;
 mod source;
 mod stop;
+mod watch;
 
 pub use arrow_buffer::ScalarBuffer;
 pub use block::{Block, Halo};
 pub use column::{Column, ColumnKind};
 pub use episode::{Episode, EpisodeId, Fingerprint};
 pub use error::Error;
-pub use marks::{Known, Mark, Watch, Watched};
+pub use mark::Mark;
 pub use memory::MemorySource;
 pub use nearest::{did_you_mean, nearest, nearest_one};
 pub use packed::{packed, packed_row};
 pub use parallel::{
-    Cancelled, Progress, Silent, Threads, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count,
-    with_threads,
+    Progress, Silent, Threads, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count, with_threads,
 };
 pub use random::mix;
 pub use source::{Source, sample_ranges};
-pub use stop::{Stop, checkpoint, stoppable};
+pub use stop::{Cancelled, Stop, checkpoint, stoppable};
+pub use watch::{Known, Watch, Watched};

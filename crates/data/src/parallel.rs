@@ -10,12 +10,7 @@ use std::{
     },
 };
 
-use crate::stop;
-
-/// The user stopped the work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("stopped")]
-pub struct Cancelled;
+use crate::{Cancelled, stop};
 
 /// Who is told about progress, and may stop the work.
 pub trait Progress: Sync {

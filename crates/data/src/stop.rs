@@ -14,11 +14,14 @@ use std::{
     },
 };
 
-use crate::Cancelled;
-
 thread_local! {
     static CURRENT: RefCell<Option<Stop>> = const { RefCell::new(None) };
 }
+
+/// The user stopped the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("stopped")]
+pub struct Cancelled;
 
 /// Whether work should stop; all clones are one.
 #[derive(Debug, Clone, Default)]

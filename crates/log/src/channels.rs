@@ -26,12 +26,13 @@ use fleetfoot_data::{Column, ColumnKind, Progress, nearest_one};
 use crate::{
     Error, Estimate, Format, Selection, Stamp, TimeSpec,
     breaks::Breaks,
-    container::{self, Container, summary},
+    container::{Container, summary},
+    containers,
     join::{Base, JoinKind, join},
-    parquet::{self, MAX_CATEGORIES},
-    recording::Opened,
+    opened::Opened,
+    parquet,
     store::{Budget, StoreBuilder, StoredTable},
-    table::{Table, TableColumn},
+    table::{MAX_CATEGORIES, Table, TableColumn},
 };
 use cache::{Meta, SlotWriter};
 use decode::{Decoded, decode};
@@ -47,7 +48,7 @@ pub(crate) fn open(
     progress: &dyn Progress,
 ) -> Result<Opened, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = container::open(path, format, progress)?;
+    let container = containers::open(path, format, progress)?;
     let files = container.files();
     let slot = cache::slot(&files, selection)?;
     if let Some((table, meta)) = slot.as_ref().and_then(|slot| slot.load(cursors)) {
@@ -116,7 +117,7 @@ pub(crate) fn estimate(
     progress: &dyn Progress,
 ) -> Result<Estimate, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = container::open(path, format, progress)?;
+    let container = containers::open(path, format, progress)?;
     let plan = plan(path, container.as_ref(), selection, progress)?;
     let info = summary(container.as_ref(), progress)?;
     let rows = match plan.base {

@@ -1,8 +1,8 @@
 //! The seam for containers of messages: what a robot's log gives, whichever format it is in.
 //!
 //! A [`Container`] is a recording in one file or in several: topics whose messages are bytes of some encoding, in pieces that are read as a
-//! whole by whichever thread takes them. Behind this file nobody knows which format it is; [`open`] is the one place that does. A further format is an
-//! implementation of the trait, a line in [`open`], and its name in [`Format`].
+//! whole by whichever thread takes them. Above this file nobody knows which format it is but [`crate::containers::open`]. A further format is an
+//! implementation of the trait, a line there, and its name in [`crate::Format`].
 //!
 //! Nothing that a file says is believed unchecked. What cannot be read is skipped up to the next sound place and counted ([`Damage`]).
 
@@ -17,13 +17,13 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Progress, nearest_one};
+use fleetfoot_data::nearest_one;
 
 pub(crate) use damage::{Damage, Lost};
-pub(crate) use map::{Kind, Map};
+pub(crate) use map::{Kind, Map, ULOG};
 pub(crate) use times::{Span, summary};
 
-use crate::{Error, Format, mcap::McapContainer, rosbag2, ulog::UlogContainer};
+use crate::Error;
 
 /// Takes a message: its topic, log time and publish time in nanoseconds, and its bytes.
 pub(crate) type Each<'a> = dyn FnMut(usize, i64, i64, &[u8]) -> Result<(), Error> + 'a;
@@ -135,23 +135,4 @@ pub(crate) struct SchemaRecord {
     pub(crate) encoding: String,
     /// The text or descriptor.
     pub(crate) data: Arc<[u8]>,
-}
-
-/// Opens a recording of messages: finds its pieces and topics.
-///
-/// # Errors
-/// Files that are not there or are not what their name says, metadata that cannot be read, compressions that are not known, a user who
-/// stops. Damage inside a file is no error.
-pub(crate) fn open(path: &Path, format: Format, progress: &dyn Progress) -> Result<Box<dyn Container>, Error> {
-    Ok(match format {
-        Format::Mcap(compression) => Box::new(McapContainer::open(path, &[(path.into(), compression)], progress)?),
-        Format::Rosbag2 => Box::new(McapContainer::open(path, &rosbag2::files(path)?, progress)?),
-        Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
-        Format::Parquet | Format::Csv(_) => return Err(Error::UnknownFormat { path: path.into() }),
-    })
-}
-
-/// Whether a folder is one recording, not a place for several: `None` where it is not, else why it cannot be read, if so.
-pub(crate) fn folder(path: &Path) -> Option<Result<(), Error>> {
-    rosbag2::is_bag(path).then(|| rosbag2::files(path).map(drop))
 }

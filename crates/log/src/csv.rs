@@ -6,14 +6,14 @@ mod decode;
 mod head;
 mod input;
 
-use std::{io::Read, path::Path, sync::Arc};
+use std::{path::Path, sync::Arc};
 
 use fleetfoot_data::{Column, nearest_one};
 
 use crate::{
     Compression, Error, Selection, TimeSpec,
-    parquet::list,
-    recording::Opened,
+    error::list,
+    opened::Opened,
     store::{Budget, StoredTable},
     time_column::{self, Clock},
 };
@@ -86,15 +86,4 @@ fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>
             Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
         }
     }
-}
-
-/// A reader of rows, with the habits of all places that read text.
-fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
-    csv::ReaderBuilder::new()
-        .delimiter(delimiter)
-        .has_headers(false)
-        .flexible(true)
-        .comment(Some(b'#'))
-        .buffer_capacity(1 << 16)
-        .from_reader(input)
 }

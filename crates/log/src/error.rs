@@ -4,6 +4,10 @@ use std::path::PathBuf;
 
 use fleetfoot_data::Cancelled;
 
+/// What is readable, for messages.
+pub(crate) const KNOWN: &str =
+    ".mcap, .ulg, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
+
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -41,13 +45,13 @@ pub enum Error {
         problem: String,
     },
     /// A folder without any file of a known format.
-    #[error("{} holds no recording ({}); name the files, or another folder", path.display(), crate::format::KNOWN)]
+    #[error("{} holds no recording ({}); name the files, or another folder", path.display(), KNOWN)]
     EmptyFolder {
         /// The folder.
         path: PathBuf,
     },
     /// A file of an unknown format.
-    #[error("{}: unknown format; the readable ones end in {}: rename or convert the file", path.display(), crate::format::KNOWN)]
+    #[error("{}: unknown format; the readable ones end in {}: rename or convert the file", path.display(), KNOWN)]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -321,7 +325,7 @@ pub enum Error {
     /// Two channels without a moment in common.
     #[error(
         "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in [join]",
-        path.display(), crate::join::describe_range(ranges[0]), crate::join::describe_range(ranges[1])
+        path.display(), describe_range(ranges[0]), describe_range(ranges[1])
     )]
     NoOverlap {
         /// The file.
@@ -344,7 +348,7 @@ pub enum Error {
     /// A rate that asks for far more rows than there are samples.
     #[error(
         "{}: {hz} rows a second would be {rows} rows for at most {samples} samples of a channel, as the stamps of {name} run over {}: take a lower rate, another clock (stamp = \"log\", \"publish\" or \"header\"), or the stamps of a channel",
-        path.display(), crate::join::describe_range(*range)
+        path.display(), describe_range(*range)
     )]
     GridTooLong {
         /// The file.
@@ -380,6 +384,33 @@ fn hint(nearest: &Option<String>, with: &str, without: &str) -> String {
         Some(name) => format!("; {with} `{name}`"),
         None => format!("; {without}"),
     }
+}
+
+/// Stamps before this are no dates: clocks that began at zero.
+const YEAR_2000: i64 = 946_684_800_000_000_000;
+
+/// A range of stamps for a message: seconds, and dates where the stamps are such.
+fn describe_range((start, end): (i64, i64)) -> String {
+    let seconds = format!("{} to {} s", seconds(start), seconds(end));
+    let date =
+        |stamp: i64| jiff::Timestamp::from_nanosecond(stamp.into()).ok().map(|date| date.strftime("%F %T").to_string());
+    match (date(start), date(end)) {
+        (Some(first), Some(last)) if start >= YEAR_2000 => format!("{seconds} ({first} to {last} UTC)"),
+        _ => seconds,
+    }
+}
+
+/// Nanoseconds as seconds, with all digits that are not zero.
+fn seconds(stamp: i64) -> String {
+    let (sign, size) = (if stamp < 0 { "-" } else { "" }, stamp.unsigned_abs());
+    let text = format!("{sign}{}.{:09}", size / 1_000_000_000, size % 1_000_000_000);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A few names for a message.
+pub(crate) fn list(names: &[&str]) -> String {
+    let shown = names.iter().take(12).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
 }
 
 /// A text for a message: one line, at most 60 characters.

@@ -4,21 +4,7 @@ use std::path::Path;
 
 use fleetfoot_data::Progress;
 
-use crate::{Error, Format, Selection, channels};
-
-/// What opening robots' logs will cost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub struct Estimate {
-    /// Bytes of the files.
-    pub bytes: u64,
-    /// Rows at most, from the counts in the files.
-    pub rows: u64,
-    /// Bytes of the decoded columns; the cache holds them compressed.
-    pub decoded_bytes: u64,
-    /// The decoded columns are in the cache already.
-    pub cached: bool,
-}
+use crate::{Error, Estimate, Format, Selection, channels};
 
 /// What it will cost to open robots' logs: from their indexes and a few messages. `None` when a file is another kind of recording, whose
 /// rows are counted by opening it.

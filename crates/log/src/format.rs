@@ -1,12 +1,8 @@
 //! File formats, by name and by content.
 
-use std::path::Path;
+use std::{fs::File, io::Read, path::Path};
 
-use crate::{Error, rosbag2};
-
-/// What is readable, for messages.
-pub(crate) const KNOWN: &str =
-    ".mcap, .ulg, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
+use crate::Error;
 
 /// What to do with a ROS 1 bag.
 pub(crate) const CONVERT_BAG: &str =
@@ -14,6 +10,12 @@ pub(crate) const CONVERT_BAG: &str =
 
 /// What to do with a rosbag2 database.
 pub(crate) const CONVERT_DB3: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
+
+/// The file that makes a folder a rosbag2 recording.
+pub(crate) const BAG_METADATA: &str = "metadata.yaml";
+
+/// The key under which everything stands in it.
+pub(crate) const BAG_KEY: &[u8] = b"rosbag2_bagfile_information";
 
 /// A readable file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +49,7 @@ pub enum Compression {
 impl Format {
     /// The format that a file's name tells; for a folder, its `metadata.yaml`.
     pub fn of(path: &Path) -> Option<Self> {
-        if rosbag2::is_bag(path) {
+        if is_bag(path) {
             return Some(Self::Rosbag2);
         }
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
@@ -97,4 +99,16 @@ impl Format {
             Self::Rosbag2 => "rosbag2 (MCAP)",
         }
     }
+}
+
+/// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
+pub(crate) fn is_bag(folder: &Path) -> bool {
+    let path = folder.join(BAG_METADATA);
+    path.is_file()
+        && File::open(path).is_ok_and(|file| {
+            let mut start = Vec::new();
+            // The key is the first of the document; comments may stand before it.
+            file.take(1 << 16).read_to_end(&mut start).is_ok()
+                && start.windows(BAG_KEY.len()).any(|window| window == BAG_KEY)
+        })
 }

@@ -5,12 +5,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::{ColumnKind, Halo, Progress, Silent, Source, parallel_fold};
+use fleetfoot_data::{Halo, Progress, Silent, Source, parallel_fold};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    ClockSummary, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit, TopicInfo, channels, csv,
-    open_with_progress, parquet,
+    ClockSummary, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit,
+    TopicInfo, channels, csv, open_with_progress, parquet,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -70,40 +70,6 @@ impl FileInfo {
     }
 }
 
-/// A column of a file.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct ColumnInfo {
-    /// Its name.
-    pub name: String,
-    /// Its unit, when the file tells it.
-    pub unit: Option<String>,
-    /// What its values stand for. Categories have names only when the values were scanned; text files are judged by their first rows otherwise.
-    #[serde(flatten, serialize_with = "kind")]
-    pub kind: ColumnKind,
-    /// The type of a column that cannot be read as numbers.
-    #[serde(rename = "unreadable")]
-    pub unsupported: Option<String>,
-    /// Range of the values; only when they were scanned.
-    pub statistics: Option<ColumnStatistics>,
-}
-
-/// The range of a column's values, in the column's unit (codes for categories).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct ColumnStatistics {
-    /// Values that are there.
-    pub count: usize,
-    /// Values that are missing (NaN).
-    pub missing: usize,
-    /// The smallest; NaN without values.
-    pub min: f64,
-    /// The mean; NaN without values.
-    pub mean: f64,
-    /// The largest; NaN without values.
-    pub max: f64,
-}
-
 /// The guessed clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -131,22 +97,6 @@ fn format_name<S: Serializer>(format: &Format, to: S) -> Result<S::Ok, S::Error>
 
 fn unit_symbol<S: Serializer>(unit: &TimeUnit, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(unit.symbol())
-}
-
-/// `kind`, and of text the `names` of its values where they are known.
-fn kind<S: Serializer>(kind: &ColumnKind, to: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Told<'a> {
-        kind: &'a str,
-        names: Option<&'a [String]>,
-    }
-    let (kind, names) = match kind {
-        ColumnKind::Float => ("float", None),
-        ColumnKind::Integer => ("integer", None),
-        ColumnKind::Boolean => ("boolean", None),
-        ColumnKind::Category(names) => ("text", Some(names.as_slice()).filter(|names| !names.is_empty())),
-    };
-    Told { kind, names }.serialize(to)
 }
 
 /// Looks at a file's header, metadata and first rows.

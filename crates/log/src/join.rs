@@ -13,12 +13,13 @@ mod oracle;
 mod overlap;
 mod plan;
 mod reorder;
+mod rows;
 mod series;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use joiner::{Base, join};
 pub use kind::JoinKind;
-pub(crate) use overlap::describe_range;
 pub(crate) use plan::JoinColumn;
-pub(crate) use series::{Run, Samples, Series, SeriesBuilder};
+pub(crate) use rows::{Run, Samples};
+pub(crate) use series::{Series, SeriesBuilder};

@@ -95,7 +95,7 @@ impl McapWriter {
             .map_err(|problem| write_error(&path, problem))?;
         if !options.metadata.is_empty() {
             // Before any channel, which would open a chunk that this record then closes without a message.
-            let record = Metadata { name: crate::metadata::RECORD.to_owned(), metadata: options.metadata.clone() };
+            let record = Metadata { name: crate::mcap::RECORD.to_owned(), metadata: options.metadata.clone() };
             writer.write_metadata(&record).map_err(|problem| write_error(&path, problem))?;
         }
         Ok(Self { path, writer, channels: Vec::new(), by_topic: HashMap::new(), message: Vec::new(), failed: false })

@@ -10,8 +10,8 @@ use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, nearest_one};
 
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
-    parquet::list,
-    recording::Opened,
+    error::list,
+    opened::Opened,
     stamp,
     store::SEGMENT,
     table::{MISSING, Table, TableColumn, TableRows},

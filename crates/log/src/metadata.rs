@@ -4,10 +4,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::Silent;
 
-use crate::{Error, Format, container, parquet};
-
-/// The metadata record of an MCAP file that is ours.
-pub(crate) const RECORD: &str = "fleetfoot";
+use crate::{Error, Format, containers, parquet};
 
 /// The key-value metadata of a file; empty where there are none.
 ///
@@ -21,7 +18,7 @@ pub fn metadata(path: impl AsRef<Path>) -> Result<BTreeMap<String, String>, Erro
     let path = path.as_ref();
     match Format::of(path) {
         Some(Format::Parquet) => parquet::metadata(path),
-        Some(format) if format.is_log() => Ok(container::open(path, format, &Silent)?.metadata()),
+        Some(format) if format.is_log() => Ok(containers::open(path, format, &Silent)?.metadata()),
         _ => Err(Error::UnknownFormat { path: path.into() }),
     }
 }

@@ -8,7 +8,7 @@ use std::{
 
 use fleetfoot_data::nearest_one;
 
-use crate::{Error, Format, container};
+use crate::{Error, Format, containers};
 
 /// Folders inside folders are followed this deep: a loop of links ends here.
 const MAX_DEPTH: usize = 32;
@@ -63,7 +63,7 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut Found) -> Result<(), 
     if depth > MAX_DEPTH {
         return Ok(());
     }
-    if let Some(readable) = container::folder(folder) {
+    if let Some(readable) = containers::folder(folder) {
         match readable {
             Err(error @ Error::WrongFormat { .. }) if depth > 0 => found.foreign = found.foreign.take().or(Some(error)),
             Err(error) => return Err(error),

@@ -14,15 +14,14 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec,
-    breaks::Breaks,
-    channels,
+    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
     memory::{self, Log},
     naming::{episode_names, labels},
     notes::Notes,
+    opened::Opened,
     parquet,
     paths::distinct,
     row_mask::RowMask,
@@ -74,33 +73,6 @@ struct RecordedFile {
     log_offset: i64,
     /// For each column: this file's category codes to the recording's.
     recode: Vec<Option<Vec<f64>>>,
-}
-
-/// What opening a file gives: its table and what had to be assumed.
-pub(crate) struct Opened {
-    pub table: Box<dyn Table>,
-    /// The unit that was assumed for whole-number stamps: it must be the same in all files.
-    pub assumed_unit: Option<crate::TimeUnit>,
-    pub time_column: Option<String>,
-    pub notes: Vec<String>,
-    /// Which of its messages' stamps were taken, of a robot's log.
-    pub stamp: Option<crate::Stamp>,
-    /// What must be added to the stamps to get the log's, nanoseconds.
-    pub log_offset: i64,
-    /// Where rows are known to be lost.
-    pub breaks: Breaks,
-}
-
-impl Opened {
-    /// A table whose stamps are a column of its own, or none.
-    pub(crate) fn of_table(
-        table: Box<dyn Table>,
-        assumed_unit: Option<crate::TimeUnit>,
-        time_column: Option<String>,
-        notes: Vec<String>,
-    ) -> Self {
-        Self { table, assumed_unit, time_column, notes, stamp: None, log_offset: 0, breaks: Breaks::default() }
-    }
 }
 
 /// Opens files as one recording. See [`open_with_progress`].

@@ -8,13 +8,10 @@ use std::{
 
 use granit_parser::{Event, Parser, ScalarStyle};
 
-use crate::{Compression, Error, Format, format::CONVERT_DB3};
-
-/// The file that makes a folder a rosbag2 recording.
-const METADATA: &str = "metadata.yaml";
-
-/// The key under which everything stands.
-const KEY: &[u8] = b"rosbag2_bagfile_information";
+use crate::{
+    Compression, Error, Format,
+    format::{BAG_KEY, BAG_METADATA, CONVERT_DB3},
+};
 
 /// Bytes of metadata that are read; real ones have a few kilobytes per topic.
 const MAX_METADATA: u64 = 16 << 20;
@@ -45,7 +42,7 @@ enum Place {
 const WANTED: [&str; 3] = ["storage_identifier", "relative_file_paths", "compression_mode"];
 
 fn place(open: &[Open]) -> Place {
-    let wanted = |bag: &str, key: &str| match bag.as_bytes() == KEY {
+    let wanted = |bag: &str, key: &str| match bag.as_bytes() == BAG_KEY {
         true => WANTED.into_iter().find(|wanted| *wanted == key),
         false => None,
     };
@@ -73,7 +70,7 @@ impl Information {
             match event {
                 Event::Scalar(value, style, ..) => match place(&open) {
                     Place::Key => {
-                        found |= open.len() == 1 && value.as_bytes() == KEY;
+                        found |= open.len() == 1 && value.as_bytes() == BAG_KEY;
                         if let Some(Open::Mapping(key)) = open.last_mut() {
                             *key = Some(value.into_owned());
                         }
@@ -114,20 +111,9 @@ impl Information {
     }
 }
 
-/// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
-pub(crate) fn is_bag(folder: &Path) -> bool {
-    let path = folder.join(METADATA);
-    path.is_file()
-        && File::open(path).is_ok_and(|file| {
-            let mut start = Vec::new();
-            // The key is the first of the document; comments may stand before it.
-            file.take(1 << 16).read_to_end(&mut start).is_ok() && start.windows(KEY.len()).any(|window| window == KEY)
-        })
-}
-
 /// The MCAP files of a rosbag2 folder, in the order of its metadata, with how they are compressed.
 pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error> {
-    let path = folder.join(METADATA);
+    let path = folder.join(BAG_METADATA);
     let damaged =
         |place: &str, problem: String, mend| Error::Damaged { path: path.clone(), place: place.into(), problem, mend };
     let io = |source| Error::Io { path: path.clone(), action: "read", source };
@@ -183,6 +169,7 @@ fn locate(folder: &Path, name: &str) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::format::is_bag;
 
     fn bag(names: &[&str], information: &str) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
@@ -190,7 +177,7 @@ mod tests {
             fs::write(folder.path().join(name), "x").unwrap();
         }
         let text = format!("rosbag2_bagfile_information:\n  version: 5\n{information}");
-        fs::write(folder.path().join(METADATA), text).unwrap();
+        fs::write(folder.path().join(BAG_METADATA), text).unwrap();
         folder
     }
 
@@ -248,7 +235,7 @@ mod tests {
     #[test]
     fn metadata_of_something_else_makes_no_bag() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join(METADATA), "title: my runs\n").unwrap();
+        fs::write(folder.path().join(BAG_METADATA), "title: my runs\n").unwrap();
         assert!(!is_bag(folder.path()));
         assert_eq!(Format::of(folder.path()), None);
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::JoinSpec;
+use crate::{JoinSpec, MaxGap};
 
 /// What to read, and how to find the episodes.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,18 +126,6 @@ impl TimeUnit {
             _ => None,
         }
     }
-}
-
-/// The gap between two stamps that ends an episode.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum MaxGap {
-    /// More than five median periods of the file.
-    #[default]
-    Auto,
-    /// More than these seconds.
-    Seconds(f64),
-    /// No gap ends an episode; a backward stamp still does.
-    Unlimited,
 }
 
 /// Labels for the episodes of matching files.

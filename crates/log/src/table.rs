@@ -9,6 +9,9 @@ use crate::Error;
 /// A stamp that is missing or cannot be read.
 pub(crate) const MISSING: i64 = i64::MIN;
 
+/// Different texts that a category may have.
+pub(crate) const MAX_CATEGORIES: usize = 65_536;
+
 /// Rows of a file as columns; the seam between the formats and the recording.
 pub(crate) trait Table: Send + Sync {
     /// Rows of the file, whatever their stamps.

@@ -20,7 +20,7 @@ mod tests;
 
 pub(crate) use container::UlogContainer;
 
-use crate::container::Kind;
+use crate::container::{Kind, ULOG};
 
-/// What ULog files begin with; the version follows.
-pub(crate) const KIND: Kind = Kind { name: "ULog", magic: b"ULog\x01\x12\x35" };
+/// What ULog files begin with.
+const KIND: Kind = Kind { name: "ULog", magic: ULOG };

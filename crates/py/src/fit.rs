@@ -13,13 +13,9 @@ use crate::{
     error::{Kind, of_engine},
     model::Model,
     object::object,
+    recipe::of_json,
     run::{guard, run},
 };
-
-/// A recipe from JSON.
-pub(crate) fn recipe(text: &str) -> PyResult<Recipe> {
-    Recipe::from_json(text, "the recipe").map_err(of_engine)
-}
 
 /// With a folder for the decoded columns of robots' logs.
 pub(crate) fn with_cache(mut recipe: Recipe, cache: Option<PathBuf>) -> Recipe {
@@ -40,8 +36,8 @@ pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
 #[pyfunction]
 pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
     guard(|| {
-        let mut found = recipe(recipe_text)?;
-        found.say_all(&recipe(said)?);
+        let mut found = of_json(recipe_text)?;
+        found.say_all(&of_json(said)?);
         serde_json::to_string(&found).map_err(|error| Kind::Internal.error(error))
     })
 }
@@ -76,7 +72,7 @@ pub(crate) fn fit_pwa<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, Report<'py>, Vec<Model>)> {
-    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let recipe = with_cache(of_json(recipe_text)?, cache);
     let request = PwaRequest { keep_all };
     let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, request, &data.logs, progress))?;
     let report = object(py, &fitted.to_json())?;
@@ -101,7 +97,7 @@ pub(crate) fn fit_sindy<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, Report<'py>, Front)> {
-    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let recipe = with_cache(of_json(recipe_text)?, cache);
     let request = SindyRequest { front, horizon: None };
     let fitted = run(py, progress, |progress| fleetfoot::fit_sindy(&recipe, request, &data.logs, progress))?;
     let front = fitted.front.into_iter().map(|(terms, model)| Ok((terms, Model::new(model)?)));
@@ -119,7 +115,7 @@ pub(crate) fn fit_narx<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, Report<'py>)> {
-    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let recipe = with_cache(of_json(recipe_text)?, cache);
     let request = NarxRequest { free_run: other.map(|other| other.logs.clone()).unwrap_or_default() };
     let fitted = run(py, progress, |progress| fleetfoot::fit_narx(&recipe, &request, &data.logs, progress))?;
     Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
@@ -135,7 +131,7 @@ pub(crate) fn fit_parameters<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, Report<'py>)> {
-    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let recipe = with_cache(of_json(recipe_text)?, cache);
     let fitted = run(py, progress, |progress| fleetfoot::fit_parameters(&recipe, &data.logs, progress))?;
     Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
 }
@@ -152,7 +148,7 @@ pub(crate) fn fit_sparse<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<(Option<String>, Model, Report<'py>)>> {
-    let recipe = with_cache(recipe(recipe_text)?, cache);
+    let recipe = with_cache(of_json(recipe_text)?, cache);
     let request = SparseRequest { by, influence, ..SparseRequest::default() };
     let fitted = run(py, progress, |progress| fleetfoot::fit_sparse(&recipe, &request, &data.logs, progress))?;
     let found = fitted.into_iter().map(|found| {

@@ -12,8 +12,8 @@ use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
     error::{Kind, OrRaise},
-    fit::recipe,
     points::{Asked, Given, Rows, array, by_point, points},
+    recipe::of_json,
     run::{Failure, guard, run, run_any},
 };
 
@@ -117,7 +117,7 @@ impl Model {
 
     /// The linear-quadratic regulator: the text of its file.
     fn control_lqr(&self, py: Python<'_>, recipe_text: &str) -> PyResult<String> {
-        let said = recipe(recipe_text)?.control;
+        let said = of_json(recipe_text)?.control;
         run(py, None, |_| fleetfoot::control_lqr(&self.model, &said).map(|made| made.to_json()))
     }
 
@@ -368,7 +368,7 @@ pub(crate) fn export_filter(
     precision: &str,
 ) -> PyResult<Vec<PathBuf>> {
     let options = export_options("c", prefix, precision, "rk4")?;
-    let said = crate::fit::recipe(recipe_text)?;
+    let said = of_json(recipe_text)?;
     run(py, None, |_| fleetfoot::export_filter(&model.model, &said.filter, &options, &folder, &[]))
 }
 

@@ -12,10 +12,11 @@ use pyo3::{prelude::*, types::PyDict};
 use crate::{
     data::Data,
     error::Kind,
-    fit::{recipe, with_cache},
+    fit::with_cache,
     model::{Model, method, region},
     object::object,
     points::array,
+    recipe::of_json,
     run::run,
 };
 
@@ -30,7 +31,7 @@ pub(crate) fn score<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let scored = run(py, progress, |progress| fleetfoot::score(&model.model, &changes, &data.logs, progress))?;
     object(py, &scored.to_json())
 }
@@ -65,7 +66,7 @@ pub(crate) fn report<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let models: Vec<_> = models.into_iter().map(|(name, model)| (name, model.get().model.clone())).collect();
     let logs = data.map(|data| data.logs.clone()).unwrap_or_default();
     let told = run(py, progress, |progress| {
@@ -145,7 +146,7 @@ pub(crate) fn predict_rows<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let equations = model.model.outputs();
     let found = run(py, progress, |progress| {
         let mut found = Collected::default();
@@ -205,7 +206,7 @@ pub(crate) fn rollout<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let mut options = RolloutOptions::new(request.horizon);
     options.method = method(&request.method)?;
     options.keep = request.keep;
@@ -241,7 +242,7 @@ pub(crate) fn filter<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let (filtered, kept) = run(py, progress, |progress| {
         let mut kept = Vec::new();
         let filtered = match (&output, keep) {
@@ -285,7 +286,7 @@ pub(crate) fn resimulate<'py>(
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
-    let changes = with_cache(recipe(recipe_text)?, cache);
+    let changes = with_cache(of_json(recipe_text)?, cache);
     let followed =
         run(py, progress, |progress| fleetfoot::resimulate(&model.model, &changes, &data.logs, None, progress))?;
     let report = object(py, &followed.to_json())?;

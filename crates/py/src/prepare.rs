@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fleetfoot::prepare::{PrepareRequest, prepare as run_prepare};
 use pyo3::prelude::*;
 
-use crate::{data::Data, fit::recipe, object::object, run::run};
+use crate::{data::Data, object::object, recipe::of_json, run::run};
 
 /// Writes clean episodes and their recipe into a folder; what was done, as a dict.
 #[pyfunction]
@@ -18,7 +18,7 @@ pub(crate) fn prepare<'py>(
     force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (recipe, request) = (recipe(recipe_text)?, PrepareRequest { folder, force });
+    let (recipe, request) = (of_json(recipe_text)?, PrepareRequest { folder, force });
     let prepared = run(py, progress, |progress| run_prepare(&recipe, &request, &data.logs, progress))?;
     object(py, &prepared.to_json())
 }

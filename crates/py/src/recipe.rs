@@ -35,3 +35,8 @@ pub(crate) fn recipe(
     recipe.time.only = only.or(recipe.time.only);
     Ok(recipe.to_toml())
 }
+
+/// A recipe from JSON.
+pub(crate) fn of_json(text: &str) -> PyResult<Recipe> {
+    Recipe::from_json(text, "the recipe").map_err(of_engine)
+}

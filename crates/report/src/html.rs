@@ -4,8 +4,15 @@ use crate::{Equation, Page, Part, Section, Sentence, figure, markup::Element};
 
 const STYLE: &str = include_str!("page.css");
 
+impl Page {
+    /// The page as HTML.
+    pub fn to_html(&self) -> String {
+        document(self)
+    }
+}
+
 /// The whole document.
-pub(crate) fn document(page: &Page) -> String {
+fn document(page: &Page) -> String {
     let meta = |name, content| Element::new("meta").with("name", name).with("content", content);
     let head = Element::new("head")
         .child(Element::new("meta").with("charset", "utf-8"))

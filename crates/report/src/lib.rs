@@ -20,6 +20,7 @@
 mod bins;
 mod figure;
 mod html;
+mod light;
 mod markup;
 mod page;
 mod table;
@@ -29,6 +30,7 @@ pub use bins::Bins;
 pub use figure::{
     Axis, Bars, Chart, Figure, Interval, Lines, Map, Mark, Matrix, Panels, Scale, Series, Span, Spans, Stroke,
 };
+pub use light::Light;
 pub use markup::Math;
-pub use page::{Equation, Light, Page, Part, Section, Sentence};
+pub use page::{Equation, Page, Part, Section, Sentence};
 pub use table::{Cell, Table};

@@ -1,6 +1,6 @@
 //! What a page says.
 
-use crate::{Figure, Math, Table};
+use crate::{Figure, Light, Math, Table};
 
 /// A page: what stands at its top, and its sections.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,41 +60,6 @@ pub struct Sentence {
     pub text: String,
 }
 
-/// How good something is. It is shown by a sign and a word, never by a colour alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Light {
-    /// As it should be.
-    Good,
-    /// To be looked at.
-    Doubtful,
-    /// Not as it should be.
-    Bad,
-    /// A fact that is neither.
-    Plain,
-}
-
-impl Light {
-    /// The word for those who see no colours.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Doubtful => "doubtful",
-            Self::Bad => "bad",
-            Self::Plain => "fact",
-        }
-    }
-
-    /// The sign.
-    pub fn sign(self) -> &'static str {
-        match self {
-            Self::Good => "\u{25cf}",
-            Self::Doubtful => "\u{25b2}",
-            Self::Bad => "\u{25a0}",
-            Self::Plain => "\u{2013}",
-        }
-    }
-}
-
 /// An equation as pieces between which a line may break: the left side, then a term each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Equation {
@@ -115,11 +80,6 @@ impl Page {
         let mut figures = Vec::new();
         self.sections.iter().for_each(|section| collect(&section.parts, &mut figures));
         figures.into_iter()
-    }
-
-    /// The page as HTML.
-    pub fn to_html(&self) -> String {
-        crate::html::document(self)
     }
 }
 

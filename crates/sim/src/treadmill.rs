@@ -6,6 +6,7 @@
 //! ```
 
 mod belt;
+mod crank_control;
 mod desk;
 mod layout;
 mod onboard;
@@ -16,5 +17,5 @@ mod simulation;
 mod tests;
 
 pub use belt::BeltParameters;
-pub use onboard::CrankControl;
+pub use crank_control::CrankControl;
 pub use parameters::{DriveParameters, HexapodTreadmill, StartParameters, TreadmillExcitation};

@@ -14,6 +14,7 @@ mod scenario;
 mod state;
 #[cfg(test)]
 mod tests;
+mod topics;
 mod world;
 
 pub use arena::Arena;

@@ -54,6 +54,7 @@ mod nonuniformity;
 mod polynomial;
 mod pooled;
 mod precondition;
+mod preconditioned;
 mod row_gram;
 mod score;
 mod separation;

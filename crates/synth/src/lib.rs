@@ -11,6 +11,7 @@ mod parquet_sink;
 mod plan;
 mod recipes;
 mod recorder;
+mod robot;
 mod robots;
 mod seeds;
 #[cfg(test)]

@@ -13,7 +13,7 @@ use fleetfoot_sim::{
 
 use super::{
     recipes,
-    world::{Kind, Robot},
+    robot::{Kind, Robot},
 };
 
 /// All robots, in the order in which they are told.

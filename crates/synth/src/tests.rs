@@ -13,7 +13,7 @@ use fleetfoot_sim::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::{world::Kind, *};
+use super::{robot::Kind, *};
 use fleetfoot_identify::Recipe;
 
 /// A driven pendulum that faults beyond an angle: `angle' = rate`, `rate' = -gravity/length sin(angle) - damping rate + torque`.

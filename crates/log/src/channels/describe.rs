@@ -11,7 +11,8 @@ use super::{
 };
 use crate::{
     ColumnInfo, ColumnStatistics, Error, Format, HeaderOffset, TopicInfo,
-    container::{self, Container, Topic, summary},
+    container::{Container, Topic, summary},
+    containers,
 };
 
 /// What a log holds.
@@ -24,7 +25,7 @@ pub(crate) struct Description {
 
 /// Describes a log by its indexes and some of its messages.
 pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = container::open(path, format, progress)?;
+    let container = containers::open(path, format, progress)?;
     let container = container.as_ref();
     let (topics, samples, mut notes) = look(container, progress)?;
     let mut columns = Vec::new();
@@ -38,7 +39,7 @@ pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> 
 
 /// As [`describe`], from all messages: the range of every field.
 pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = container::open(path, format, progress)?;
+    let container = containers::open(path, format, progress)?;
     let container = container.as_ref();
     let (topics, samples, mut notes) = look(container, progress)?;
     let codecs: Vec<Option<&dyn Codec>> =

@@ -9,7 +9,7 @@ use super::{
     messages::Messages,
     sample::{having, sample},
 };
-use crate::{Error, parquet::MAX_CATEGORIES};
+use crate::{Error, table::MAX_CATEGORIES};
 
 /// The messages of a topic, one row each, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]

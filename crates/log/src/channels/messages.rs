@@ -6,10 +6,7 @@ use fleetfoot_data::{Progress, Silent, parallel_fold};
 use fleetfoot_message::{Extract, FieldPath, Row, codec};
 
 use super::sample::having;
-use crate::{
-    Error, Format, TopicInfo,
-    container::{self, Container},
-};
+use crate::{Error, Format, TopicInfo, container::Container, containers};
 
 /// A robot's log, for reading the messages of a topic in the order of the file.
 pub struct Messages {
@@ -47,7 +44,7 @@ impl Messages {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let format = Format::of(path).ok_or_else(|| Error::UnknownFormat { path: path.into() })?;
-        Ok(Self { path: path.into(), container: container::open(path, format, &Silent)? })
+        Ok(Self { path: path.into(), container: containers::open(path, format, &Silent)? })
     }
 
     /// Its topics, sorted by name, with counts and rates from the file's indexes.

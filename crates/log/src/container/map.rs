@@ -9,13 +9,16 @@ use std::{
 
 use memmap2::Mmap;
 
-use crate::{Compression, Error, ulog};
+use crate::{Compression, Error};
 
 /// Bytes that a compressed file may grow to, whatever its size.
 const FREE_GROWTH: u64 = 1 << 30;
 
 /// Beyond [`FREE_GROWTH`], how many times its size a compressed file may grow: robots' logs shrink by 2 to 50.
 const MAX_RATIO: u64 = 1000;
+
+/// What the logs of PX4 begin with; the version follows.
+pub(crate) const ULOG: &[u8] = b"ULog\x01\x12\x35";
 
 /// What a container's files begin with.
 #[derive(Debug, Clone, Copy)]
@@ -136,7 +139,7 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
 fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
     let looks: [(&[u8], &str, &'static str); 9] = [
         (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
-        (ulog::KIND.magic, "ULog", "give it the extension .ulg"),
+        (ULOG, "ULog", "give it the extension .ulg"),
         (b"#ROSBAG V", "a ROS 1 bag", crate::format::CONVERT_BAG),
         (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", crate::format::CONVERT_DB3),
         (b"PAR1", "Parquet", "give it the extension .parquet"),

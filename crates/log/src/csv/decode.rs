@@ -12,16 +12,14 @@ use fleetfoot_data::{Column, ColumnKind};
 use super::{
     cell::{Cell, boolean, is_missing, is_whole, number},
     head::{Head, Sort, sort_of},
-    input::{Watched, line_of, read_error},
-    reader,
+    input::{Watched, line_of, read_error, reader},
 };
 use crate::{
     Compression, Error, TimeUnit,
     error::shorten,
-    parquet::MAX_CATEGORIES,
     stamp,
     store::{Budget, ColumnStore, StoreBuilder},
-    table::{MISSING, TableColumn},
+    table::{MAX_CATEGORIES, MISSING, TableColumn},
 };
 
 /// What is to be decoded.

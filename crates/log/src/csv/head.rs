@@ -7,7 +7,7 @@ use fleetfoot_data::{Column, ColumnKind};
 use super::{
     blanks::{Delimiter, Separator},
     cell::{Cell, boolean, is_missing, is_whole, number},
-    input::{self, read_error},
+    input::{self, read_error, reader},
 };
 use crate::{
     Compression, Error, stamp,
@@ -262,7 +262,7 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
 fn parse(bytes: &[u8], delimiter: u8, limit: usize, complete: bool) -> Vec<csv::ByteRecord> {
     let end = if complete { bytes.len() } else { bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1) };
     let mut records: Vec<_> =
-        super::reader(&bytes[..end], delimiter).into_byte_records().map_while(Result::ok).take(limit).collect();
+        reader(&bytes[..end], delimiter).into_byte_records().map_while(Result::ok).take(limit).collect();
     // An unfinished last row of an unfinished file tells nothing.
     if complete && bytes.last() != Some(&b'\n') && records.len() > 2 && records.len() < limit {
         let last = records.len() - 1;

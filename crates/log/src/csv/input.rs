@@ -108,3 +108,14 @@ pub(super) fn line_of(path: &Path, compression: Compression, offset: u64) -> u64
     }
     line
 }
+
+/// A reader of rows, with the habits of all places that read text.
+pub(super) fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
+    csv::ReaderBuilder::new()
+        .delimiter(delimiter)
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .buffer_capacity(1 << 16)
+        .from_reader(input)
+}

@@ -81,24 +81,3 @@ fn range(series: &Series, of: impl Fn(&Run) -> (i64, i64)) -> (i64, i64) {
     let ranges = || series.runs.iter().map(&of);
     (ranges().map(|range| range.0).min().unwrap_or(0), ranges().map(|range| range.1).max().unwrap_or(0))
 }
-
-/// Stamps before this are no dates: clocks that began at zero.
-const YEAR_2000: i64 = 946_684_800_000_000_000;
-
-/// A range of stamps for a message: seconds, and dates where the stamps are such.
-pub(crate) fn describe_range((start, end): (i64, i64)) -> String {
-    let seconds = format!("{} to {} s", seconds(start), seconds(end));
-    let date =
-        |stamp: i64| jiff::Timestamp::from_nanosecond(stamp.into()).ok().map(|date| date.strftime("%F %T").to_string());
-    match (date(start), date(end)) {
-        (Some(first), Some(last)) if start >= YEAR_2000 => format!("{seconds} ({first} to {last} UTC)"),
-        _ => seconds,
-    }
-}
-
-/// Nanoseconds as seconds, with all digits that are not zero.
-fn seconds(stamp: i64) -> String {
-    let (sign, size) = (if stamp < 0 { "-" } else { "" }, stamp.unsigned_abs());
-    let text = format!("{sign}{}.{:09}", size / 1_000_000_000, size % 1_000_000_000);
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
-}

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::{
     Error,
-    join::series::{Rows, Samples},
+    join::rows::{Rows, Samples},
 };
 
 /// Samples that wait at most; beyond it the oldest goes on, however wide the window is.

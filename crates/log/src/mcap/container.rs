@@ -18,7 +18,7 @@ use super::{
 use crate::{
     Compression, Error,
     container::{Container, Damage, Each, Lost, SchemaRecord, Span, Topic},
-    metadata::RECORD,
+    mcap::RECORD,
 };
 
 /// A recording: one file, or the files of a rosbag2 folder in their order.

@@ -3,10 +3,9 @@
 use parquet::errors::ParquetError;
 
 use super::{
-    ParquetFile,
     chunk::ChunkDecoder,
+    file::{ParquetFile, check_chunks},
     leaf::{Leaf, Meaning, Rule},
-    open::check_chunks,
 };
 use crate::{
     TimeSpec, TimeUnit, stamp,

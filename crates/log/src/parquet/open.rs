@@ -11,24 +11,28 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind, Silent, nearest_one, parallel_map};
 use parquet::{
     errors::ParquetError,
-    file::{
-        metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
-        page_index::offset_index::PageLocation,
-    },
+    file::metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
 };
 
 use super::{
-    Cursors, ParquetFile, ParquetTable, arrow_schema,
+    arrow_schema,
     buffers::Buffers,
     chunk::FileBytes,
     clock::find_clock,
-    damaged, footer,
+    cursors::Cursors,
+    file::{ParquetFile, check_chunks, damaged},
+    footer,
     leaf::{Leaf, Meaning, Rule, leaves},
+    rows::ParquetTable,
 };
-use crate::{Error, Selection, TimeSpec, TimeUnit, recording::Opened, table::TableColumn, time_column::Clock};
+use crate::{
+    Error, Selection, TimeSpec, TimeUnit,
+    error::list,
+    opened::Opened,
+    table::{MAX_CATEGORIES, TableColumn},
+    time_column::Clock,
+};
 
-/// Different texts that a category may have.
-pub(crate) const MAX_CATEGORIES: usize = 65_536;
 /// Rows decoded at a time when texts are collected.
 const BATCH: usize = 8192;
 /// More rows than any log has; a count beyond it is a lie.
@@ -134,12 +138,6 @@ fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(Time
     Ok((Some((leaf.index, rule)), Some(clock)))
 }
 
-/// A few names for a message.
-pub(crate) fn list(names: &[&str]) -> String {
-    let shown = names.iter().take(12).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-    if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
-}
-
 fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {
     let mut matching = all.iter().filter(|leaf| leaf.name == name);
     let Some(leaf) = matching.next() else {
@@ -204,26 +202,6 @@ fn caught<R>(work: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, String
     }
 }
 
-/// The page locations of a chunk, when they make sense.
-pub(super) fn page_locations(metadata: &ParquetMetaData, group: usize, leaf: usize) -> Option<Vec<PageLocation>> {
-    let pages = metadata.offset_index()?.get(group)?.get(leaf)?.page_locations();
-    let chunk = metadata.row_group(group);
-    let (start, length) = chunk.column(leaf).byte_range();
-    let end = start.checked_add(length)?;
-    let (mut offset, mut row) = (start, -1);
-    for page in pages {
-        let at = u64::try_from(page.offset).ok()?;
-        let size = u64::try_from(page.compressed_page_size).ok()?;
-        if at < offset || at.checked_add(size)? > end || page.first_row_index <= row {
-            return None;
-        }
-        (offset, row) = (at + size, page.first_row_index);
-    }
-    let first = pages.first()?;
-    let sound = first.first_row_index == 0 && row < chunk.num_rows() && first.offset as u64 - start <= i32::MAX as u64;
-    sound.then(|| pages.clone())
-}
-
 /// All rows, and the first row of each row group.
 fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
     let mut starts = Vec::with_capacity(file.metadata.num_row_groups());
@@ -236,28 +214,6 @@ fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
         })?;
     }
     Ok((rows, starts))
-}
-
-/// The chunks of a leaf lie inside the file and have as many values as the row group has rows.
-pub(super) fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error> {
-    for (number, group) in file.metadata.row_groups().iter().enumerate() {
-        let place = || format!("column `{}`, row group {number}", leaf.name);
-        let Some(chunk) = group.columns().get(leaf.index) else {
-            return Err(damaged(&file.path, place(), "it is not there"));
-        };
-        if chunk.num_values() != group.num_rows() {
-            let problem = format!("{} values in a group of {} rows", chunk.num_values(), group.num_rows());
-            return Err(damaged(&file.path, place(), problem));
-        }
-        let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset());
-        let range = u64::try_from(start).ok().zip(u64::try_from(chunk.compressed_size()).ok());
-        if range.and_then(|(start, length)| start.checked_add(length)).is_none_or(|end| end > file.length) {
-            let problem =
-                format!("{} bytes at {start} lie outside the file of {} bytes", chunk.compressed_size(), file.length);
-            return Err(damaged(&file.path, place(), problem));
-        }
-    }
-    Ok(())
 }
 
 /// The sorted different texts of a column.

@@ -8,8 +8,8 @@ use super::{
     chain::{BORDER_AT, Chain, Eliminated, Joint, NARROW, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
     factors::Block,
     noise::{SINGLE, Share, Shares, Sought},
-    rotation::{Vector, log, right_jacobian_inverse},
-    start::{rotation, slack, sum},
+    rotation::{Vector, log, right_jacobian_inverse, rotation},
+    start::{slack, sum},
     state::{BORDER, Border, BorderError, STATE, State, StateError, part},
     track::{Setting, Track},
 };

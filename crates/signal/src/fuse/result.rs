@@ -8,8 +8,7 @@ use super::{
     options::{ImuRecord, Prior},
     preintegration::Preintegrated,
     problem::{Covariance, Problem},
-    rotation::{Rotation, Vector, exp, log},
-    start::rotation,
+    rotation::{Rotation, Vector, exp, log, rotation},
     state::{BORDER, STATE, State, StateError, part},
     track::Track,
 };

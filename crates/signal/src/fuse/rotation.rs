@@ -14,6 +14,12 @@ pub(super) type Rotation = UnitQuaternion<f64>;
 /// Below this angle the quotients of the Jacobians are series.
 const SMALL: f64 = 0.1;
 
+/// x, y, z, w as a rotation.
+pub(super) fn rotation(parts: &[f64; 4]) -> Rotation {
+    let [x, y, z, w] = *parts;
+    Rotation::new_normalize(Quaternion::new(w, x, y, z))
+}
+
 /// Exp: the rotation by this vector.
 pub(super) fn exp(phi: &Vector) -> Rotation {
     let angle = phi.norm();

@@ -3,13 +3,12 @@
 use super::{
     BodyRun, FuseOptions, Prior,
     preintegration::Preintegrated,
-    rotation::{Matrix, Rotation, Vector, log},
+    rotation::{Matrix, Rotation, Vector, log, rotation},
     state::{Border, State},
     track::{Setting, Track},
 };
 use crate::{Lambda, Spline, smooth};
 use fleetfoot_data::{Cancelled, Silent, parallel_map};
-use nalgebra::Quaternion;
 
 /// Median periods of the inertial sensor that make a gap.
 const GAP: f64 = 5.0;
@@ -22,12 +21,6 @@ const FAR: f64 = 0.3;
 
 /// Such poses one after the other that are right.
 const DOUBTED: usize = 10;
-
-/// x, y, z, w as a rotation.
-pub(super) fn rotation(parts: &[f64; 4]) -> Rotation {
-    let [x, y, z, w] = *parts;
-    Rotation::new_normalize(Quaternion::new(w, x, y, z))
-}
 
 /// Seconds by which the offset may move, either way.
 pub(crate) fn slack(offset: &Prior<f64>) -> f64 {

@@ -11,8 +11,9 @@ use nalgebra::Cholesky;
 use super::{
     BodyNoise, BodyRun, FuseOptions, Fused, ImuNoise, Prior, fuse,
     problem::{Problem, STEPS},
+    rotation::rotation,
     rotation::{Vector, exp, log},
-    start::{self, rotation},
+    start,
     state::StateError,
     track::{BiasPrior, Setting},
 };

@@ -5,8 +5,7 @@ use super::{
     chain::{KEPT, RIGHT, Row, WIDTH},
     factors::{Block, Pose, inertial, inertial_cost, pose, pose_left, turn_until_seen},
     preintegration::Preintegrated,
-    rotation::{Rotation, Vector, exp},
-    start::rotation,
+    rotation::{Rotation, Vector, exp, rotation},
     state::{Border, State, part},
 };
 use crate::Loss;

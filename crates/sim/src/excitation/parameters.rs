@@ -2,9 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Chirp, InverseSampling, Multisine, OrnsteinUhlenbeckNoise, Pink, Prbs, RandomSteps, RandomWalk, Signal, Sine,
-};
+use super::{Chirp, InverseSampling, Multisine, OrnsteinUhlenbeckNoise, Pink, Prbs, RandomSteps, RandomWalk, Sine};
 use crate::ParameterError;
 
 /// What drives one channel. Levels are in the channel's unit (m/s, rad/s, V), frequencies in Hz, times in s.
@@ -113,11 +111,6 @@ impl Excitation {
             Self::RandomSteps(parameters) => parameters.validate(dt),
             Self::InverseSampling(parameters) => parameters.validate(dt),
         }
-    }
-
-    /// The signal, sampled every `dt` seconds: [`Signal::new`].
-    pub fn signal(&self, dt: f64, random: rand_pcg::Pcg64) -> Signal {
-        Signal::new(self, dt, random)
     }
 }
 

@@ -10,6 +10,13 @@ use super::random_steps::RandomStepsSignal;
 use super::random_walk::RandomWalkSignal;
 use super::{Chirp, Excitation, OrnsteinUhlenbeck, Sine};
 
+impl Excitation {
+    /// The signal, sampled every `dt` seconds: [`Signal::new`].
+    pub fn signal(&self, dt: f64, random: Pcg64) -> Signal {
+        Signal::new(self, dt, random)
+    }
+}
+
 /// The signal of one channel, sampled at a fixed period. It owns its random numbers.
 #[derive(Debug, Clone)]
 pub struct Signal {

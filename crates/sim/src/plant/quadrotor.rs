@@ -2,6 +2,7 @@
 
 mod airframe;
 mod controller;
+mod instant;
 mod parameters;
 mod reference;
 mod scenario;

@@ -4,15 +4,10 @@ use std::collections::VecDeque;
 
 use fleetfoot_dynamics::controller::Treadmill;
 
-use super::parameters::HexapodTreadmill;
+use super::parameters::{COMMANDS, HexapodTreadmill, SHOWN};
 use crate::excitation::Signal;
 use crate::regulated::Regulated;
 use crate::sensor::{self, MocapFrame};
-
-/// What a regulator is shown: the last pose, and the belt's speed.
-pub(super) const SHOWN: [&str; 4] = ["x", "y", "yaw", "belt_speed"];
-/// What it may drive.
-pub(super) const COMMANDS: [&str; 2] = ["u_v", "u_w"];
 
 /// Equation (1), or a regulator, on what the motion capture last said.
 pub(super) struct Desk {

@@ -3,7 +3,6 @@
 use fleetfoot_dynamics::controller::{DifferentialDrive, Regulator, Treadmill};
 use serde::{Deserialize, Serialize};
 
-use super::desk::{COMMANDS, SHOWN};
 use super::{BeltParameters, CrankControl};
 use crate::parameter_error::{in_range, not_negative, positive};
 use crate::regulated;
@@ -12,6 +11,11 @@ use crate::sensor::{
     nanoseconds,
 };
 use crate::{Excitation, Hexapod, ParameterError};
+
+/// What a regulator is shown: the last pose, and the belt's speed.
+pub(super) const SHOWN: [&str; 4] = ["x", "y", "yaw", "belt_speed"];
+/// What it may drive.
+pub(super) const COMMANDS: [&str; 2] = ["u_v", "u_w"];
 
 /// A hexapod that runs on a treadmill, kept there by a controller that sees it through a motion capture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,13 +4,17 @@ use fleetfoot_dynamics::controller::{DifferentialDrive, Pid, Regulator};
 use serde::{Deserialize, Serialize};
 
 use super::defaults::{self, default_encoder, default_imu, default_latency, default_pid};
-use super::run::{COMMANDS, SHOWN};
 use super::{Arena, Avoidance, WheeledRobot};
 use crate::ParameterError;
 use crate::excitation::{Excitation, RandomSteps};
 use crate::parameter_error::{in_range, positive};
 use crate::regulated;
 use crate::sensor::{ClockParameters, EncoderParameters, ImuParameters, LatencyParameters};
+
+/// What a regulator is shown: where a localisation without error places the robot, and what odometry and encoders say.
+pub(super) const SHOWN: [&str; 7] = ["x", "y", "yaw", "v", "w", "left_rate", "right_rate"];
+/// What it may drive.
+pub(super) const COMMANDS: [&str; 2] = ["v_command", "w_command"];
 
 /// A differential-drive robot that follows velocity references in a walled arena: a [`Scenario`](crate::Scenario).
 ///

@@ -7,7 +7,8 @@ use glam::{DQuat, DVec3};
 use rand::RngExt;
 
 use super::avoidance::AvoidanceState;
-use super::scenario::{
+use super::parameters::{COMMANDS, SHOWN};
+use super::topics::{
     BUMPER, COMMAND, IMU, JOINTS, ODOMETRY, TRUE_COMMAND, TRUE_ODOMETRY, TRUE_VOLTAGE, TRUE_WHEELS, VOLTAGE,
 };
 use super::{Inputs, WheelOdometry, Wheeled, WheeledState, WheeledWorld};
@@ -15,11 +16,6 @@ use crate::excitation::Signal;
 use crate::regulated::Regulated;
 use crate::sensor::{BodyMotion, Clock, Encoder, Imu, Latency, Outbox, Stamper, stream};
 use crate::{End, Reading, Sink, SinkError, Stamps};
-
-/// What a regulator is shown: where a localisation without error places the robot, and what odometry and encoders say.
-pub(super) const SHOWN: [&str; 7] = ["x", "y", "yaw", "v", "w", "left_rate", "right_rate"];
-/// What it may drive.
-pub(super) const COMMANDS: [&str; 2] = ["v_command", "w_command"];
 
 /// A run: the world, the robot's programs, and its log.
 pub(super) struct WheeledRun<'a> {

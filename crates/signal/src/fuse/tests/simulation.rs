@@ -4,8 +4,8 @@ use fleetfoot_data::mix;
 
 use crate::fuse::{
     BodyNoise, BodyRun, BodyState, ImuNoise, ImuRecord, PoseRecord,
+    rotation::rotation,
     rotation::{Rotation, Vector, exp, log},
-    start::rotation,
     state::StateError,
 };
 

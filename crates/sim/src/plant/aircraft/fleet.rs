@@ -4,7 +4,6 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::flight::Flight;
 use super::latent::{Latent, Terms};
 use super::parameters::{AircraftClimb, Spread};
 use crate::parameter_error::ParameterError;
@@ -53,12 +52,6 @@ impl Airplane {
     /// Its true terms.
     pub fn terms(&self) -> &Terms {
         &self.terms
-    }
-
-    /// The flight with this number: always the same for the same parameters, whatever flew before.
-    pub fn flight(&self, number: u32) -> Flight {
-        let mut random = stream(self.parameters.fleet.seed, &format!("fleet/{}/flight/{number}", self.index));
-        Flight::simulate(self, number, random.random())
     }
 }
 

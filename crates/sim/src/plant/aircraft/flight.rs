@@ -1,6 +1,7 @@
 //! One climb, simulated.
 
 use fleetfoot_data::{Column, MemorySource};
+use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::autopilot::Guidance;
@@ -96,6 +97,14 @@ impl Flight {
         }
         let row_period = airplane.parameters.row_period;
         Self { aircraft: airplane.index(), number, conditions: climb.conditions, row_period, values }
+    }
+}
+
+impl Airplane {
+    /// The flight with this number: always the same for the same parameters, whatever flew before.
+    pub fn flight(&self, number: u32) -> Flight {
+        let mut random = stream(self.parameters.fleet.seed, &format!("fleet/{}/flight/{number}", self.index()));
+        Flight::simulate(self, number, random.random())
     }
 }
 

@@ -4,8 +4,9 @@ use fleetfoot_data::Column;
 use glam::{DVec3, DVec4, EulerRot};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::airframe::{Loads, QuadrotorState};
+use super::airframe::QuadrotorState;
 use super::controller::Controller;
+use super::instant::Instant;
 use super::parameters::QuadrotorFlight;
 use super::reference::{Target, Trajectory};
 use super::sensors::Sensors;
@@ -69,14 +70,6 @@ const COLUMNS: [(&str, &str); 43] = [
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuadrotorScenario {
     parameters: QuadrotorFlight,
-}
-
-/// One instant of a flight.
-pub(super) struct Instant {
-    pub(super) state: QuadrotorState,
-    pub(super) command: DVec4,
-    pub(super) wind: DVec3,
-    pub(super) loads: Loads,
 }
 
 impl QuadrotorScenario {

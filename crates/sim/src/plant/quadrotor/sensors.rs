@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
+use super::instant::Instant;
 use super::parameters::{Odometry, QuadrotorFlight};
-use super::scenario::Instant;
 use crate::sensor::{BodyMotion, Clocks, Imu, Latency, Mocap, Outbox, Stamper, stream};
 use crate::{Kind, Reading, Sink, SinkError, Stamps, Topic};
 
