@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use fleetfoot::{Recipe, Silent, read_rows};
+
 use crate::{closed_loop::fitted, runner::*};
 
 /// A measurement of a column with normal noise, as an expression: Box and Muller's transform of two numbers that hang on the stamp and on nothing else.
@@ -58,6 +60,36 @@ fn a_recording_is_filtered_alike_on_any_number_of_threads_and_nothing_looks_ahea
 }
 
 #[test]
+fn messages_say_what_the_table_says() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let sensors = [noisy("x", 0.01, 1), noisy("y", 0.01, 2)].join(",");
+    let asked = ["filter", "model.json", "run_2.csv", "--measured", "x=0.01,y=0.01", "--sensors", &sensors, "-o"];
+    run(&[&asked[..], &["estimates.csv"]].concat()).ok();
+    let said = run(&[&asked[..], &["estimates.mcap"]].concat()).ok();
+    assert!(said.err.contains("estimates.foxglove.json"), "{}", said.err);
+    let plots = fs::read_to_string(folder.path().join("estimates.plotjuggler.xml")).expect("a layout");
+    assert!(plots.contains("/fleetfoot/measured/x/position") && plots.contains("/fleetfoot/estimate/vx/position"));
+    let text = fs::read_to_string(folder.path().join("estimates.csv")).expect("estimates");
+    let same = [
+        ("vx", "/fleetfoot/estimate.position[vx]"),
+        ("vx deviation", "/fleetfoot/deviation.position[vx]"),
+        ("y innovation", "/fleetfoot/innovation.position[y]"),
+        ("x innovation deviation", "/fleetfoot/innovation_deviation.position[x]"),
+        ("log likelihood", "/fleetfoot/region.position[log_likelihood]"),
+        ("region", "/fleetfoot/region.position[region]"),
+    ];
+    let names: Vec<String> = same.iter().map(|(_, field)| (*field).to_owned()).collect();
+    let recipe = Recipe::parse("[time]\nbase = \"/fleetfoot/estimate\"\n", "test").expect("a recipe");
+    let found = read_rows(&recipe, Some(&names), &[folder.path().join("estimates.mcap")], &Silent).expect("messages");
+    for ((column, _), (_, values)) in same.iter().zip(&found.columns) {
+        // The first row has no innovation, and no message of one.
+        let wanted: Vec<f64> = cells(&text, column)[1..].iter().map(|cell| cell.parse().expect("a number")).collect();
+        assert!(wanted.len() > 100 && values[values.len() - wanted.len()..] == wanted, "{column}");
+    }
+}
+
+#[test]
 fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
@@ -68,7 +100,7 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     filter(&["--sensors", "x"]).fails(&["STATE=FIELD"]);
     filter(&["--initial", "x=1"]).fails(&["STATE=MEAN:DEVIATION"]);
     filter(&["--process", "much"]).fails(&["a number, or \"auto\""]);
-    filter(&["-o", "estimates.mcap"]).fails(&["tables", "*.parquet"]);
+    filter(&["-o", "estimates.bag"]).fails(&["*.parquet", "*.mcap"]);
     // The log's own columns are measured where nothing is said, and their noise is found.
     let told = filter(&[]).ok();
     assert!(told.err.contains("found from the innovations so far"), "{}", told.err);

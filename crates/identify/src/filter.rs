@@ -2,19 +2,27 @@
 
 mod asked;
 mod row;
+mod sums;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 
-use fleetfoot_data::{Halo, Progress, Source, parallel_fold};
+use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
 use fleetfoot_dynamics::filter::{Consistency, SwitchedFilter};
 use fleetfoot_model::Model;
 use serde::Serialize;
 
-use crate::{Error, FilterSwitching, Logs, Recipe, output};
+use crate::{
+    Error, FilterSwitching, Logs, Recipe, output,
+    rows::{ROWS, pieces_of},
+};
 
+use asked::Asked;
 pub use asked::filter_of;
-use asked::{Asked, Reading};
 pub use row::FilteredRows;
+use row::Follower;
+use sums::Sums;
 
 /// What filtering logs gave.
 #[derive(Debug, Clone, Serialize)]
@@ -127,36 +135,10 @@ impl SquareReport {
     }
 }
 
-/// Sums over episodes.
-struct Sums {
-    sensors: Vec<Consistency>,
-    /// Of normalised innovations: products of neighbours, squares, pairs.
-    neighbours: Vec<[f64; 3]>,
-    deviations: Vec<Vec<f64>>,
-    nis: Consistency,
-    nees: Consistency,
-    /// Of every truth: squared errors and how many, of estimates and of measurements.
-    errors: Vec<[f64; 4]>,
-    log_likelihood: f64,
-    process: Vec<f64>,
-    held: u64,
-    /// Of every sensor: rows that say what the row before said, and rows that follow one.
-    repeated: Vec<[u64; 2]>,
-}
-
-/// Measurements that repeat the one before in more than this share of rows are those of a slower sensor, held.
-const HELD: f64 = 0.5;
-
-/// Bytes that the rows of one episode may take.
-const MEMORY: usize = 1 << 32;
-
-/// Refuses an episode of which not all rows fit into memory, before one is read.
-fn check_memory<'a>(mut episodes: impl Iterator<Item = (&'a str, usize)>, bytes_of_row: usize) -> Result<(), Error> {
-    let most = MEMORY / bytes_of_row;
-    let Some((name, rows)) = episodes.find(|(_, rows)| *rows > most) else { return Ok(()) };
-    Err(Error::value(format!(
-        "episode {name} has {rows} rows, and {most} fit into memory: filter a part of it (--where 'time() < SECONDS', or where of [time]), or split the log"
-    )))
+/// Rows of an episode: filtered, where they are all of it, which does not wait for others; else read, for the filter that goes on along the episode.
+enum Piece {
+    Filtered(FilteredRows),
+    Read(Block),
 }
 
 /// Filters the episodes of logs by a model; writes what it finds where `output` is given. How is said by `[filter]` of `changes`, above the model's own recipe. Nothing that is
@@ -172,15 +154,13 @@ pub fn filter(
     progress: &dyn Progress,
 ) -> Result<Filtered, Error> {
     let logs = logs.into();
-    if let Some(path) = output {
-        output::table_only(path)?;
-    }
+    let output = output.map(|path| Ok::<_, Error>((output::kind(path)?, path))).transpose()?;
     let mut writer = None;
     let filtered = filter_rows(model, changes, &logs, progress, |filter, rows| {
-        let Some(path) = output else { return Ok(()) };
+        let Some((kind, path)) = output else { return Ok(()) };
         let writer = match &mut writer {
             Some(writer) => writer,
-            None => writer.insert(output::FilteredWriter::create(path, model, filter, &logs)?),
+            None => writer.insert(output::FilteredWriter::create(kind, path, model, filter, &logs)?),
         };
         writer.write(rows)
     })?;
@@ -190,49 +170,69 @@ pub fn filter(
     Ok(filtered)
 }
 
-/// Filters the episodes of logs by a model; `take` gets them in their order, and the filter.
+/// Filters the episodes of logs by a model; `take` gets their rows in order, some at a time, and the filter. Memory is that of some pieces of 65,536 rows a thread, however long an episode is: episodes of one piece are filtered side by side, a
+/// longer one from piece to piece, while the next ones are read.
 ///
 /// # Errors
-/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`; an episode that does not fit into memory.
+/// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`.
 pub fn filter_rows(
     model: &Model,
     changes: &Recipe,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
+    take: impl FnMut(&SwitchedFilter, &FilteredRows) -> Result<(), Error> + Send,
+) -> Result<Filtered, Error> {
+    filter_pieces(model, changes, &logs.into(), ROWS, progress, take)
+}
+
+/// [`filter_rows`] by so many rows at a time.
+fn filter_pieces(
+    model: &Model,
+    changes: &Recipe,
+    logs: &Logs,
+    at_a_time: usize,
+    progress: &dyn Progress,
     mut take: impl FnMut(&SwitchedFilter, &FilteredRows) -> Result<(), Error> + Send,
 ) -> Result<Filtered, Error> {
-    let logs = logs.into();
     let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
     recipe.say(changes.filter.clone());
-    let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, &logs, progress)?;
+    let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, logs, progress)?;
     notes.splice(0..0, dataset.notes().iter().cloned());
     let view = dataset.view()?;
-    let rows = view.episodes().iter().map(|episode| (episode.name.as_str(), episode.rows));
-    check_memory(rows, FilteredRows::bytes_of_row(&filter, &readings, view.columns().len()))?;
+    let pieces = pieces_of(&view, at_a_time);
     progress.stage("filter");
-    let sensors = filter.measured().len();
-    let mut sums = Sums {
-        sensors: vec![Consistency::new(1); sensors],
-        neighbours: vec![[0.0; 3]; sensors],
-        deviations: vec![Vec::new(); sensors],
-        nis: Consistency::new(sensors),
-        nees: Consistency::new(readings.truth.len()),
-        errors: vec![[0.0; 4]; readings.truth.len()],
-        log_likelihood: 0.0,
-        process: Vec::new(),
-        held: 0,
-        repeated: vec![[0; 2]; sensors],
+    let mut sums = Sums::new(&filter, &readings);
+    let begun = |episode: usize| {
+        let name = view.episodes()[episode].name.clone();
+        Follower::new(&filter, &readings, name, dataset.log_offset(episode))
     };
+    let mut along: Option<Follower<'_>> = None;
     parallel_fold(
-        view.episodes().len(),
+        pieces.len(),
         progress,
-        |episode| {
-            let block = view.read(episode, 0..view.episodes()[episode].rows, Halo::default())?;
-            let name = view.episodes()[episode].name.clone();
-            Ok::<_, Error>((episode, FilteredRows::new(&filter, &readings, name, &block)))
+        |piece| {
+            let (episode, rows) = pieces[piece].clone();
+            let whole = rows == (0..view.episodes()[episode].rows);
+            // The inputs of the row before lead to the first one.
+            let block = view.read(episode, rows, Halo { before: 1, after: 0 })?;
+            let found = if whole { Piece::Filtered(begun(episode).follow(&block)) } else { Piece::Read(block) };
+            Ok::<_, Error>((episode, found))
         },
-        |(episode, rows)| {
-            sums.add(view.episodes()[episode].id, &filter, &readings, &rows);
+        |(episode, piece)| {
+            let rows = match piece {
+                Piece::Filtered(rows) => rows,
+                Piece::Read(block) => {
+                    if block.first == 0 {
+                        along = Some(begun(episode));
+                    }
+                    along.get_or_insert_with(|| begun(episode)).follow(&block)
+                }
+            };
+            let episode = &view.episodes()[episode];
+            sums.add(episode.id, &filter, &readings, &rows);
+            if rows.first() + rows.rows() == episode.rows {
+                sums.close();
+            }
             take(&filter, &rows)
         },
     )?;
@@ -244,126 +244,15 @@ pub fn filter_rows(
         states: filter.states().to_vec(),
         regions: filter.regions(),
         switching: recipe.filter.switching.unwrap_or_default(),
-        process: sums.process.iter().sum::<f64>() / sums.process.len() as f64,
+        process: sums.process(),
         exact: filter.steps().is_some(),
         sensors: sums.sensors(&filter, &readings),
-        log_likelihood: sums.log_likelihood,
-        nis: SquareReport::of(&sums.nis),
-        nees: SquareReport::of(&sums.nees).filter(|_| !readings.truth.is_empty()),
+        log_likelihood: sums.log_likelihood(),
+        nis: SquareReport::of(sums.nis()),
+        nees: SquareReport::of(sums.nees()).filter(|_| !readings.truth.is_empty()),
         truth: sums.truth(&filter, &readings),
-        held_inputs: sums.held,
+        held_inputs: sums.held(),
         in_sample_episodes: dataset.in_sample(model),
         notes,
     })
-}
-
-impl Sums {
-    fn add(
-        &mut self,
-        episode: fleetfoot_data::EpisodeId,
-        filter: &SwitchedFilter,
-        readings: &Reading,
-        rows: &FilteredRows,
-    ) {
-        for k in 0..self.sensors.len() {
-            let width = self.sensors.len();
-            let of = |row: usize| rows.innovations()[row * width + k] / rows.innovation_deviations()[row * width + k];
-            let normalised: Vec<f64> = (0..rows.rows()).map(of).collect();
-            self.sensors[k].add(episode, normalised.iter().map(|value| value * value));
-            for pair in normalised.windows(2).filter(|pair| pair.iter().all(|value| value.is_finite())) {
-                let sums = &mut self.neighbours[k];
-                *sums = [
-                    sums[0] + pair[0] * pair[1],
-                    sums[1] + 0.5 * (pair[0] * pair[0] + pair[1] * pair[1]),
-                    sums[2] + 1.0,
-                ];
-            }
-            self.deviations[k].push(rows.last_deviations[k]);
-            let [repeated, pairs] = rows.repeated(k);
-            self.repeated[k] = [self.repeated[k][0] + repeated, self.repeated[k][1] + pairs];
-        }
-        self.nis.add(episode, rows.nis.iter().copied());
-        self.nees.add(episode, rows.nees.iter().copied());
-        for (t, truth) in readings.truth.iter().enumerate() {
-            let measured = filter.measured().position(|state| state == truth.state);
-            for row in 0..rows.rows() {
-                let error = rows.error(row, t, filter.is_angle(truth.state));
-                if error.is_finite() {
-                    self.errors[t][0] += error * error;
-                    self.errors[t][1] += 1.0;
-                }
-                let off = measured.map_or(f64::NAN, |k| rows.measured_error(row, t, k, filter.is_angle(truth.state)));
-                if off.is_finite() {
-                    self.errors[t][2] += off * off;
-                    self.errors[t][3] += 1.0;
-                }
-            }
-        }
-        self.log_likelihood += rows.log_likelihood.iter().sum::<f64>();
-        self.process.push(rows.process);
-        self.held += rows.held_inputs as u64;
-    }
-
-    /// A note of the sensors that are slower than the rows.
-    fn held_sensors(&self, filter: &SwitchedFilter) -> Option<String> {
-        let slow = |(state, [repeated, pairs]): (usize, &[u64; 2])| {
-            (*repeated as f64 > HELD * *pairs as f64).then(|| filter.states()[state].clone())
-        };
-        let slow: Vec<String> = filter.measured().zip(&self.repeated).filter_map(slow).collect();
-        (!slow.is_empty()).then(|| {
-            format!(
-                "{}: most measurements repeat the one before, as those of a slow sensor do that is held between its samples; each counts as a new one: make its topic the base of the rows ([time] base)",
-                slow.join(", ")
-            )
-        })
-    }
-
-    fn sensors(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<SensorReport> {
-        let given: Vec<Option<f64>> = filter.deviations().collect();
-        let sensor = |(k, state): (usize, usize)| {
-            let [products, squares, pairs] = self.neighbours[k];
-            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-            let column = readings.deviations[k].is_some();
-            SensorReport {
-                state: filter.states()[state].clone(),
-                deviation: given[k].unwrap_or_else(|| mean(&self.deviations[k])),
-                deviation_from: match given[k] {
-                    Some(_) => DeviationFrom::Given,
-                    None if column => DeviationFrom::Column,
-                    None => DeviationFrom::Innovations,
-                },
-                rows: self.sensors[k].rows(),
-                share: self.sensors[k].share(),
-                correlation: products / squares,
-                white: 1.96 / pairs.sqrt(),
-            }
-        };
-        filter.measured().enumerate().map(sensor).collect()
-    }
-
-    fn truth(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<TruthReport> {
-        let told = |(truth, &[squares, rows, off, readings]): (&asked::Truth, &[f64; 4])| TruthReport {
-            state: filter.states()[truth.state].clone(),
-            rmse: (squares / rows).sqrt(),
-            measured_rmse: (readings > 0.0).then(|| (off / readings).sqrt()),
-        };
-        readings.truth.iter().zip(&self.errors).map(told).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_episode_that_does_not_fit_is_refused_with_what_fits() {
-        let most = MEMORY / 800;
-        assert!(check_memory([("short", 10), ("long", most)].into_iter(), 800).is_ok());
-        let refused = check_memory([("short", 10), ("long", most + 1)].into_iter(), 800);
-        let said = refused.expect_err("too long").to_string();
-        assert!(
-            said.contains("episode long") && said.contains(&format!("{most} fit")) && said.contains("--where"),
-            "{said}"
-        );
-    }
 }

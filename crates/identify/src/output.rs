@@ -13,7 +13,7 @@ use std::{collections::BTreeMap, path::Path};
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
-pub(crate) use filtered::{FilteredWriter, table_only};
+pub(crate) use filtered::FilteredWriter;
 pub(crate) use followed::write_followed;
 pub use layout::layout_files;
 pub(crate) use model::refuse_not_finite;

@@ -15,10 +15,8 @@ use crate::{
     Dataset, Error, FileRuns, Logs, Recipe, controller,
     narx::free_runs_by_file,
     output::{self, Place, PredictionsWriter},
+    rows::pieces,
 };
-
-/// Rows predicted at once.
-const PREDICT_ROWS: usize = 65_536;
 
 /// Scores, and what to know about the data.
 #[derive(Debug, Clone)]
@@ -156,14 +154,7 @@ pub fn predict_rows(
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;
-    let pieces: Vec<(usize, std::ops::Range<usize>)> = view
-        .episodes()
-        .iter()
-        .enumerate()
-        .flat_map(|(episode, info)| {
-            (0..info.rows).step_by(PREDICT_ROWS).map(move |from| (episode, from..(from + PREDICT_ROWS).min(info.rows)))
-        })
-        .collect();
+    let pieces = pieces(&view);
     progress.stage("predict");
     let mut written =
         Written { rows: 0, predicted: 0, compared: 0, outside_domain: 0, notes: dataset.notes().to_vec() };

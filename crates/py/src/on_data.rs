@@ -247,7 +247,10 @@ pub(crate) fn filter<'py>(
         let mut kept = Vec::new();
         let filtered = match (&output, keep) {
             (None, true) => fleetfoot::filter_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
-                kept.push(rows.clone());
+                match kept.last_mut().filter(|_| rows.first() > 0) {
+                    Some(before) => FilteredRows::extend(before, rows),
+                    None => kept.push(rows.clone()),
+                }
                 Ok(())
             }),
             _ => fleetfoot::filter(&model.model, &changes, &data.logs, output.as_deref(), progress),

@@ -11,7 +11,8 @@ use crate::{
 pub(crate) fn filter(arguments: &Filter, context: &Context) -> Result<(), Error> {
     let model = read_model(&arguments.model.model)?;
     let files = files(&arguments.model.data)?;
-    let outputs: Vec<_> = arguments.output.iter().cloned().collect();
+    let layouts = arguments.output.as_deref().map(fleetfoot::layout_files).unwrap_or_default();
+    let outputs: Vec<_> = arguments.output.iter().chain(&layouts).cloned().collect();
     context.claim(&outputs, &read_by(&files, [&arguments.model.model]), false)?;
     let mut changes = time_changes(&arguments.model)?;
     changes.say(arguments.how.clone());
@@ -25,6 +26,7 @@ pub(crate) fn filter(arguments: &Filter, context: &Context) -> Result<(), Error>
     if let Some(path) = &arguments.output {
         context.say(format!("wrote {}", path.display()));
     }
+    context.layouts(&layouts);
     Ok(())
 }
 

@@ -44,14 +44,42 @@ fn chi_square(x: f64, freedom: usize) -> f64 {
     sum.min(1.0)
 }
 
-/// Squares that are chi-square numbers of so many degrees of freedom where a filter is consistent: of innovations (NIS) or of errors (NEES).
+/// Squares that are chi-square numbers of so many degrees of freedom where a filter is consistent: of innovations (NIS) or of errors (NEES). What is kept does not grow with the rows.
 #[derive(Debug, Clone)]
 pub struct Consistency {
     freedom: usize,
     band: [f64; 2],
     inside: u64,
-    /// By episode, in the order of rows.
-    values: Vec<(EpisodeId, Vec<f64>)>,
+    rows: u64,
+    sum: f64,
+    /// Sums of squares less the degrees of freedom, which are their mean where the filter is consistent, and of the squares of that: digits that a large mean would take stay.
+    off: f64,
+    spread: f64,
+    /// Means of chunks, less the degrees of freedom.
+    means: BatchMeans,
+    chunk: Chunk,
+}
+
+/// Rows of an episode that are no whole chunk yet.
+#[derive(Debug, Clone, Copy)]
+struct Chunk {
+    episode: EpisodeId,
+    rows: usize,
+    sum: f64,
+}
+
+impl Chunk {
+    /// Begins an episode, or the next chunk of one.
+    fn new(episode: EpisodeId) -> Self {
+        Self { episode, rows: 0, sum: 0.0 }
+    }
+
+    fn close(self, means: &mut BatchMeans) {
+        if self.rows > 0 {
+            let rows = self.rows as f64;
+            means.add(self.episode, rows, &[self.sum / rows]);
+        }
+    }
 }
 
 /// The mean of normalised squares, by its degrees of freedom: 1 where a filter is consistent.
@@ -73,7 +101,17 @@ impl MeanBand {
 impl Consistency {
     /// No numbers yet.
     pub fn new(freedom: usize) -> Self {
-        Self { freedom, band: chi_square_band(freedom.max(1)), inside: 0, values: Vec::new() }
+        Self {
+            freedom,
+            band: chi_square_band(freedom.max(1)),
+            inside: 0,
+            rows: 0,
+            sum: 0.0,
+            off: 0.0,
+            spread: 0.0,
+            means: BatchMeans::new(1),
+            chunk: Chunk::new(EpisodeId(0)),
+        }
     }
 
     /// Degrees of freedom of a number.
@@ -81,16 +119,29 @@ impl Consistency {
         self.freedom
     }
 
-    /// Adds the squares of an episode in their order; what is no number is left out.
+    /// Adds squares of an episode in their order, all at once or some at a time; what is no number is left out.
     pub fn add(&mut self, episode: EpisodeId, squares: impl IntoIterator<Item = f64>) {
-        let own: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
-        self.inside += own.iter().filter(|square| (self.band[0]..=self.band[1]).contains(*square)).count() as u64;
-        self.values.push((episode, own));
+        if self.chunk.episode != episode {
+            std::mem::replace(&mut self.chunk, Chunk::new(episode)).close(&mut self.means);
+        }
+        for square in squares.into_iter().filter(|square| square.is_finite()) {
+            let off = square - self.freedom as f64;
+            self.rows += 1;
+            self.inside += u64::from((self.band[0]..=self.band[1]).contains(&square));
+            self.sum += square;
+            self.off += off;
+            self.spread += off * off;
+            self.chunk.rows += 1;
+            self.chunk.sum += off;
+            if self.chunk.rows == CHUNK {
+                std::mem::replace(&mut self.chunk, Chunk::new(episode)).close(&mut self.means);
+            }
+        }
     }
 
     /// Rows.
     pub fn rows(&self) -> u64 {
-        self.values.iter().map(|(_, own)| own.len() as u64).sum()
+        self.rows
     }
 
     /// The share of rows in the 95 % band of a single row; NaN of none.
@@ -100,25 +151,19 @@ impl Consistency {
 
     /// The mean, and its band; `None` of no rows.
     pub fn mean(&self) -> Option<MeanBand> {
-        let rows = self.rows() as f64;
+        let rows = self.rows as f64;
         if rows == 0.0 {
             return None;
         }
-        let mean = self.values.iter().flat_map(|(_, own)| own).sum::<f64>() / rows;
-        let mut means = BatchMeans::new(1);
-        let mut error = 0.0;
-        for (episode, own) in &self.values {
-            error += own.iter().map(|square| (square - mean).powi(2)).sum::<f64>();
-            for chunk in own.chunks(CHUNK) {
-                let rows = chunk.len() as f64;
-                means.add(*episode, rows, &[chunk.iter().sum::<f64>() / rows - mean]);
-            }
-        }
-        let independent = means.effective_weight(rows, &[error]);
+        let mut means = self.means.clone();
+        self.chunk.close(&mut means);
+        let off = self.off / rows;
+        let error = self.spread - rows * off * off;
+        let independent = means.effective_weight_about(&[off], rows, &[error]);
         // The variance of a chi-square number is twice its degrees of freedom.
         let freedom = self.freedom as f64;
         let half = 1.96 * (2.0 / (freedom * independent)).sqrt();
-        Some(MeanBand { mean: mean / freedom, band: [1.0 - half, 1.0 + half] })
+        Some(MeanBand { mean: self.sum / rows / freedom, band: [1.0 - half, 1.0 + half] })
     }
 }
 
@@ -137,6 +182,51 @@ mod tests {
         ] {
             let [a, b] = chi_square_band(freedom);
             assert!((a - low).abs() < 6e-5 && (b - high).abs() < 6e-5, "{freedom}: {a} {b}");
+        }
+    }
+
+    /// The band by its definition, from all squares at once.
+    fn half_of_all(episodes: &[Vec<f64>], freedom: f64) -> f64 {
+        let all: Vec<f64> = episodes.iter().flatten().copied().filter(|square| square.is_finite()).collect();
+        let (rows, mean) = (all.len() as f64, all.iter().sum::<f64>() / all.len() as f64);
+        let mut means = BatchMeans::new(1);
+        for (at, own) in episodes.iter().enumerate() {
+            let own: Vec<f64> = own.iter().copied().filter(|square| square.is_finite()).collect();
+            for chunk in own.chunks(CHUNK) {
+                let rows = chunk.len() as f64;
+                means.add(EpisodeId(at as u128), rows, &[chunk.iter().sum::<f64>() / rows - mean]);
+            }
+        }
+        let error = all.iter().map(|square| (square - mean).powi(2)).sum();
+        1.96 * (2.0 / (freedom * means.effective_weight(rows, &[error]))).sqrt()
+    }
+
+    #[test]
+    fn sums_along_the_way_are_those_of_all_squares_whatever_is_added_at_a_time() {
+        let uniform = |key: usize| fleetfoot_data::mix(key as u64 + 1) as f64 / u64::MAX as f64;
+        for size in [1.0, 1e4] {
+            let (mut state, mut episodes) = (0.0, Vec::new());
+            for (at, rows) in [700, 5, 3001].into_iter().enumerate() {
+                let own = (0..rows).map(|row| {
+                    state = 0.97 * state + uniform(7919 * at + row) - 0.5;
+                    if row % 97 == 5 { f64::NAN } else { size * (3.0 + state * state) }
+                });
+                episodes.push(own.collect::<Vec<f64>>());
+            }
+            let found = |at_a_time: usize| {
+                let mut consistency = Consistency::new(3);
+                for (at, own) in episodes.iter().enumerate() {
+                    own.chunks(at_a_time).for_each(|part| consistency.add(EpisodeId(at as u128), part.iter().copied()));
+                }
+                (consistency.mean().expect("rows"), consistency.rows(), consistency.share())
+            };
+            let whole = found(10_000);
+            for at_a_time in [1, 16, 17, 500] {
+                assert_eq!(found(at_a_time), whole, "{at_a_time} at a time");
+            }
+            let half = 0.5 * (whole.0.band[1] - whole.0.band[0]);
+            // The squares are of like size as their deviation: rounding of some thousand sums.
+            assert!((half / half_of_all(&episodes, 3.0) - 1.0).abs() < 1e-9, "{half}");
         }
     }
 }

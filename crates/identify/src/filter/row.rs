@@ -1,4 +1,4 @@
-//! The rows of an episode, filtered.
+//! Rows of an episode, filtered, and the filter along them.
 
 use fleetfoot_data::Block;
 use fleetfoot_dynamics::filter::{SwitchedFilter, Track};
@@ -6,10 +6,12 @@ use fleetfoot_library::Unary;
 
 use super::asked::Reading;
 
-/// An episode, filtered.
+/// Consecutive rows of an episode, filtered.
 #[derive(Debug, Clone)]
 pub struct FilteredRows {
     episode: String,
+    log_offset: i64,
+    first: usize,
     stamps: Vec<i64>,
     states: usize,
     sensors: usize,
@@ -32,31 +34,76 @@ pub struct FilteredRows {
     truths: Vec<f64>,
     /// Rows x sensors.
     measured: Vec<f64>,
-    /// The deviation of every sensor at the last row.
+    /// At the last row: the deviation of every sensor, the factor on the process noise, and the steps of the episode so far whose inputs were missing.
     pub(super) last_deviations: Vec<f64>,
     pub(super) process: f64,
     pub(super) held_inputs: usize,
+}
+
+/// A filter that goes along an episode, from one block of rows to the next.
+pub(super) struct Follower<'a> {
+    filter: &'a SwitchedFilter,
+    readings: &'a Reading,
+    episode: String,
+    log_offset: i64,
+    /// `None` before the first row.
+    track: Option<Track>,
 }
 
 fn apart(a: f64, b: f64, angle: bool) -> f64 {
     if angle { Unary::Wrap.apply(a - b) } else { a - b }
 }
 
-impl FilteredRows {
-    /// Bytes that a row of an episode takes, read from so many columns.
-    pub(super) fn bytes_of_row(filter: &SwitchedFilter, readings: &Reading, columns: usize) -> usize {
-        let (states, sensors) = (filter.states().len(), readings.measured.len());
-        // The stamp and three numbers of the row itself.
-        let numbers = 4 + 2 * states + filter.regions() + 3 * sensors + 2 * readings.truth.len();
-        size_of::<f64>() * (numbers + columns)
+impl<'a> Follower<'a> {
+    /// Before the first row of an episode.
+    pub(super) fn new(filter: &'a SwitchedFilter, readings: &'a Reading, episode: String, log_offset: i64) -> Self {
+        Self { filter, readings, episode, log_offset, track: None }
     }
 
-    pub(super) fn new(filter: &SwitchedFilter, readings: &Reading, episode: String, block: &Block) -> Self {
-        let (states, sensors) = (filter.states().len(), readings.measured.len());
-        let mut found = Self {
-            episode,
+    /// Filters the next rows, which come with the one before them.
+    pub(super) fn follow(&mut self, block: &Block) -> FilteredRows {
+        let (filter, readings) = (self.filter, self.readings);
+        let mut found = FilteredRows::none(filter, readings, self, block);
+        let seconds = block.seconds();
+        let at = |column: usize, row: usize| block.column(column)[row];
+        let read =
+            |columns: &[usize], row: usize| -> Vec<f64> { columns.iter().map(|&column| at(column, row)).collect() };
+        let told = |row: usize| -> Vec<f64> {
+            readings.deviations.iter().map(|column| column.map_or(f64::NAN, |column| at(column, row))).collect()
+        };
+        for row in block.before..block.before + block.rows {
+            let (measured, deviations) = (read(&readings.measured, row), told(row));
+            let track = match &mut self.track {
+                None => self.track.insert(filter.start(&measured, &deviations)),
+                Some(track) => {
+                    let passed = seconds[row] - seconds[row - 1];
+                    filter.step(track, &read(&readings.inputs, row - 1), passed, &measured, &deviations);
+                    track
+                }
+            };
+            found.push(filter, readings, track, &measured, &|column| at(column, row));
+        }
+        if let (Some(track), Some(last)) = (&self.track, (block.before + block.rows).checked_sub(1)) {
+            let sensor = |((k, told), given): ((usize, f64), Option<f64>)| {
+                given.unwrap_or(if told.is_finite() { told } else { track.found_deviation(filter, k) })
+            };
+            found.last_deviations = told(last).into_iter().enumerate().zip(filter.deviations()).map(sensor).collect();
+            (found.process, found.held_inputs) = (track.process(), track.held_inputs());
+        }
+        found
+    }
+}
+
+impl FilteredRows {
+    /// Rows of which nothing is known yet.
+    fn none(filter: &SwitchedFilter, readings: &Reading, of: &Follower<'_>, block: &Block) -> Self {
+        let sensors = readings.measured.len();
+        Self {
+            episode: of.episode.clone(),
+            log_offset: of.log_offset,
+            first: block.first,
             stamps: block.stamps().to_vec(),
-            states,
+            states: filter.states().len(),
             sensors,
             regions: filter.regions(),
             means: Vec::new(),
@@ -73,36 +120,28 @@ impl FilteredRows {
             last_deviations: vec![f64::NAN; sensors],
             process: f64::NAN,
             held_inputs: 0,
-        };
-        let seconds = block.seconds();
-        let at = |column: usize, row: usize| block.core(column)[row];
-        let told = |row: usize| -> Vec<f64> {
-            readings.deviations.iter().map(|column| column.map_or(f64::NAN, |column| at(column, row))).collect()
-        };
-        let read =
-            |columns: &[usize], row: usize| -> Vec<f64> { columns.iter().map(|&column| at(column, row)).collect() };
-        let mut track: Option<Track> = None;
-        for row in 0..block.rows {
-            let (measured, deviations) = (read(&readings.measured, row), told(row));
-            match &mut track {
-                None => track = Some(filter.start(&measured, &deviations)),
-                Some(track) => {
-                    let passed = seconds[block.before + row] - seconds[block.before + row - 1];
-                    filter.step(track, &read(&readings.inputs, row - 1), passed, &measured, &deviations);
-                }
-            }
-            if let Some(track) = &track {
-                found.push(filter, readings, track, &measured, &|column| at(column, row));
-                for (k, last) in found.last_deviations.iter_mut().enumerate() {
-                    let own = if deviations[k].is_finite() { deviations[k] } else { track.found_deviation(filter, k) };
-                    *last = filter.deviations().nth(k).flatten().unwrap_or(own);
-                }
-            }
         }
-        if let Some(track) = track {
-            (found.process, found.held_inputs) = (track.process(), track.held_inputs());
-        }
-        found
+    }
+
+    /// Appends the rows that follow these in their episode.
+    pub fn extend(&mut self, next: &Self) {
+        self.stamps.extend(&next.stamps);
+        let columns = [
+            (&mut self.means, &next.means),
+            (&mut self.deviations, &next.deviations),
+            (&mut self.probabilities, &next.probabilities),
+            (&mut self.innovations, &next.innovations),
+            (&mut self.innovation_deviations, &next.innovation_deviations),
+            (&mut self.log_likelihood, &next.log_likelihood),
+            (&mut self.nis, &next.nis),
+            (&mut self.nees, &next.nees),
+            (&mut self.errors, &next.errors),
+            (&mut self.truths, &next.truths),
+            (&mut self.measured, &next.measured),
+        ];
+        columns.into_iter().for_each(|(own, next)| own.extend(next));
+        self.last_deviations.clone_from(&next.last_deviations);
+        (self.process, self.held_inputs) = (next.process, next.held_inputs);
     }
 
     fn push(
@@ -137,6 +176,16 @@ impl FilteredRows {
     /// The episode's name.
     pub fn episode(&self) -> &str {
         &self.episode
+    }
+
+    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    pub fn log_offset(&self) -> i64 {
+        self.log_offset
+    }
+
+    /// The place of the first of these rows in its episode; 0 where it begins.
+    pub fn first(&self) -> usize {
+        self.first
     }
 
     /// Stamps of the rows, nanoseconds.
@@ -185,11 +234,15 @@ impl FilteredRows {
         (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best })
     }
 
-    /// Rows at which a sensor says what it said at the row before, and rows that follow one that it measured.
-    pub(super) fn repeated(&self, sensor: usize) -> [u64; 2] {
-        let own: Vec<f64> = self.measured.iter().skip(sensor).step_by(self.sensors).copied().collect();
-        let pairs = || own.windows(2).filter(|pair| pair.iter().all(|value| value.is_finite()));
-        [pairs().filter(|pair| pair[0] == pair[1]).count() as u64, pairs().count() as u64]
+    /// What a sensor measured; NaN for nothing.
+    pub fn measured(&self, row: usize, sensor: usize) -> f64 {
+        self.measured[row * self.sensors + sensor]
+    }
+
+    /// An innovation in its deviation.
+    pub(super) fn normalised(&self, row: usize, sensor: usize) -> f64 {
+        let at = row * self.sensors + sensor;
+        self.innovations[at] / self.innovation_deviations[at]
     }
 
     /// Estimate less truth.
@@ -199,10 +252,7 @@ impl FilteredRows {
 
     /// Measurement less truth.
     pub(super) fn measured_error(&self, row: usize, truth: usize, sensor: usize, angle: bool) -> f64 {
-        apart(
-            self.measured[row * self.sensors + sensor],
-            self.truths[row * self.truths.len() / self.rows() + truth],
-            angle,
-        )
+        let true_value = self.truths[row * self.truths.len() / self.rows() + truth];
+        apart(self.measured(row, sensor), true_value, angle)
     }
 }

@@ -64,7 +64,7 @@ class Filtering:
         keep : bool
             Whether estimates are given.
         output : path, optional
-            A file that estimates are written to, Parquet or text; then they are not given.
+            A file that estimates are written to, Parquet, text or MCAP; then they are not given.
         recipe, cache, progress : optional
             As for :meth:`predict`; what ``[filter]`` of a recipe says stands below the arguments.
 
