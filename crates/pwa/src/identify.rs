@@ -148,8 +148,7 @@ pub fn identify(
     progress.stage("regression");
     let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
     let mut scanned = sum(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
-    let held_out = if options.folds > 1 { options.folds } else { 0 };
-    let joined = join_cells(&mut segmentation, &mut scanned, &preconditioner, held_out)?;
+    let joined = join_cells(&mut segmentation, &mut scanned, &preconditioner)?;
     let fit = Fit {
         problem,
         options,
@@ -230,7 +229,7 @@ fn plan_hash(
     for target in problem.equations.iter().filter_map(|equation| equation.target.as_ref()) {
         text.push_str(&format!("= {target}\n"));
     }
-    let cells = segmentation.lattice.iter().map(|lattice| &lattice.partition);
+    let cells = segmentation.lattices.iter().map(|lattice| &lattice.partition);
     let own = segmentation.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Joined { .. }));
     for partition in own.chain(cells) {
         text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));

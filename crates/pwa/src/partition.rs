@@ -8,7 +8,7 @@ use crate::{
     Error, Options, Problem, Specification,
     continuous::check as check_continuous,
     identify::{STATS_BUDGET, expected_regions, gram_bytes},
-    lattice::{Sets, Tree},
+    lattice::{Sets, Tree, grow, joined_ranges},
     regions::{Segmentation, segment},
     rows::Rows,
     scan::{Scan, sum},
@@ -43,13 +43,13 @@ pub fn partition(
 ) -> Result<Partitioned, Error> {
     let options = Options { folds: 0, ..options.clone() };
     let Prepared { rows, chunks, survey, mut segmentation, .. } = prepare(problem, &options, source, progress)?;
-    if let Some(lattice) = segmentation.lattice.take() {
+    if !segmentation.lattices.is_empty() {
         progress.stage("cells");
-        let cells = Segmentation::of_cells(Some(lattice));
+        let cells = Segmentation::of_cells(std::mem::take(&mut segmentation.lattices));
         let preconditioner = rows.coordinates(source)?;
         let mut scanned = sum(&rows, &cells, &preconditioner, source, &chunks, "", progress)?;
-        segmentation.lattice = cells.lattice;
-        join_cells(&mut segmentation, &mut scanned, &preconditioner, 0)?;
+        segmentation.lattices = cells.lattices;
+        join_cells(&mut segmentation, &mut scanned, &preconditioner)?;
     }
     let of = |index: usize| segmentation.partitions[index].clone();
     Ok(Partitioned {
@@ -64,27 +64,27 @@ pub(crate) fn join_cells(
     segmentation: &mut Segmentation,
     scanned: &mut Scan,
     preconditioner: &Preconditioner,
-    folds: u16,
 ) -> Result<Option<(Sets, Vec<Tree>)>, Error> {
-    let (Some(lattice), Some(cells)) = (&segmentation.lattice, &scanned.cells) else { return Ok(None) };
+    let Some(cells) = scanned.cells.take() else { return Ok(None) };
     let Some(whole) = scanned.stats.total(|key| key.partition == 0).filter(|gram| gram.weight > 0.0) else {
         return Ok(None);
     };
     let total = preconditioner.square_root(&whole).total;
     // What never changes has no errors.
     let variance = |total: &f64| if *total > 0.0 { total / whole.weight } else { 1.0 };
-    let sets = cells.sets(folds);
-    let trees = lattice.grow(&sets, preconditioner, &total.iter().map(variance).collect::<Vec<f64>>())?;
+    let all = cells.cell_ranges();
+    let sets = cells.sets();
+    let variance: Vec<f64> = total.iter().map(variance).collect();
+    let trees = grow(&segmentation.lattices, &sets, preconditioner, &variance)?;
     segmentation.join(&trees);
     for candidate in &segmentation.candidates {
         // A scan of cells alone has no other partitions.
         if let Rule::Joined { regions, .. } = &segmentation.partitions[candidate.full].rule
             && let Some(ranges) = scanned.ranges.get_mut(candidate.full)
         {
-            *ranges = cells.ranges(regions);
+            *ranges = joined_ranges(&all, regions);
         }
     }
-    scanned.cells = None;
     Ok(Some((sets, trees)))
 }
 

@@ -36,6 +36,9 @@ use start::{Joined, Start, by_kmeans, cells};
 /// Numbers in all separators of a partition, at most: their Hessian takes 8 bytes for each pair of them.
 const LIMIT: usize = 4096;
 
+/// Numbers of regions whose separators may be the borders of a lattice.
+const BORDERS: [usize; 3] = [5, 10, 20];
+
 /// Rows that several starts may go through together, and starts at most: few rows leave much to chance, and cost little.
 const STARTED: usize = 2048;
 const STARTS: usize = 16;
@@ -51,6 +54,8 @@ pub(crate) struct Refined {
     pub(crate) rule: Rule,
     /// The objective after every pass.
     pub(crate) objective: Vec<f64>,
+    /// What is left of the squared error of the rows that it was refined on, in units of the targets' variances.
+    error: f64,
 }
 
 /// Rows to refine regions on, and the joined cells that refinements begin with, whatever the number of regions.
@@ -90,7 +95,8 @@ impl Ground {
         }
         let regions = regions.min(examples.rows / (examples.regressors + 2));
         if regions < 2 || d == 0 {
-            return Ok(Refined { rule: rule(&Separators::zero(1, d)), objective: Vec::new() });
+            let (error, separators) = settled(examples, Separators::zero(1, d));
+            return Ok(Refined { rule: rule(&separators), objective: Vec::new(), error });
         }
         let enough = |few: &&Examples| few.rows >= regions * (few.regressors + 2) * FEW_OF_A_REGION;
         let all = &self.examples;
@@ -112,7 +118,28 @@ impl Ground {
             let start = (separators.winners(all), separators);
             (separators, objective) = descended(all, vec![start], progress)?;
         }
-        Ok(Refined { rule: rule(&separators), objective })
+        let (error, separators) = settled(all, separators);
+        Ok(Refined { rule: rule(&separators), objective, error })
+    }
+
+    /// Borders between which maps hold: those of as many regions, of the numbers of [`BORDERS`], as the Bayesian information criterion of these rows says.
+    ///
+    /// # Errors
+    /// Cancelled.
+    pub(crate) fn borders(&mut self, progress: &dyn Progress) -> Result<Rule, Error> {
+        let (d, p, q) = (self.examples.dimensions, self.examples.regressors, self.examples.targets as f64);
+        let rows = self.examples.weight;
+        let mut best: Option<(f64, Rule)> = None;
+        for regions in BORDERS {
+            let found = self.refine(regions.min(LIMIT / (d + 1)), progress)?;
+            let numbers = found.rule.count() as f64 * (q * (p + 1) as f64 + (d + 1) as f64);
+            let square = (found.error / (rows * q)).max(f64::MIN_POSITIVE);
+            let criterion = rows * q * square.ln() + numbers * rows.ln();
+            if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
+                best = Some((criterion, found.rule));
+            }
+        }
+        Ok(best.map_or(Rule::Whole, |(_, rule)| rule))
     }
 }
 

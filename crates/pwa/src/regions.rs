@@ -14,7 +14,7 @@ use crate::{
     continuous::{Ties, borders},
     kmeans,
     lattice::{Lattice, Tree},
-    refined::{Ground, Refined},
+    refined::Ground,
     rows::Rows,
     survey::Survey,
     tree::Grown,
@@ -39,8 +39,10 @@ pub(crate) struct Segmentation {
     /// Label column (index into [`Rows::labels`]) of each partition that has one.
     pub(crate) labels: Vec<Option<usize>>,
     pub(crate) candidates: Vec<Candidate>,
-    /// The cells of all partitions that are joined of cells.
-    pub(crate) lattice: Option<Lattice>,
+    /// Of each partition, the training set that it was made on: all rows, then those of every fold.
+    pub(crate) sets: Vec<usize>,
+    /// The cells of all partitions that are joined of cells, of every training set; none where nothing is joined.
+    pub(crate) lattices: Vec<Lattice>,
     /// What the user should know.
     pub(crate) notes: Vec<String>,
 }
@@ -53,16 +55,16 @@ pub(crate) fn segment(
     survey: &Survey,
     progress: &dyn Progress,
 ) -> Result<Segmentation, Error> {
-    let mut result = Segmentation::of_cells(None);
+    let mut result = Segmentation::of_cells(Vec::new());
     let folds = if options.folds > 1 { options.folds } else { 0 };
     let mut made: Vec<Vec<Made>> = options.partitions.iter().map(|_| Vec::new()).collect();
     for held in std::iter::once(None).chain((0..folds).map(Some)) {
         // What refinements share is there for one training set at a time.
         let mut maker =
             Maker { problem, options, rows, survey, held, grounds: BTreeMap::new(), grown: BTreeMap::new() };
+        let lattice = maker.lattice(folds, progress)?;
         if held.is_none() {
-            result.lattice = maker.lattice(folds, progress)?;
-            result.notes.extend(result.lattice.as_ref().and_then(Lattice::note));
+            result.notes.extend(lattice.as_ref().and_then(Lattice::note));
         }
         for (specification, made) in options.partitions.iter().zip(&mut made) {
             let wanted = match specification {
@@ -71,7 +73,7 @@ pub(crate) fn segment(
                 _ => true,
             };
             if wanted {
-                let mut own = match (specification.joined(), &result.lattice) {
+                let mut own = match (specification.joined(), &lattice) {
                     (Some(k), Some(lattice)) => not_joined_yet(k, specification, lattice),
                     _ => maker.make(specification, progress)?,
                 };
@@ -79,6 +81,7 @@ pub(crate) fn segment(
                 made.push(own);
             }
         }
+        result.lattices.extend(lattice);
     }
     for (specification, made) in options.partitions.iter().zip(made) {
         result.add(specification, made, usize::from(folds));
@@ -97,12 +100,13 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
 
 impl Segmentation {
     /// No partitions yet, but that of one region, and cells.
-    pub(crate) fn of_cells(lattice: Option<Lattice>) -> Self {
+    pub(crate) fn of_cells(lattices: Vec<Lattice>) -> Self {
         Self {
             partitions: vec![Partition::whole()],
             labels: vec![None],
             candidates: Vec::new(),
-            lattice,
+            sets: vec![0],
+            lattices,
             notes: Vec::new(),
         }
     }
@@ -133,6 +137,7 @@ impl Segmentation {
             ties.extend(made.ties);
             self.partitions.push(made.partition);
             self.labels.push(made.label);
+            self.sets.push(at);
         }
         self.candidates.push(Candidate { specification: specification.clone(), full: first, by_fold, ties, objective });
     }
@@ -180,16 +185,21 @@ impl Maker<'_> {
     }
 
     /// Cells for the partitions that are joined of cells, where there are any.
-    fn lattice(&self, folds: u16, progress: &dyn Progress) -> Result<Option<Lattice>, Error> {
+    fn lattice(&mut self, folds: u16, progress: &dyn Progress) -> Result<Option<Lattice>, Error> {
         let Some(regions) = self.options.partitions.iter().filter_map(Specification::joined).max() else {
             return Ok(None);
         };
         let (centre, scale) = self.units();
+        let ground = self.ground(None, (&centre, &scale));
+        let borders = ground.map_or(Ok(Rule::Whole), |ground| ground.borders(progress))?;
         let columns = self.problem.partition_columns.clone();
         let partition = Partition { columns, centre, scale, ..Partition::whole() };
-        let places = &self.survey.examples.columns[..self.rows.partition];
+        let training = self.example_rows(None);
+        let of = |column: &Vec<f64>| training.iter().map(|&row| column[row]).collect();
+        let places: Vec<Vec<f64>> = self.survey.examples.columns[..self.rows.partition].iter().map(of).collect();
         let (rows, shape) = (self.survey.counts.complete as usize, (self.rows.regressors, self.rows.targets));
-        Lattice::new((rows, places), shape, (regions, folds), partition, self.options.seed, progress).map(Some)
+        let made = (partition, &borders);
+        Lattice::new((rows, &places), shape, (regions, folds), made, self.options.seed, progress).map(Some)
     }
 
     fn make(&mut self, specification: &Specification, progress: &dyn Progress) -> Result<Made, Error> {
@@ -205,9 +215,9 @@ impl Maker<'_> {
                 (rule, None, note)
             }
             Specification::Refined(k) => {
-                let (found, note) = self.refine(*k, None, (&centre, &scale), progress)?;
-                objective = found.objective;
-                (found.rule, None, note)
+                let (rule, passes, note) = self.refine(*k, None, (&centre, &scale), progress)?;
+                objective = passes;
+                (rule, None, note)
             }
             Specification::Tree(depth) => {
                 let (rule, note) = self.cut(*depth, None, progress)?;
@@ -227,9 +237,9 @@ impl Maker<'_> {
                         }
                         Within::Refined(k) => {
                             let of = Some((index, number));
-                            let (found, note) = self.refine(*k, of, (&centre, &scale), progress)?;
+                            let (rule, _, note) = self.refine(*k, of, (&centre, &scale), progress)?;
                             let name = self.rows.label_columns[index].label(value);
-                            (found.rule, note.map(|note| format!("{column} {name}: {note}")))
+                            (rule, note.map(|note| format!("{column} {name}: {note}")))
                         }
                         Within::Tree(depth) => self.cut(*depth, Some((index, number)), progress)?,
                     };
@@ -277,19 +287,8 @@ impl Maker<'_> {
         label: Option<(usize, usize)>,
         units: (&[f64], &[f64]),
         progress: &dyn Progress,
-    ) -> Result<(Refined, Option<String>), Error> {
-        let rows = if self.grounds.contains_key(&label) { Vec::new() } else { self.example_rows(label) };
-        let ground = match self.grounds.entry(label) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(place) => {
-                let shape = (self.rows.partition, self.rows.regressors, self.rows.targets);
-                let columns = &self.survey.examples.columns[..self.rows.example_width()];
-                let Some(ground) = Ground::new(columns, shape, units, &rows, self.options.seed) else {
-                    return Ok((Refined { rule: Rule::Whole, objective: Vec::new() }, None));
-                };
-                place.insert(ground)
-            }
-        };
+    ) -> Result<(Rule, Vec<f64>, Option<String>), Error> {
+        let Some(ground) = self.ground(label, units) else { return Ok((Rule::Whole, Vec::new(), None)) };
         let found = ground.refine(k, progress)?;
         let (count, name) = (found.rule.count(), Specification::Refined(k));
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
@@ -300,7 +299,20 @@ impl Maker<'_> {
         } else {
             None
         };
-        Ok((found, note))
+        Ok((found.rule, found.objective, note))
+    }
+
+    /// The kept training rows, all or those of a label, for refinements; `None` where none weigh anything.
+    fn ground(&mut self, label: Option<(usize, usize)>, units: (&[f64], &[f64])) -> Option<&mut Ground> {
+        let rows = if self.grounds.contains_key(&label) { Vec::new() } else { self.example_rows(label) };
+        match self.grounds.entry(label) {
+            Entry::Occupied(known) => Some(known.into_mut()),
+            Entry::Vacant(place) => {
+                let shape = (self.rows.partition, self.rows.regressors, self.rows.targets);
+                let columns = &self.survey.examples.columns[..self.rows.example_width()];
+                Some(place.insert(Ground::new(columns, shape, units, &rows, self.options.seed)?))
+            }
+        }
     }
 
     /// A tree of cuts that fit the dynamics of the kept training rows, all or those of a label.

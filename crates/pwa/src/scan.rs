@@ -6,7 +6,7 @@ use faer::{MatMut, MatRef};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Partition, Rule, join};
 use fleetfoot_stats::{
-    Chunk, Key, Preconditioner, Stats,
+    Chunk, Fold, Key, Preconditioner, Stats,
     scan::{RegionGrams, RegionRanges, scan},
 };
 
@@ -42,39 +42,38 @@ impl<'a> Assigner<'a> {
 
     /// The rows of a tile, for all partitions.
     pub(crate) fn on<'t>(&'t self, tile: &'t Tile<'t>) -> Assignment<'t> {
-        Assignment { segmentation: self.segmentation, tile, cells: OnceCell::new() }
+        let cells = self.segmentation.lattices.iter().map(|_| OnceCell::new()).collect();
+        Assignment { segmentation: self.segmentation, tile, cells }
     }
 }
 
-/// The rows of a tile on their way to regions. Cells are found once for all that are joined of them.
+/// The rows of a tile on their way to regions. Cells of a training set are found once for all that are joined of them.
 pub(crate) struct Assignment<'t> {
     segmentation: &'t Segmentation,
     tile: &'t Tile<'t>,
-    cells: OnceCell<Vec<u32>>,
+    cells: Vec<OnceCell<Vec<u32>>>,
 }
 
 impl Assignment<'_> {
     /// The region of every row.
     pub(crate) fn assign(&self, partition: usize, regions: &mut Vec<u32>) {
-        let label = self.segmentation.labels[partition];
+        let (label, set) = (self.segmentation.labels[partition], self.segmentation.sets[partition]);
         let partition = &self.segmentation.partitions[partition];
         match &partition.rule {
             Rule::Joined { regions: table, .. } => {
                 regions.clear();
-                regions.extend_from_slice(self.cells());
+                regions.extend_from_slice(self.cells(set));
                 join(table, regions);
             }
             _ => self.by(partition, label, regions),
         }
     }
 
-    /// The cell of every row.
-    pub(crate) fn cells(&self) -> &[u32] {
-        self.cells.get_or_init(|| {
+    /// The cell of every row, of those of a training set.
+    pub(crate) fn cells(&self, set: usize) -> &[u32] {
+        self.cells[set].get_or_init(|| {
             let mut cells = Vec::new();
-            if let Some(lattice) = &self.segmentation.lattice {
-                self.by(&lattice.partition, None, &mut cells);
-            }
+            self.by(&self.segmentation.lattices[set].partition, None, &mut cells);
             cells
         })
     }
@@ -108,12 +107,12 @@ pub(crate) fn sum(
     plan: &str,
     progress: &dyn Progress,
 ) -> Result<Scan, Error> {
-    let cells = segmentation.lattice.as_ref().map(Lattice::count);
-    let start = || Part::new(rows, segmentation, cells);
+    let cells: Vec<usize> = segmentation.lattices.iter().map(Lattice::count).collect();
+    let start = || Part::new(rows, segmentation, &cells);
     let mut scanned = Scan {
         stats: Stats::new(plan),
         ranges: start().ranges,
-        cells: cells.map(|cells| CellSums::new(cells, (rows.regressors, rows.dimension()))),
+        cells: (!cells.is_empty()).then(|| CellSums::new(&cells, (rows.regressors, rows.dimension()))),
     };
     let assigner = Assigner::new(segmentation);
     scan(
@@ -122,8 +121,8 @@ pub(crate) fn sum(
         chunks,
         progress,
         start,
-        |part, _, tile| {
-            part.add(rows, &assigner, preconditioner, &Tile::new(tile));
+        |part, place, tile| {
+            part.add(rows, &assigner, preconditioner, &Tile::new(tile), place.chunk.fold);
             Ok::<_, Error>(())
         },
         |chunk, _, part| {
@@ -146,7 +145,7 @@ pub(crate) fn sum(
 }
 
 impl Part {
-    fn new(rows: &Rows, segmentation: &Segmentation, cells: Option<usize>) -> Self {
+    fn new(rows: &Rows, segmentation: &Segmentation, cells: &[usize]) -> Self {
         // Those joined of cells have no sums of their own.
         let count = |p: usize| segmentation.partitions[p].rule.count();
         // What is made on all rows tells where it was trained.
@@ -156,20 +155,27 @@ impl Part {
         Self {
             grams: partitions.clone().map(|p| RegionGrams::new(count(p))).collect(),
             ranges: partitions.map(ranges).collect(),
-            cells: cells.map(|cells| CellPart::new(cells, rows.regressors)),
+            cells: (!cells.is_empty()).then(|| CellPart::new(cells, rows.regressors)),
             work: Vec::new(),
             regions: Vec::new(),
         }
     }
 
-    fn add(&mut self, rows: &Rows, assigner: &Assigner<'_>, preconditioner: &Preconditioner, tile: &Tile<'_>) {
+    fn add(
+        &mut self,
+        rows: &Rows,
+        assigner: &Assigner<'_>,
+        preconditioner: &Preconditioner,
+        tile: &Tile<'_>,
+        fold: Fold,
+    ) {
         self.work.clear();
         self.work.extend_from_slice(tile.regression());
         preconditioner.apply(MatMut::from_column_major_slice_mut(&mut self.work, tile.len(), rows.dimension()));
         let z = MatRef::from_column_major_slice(&self.work, tile.len(), rows.dimension());
         let (assignment, regressors) = (assigner.on(tile), tile.regressors());
         if let Some(cells) = &mut self.cells {
-            cells.add(z, tile.weights(), assignment.cells(), &regressors);
+            cells.add((z, tile.weights(), fold), |set| assignment.cells(set), &regressors);
         }
         let partitions = self.grams.iter_mut().zip(&mut self.ranges).enumerate();
         for (partition, (grams, ranges)) in partitions.filter(|(_, (grams, _))| grams.regions() > 0) {

@@ -58,6 +58,14 @@ impl Cells {
         Self { centroids: vec![vec![0.0; dimensions]], neighbours: vec![BTreeSet::new()] }
     }
 
+    /// Appends cells that share no border with these.
+    pub(crate) fn append(&mut self, other: Self) {
+        let before = self.centroids.len() as u32;
+        let moved = |own: BTreeSet<u32>| own.into_iter().map(|cell| cell + before).collect();
+        self.centroids.extend(other.centroids);
+        self.neighbours.extend(other.neighbours.into_iter().map(moved));
+    }
+
     /// The cells with the Gram matrix of the rows of each.
     pub(crate) fn with(&self, grams: Vec<Gram>) -> Vec<Cell> {
         let places = self.centroids.iter().zip(&self.neighbours).zip(grams);

@@ -1,4 +1,4 @@
-//! What one pass over the rows keeps of cells: Gram matrices by place in cross-validation, and ranges.
+//! What one pass over the rows keeps of cells: Gram matrices of the rows that train and of those that are held out, and ranges.
 
 use std::collections::BTreeMap;
 
@@ -8,84 +8,111 @@ use fleetfoot_stats::{
     scan::{RegionGrams, RegionRanges, widen},
 };
 
-/// The cells of a chunk's rows.
+/// The cells of a chunk's rows, of every training set.
 pub(crate) struct CellPart {
-    grams: RegionGrams,
+    grams: Vec<RegionGrams>,
+    /// In the cells of all rows.
     ranges: RegionRanges,
 }
 
 impl CellPart {
-    pub(crate) fn new(cells: usize, regressors: usize) -> Self {
-        Self { grams: RegionGrams::new(cells), ranges: RegionRanges::new(cells, regressors) }
+    /// No rows yet; how many cells every training set has.
+    pub(crate) fn new(cells: &[usize], regressors: usize) -> Self {
+        let all = cells.first().copied().unwrap_or(0);
+        Self {
+            grams: cells.iter().map(|&cells| RegionGrams::new(cells)).collect(),
+            ranges: RegionRanges::new(all, regressors),
+        }
     }
 
-    /// Adds rows in their cells: regressors and targets in the preconditioner's coordinates, and the regressors as they are.
-    pub(crate) fn add(&mut self, z: MatRef<'_, f64>, weights: Option<&[f64]>, cells: &[u32], regressors: &[&[f64]]) {
-        self.grams.add(z, weights, Some(cells));
-        self.ranges.add(regressors, Some(cells));
+    /// Adds rows at a place in cross-validation in their cells of every training set: regressors and targets in the preconditioner's coordinates, and the regressors as they are.
+    pub(crate) fn add<'c>(
+        &mut self,
+        (z, weights, fold): (MatRef<'_, f64>, Option<&[f64]>, Fold),
+        cells: impl Fn(usize) -> &'c [u32],
+        regressors: &[&[f64]],
+    ) {
+        for (set, grams) in self.grams.iter_mut().enumerate() {
+            if Use::of(set, fold).is_some() {
+                grams.add(z, weights, Some(cells(set)));
+            }
+        }
+        self.ranges.add(regressors, Some(cells(0)));
+    }
+}
+
+/// What rows are to a training set.
+enum Use {
+    Trains,
+    Tests(usize),
+}
+
+impl Use {
+    /// `None` for rows beside those that are held out.
+    fn of(set: usize, fold: Fold) -> Option<Self> {
+        match set.checked_sub(1) {
+            None => Some(Self::Trains),
+            Some(held) if usize::from(fold.own) == held => Some(Self::Tests(held)),
+            Some(held) => fold.trains(held as u16).then_some(Self::Trains),
+        }
     }
 }
 
 /// The cells of all rows.
 pub(crate) struct CellSums {
-    by_fold: BTreeMap<Fold, RegionGrams>,
+    training: Vec<RegionGrams>,
+    testing: Vec<RegionGrams>,
     ranges: RegionRanges,
     /// Columns of a Gram matrix.
     width: usize,
 }
 
 impl CellSums {
-    /// No rows yet, of so many cells and regressors.
-    pub(crate) fn new(cells: usize, (regressors, width): (usize, usize)) -> Self {
-        Self { by_fold: BTreeMap::new(), ranges: RegionRanges::new(cells, regressors), width }
+    /// No rows yet, of so many cells of every training set, and so many regressors.
+    pub(crate) fn new(cells: &[usize], (regressors, width): (usize, usize)) -> Self {
+        let CellPart { grams, ranges } = CellPart::new(cells, regressors);
+        let testing = cells.iter().skip(1).map(|&cells| RegionGrams::new(cells)).collect();
+        Self { training: grams, testing, ranges, width }
     }
 
     /// Adds a chunk.
     pub(crate) fn add(&mut self, fold: Fold, part: CellPart) {
-        let cells = part.grams.regions();
-        self.by_fold.entry(fold).or_insert_with(|| RegionGrams::new(cells)).merge(part.grams);
+        for (set, grams) in part.grams.into_iter().enumerate() {
+            match Use::of(set, fold) {
+                Some(Use::Trains) => self.training[set].merge(grams),
+                Some(Use::Tests(held)) => self.testing[held].merge(grams),
+                None => {}
+            }
+        }
         self.ranges.merge(&part.ranges);
     }
 
-    /// Ranges of regions that cells are joined to.
-    pub(crate) fn ranges(&self, table: &[u32]) -> RegionRanges {
-        let regions = table.iter().max().map_or(0, |&last| last as usize + 1);
-        let mut joined = RegionRanges::new(regions, self.ranges.0.first().map_or(0, Vec::len));
-        for (own, &region) in self.ranges.0.iter().zip(table) {
-            widen(&mut joined.0[region as usize], own);
-        }
-        joined
+    /// Ranges of the cells of all rows.
+    pub(crate) fn cell_ranges(&self) -> RegionRanges {
+        self.ranges.clone()
     }
 
     /// All rows, and the training rows and held-out rows of every fold.
-    pub(crate) fn sets(&self, folds: u16) -> Sets {
-        let total = |wanted: &dyn Fn(&Fold) -> bool| -> Vec<Gram> {
-            let mut sums = vec![Gram::new(self.width); self.ranges.0.len()];
-            for (_, grams) in self.by_fold.iter().filter(|(fold, _)| wanted(fold)) {
-                grams.iter().for_each(|(cell, gram)| sums[cell as usize].merge(gram));
-            }
-            sums
+    pub(crate) fn sets(self) -> Sets {
+        let width = self.width;
+        let of = |grams: RegionGrams| {
+            let mut cells = vec![Gram::new(width); grams.regions()];
+            grams.into_regions().for_each(|(cell, gram)| cells[cell as usize] = gram);
+            cells
         };
-        let mut training = vec![total(&|_| true)];
-        training.extend((0..folds).map(|held| total(&|fold: &Fold| fold.trains(held))));
-        let testing = (0..folds).map(|held| total(&|fold: &Fold| fold.own == held)).collect();
-        Sets { training, testing }
+        let (training, testing) = (self.training.into_iter().map(of), self.testing.into_iter().map(of));
+        Sets { training: training.collect(), testing: testing.collect() }
     }
 }
 
-/// Gram matrices of the cells: of all rows, then for every fold of those that train.
+/// Gram matrices of the cells of every training set: of all rows, then for every fold of those that train.
 pub(crate) struct Sets {
     training: Vec<Vec<Gram>>,
-    /// For every fold those of the rows that it holds out.
+    /// For every fold those of the rows that it holds out, in the cells of its training rows.
     testing: Vec<Vec<Gram>>,
 }
 
 impl Sets {
-    /// How many sets of training rows there are.
-    pub(crate) fn count(&self) -> usize {
-        self.training.len()
-    }
-
     /// The cells of a set of training rows.
     pub(crate) fn training(&self, set: usize) -> &[Gram] {
         &self.training[set]
@@ -109,4 +136,14 @@ pub(crate) fn joined(cells: &[Gram], table: &[u32]) -> BTreeMap<u32, Gram> {
         }
     }
     regions
+}
+
+/// Ranges of the regions that cells are joined to.
+pub(crate) fn joined_ranges(cells: &RegionRanges, table: &[u32]) -> RegionRanges {
+    let regions = table.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut joined = RegionRanges::new(regions, cells.0.first().map_or(0, Vec::len));
+    for (own, &region) in cells.0.iter().zip(table) {
+        widen(&mut joined.0[region as usize], own);
+    }
+    joined
 }

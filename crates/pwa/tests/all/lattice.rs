@@ -51,13 +51,13 @@ fn one_map_that_holds_in_two_places_is_one_region() {
     let model = &found.models[3];
     let within = |at: usize| rows.iter().filter(|row| (row.0[0].abs() < 1.0) == (region(model, &row.0) == at)).count();
     let right = within(0).max(within(1)) as f64 / rows.len() as f64;
-    // All but rows of the cells that a border cuts.
-    assert!(right > 0.94, "{right}");
-    // Cells that a border cuts have errors that more regions lower.
+    // No cell lies across a border, but for the little that separators of 4,000 rows are off.
+    assert!(right > 0.99, "{right}");
     let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
-    assert!(losses[3] < 0.6 * losses[1] && losses[7] < losses[3], "{losses:?}");
+    assert!(losses[3] < 0.02 * losses[1] && losses[7] > 0.97 * losses[3], "{losses:?}");
     let fresh = error(model, &sandwich(4000, 2));
-    assert!((fresh - losses[3]).abs() < 0.3 * losses[3], "{fresh} {losses:?}");
+    // A row on the other side of a border costs up to a thousandth.
+    assert!((fresh - losses[3]).abs() < 0.3 * losses[3] + 0.002, "{fresh} {losses:?}");
 }
 
 #[test]
@@ -141,7 +141,6 @@ fn constant_columns_and_one_place_are_no_trouble() {
 
 #[test]
 fn joined_regions_come_near_to_refined_ones() {
-    // The lattice is as sharp as its cells are fine.
     let rows = sandwich(20_000, 8);
     let mut wanted = options("kmeans:3,refined:3,lattice:3", 0);
     wanted.selection = Selection::Bic;
@@ -149,7 +148,40 @@ fn joined_regions_come_near_to_refined_ones() {
     let found = run(&problem(2), &wanted, &source(&rows, 1));
     let fresh = sandwich(5000, 9);
     let [clustered, refined, joined] = [0, 1, 2].map(|at| error(&found.models[at], &fresh));
-    assert!(joined < 0.2 * clustered && joined < refined + 0.04, "{clustered} {refined} {joined}");
+    assert!(joined < 0.02 * clustered && joined < 1.03 * refined, "{clustered} {refined} {joined}");
+}
+
+/// Five maps between linear separators in two of six columns; noise of 0.1 where the output deviates by one.
+fn modes(rows: usize, seed: u64) -> Vec<Row> {
+    let mut random = Pcg64::seed_from_u64(77);
+    let mut table = |columns: usize| -> Vec<Vec<f64>> {
+        (0..5).map(|_| (0..columns).map(|_| normal(&mut random)).collect()).collect()
+    };
+    let (separators, maps) = (table(2), table(7));
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut row = |_| {
+        let x: Vec<f64> = (0..6).map(|_| normal(&mut random)).collect();
+        let score = |own: &usize| separators[*own].iter().zip(&x).map(|(w, x)| w * x).sum::<f64>();
+        let mode = (0..5).max_by(|a, b| score(a).total_cmp(&score(b))).unwrap();
+        let y = maps[mode][6] + 0.4 * maps[mode].iter().zip(&x).map(|(c, x)| c * x).sum::<f64>();
+        (x, y + 0.1 * normal(&mut random))
+    };
+    (0..rows).map(&mut row).collect()
+}
+
+#[test]
+fn every_level_is_as_good_as_regions_refined_for_its_number() {
+    let rows = modes(8000, 1);
+    let mut wanted = options("refined:2,refined:3,refined:5,refined:8,lattice:2,lattice:3,lattice:5,lattice:8", 0);
+    wanted.selection = Selection::Bic;
+    wanted.keep_all = true;
+    let found = run(&problem(6), &wanted, &source(&rows, 1));
+    let fresh = modes(8000, 2);
+    let errors: Vec<f64> = found.models.iter().map(|model| error(model, &fresh)).collect();
+    println!("{errors:?}");
+    for (refined, joined) in errors[..4].iter().zip(&errors[4..]) {
+        assert!(*joined < 1.03 * refined, "{errors:?}");
+    }
 }
 
 #[test]
