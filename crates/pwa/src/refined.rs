@@ -54,8 +54,6 @@ pub(crate) struct Refined {
     pub(crate) rule: Rule,
     /// The objective after every pass.
     pub(crate) objective: Vec<f64>,
-    /// What is left of the squared error of the rows that it was refined on, in units of the targets' variances.
-    error: f64,
 }
 
 /// Rows to refine regions on, and the joined cells that refinements begin with, whatever the number of regions.
@@ -89,18 +87,23 @@ impl Ground {
     /// # Errors
     /// More separators than their Hessian has room for; cancelled.
     pub(crate) fn refine(&mut self, regions: usize, progress: &dyn Progress) -> Result<Refined, Error> {
+        let found = self.begun(regions, progress)?;
+        self.finished(found, progress)
+    }
+
+    /// The best of several starts, on few of the rows where there are many.
+    fn begun(&mut self, regions: usize, progress: &dyn Progress) -> Result<Begun, Error> {
         let (examples, d) = (&self.examples, self.examples.dimensions);
         if regions * (d + 1) > LIMIT {
             return Err(Error::TooManySeparators { regions, columns: d, limit: LIMIT });
         }
         let regions = regions.min(examples.rows / (examples.regressors + 2));
         if regions < 2 || d == 0 {
-            let (error, separators) = settled(examples, Separators::zero(1, d));
-            return Ok(Refined { rule: rule(&separators), objective: Vec::new(), error });
+            return Ok(Begun { separators: Separators::zero(1, d), objective: Vec::new(), few: false });
         }
         let enough = |few: &&Examples| few.rows >= regions * (few.regressors + 2) * FEW_OF_A_REGION;
-        let all = &self.examples;
-        let examples = self.few.as_ref().filter(enough).unwrap_or(all);
+        let few = self.few.as_ref().filter(enough);
+        let examples = few.unwrap_or(&self.examples);
         let mut starts = Vec::new();
         for start in 0..(STARTED / examples.rows).clamp(1, STARTS) {
             let seed = self.seed.wrapping_add(start as u64);
@@ -113,34 +116,51 @@ impl Ground {
             starts.extend(joined.starts(regions, d));
             starts.extend(by_kmeans(examples, regions, seed, progress)?);
         }
-        let (mut separators, mut objective) = descended(examples, starts, progress)?;
-        if examples.rows < all.rows && separators.regions > 1 {
-            let start = (separators.winners(all), separators);
-            (separators, objective) = descended(all, vec![start], progress)?;
-        }
-        let (error, separators) = settled(all, separators);
-        Ok(Refined { rule: rule(&separators), objective, error })
+        let (separators, objective) = descended(examples, starts, progress)?;
+        Ok(Begun { separators, objective, few: few.is_some() })
     }
 
-    /// Borders between which maps hold: those of as many regions, of the numbers of [`BORDERS`], as the Bayesian information criterion of these rows says.
+    /// What was begun, refined on all rows.
+    fn finished(&self, found: Begun, progress: &dyn Progress) -> Result<Refined, Error> {
+        let Begun { mut separators, mut objective, few } = found;
+        if few && separators.regions > 1 {
+            let start = (separators.winners(&self.examples), separators);
+            (separators, objective) = descended(&self.examples, vec![start], progress)?;
+        }
+        Ok(Refined { rule: rule(&separators), objective })
+    }
+
+    /// Borders between which maps hold: those of as many regions, of the numbers of [`BORDERS`], as the Bayesian information criterion says, of few of the rows where there are many.
     ///
     /// # Errors
     /// Cancelled.
     pub(crate) fn borders(&mut self, progress: &dyn Progress) -> Result<Rule, Error> {
-        let (d, p, q) = (self.examples.dimensions, self.examples.regressors, self.examples.targets as f64);
-        let rows = self.examples.weight;
-        let mut best: Option<(f64, Rule)> = None;
+        let mut best: Option<(f64, Begun)> = None;
         for regions in BORDERS {
-            let found = self.refine(regions.min(LIMIT / (d + 1)), progress)?;
-            let numbers = found.rule.count() as f64 * (q * (p + 1) as f64 + (d + 1) as f64);
-            let square = (found.error / (rows * q)).max(f64::MIN_POSITIVE);
-            let criterion = rows * q * square.ln() + numbers * rows.ln();
+            let found = self.begun(regions.min(LIMIT / (self.examples.dimensions + 1)), progress)?;
+            let criterion = criterion(self.few.as_ref().unwrap_or(&self.examples), &found.separators);
             if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
-                best = Some((criterion, found.rule));
+                best = Some((criterion, found));
             }
         }
-        Ok(best.map_or(Rule::Whole, |(_, rule)| rule))
+        best.map_or(Ok(Rule::Whole), |(_, found)| Ok(self.finished(found, progress)?.rule))
     }
+}
+
+/// Separators that were found, and whether on few of the rows.
+struct Begun {
+    separators: Separators,
+    objective: Vec<f64>,
+    few: bool,
+}
+
+/// The Bayesian information criterion of the regions that separators tell, each with its own map.
+fn criterion(examples: &Examples, separators: &Separators) -> f64 {
+    let grams = examples.grams(&separators.winners(examples), separators.regions);
+    let (rows, q) = (examples.weight, examples.targets as f64);
+    let square = grams.iter().map(|gram| examples.error(gram)).sum::<f64>() / (rows * q);
+    let numbers = q * (examples.regressors + 1) as f64 + (examples.dimensions + 1) as f64;
+    rows * q * square.max(f64::MIN_POSITIVE).ln() + separators.regions as f64 * numbers * rows.ln()
 }
 
 /// The separators that fit best of those which descents from some starts end with, and the objective on the way there.
