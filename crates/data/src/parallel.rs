@@ -3,9 +3,9 @@
 //! Results come back in the order of the pieces, whoever computed them, so that nothing downstream can depend on the number of threads.
 
 use std::{
-    cell::Cell,
+    cell::RefCell,
     sync::{
-        Mutex, PoisonError,
+        Arc, Mutex, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
 };
@@ -124,14 +124,16 @@ pub fn parallel_all<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync) -> 
 }
 
 /// Calls `work` with the number and the values of every piece of `size` values (the last may be shorter): pieces are written where they lie, and what `work` says of
-/// them comes in their order. Within a piece of other parallel work all threads are taken: there it is done by the one that asks.
+/// them comes in their order. Within a piece of other parallel work all threads are taken while pieces of that wait to begin: until then it is done by the one that
+/// asks, and by all that have nothing else to do once none waits.
 pub fn parallel_pieces<T: Send, R: Send>(
     values: &mut [T],
     size: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
 ) -> Vec<R> {
     let size = size.max(1);
-    if INSIDE.get() || values.len() <= size {
+    let taken = INSIDE.with_borrow(|inside| inside.as_ref().is_some_and(|work| work.waits()));
+    if taken || values.len() <= size {
         return values.chunks_mut(size).enumerate().map(|(i, piece)| work(i, piece)).collect();
     }
     let pieces: Vec<Mutex<&mut [T]>> = values.chunks_mut(size).map(Mutex::new).collect();
@@ -141,21 +143,35 @@ pub fn parallel_pieces<T: Send, R: Send>(
     })
 }
 
+/// Parallel work, and the work that it is a piece's of.
+struct Begun {
+    /// Pieces that have not begun.
+    waiting: AtomicUsize,
+    around: Option<Arc<Begun>>,
+}
+
+impl Begun {
+    fn waits(&self) -> bool {
+        self.waiting.load(Ordering::Relaxed) > 0 || self.around.as_ref().is_some_and(|around| around.waits())
+    }
+}
+
 thread_local! {
-    /// Whether this thread computes a piece.
-    static INSIDE: Cell<bool> = const { Cell::new(false) };
+    /// What this thread computes a piece of.
+    static INSIDE: RefCell<Option<Arc<Begun>>> = const { RefCell::new(None) };
 }
 
 /// Computes a piece.
-fn inside<R>(work: impl FnOnce() -> R) -> R {
+fn inside<R>(of: &Arc<Begun>, work: impl FnOnce() -> R) -> R {
     /// Puts back what was, however the piece ends.
-    struct Restore(bool);
+    struct Restore(Option<Arc<Begun>>);
     impl Drop for Restore {
         fn drop(&mut self) {
-            INSIDE.set(self.0);
+            INSIDE.set(self.0.take());
         }
     }
-    let _restore = Restore(INSIDE.replace(true));
+    of.waiting.fetch_sub(1, Ordering::Relaxed);
+    let _restore = Restore(INSIDE.replace(Some(of.clone())));
     work()
 }
 
@@ -173,6 +189,7 @@ where
     E: Send + From<Cancelled>,
 {
     let (wave, stop) = (wave(count), stop::current());
+    let begun = Arc::new(Begun { waiting: AtomicUsize::new(count), around: INSIDE.with_borrow(Clone::clone) });
     // A wave is computed into one half while the other half is folded.
     let slots: Vec<Mutex<Option<Result<R, E>>>> = (0..(2 * wave).min(count)).map(|_| Mutex::new(None)).collect();
     let slot = |i: usize| slots[i % (2 * wave)].lock().unwrap_or_else(PoisonError::into_inner);
@@ -185,7 +202,7 @@ where
             let result = if stopped {
                 Err(Cancelled.into())
             } else {
-                let result = stop::under(stop.as_ref(), || inside(|| work(i)));
+                let result = stop::under(stop.as_ref(), || inside(&begun, || work(i)));
                 progress.advance(1, count);
                 result
             };
@@ -267,6 +284,29 @@ mod tests {
             assert!(nested.iter().all(|values| *values == (0..20).collect::<Vec<_>>()));
         }
         assert!(parallel_pieces(&mut [0_u8; 0], 0, |_, _| ()).is_empty());
+    }
+
+    #[test]
+    fn a_piece_shares_its_own_pieces_once_no_other_waits() {
+        let waits = || INSIDE.with_borrow(|inside| inside.as_ref().map(|work| work.waits()));
+        with_threads(1, || {
+            assert_eq!(waits(), None);
+            // Of the outer pieces the last one alone may share, and of its inner ones the last.
+            let found = parallel_all(2, |_| (waits(), parallel_all(2, |_| waits())));
+            let alone = (Some(true), vec![Some(true); 2]);
+            assert_eq!(found, [alone, (Some(false), vec![Some(true), Some(false)])]);
+            assert_eq!(waits(), None);
+        });
+        let nested = |threads| {
+            with_threads(threads, || {
+                parallel_all(3, |_| {
+                    let mut values = vec![0; 1000];
+                    parallel_pieces(&mut values, 10, |i, piece| piece.fill(i));
+                    values
+                })
+            })
+        };
+        assert!([2, 7].into_iter().all(|threads| nested(threads) == nested(1)));
     }
 
     #[test]

@@ -177,19 +177,36 @@ impl Part {
         if let Some(cells) = &mut self.cells {
             cells.add((z, tile.weights(), fold), |set| assignment.cells(set), &regressors);
         }
-        let partitions = self.grams.iter_mut().zip(&mut self.ranges).enumerate();
-        for (partition, (grams, ranges)) in partitions.filter(|(_, (grams, _))| grams.regions() > 0) {
-            let one = grams.regions() == 1 && assigner.segmentation.labels[partition].is_none();
-            let regions = if one {
+        let Some((whole, others)) = self.grams.split_first_mut() else { return };
+        let (mut summed, weights) = (false, tile.weights());
+        let one = |partition: usize, grams: &RegionGrams| {
+            grams.regions() == 1 && assigner.segmentation.labels[partition].is_none()
+        };
+        // The first partition is that of one region: the regions of another one can serve it.
+        for (partition, grams) in (1..).zip(others).filter(|(_, grams)| grams.regions() > 0) {
+            let regions = if one(partition, grams) {
+                grams.add(z, weights, None);
                 None
             } else {
                 assignment.assign(partition, &mut self.regions);
+                if summed {
+                    grams.add(z, weights, Some(&self.regions));
+                } else {
+                    grams.add_with_whole(z, weights, &self.regions, whole);
+                }
+                summed = true;
                 Some(self.regions.as_slice())
             };
-            grams.add(z, tile.weights(), regions);
+            let ranges = &mut self.ranges[partition];
             if !ranges.0.is_empty() {
                 ranges.add(&regressors, regions);
             }
+        }
+        if !summed {
+            whole.add(z, weights, None);
+        }
+        if !self.ranges[0].0.is_empty() {
+            self.ranges[0].add(&regressors, None);
         }
     }
 }

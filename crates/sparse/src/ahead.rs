@@ -12,7 +12,7 @@ const FEW_VALUES: usize = 1 << 18;
 /// Products that are kept: columns come back, or enter later than foreseen.
 const KEPT: usize = 8;
 /// Values that one thread multiplies at once.
-const PIECE: usize = 1 << 18;
+const PIECE: usize = 1 << 16;
 
 /// Products `A'a_j` of the columns of A that were foreseen.
 #[derive(Default)]

@@ -11,6 +11,7 @@
 //! gradients which such columns should have; it adds `1/2 |v|^2 + (1 - s) (r - v)'v`.
 
 use faer::Mat;
+use fleetfoot_data::parallel_pieces;
 
 use crate::{
     Penalty, Quadratic, SparseError, Strength, cholesky,
@@ -23,6 +24,9 @@ use crate::{
 const NO_PENALTY: f64 = 1e-6;
 /// Distance of two gradients, as correlations, that ill-conditioned columns make by rounding.
 const REACHED: f64 = 1e-10;
+
+/// Coefficients that one thread certifies at once.
+const PIECE: usize = 1 << 13;
 
 /// How far coefficients are from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,11 +81,11 @@ pub(crate) fn certify<S: Shape>(
     delta: &Slab,
 ) -> Vec<(Certificate, f64)> {
     let (correlations, rss) = problem.residual_correlations(delta);
-    let certify = |(k, shape): (usize, &S)| {
+    let certify = |k: usize| {
         let point = Point {
             problem,
             weights,
-            shape,
+            shape: &shapes[k],
             l2,
             delta: delta.column(k),
             correlations: correlations.column(k),
@@ -89,7 +93,12 @@ pub(crate) fn certify<S: Shape>(
         };
         (point.certificate(), rss[k])
     };
-    shapes.iter().enumerate().map(certify).collect()
+    let mut found = vec![None; shapes.len()];
+    let at_once = (PIECE / problem.columns().max(1)).max(1);
+    parallel_pieces(&mut found, at_once, |piece, found| {
+        found.iter_mut().zip(piece * at_once..).for_each(|(found, k)| *found = Some(certify(k)));
+    });
+    found.into_iter().flatten().collect()
 }
 
 /// Coefficients with all that is known about them, in correlation form.

@@ -15,7 +15,7 @@ use faer::{
 };
 use fleetfoot_data::checkpoint;
 
-use crate::kernel::norm;
+use crate::kernel::{Slab, norm};
 
 /// Columns that are eliminated at once.
 const PANEL: usize = 256;
@@ -86,22 +86,17 @@ impl Factor {
     }
 }
 
-/// A Cholesky factor whose columns join and leave in blocks, in the lower triangle of a matrix with room for more.
+/// A Cholesky factor whose columns join and leave in blocks, in the lower triangle of a matrix with room for more. What stands above and the room are not touched:
+/// they take no memory before they are.
+#[derive(Default)]
 pub(crate) struct GrowingFactor {
-    lower: Mat<f64>,
+    lower: Slab,
     columns: usize,
-}
-
-impl Default for GrowingFactor {
-    /// Of no columns.
-    fn default() -> Self {
-        Self { lower: Mat::new(), columns: 0 }
-    }
 }
 
 impl GrowingFactor {
     fn lower(&self) -> MatRef<'_, f64> {
-        self.lower.as_ref().submatrix(0, 0, self.columns, self.columns)
+        self.lower.as_mat().submatrix(0, 0, self.columns, self.columns)
     }
 
     /// Columns join behind those that are there: entries of the matrix with these (k x a), and with each other (a x a). False, and nothing done, where the square
@@ -129,24 +124,21 @@ impl GrowingFactor {
         let Some(Factor(left)) = Factor::checked(left, &diagonal, level) else { return false };
         self.reserve(k + a);
         for j in 0..k {
-            self.lower.col_as_slice_mut(j)[k..k + a]
-                .iter_mut()
-                .enumerate()
-                .for_each(|(i, entry)| *entry = with[(j, i)]);
+            let entries = self.lower.column_mut(j)[k..k + a].iter_mut().enumerate();
+            entries.for_each(|(i, entry)| *entry = with[(j, i)]);
         }
         for j in 0..a {
-            self.lower.col_as_slice_mut(k + j)[k + j..k + a].copy_from_slice(&left.col_as_slice(j)[j..]);
+            self.lower.column_mut(k + j)[k + j..k + a].copy_from_slice(&left.col_as_slice(j)[j..]);
         }
         self.columns = k + a;
         true
     }
 
     fn reserve(&mut self, columns: usize) {
-        if columns > self.lower.nrows() {
-            let mut lower = Mat::zeros(columns + columns / 2, columns + columns / 2);
+        if columns > self.lower.rows() {
+            let mut lower = Slab::zeros(columns + columns / 2, columns + columns / 2);
             for j in 0..self.columns {
-                lower.col_as_slice_mut(j)[j..self.columns]
-                    .copy_from_slice(&self.lower.col_as_slice(j)[j..self.columns]);
+                lower.column_mut(j)[j..self.columns].copy_from_slice(&self.lower.column(j)[j..self.columns]);
             }
             self.lower = lower;
         }
@@ -159,17 +151,18 @@ impl GrowingFactor {
         let kept: Vec<usize> = (first..self.columns).filter(|at| places.binary_search(at).is_err()).collect();
         let mut returns = Mat::zeros(kept.len(), places.len());
         for (k, &place) in places.iter().enumerate() {
-            let column = self.lower.col_as_slice(place);
+            let column = self.lower.column(place);
             let entries = returns.col_as_slice_mut(k).iter_mut().zip(&kept).filter(|(_, row)| **row > place);
             entries.for_each(|(entry, &row)| *entry = column[row]);
         }
         for (to, from) in (0..first).chain(kept.iter().copied()).enumerate() {
-            let mut column = self.lower.col_as_slice(from)[..self.columns].to_vec();
+            let mut column = self.lower.column(from)[..self.columns].to_vec();
             kept.iter().enumerate().for_each(|(at, &row)| column[first + at] = column[row]);
-            self.lower.col_as_slice_mut(to)[..self.columns].copy_from_slice(&column);
+            let left = to..first + kept.len();
+            self.lower.column_mut(to)[left.clone()].copy_from_slice(&column[left]);
         }
         self.columns = first + kept.len();
-        let trailing = self.lower.as_mut().submatrix_mut(first, first, kept.len(), kept.len());
+        let trailing = self.lower.as_mat_mut().submatrix_mut(first, first, kept.len(), kept.len());
         let mut ones = Diag::<f64>::ones(places.len());
         rank_r_update_clobber(trailing, returns.as_mut(), ones.as_mut()).is_ok()
     }

@@ -7,7 +7,7 @@ use crate::{
     path::{Point, finish},
     penalty::{Weights, check_ratio, check_strength, check_tolerance},
     pivoting::{MANY, Pivots},
-    products::Products,
+    products::{Products, mirror},
     residual::Residual,
 };
 
@@ -15,8 +15,6 @@ use crate::{
 const JOIN: usize = 32;
 /// One in this many columns of a working set may be there for nothing.
 const SPARE: usize = 4;
-/// Rows and columns that are mirrored at once.
-const MIRROR: usize = 32;
 /// Exchanges of blocks before sweeps are the way.
 const EXCHANGES: usize = 500;
 /// The least violation, as a correlation, that is more than rounding.
@@ -44,7 +42,8 @@ impl Default for CoordinateOptions {
 ///
 /// Cyclic coordinate descent on the Gram matrix (Friedman, Hastie, Tibshirani 2010) of a working set: the columns that the sequential strong rule
 /// (Tibshirani et al. 2012) cannot discard, and then those that break the optimality conditions, until none does: the rule costs time where it
-/// errs, never the answer. From square-root form only the Gram columns of the working set are ever formed. A solution that did not meet the
+/// errs, never the answer. From square-root form only the Gram columns of the working set are ever formed, and from rows only their products with each other;
+/// there the working set begins with what breaks the conditions. A solution that did not meet the
 /// tolerance is marked by [`Solution::converged`], not refused; its certificate says how far it is.
 ///
 /// # Errors
@@ -116,6 +115,8 @@ pub(crate) fn descend(
         points.push(Point { l1: strength.l1, l2: strength.l2, delta, converged });
         epochs.push(used);
     }
+    // Products of thousands of columns are not kept beside those of the certificates.
+    drop(descent);
     let solutions = finish(problem, &weights, points).into_iter().zip(epochs);
     Ok(solutions.map(|(solution, epochs)| Descended { solution, epochs }).collect())
 }
@@ -174,17 +175,47 @@ struct Descent<'a> {
     weights: &'a Weights,
     left: Residual<'a>,
     pivots: Pivots,
-    /// Products of the columns of the last working set.
+    /// Products of the columns of the last working set, where they have no such matrix of their own.
     formed: Formed,
     /// Strength of the solution that the coefficients are.
     l1: f64,
 }
 
-/// The Gram matrix of a working set, and what it was made for. It stays where it is while columns join; the weight of the squares is on its diagonal alone.
+/// The Gram matrix of a working set, and what it was made for, where products are not made pair by pair. It stays where it is while columns join; the weight of
+/// the squares is on its diagonal alone.
 #[derive(Default)]
 struct Formed {
     working: Vec<usize>,
     matrix: Slab,
+}
+
+impl Formed {
+    /// Forgets all columns but those that are kept.
+    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..self.working.len()).filter(|&at| keep(self.working[at])).collect();
+        self.working = kept.iter().map(|&at| self.working[at]).collect();
+        self.matrix.retain(&kept);
+    }
+
+    /// The matrix of a working set, which is the last one with other columns behind it or another one; `ridge` is added to the diagonal.
+    fn of(&mut self, products: &Products<'_>, working: &[usize], ridge: impl Fn(usize) -> f64) -> Slab {
+        let known = self.working.iter().zip(working).take_while(|(a, b)| a == b).count();
+        let mut matrix = std::mem::take(&mut self.matrix);
+        matrix.resize(known, known);
+        matrix.resize(working.len(), working.len());
+        for (at, &j) in working.iter().enumerate() {
+            let column = matrix.column_mut(at);
+            if at >= known {
+                products.with(j, working, column);
+            }
+            column[at] = products.pair(j, j) + ridge(j);
+        }
+        // What is known of the others stands in the columns that are new.
+        mirror(&mut matrix, known, working.len());
+        self.working.clear();
+        self.working.extend_from_slice(working);
+        matrix
+    }
 }
 
 impl<'a> Descent<'a> {
@@ -214,9 +245,10 @@ impl<'a> Descent<'a> {
         let p = self.left.problem.columns();
         let limit: Vec<f64> =
             self.weights.omega.iter().map(|&omega| if omega == 0.0 { 0.0 } else { l1 * omega }).collect();
-        // A column may have risen by as much as the penalty fell.
-        let bound =
-            |j: usize| if limit[j] == 0.0 { 0.0 } else { limit[j] - (self.l1 - l1).max(0.0) * self.weights.omega[j] };
+        // A column may have risen by as much as the penalty fell. Where a pair of columns costs all rows, those are taken that break their limits as it is, and the
+        // others when they do.
+        let fell = if self.left.products.joined().is_some() { 0.0 } else { (self.l1 - l1).max(0.0) };
+        let bound = |j: usize| if limit[j] == 0.0 { 0.0 } else { limit[j] - fell * self.weights.omega[j] };
         let strong = |j: &usize| {
             let gradient = self.left.gradient[*j] - l2 * self.weights.rho[*j] * self.left.delta[*j];
             self.weights.used(*j) && (self.left.delta[*j] != 0.0 || limit[*j] == 0.0 || gradient.abs() >= bound(*j))
@@ -244,7 +276,9 @@ impl<'a> Descent<'a> {
                 false => None,
             };
             let used = exchanged.unwrap_or_else(|| small.minimise(&mut delta, 0.5 * tolerance, epochs).1);
-            self.formed.matrix = small.matrix;
+            if let Some(matrix) = self.left.products.bring_back(small.matrix) {
+                self.formed.matrix = matrix;
+            }
             working.iter().zip(&delta).for_each(|(&j, &delta)| self.left.delta[j] = delta);
             self.left.refresh();
             epochs -= used.min(epochs);
@@ -275,52 +309,40 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Where products are made pair by pair: the last working set with the new columns behind it, unless many of it are not wanted any more. More columns than
-    /// are needed do no harm, and the matrix of the others need not be made anew.
-    fn keep(&self, working: &mut Vec<usize>) {
-        if !matches!(self.left.products, Products::Pairs { .. }) {
+    /// The last working set with the new columns behind it, unless many of it are not wanted any more: their products are then forgotten. More columns than are
+    /// needed do no harm, and the matrix of the others need not be made anew.
+    fn keep(&mut self, working: &mut Vec<usize>) {
+        let products = &mut self.left.products;
+        if products.joined().is_none() && working.len() <= MANY {
             return;
         }
         let mut wanted = vec![false; self.left.problem.columns()];
         working.iter().for_each(|&j| wanted[j] = true);
-        let last = &self.formed.working;
-        let unwanted = last.iter().filter(|&&j| !wanted[j]).count();
-        if unwanted * SPARE <= last.len() {
-            last.iter().for_each(|&j| wanted[j] = false);
-            working.retain(|&j| wanted[j]);
-            working.splice(0..0, last.iter().copied());
+        let last = products.joined().unwrap_or(&self.formed.working);
+        if last.iter().filter(|&&j| !wanted[j]).count() * SPARE > last.len() {
+            products.retain(|j| wanted[j]);
+            self.formed.retain(|j| wanted[j]);
         }
+        let last = products.joined().unwrap_or(&self.formed.working);
+        last.iter().for_each(|&j| wanted[j] = false);
+        working.retain(|&j| wanted[j]);
+        working.splice(0..0, last.iter().copied());
     }
 
     /// The problem in the columns of the working set; all others are zero.
     fn small(&mut self, working: &[usize], limit: &[f64], l2: f64) -> Small {
         let products = &mut self.left.products;
         products.form(working);
-        let formed = &mut self.formed;
-        let known = formed.working.iter().zip(working).take_while(|(a, b)| a == b).count();
-        let mut matrix = std::mem::take(&mut formed.matrix);
-        matrix.resize(known, known);
-        matrix.resize(working.len(), working.len());
-        for (at, &j) in working.iter().enumerate() {
-            let column = matrix.column_mut(at);
-            if at >= known {
-                products.with(j, working, column);
+        let matrix = match products.lend() {
+            Some(mut matrix) => {
+                debug_assert_eq!(matrix.columns(), working.len());
+                working.iter().enumerate().for_each(|(at, &j)| {
+                    matrix.column_mut(at)[at] = products.pair(j, j) + l2 * self.weights.rho[j];
+                });
+                matrix
             }
-            column[at] = products.pair(j, j) + l2 * self.weights.rho[j];
-        }
-        // What is known of the others stands in the columns that are new.
-        for (at, block) in
-            (0..known).step_by(MIRROR).flat_map(|at| (known..working.len()).step_by(MIRROR).map(move |row| (at, row)))
-        {
-            for row in block..(block + MIRROR).min(working.len()) {
-                for column in at..(at + MIRROR).min(known) {
-                    let value = matrix.column(row)[column];
-                    matrix.column_mut(column)[row] = value;
-                }
-            }
-        }
-        formed.working.clear();
-        formed.working.extend_from_slice(working);
+            None => self.formed.of(products, working, |j| l2 * self.weights.rho[j]),
+        };
         let mut target: Vec<f64> = working.iter().map(|&j| self.left.target[j]).collect();
         target.resize(matrix.stride(), 0.0);
         Small {

@@ -37,7 +37,14 @@ impl Small {
     /// b - M d, padded.
     pub(crate) fn gradient(&self, delta: &[f64]) -> Vec<f64> {
         let mut gradient = self.target.clone();
-        self.matrix.subtract(delta, &mut gradient);
+        if self.columns() <= FEW {
+            self.matrix.subtract(delta, &mut gradient);
+            return gradient;
+        }
+        // Most coefficients of many are zero.
+        let active: Vec<usize> = (0..self.columns()).filter(|&j| delta[j] != 0.0).collect();
+        let values: Vec<f64> = active.iter().map(|&j| delta[j]).collect();
+        self.matrix.subtract_columns(&active, &values, &mut gradient);
         gradient
     }
 

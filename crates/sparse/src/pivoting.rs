@@ -6,7 +6,6 @@ use fleetfoot_data::checkpoint;
 use crate::{
     cholesky::GrowingFactor,
     descent::{Small, violation},
-    kernel::add_scaled,
 };
 
 /// Columns from which on exchanges of blocks are cheaper than sweeps.
@@ -70,13 +69,13 @@ impl Pivots {
                 continue;
             }
             delta.fill(0.0);
-            let mut gradient = small.target.clone();
-            self.step(small, working, &side, delta, &mut gradient);
+            self.step(small, working, &side, delta, &small.target);
+            let mut gradient = small.gradient(delta);
             last = Exchange::of(small, delta, &gradient, tolerance, &side);
             let changed = last.changes;
             if changed == 0 {
                 // What rounding of the factor has left.
-                self.step(small, working, &side, delta, &mut gradient);
+                self.step(small, working, &side, delta, &gradient);
                 gradient = small.gradient(delta);
                 if small.violation(delta, &gradient) <= tolerance {
                     return Some(round);
@@ -103,15 +102,12 @@ impl Pivots {
         None
     }
 
-    /// Adds to the active coefficients what their conditions ask for; the gradient follows.
-    fn step(&self, small: &Small, working: &[usize], side: &[f64], delta: &mut [f64], gradient: &mut [f64]) {
+    /// Adds to the active coefficients what their conditions ask for at this gradient.
+    fn step(&self, small: &Small, working: &[usize], side: &[f64], delta: &mut [f64], gradient: &[f64]) {
         let local = places(working);
         let order: Vec<usize> = self.order.iter().map(|&column| local[column]).collect();
         let wanted: Vec<f64> = order.iter().map(|&j| gradient[j] - small.limit[j] * side[j]).collect();
-        for (&j, step) in order.iter().zip(self.factor.solve(&wanted)) {
-            delta[j] += step;
-            add_scaled(-step, small.matrix.column(j), gradient);
-        }
+        order.iter().zip(self.factor.solve(&wanted)).for_each(|(&j, step)| delta[j] += step);
     }
 
     /// Makes the factor that of the active columns; false where they depend on each other.

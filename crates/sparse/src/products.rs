@@ -20,15 +20,17 @@ pub(crate) enum Products<'a> {
     Pairs { rows: &'a Slab, target: &'a [f64], pairs: Pairs },
 }
 
-/// A symmetric matrix that grows by rows.
+/// A symmetric matrix that grows by columns, and its only copy: who works on it lends it and brings it back.
 #[derive(Default)]
 pub(crate) struct Pairs {
     /// The columns in the order in which they joined.
     joined: Vec<usize>,
     /// Place of a column there.
     place: Vec<Option<usize>>,
-    /// Row k: the products with the columns that joined before, and with itself.
-    products: Vec<Vec<f64>>,
+    /// Their products with each other.
+    matrix: Slab,
+    /// Those with themselves.
+    squares: Vec<f64>,
 }
 
 impl<'a> Products<'a> {
@@ -74,6 +76,40 @@ impl<'a> Products<'a> {
         }
     }
 
+    /// Where products are made pair by pair: the columns that they are of, in the order of their matrix.
+    pub(crate) fn joined(&self) -> Option<&[usize]> {
+        match self {
+            Self::Pairs { pairs, .. } => Some(&pairs.joined),
+            _ => None,
+        }
+    }
+
+    /// Forgets all pairs but those of the columns that are kept.
+    pub(crate) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        if let Self::Pairs { pairs, .. } = self {
+            pairs.retain(keep);
+        }
+    }
+
+    /// The matrix of all columns that joined, out of its place until it is brought back ([`Products::bring_back`]): what is on its diagonal is the borrower's.
+    pub(crate) fn lend(&mut self) -> Option<Slab> {
+        match self {
+            Self::Pairs { pairs, .. } => Some(std::mem::take(&mut pairs.matrix)),
+            _ => None,
+        }
+    }
+
+    /// Brings back what was lent; `None` where nothing was.
+    pub(crate) fn bring_back(&mut self, matrix: Slab) -> Option<Slab> {
+        match self {
+            Self::Pairs { pairs, .. } => {
+                pairs.matrix = matrix;
+                None
+            }
+            _ => Some(matrix),
+        }
+    }
+
     /// The product of two columns that were formed.
     pub(crate) fn pair(&self, i: usize, j: usize) -> f64 {
         match self {
@@ -110,6 +146,8 @@ impl<'a> Products<'a> {
 const FEW_VALUES: usize = 1 << 15;
 /// Columns that all new ones are multiplied with at once.
 const PANEL: usize = 64;
+/// New columns that are multiplied at once, at most.
+const AT_ONCE: usize = 512;
 
 /// Some columns beside each other.
 fn gathered(rows: &Slab, columns: &[usize]) -> Mat<f64> {
@@ -120,47 +158,85 @@ fn gathered(rows: &Slab, columns: &[usize]) -> Mat<f64> {
     values
 }
 
+/// Rows and columns that are mirrored at once.
+const MIRROR: usize = 32;
+
+/// Makes a matrix symmetric whose columns `first..last` say what stands above their diagonal.
+pub(crate) fn mirror(matrix: &mut Slab, first: usize, last: usize) {
+    for (from, to) in (0..last).step_by(MIRROR).flat_map(|i| (first..last).step_by(MIRROR).map(move |k| (i, k))) {
+        for k in to..(to + MIRROR).min(last) {
+            for i in from..(from + MIRROR).min(k) {
+                let value = matrix.column(k)[i];
+                matrix.column_mut(i)[k] = value;
+            }
+        }
+    }
+}
+
 impl Pairs {
     fn join(&mut self, rows: &Slab, columns: &[usize]) {
         let first = self.joined.len();
+        let mut new = Vec::new();
         for &j in columns {
             if self.place[j].is_none() {
-                self.place[j] = Some(self.joined.len());
-                self.joined.push(j);
+                self.place[j] = Some(first + new.len());
+                new.push(j);
             }
         }
-        self.products.resize(self.joined.len(), Vec::new());
-        let new = self.joined.len() - first;
-        if new * rows.rows() < FEW_VALUES {
+        if !new.is_empty() {
+            self.matrix.resize(first + new.len(), first + new.len());
+        }
+        new.chunks(AT_ONCE).for_each(|some| self.join_some(rows, some));
+    }
+
+    /// The products of columns that have their places.
+    fn join_some(&mut self, rows: &Slab, new: &[usize]) {
+        let first = self.joined.len();
+        self.joined.extend_from_slice(new);
+        let last = self.joined.len();
+        if new.len() * rows.rows() < FEW_VALUES {
             // One column after the other against all new ones, which stay in cache meanwhile.
             for (i, &column) in self.joined.iter().enumerate() {
                 checkpoint();
-                for k in first.max(i)..self.joined.len() {
-                    self.products[k].push(dot(rows.column(column), rows.column(self.joined[k])));
+                for k in first.max(i)..last {
+                    let product = dot(rows.column(column), rows.column(self.joined[k]));
+                    (self.matrix.column_mut(k)[i], self.matrix.column_mut(i)[k]) = (product, product);
                 }
             }
-            return;
-        }
-        let columns = gathered(rows, &self.joined[first..]);
-        let mut panels: Vec<&[usize]> = self.joined.chunks(PANEL).collect();
-        let found = parallel_pieces(&mut panels, 1, |_, panel| {
-            checkpoint();
-            let mut products = Mat::zeros(panel[0].len(), new);
-            let left = gathered(rows, panel[0]);
-            matmul(products.as_mut(), Accum::Replace, left.transpose(), &columns, 1.0, Par::Seq);
-            products
-        });
-        for (k, row) in self.products[first..].iter_mut().enumerate() {
-            for products in &found {
-                let wanted = (first + k + 1 - row.len()).min(products.nrows());
-                row.extend_from_slice(&products.col_as_slice(k)[..wanted]);
+        } else {
+            let columns = gathered(rows, &self.joined[first..]);
+            let mut panels: Vec<&[usize]> = self.joined.chunks(PANEL).collect();
+            let found = parallel_pieces(&mut panels, 1, |_, panel| {
+                checkpoint();
+                let mut products = Mat::zeros(panel[0].len(), last - first);
+                let left = gathered(rows, panel[0]);
+                matmul(products.as_mut(), Accum::Replace, left.transpose(), &columns, 1.0, Par::Seq);
+                products
+            });
+            for (panel, products) in found.iter().enumerate() {
+                for (k, products) in products.col_iter().enumerate() {
+                    let column = &mut self.matrix.column_mut(first + k)[panel * PANEL..];
+                    column.iter_mut().zip(products.iter()).for_each(|(entry, product)| *entry = *product);
+                }
             }
+            mirror(&mut self.matrix, first, last);
         }
+        self.squares.extend((first..last).map(|k| self.matrix.column(k)[k]));
+    }
+
+    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..self.joined.len()).filter(|&at| keep(self.joined[at])).collect();
+        self.joined.iter().for_each(|&j| self.place[j] = None);
+        self.joined = kept.iter().map(|&at| self.joined[at]).collect();
+        self.joined.iter().enumerate().for_each(|(at, &j)| self.place[j] = Some(at));
+        self.squares = kept.iter().map(|&at| self.squares[at]).collect();
+        self.matrix.retain(&kept);
     }
 
     fn get(&self, i: usize, j: usize) -> f64 {
         match (self.place[i], self.place[j]) {
-            (Some(i), Some(j)) => self.products[i.max(j)][i.min(j)],
+            (Some(i), Some(j)) if i == j => self.squares[i],
+            (Some(i), Some(j)) => self.matrix.column(j)[i],
             _ => f64::NAN,
         }
     }
@@ -202,5 +278,41 @@ mod tests {
             }
             (0..p).for_each(|i| assert!((found[i] - expected[i]).abs() < 1e-14));
         }
+    }
+
+    #[test]
+    fn pairs_are_forgotten_and_made_again() {
+        let x = Mat::from_fn(90, 400, |i, j| ((i * (j + 3) + 5 * j) as f64 * 0.37).sin());
+        let y: Vec<f64> = (0..90).map(|i| (0.9 * i as f64).cos()).collect();
+        let problem = Quadratic::from_rows(x.as_ref(), &y, None, true).unwrap();
+        let mut products = Products::of(&problem);
+        let direct = |i: usize, j: usize| {
+            let Form::Root { a, .. } = &problem.form else { panic!("rows") };
+            dot(a.column(i), a.column(j))
+        };
+        let check = |products: &Products<'_>| {
+            let joined = products.joined().unwrap();
+            for &j in joined.iter().step_by(3) {
+                for &i in joined {
+                    let (found, back) = (products.pair(i, j), products.pair(j, i));
+                    assert!((found - direct(i, j)).abs() < 1e-14 && found == back, "{i} {j}");
+                }
+            }
+            joined.to_vec()
+        };
+        // Few and many at once.
+        products.form(&(0..5).chain(390..400).collect::<Vec<_>>());
+        products.form(&(0..395).rev().collect::<Vec<_>>());
+        assert_eq!(check(&products).len(), 400);
+        products.retain(|j| j % 3 == 1);
+        assert!(check(&products).iter().all(|j| j % 3 == 1));
+        products.form(&[3, 4, 5]);
+        assert_eq!(check(&products).len(), 135);
+        // What is lent comes back with another diagonal.
+        let mut matrix = products.lend().unwrap();
+        (0..135).for_each(|k| matrix.column_mut(k)[k] = 7.0);
+        assert_eq!(products.bring_back(matrix), None);
+        products.form(&[6]);
+        assert_eq!(check(&products).len(), 136);
     }
 }

@@ -1,6 +1,7 @@
 //! The least-squares problem that every solver here takes: a statistic, never rows.
 
-use faer::{Accum, Mat, Par, linalg::matmul::matmul};
+use faer::{Accum, Mat, MatMut, Par, linalg::matmul::matmul};
+use fleetfoot_data::{checkpoint, parallel_pieces};
 
 use crate::kernel::{Slab, dot, padded};
 
@@ -82,28 +83,27 @@ impl Quadratic {
         let mut correlations = Slab::zeros(p, count);
         let rss = match &self.form {
             Form::Root { a, z, beyond } => {
-                let mut explained = Mat::zeros(a.rows(), count);
-                matmul(explained.as_mut(), Accum::Replace, a.as_mat(), delta.as_mat(), 1.0, Par::Seq);
+                let explained = explained(a, delta);
                 let left = Slab::from_fn(a.rows(), count, |i, k| z[i] - explained[(i, k)]);
-                let mut products = Mat::zeros(p, count);
-                matmul(products.as_mut(), Accum::Replace, a.as_mat().transpose(), left.as_mat(), 1.0, Par::Seq);
+                let products = products(a, &left);
                 for k in 0..count {
-                    correlations.column_mut(k)[..p].copy_from_slice(products.col_as_slice(k));
+                    let column = correlations.column_mut(k)[..p].iter_mut().enumerate();
+                    column.for_each(|(j, value)| *value = products[(k, j)]);
                 }
                 (0..count).map(|k| dot(left.column(k), left.column(k)) + beyond).collect()
             }
             Form::Gram { g, c } => {
-                let mut explained = Mat::zeros(p, count);
-                matmul(explained.as_mut(), Accum::Replace, g.as_mat(), delta.as_mat(), 1.0, Par::Seq);
+                let explained = if p < MANY { explained(g, delta).transpose().to_owned() } else { products(g, delta) };
                 let left = |k: usize| {
-                    let (column, delta) = (explained.col_as_slice(k), delta.column(k));
+                    let delta = delta.column(k);
                     // 1 - 2 c'd + d'Gd, by the residual correlations.
-                    (0..p).fold(f64::from(self.size > 0.0), |left, j| left - (2.0 * c[j] - column[j]) * delta[j])
+                    let term = |left: f64, j: usize| left - (2.0 * c[j] - explained[(k, j)]) * delta[j];
+                    (0..p).fold(f64::from(self.size > 0.0), term)
                 };
                 let rss = (0..count).map(|k| left(k).max(0.0)).collect();
                 for k in 0..count {
                     for (j, value) in correlations.column_mut(k)[..p].iter_mut().enumerate() {
-                        *value = c[j] - explained[(j, k)];
+                        *value = c[j] - explained[(k, j)];
                     }
                 }
                 rss
@@ -149,4 +149,49 @@ impl Quadratic {
             None => 0.0,
         }
     }
+}
+
+/// Columns from which on few coefficients are told apart from those that are zero.
+const MANY: usize = 256;
+/// Columns with coefficients that are multiplied at once.
+const AT_ONCE: usize = 256;
+/// Values of the columns that one thread multiplies at once.
+const PIECE: usize = 1 << 16;
+
+/// `A D` (m x k): by the columns that have coefficients where these are few of many.
+fn explained(a: &Slab, delta: &Slab) -> Mat<f64> {
+    let (p, count) = (a.columns(), delta.columns());
+    let mut explained = Mat::zeros(a.rows(), count);
+    let used = |&j: &usize| (0..count).any(|k| delta.column(k)[j] != 0.0);
+    let some: Vec<usize> = if p < MANY { Vec::new() } else { (0..p).filter(used).collect() };
+    if p < MANY || 2 * some.len() > p {
+        matmul(explained.as_mut(), Accum::Replace, a.as_mat(), delta.as_mat(), 1.0, Par::Seq);
+        return explained;
+    }
+    for some in some.chunks(AT_ONCE) {
+        let mut columns = Slab::zeros(a.rows(), some.len());
+        some.iter().enumerate().for_each(|(at, &j)| columns.column_mut(at).copy_from_slice(a.column(j)));
+        let values = Mat::from_fn(some.len(), count, |at, k| delta.column(k)[some[at]]);
+        matmul(explained.as_mut(), Accum::Add, columns.as_mat(), &values, 1.0, Par::Seq);
+    }
+    explained
+}
+
+/// `B'A` (k x p), some columns of A at a time.
+fn products(a: &Slab, b: &Slab) -> Mat<f64> {
+    let (p, count) = (a.columns(), b.columns());
+    if p < MANY {
+        let mut products = Mat::zeros(p, count);
+        matmul(products.as_mut(), Accum::Replace, a.as_mat().transpose(), b.as_mat(), 1.0, Par::Seq);
+        return products.transpose().to_owned();
+    }
+    let mut values = vec![0.0; p * count];
+    let at_once = (PIECE / a.stride()).max(1);
+    parallel_pieces(&mut values, at_once * count.max(1), |piece, values| {
+        checkpoint();
+        let width = values.len() / count;
+        let out = MatMut::from_column_major_slice_mut(values, count, width);
+        matmul(out, Accum::Replace, b.as_mat().transpose(), a.as_mat().subcols(piece * at_once, width), 1.0, Par::Seq);
+    });
+    Mat::from_fn(count, p, |k, j| values[j * count + k])
 }

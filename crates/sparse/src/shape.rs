@@ -5,7 +5,7 @@ use crate::penalty::{Sign, Weights};
 /// A penalty at one strength, in correlation form (p columns).
 ///
 /// The certificate of coefficients under any penalty needs this and nothing else: a new penalty brings a new shape, not a new certificate.
-pub(crate) trait Shape {
+pub(crate) trait Shape: Sync {
     /// The penalty of coefficients.
     fn value(&self, delta: &[f64]) -> f64;
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use faer::{Accum, Mat, MatMut, Par, linalg::matmul::matmul};
-use fleetfoot_data::checkpoint;
+use fleetfoot_data::{checkpoint, parallel_pieces};
 use pulp::{Simd, WithSimd};
 
 use crate::kernel::{COLUMNS_AT_ONCE, MANY_COLUMNS, Slab, dot_in, padded};
@@ -38,6 +38,11 @@ impl PivotedCholesky {
     /// are, the factor is a triangle in the columns' own order.
     pub(crate) fn in_order(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64]) -> Self {
         Self::factored(p, d, entry, floor, if p >= MANY_COLUMNS { GOOD } else { 1.0 })
+    }
+
+    /// [`PivotedCholesky::new`] without any exchange: as far as columns have more left than their floor, in their own order.
+    pub(crate) fn without_exchange(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64]) -> Self {
+        Self::factored(p, d, entry, floor, 0.0)
     }
 
     fn factored(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64], good: f64) -> Self {
@@ -90,7 +95,7 @@ impl PivotedCholesky {
                 pulp::Arch::new().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
             }
             checkpoint();
-            left = left.without(open, behind.clone(), |j| &self.factor.column(j)[from..from + PANEL]);
+            left = left.after(open, behind.clone(), |j| &self.factor.column(j)[from..from + PANEL]);
         }
     }
 
@@ -139,6 +144,8 @@ struct Remainder {
     place: Vec<usize>,
     /// The open columns down to the last of those behind; what stands above the diagonal means nothing.
     values: Slab,
+    /// Places of columns that are done, before those of the others.
+    done: usize,
 }
 
 impl Remainder {
@@ -147,7 +154,7 @@ impl Remainder {
         let columns: Vec<usize> = open.iter().copied().chain(behind).collect();
         columns.iter().enumerate().for_each(|(at, &column)| place[column] = at);
         let values = values(&columns);
-        Self { place, values }
+        Self { place, values, done: 0 }
     }
 
     /// Of an open column and another one.
@@ -156,7 +163,29 @@ impl Remainder {
         self.values.column(i.min(j))[i.max(j)]
     }
 
-    /// The remainder of the columns that are still open, given the rows that every column of the factor got.
+    /// The remainder of the columns that are still open, given the rows that every column of the factor got: where it is if the first ones were the pivots.
+    fn after<'f>(mut self, open: &[usize], behind: Range<usize>, rows: impl Fn(usize) -> &'f [f64]) -> Self {
+        let done = self.done + PANEL;
+        if open.iter().zip(done..).any(|(&column, place)| self.place[column] != place) {
+            return self.without(open, behind, rows);
+        }
+        let columns: Vec<usize> = open.iter().copied().chain(behind).collect();
+        let panel = Mat::from_fn(PANEL, columns.len(), |row, at| rows(columns[at])[row]);
+        let stride = self.values.stride();
+        let own = &mut self.values.values[done * stride..(done + open.len()) * stride];
+        parallel_pieces(own, COLUMNS_AT_ONCE * stride, |piece, values| {
+            let (first, width) = (piece * COLUMNS_AT_ONCE, values.len() / stride);
+            let count = columns.len() - first;
+            let below = MatMut::from_column_major_slice_mut(values, stride, width);
+            let (all, own) = (panel.as_ref().subcols(first, count), panel.as_ref().subcols(first, width));
+            let below = below.submatrix_mut(done + first, 0, count, width);
+            matmul(below, Accum::Add, all.transpose(), own, -1.0, Par::Seq);
+        });
+        self.done = done;
+        self
+    }
+
+    /// [`Remainder::after`] any pivots, in a place of its own.
     fn without<'f>(&self, open: &[usize], behind: Range<usize>, rows: impl Fn(usize) -> &'f [f64]) -> Self {
         Self::new(open, behind, |columns| {
             let count = columns.len();

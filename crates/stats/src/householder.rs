@@ -9,7 +9,9 @@ use faer::Mat;
 use fleetfoot_data::{checkpoint, parallel_pieces};
 use pulp::{Simd, WithSimd};
 
-use crate::kernel::{self, COLUMNS_AT_ONCE, LANES, MANY_COLUMNS, Slab, add_scaled_in, dot_in, norm, padded};
+use crate::kernel::{
+    self, COLUMNS_AT_ONCE, LANES, MANY_COLUMNS, Slab, add_scaled_any, add_scaled_in, dot_any, dot_in, norm, padded,
+};
 
 mod blocked;
 
@@ -115,13 +117,44 @@ impl WithSimd for Fold<'_> {
 ///
 /// A staircase has few rows to reflect: columns taken out of a triangle, or rows of a diagonal between those of a triangle.
 pub fn reduce_columns(values: &mut Slab, last: &[usize]) {
+    reduce(values, last, &mut |_, _, _| ());
+}
+
+/// Reflectors of a reduction, one a column, in their order.
+pub(crate) struct Reflectors(Vec<(usize, f64, Vec<f64>)>);
+
+impl Reflectors {
+    /// As [`reduce_columns`], and the reflectors are kept.
+    pub(crate) fn of_columns(values: &mut Slab, last: &[usize]) -> Self {
+        let mut kept = Vec::with_capacity(last.len());
+        reduce(values, last, &mut |column, beta, v| {
+            if beta != 0.0 {
+                kept.push((column, beta, v.to_vec()));
+            }
+        });
+        Self(kept)
+    }
+
+    /// `Q x` in the place of x (as many entries as there were rows), where `Q'` reduced the columns.
+    pub(crate) fn apply(&self, x: &mut [f64]) {
+        for (first, beta, v) in self.0.iter().rev() {
+            let x = &mut x[*first..*first + v.len()];
+            let step = beta * dot_any(v, x);
+            add_scaled_any(-step, v, x);
+        }
+    }
+}
+
+/// [`reduce_columns`]; `keep` hears of every column, the factor of its reflector, and its vector from the column's own row on.
+fn reduce(values: &mut Slab, last: &[usize], keep: &mut dyn FnMut(usize, f64, &[f64])) {
     if blocked::pays(values) {
-        return blocked::reduce_columns(values, last);
+        return blocked::reduce_columns(values, last, keep);
     }
     let until = values.columns();
     let mut v = vec![0.0; values.stride()];
     for (column, &last) in last.iter().enumerate() {
-        pulp::Arch::new().dispatch(Reduce { values, v: &mut v, column, last, until });
+        let beta = pulp::Arch::new().dispatch(Reduce { values, v: &mut v, column, last, until });
+        keep(column, beta, v.get(column..=last).unwrap_or(&[]));
     }
 }
 
@@ -275,19 +308,24 @@ pub(crate) fn solve_upper(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
     (0..b.ncols()).for_each(|t| kernel::solve_upper(|k| r.col_as_slice(k), &mut b.col_as_slice_mut(t)[..n]));
 }
 
-/// Solves `R'x = b` in place for the leading `n x n` upper triangle of `r`.
-pub(crate) fn solve_upper_transposed(r: &Mat<f64>, n: usize, b: &mut Mat<f64>) {
-    (0..b.ncols()).for_each(|t| kernel::solve_upper_transposed(|k| r.col_as_slice(k), &mut b.col_as_slice_mut(t)[..n]));
-}
-
 /// Estimate, from below and usually within a few per cent, of the condition number (2-norm) of the leading `n x n` upper triangle of
 /// `r` with its columns scaled to unit length: power iteration on R'R and on its inverse. 1 when n is 0.
 pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
+    condition_of(|j| r.col_as_slice(j), n)
+}
+
+/// [`condition`] of a triangle that is given by its columns.
+pub(crate) fn condition_of<'r>(column: impl Fn(usize) -> &'r [f64], n: usize) -> f64 {
     if n == 0 {
         return 1.0;
     }
-    let scale: Vec<f64> = (0..n).map(|j| norm(&r.col_as_slice(j)[..=j])).collect();
-    let unit = Mat::from_fn(n, n, |i, j| if i <= j { r[(i, j)] / scale[j] } else { 0.0 });
+    let length: Vec<f64> = (0..n).map(|j| length_of(&column(j)[..=j])).collect();
+    let many = n >= MANY_COLUMNS;
+    // Many columns are scaled on the way.
+    let scaled = (!many).then(|| Mat::from_fn(n, n, |i, j| if i <= j { column(j)[i] / length[j] } else { 0.0 }));
+    let length = if many { length } else { vec![1.0; n] };
+    let unit = |j: usize| scaled.as_ref().map_or_else(|| column(j), |scaled| scaled.col_as_slice(j));
+    let scale = |x: &mut [f64]| x.iter_mut().zip(&length).for_each(|(x, length)| *x *= length);
     let mut growth = [1.0_f64; 2];
     for (which, growth) in growth.iter_mut().enumerate() {
         // A start with a component along everything, the same every time.
@@ -295,17 +333,19 @@ pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
         let mut x = Mat::from_fn(n, 1, |i, _| start(i));
         for round in 0..12 {
             checkpoint();
-            let (length, last) = (norm(x.col_as_slice(0)), *growth);
-            x.col_as_slice_mut(0).iter_mut().for_each(|value| *value /= length);
+            let (own, last) = (norm(x.col_as_slice(0)), *growth);
+            x.col_as_slice_mut(0).iter_mut().for_each(|value| *value /= own);
             if which == 0 {
-                multiply_both(&unit, x.col_as_slice_mut(0));
+                multiply_both(unit, &length, x.col_as_slice_mut(0));
             } else {
-                solve_upper_transposed(&unit, n, &mut x);
-                solve_upper(&unit, n, &mut x);
+                scale(x.col_as_slice_mut(0));
+                kernel::solve_upper_transposed(unit, x.col_as_slice_mut(0));
+                kernel::solve_upper(unit, x.col_as_slice_mut(0));
+                scale(x.col_as_slice_mut(0));
             }
             *growth = norm(x.col_as_slice(0));
             // Of many columns every round reads a whole matrix.
-            if n >= MANY_COLUMNS && round > 2 && (*growth - last).abs() <= 0.01 * *growth {
+            if many && round > 2 && (*growth - last).abs() <= 0.01 * *growth {
                 break;
             }
         }
@@ -313,15 +353,24 @@ pub(crate) fn condition(r: &Mat<f64>, n: usize) -> f64 {
     (growth[0] * growth[1]).sqrt().max(1.0)
 }
 
-/// `x = R'R x` for an upper triangle.
-fn multiply_both(r: &Mat<f64>, x: &mut [f64]) {
+/// `x = D R'R D x` for an upper triangle, D the inverses of the lengths.
+fn multiply_both<'r>(column: impl Fn(usize) -> &'r [f64], length: &[f64], x: &mut [f64]) {
     let mut product = vec![0.0; x.len()];
-    for (j, x) in x.iter().enumerate() {
-        product[..=j].iter_mut().zip(r.col_as_slice(j)).for_each(|(sum, r)| *sum += r * x);
+    for (j, (x, length)) in x.iter().zip(length).enumerate() {
+        add_scaled_any(x / length, &column(j)[..=j], &mut product[..=j]);
     }
-    for (j, x) in x.iter_mut().enumerate() {
-        *x = product[..=j].iter().zip(r.col_as_slice(j)).map(|(p, r)| p * r).sum();
+    for (j, (x, length)) in x.iter_mut().zip(length).enumerate() {
+        *x = dot_any(&product[..=j], &column(j)[..=j]) / length;
     }
+}
+
+/// The length of a column: by whole vectors where it is long and no square leaves the range.
+fn length_of(values: &[f64]) -> f64 {
+    if values.len() < MANY_COLUMNS {
+        return norm(values);
+    }
+    let squares = dot_any(values, values);
+    if (1e-280..1e280).contains(&squares) { squares.sqrt() } else { norm(values) }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use std::borrow::Borrow;
 
-use faer::MatRef;
+use faer::{MatMut, MatRef};
 use fleetfoot_data::parallel_pieces;
 use pulp::{Simd, WithSimd};
 
@@ -125,6 +125,30 @@ impl Slab {
         MatRef::from_column_major_slice_with_stride(&self.values, self.rows, self.columns(), self.stride)
     }
 
+    /// The matrix without its padding, to be written.
+    pub fn as_mat_mut(&mut self) -> MatMut<'_, f64> {
+        let (rows, columns, stride) = (self.rows, self.columns(), self.stride);
+        MatMut::from_column_major_slice_with_stride_mut(&mut self.values, rows, columns, stride)
+    }
+
+    /// Keeps some of the columns and the rows at the same places, ascending, in its own place.
+    ///
+    /// # Panics
+    /// When a place does not exist.
+    pub fn retain(&mut self, places: &[usize]) {
+        for (to, &from) in places.iter().enumerate() {
+            let (head, tail) = self.values.split_at_mut(from * self.stride);
+            if to == from {
+                let column = &mut tail[..self.stride];
+                places.iter().enumerate().for_each(|(row, &place)| column[row] = column[place]);
+            } else {
+                let column = &mut head[to * self.stride..(to + 1) * self.stride];
+                column.iter_mut().zip(places).for_each(|(entry, &place)| *entry = tail[place]);
+            }
+        }
+        self.resize(places.len(), places.len());
+    }
+
     /// `target -= self x`, x of as many entries as there are columns.
     pub fn subtract(&self, x: &[f64], target: &mut [f64]) {
         self.subtract_below(0, x, target);
@@ -134,7 +158,13 @@ impl Slab {
     pub fn subtract_below(&self, first: usize, x: &[f64], target: &mut [f64]) {
         debug_assert_eq!((x.len(), target.len()), (self.columns(), self.stride));
         let first = (first / LANES * LANES).min(self.stride);
-        pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target });
+        pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target, place: |k| k });
+    }
+
+    /// [`Slab::subtract`] of some of the columns, by their entries of x.
+    pub fn subtract_columns(&self, columns: &[usize], x: &[f64], target: &mut [f64]) {
+        debug_assert_eq!((x.len(), target.len()), (columns.len(), self.stride));
+        pulp::Arch::new().dispatch(Subtract { slab: self, first: 0, x, target, place: |k| columns[k] });
     }
 
     /// Exchanges two columns.
@@ -207,22 +237,48 @@ where
     largest * values.map(|value| (value / largest) * (value / largest)).sum::<f64>().sqrt()
 }
 
-struct Subtract<'a> {
+/// Values of a vector of any length that are taken by whole vectors: those of many, down to the last whole one.
+fn wide(length: usize) -> usize {
+    if length >= MANY_COLUMNS { length / LANES * LANES } else { 0 }
+}
+
+/// `x . y`, both of any one length.
+pub(crate) fn dot_any(x: &[f64], y: &[f64]) -> f64 {
+    let ((x, x_tail), (y, y_tail)) = (x.split_at(wide(x.len())), y.split_at(wide(y.len())));
+    let tail: f64 = x_tail.iter().zip(y_tail).map(|(x, y)| x * y).sum();
+    if x.is_empty() { tail } else { dot(x, y) + tail }
+}
+
+/// `y += factor x`, both of any one length.
+pub(crate) fn add_scaled_any(factor: f64, x: &[f64], y: &mut [f64]) {
+    let ((x, x_tail), (y, y_tail)) = (x.split_at(wide(x.len())), y.split_at_mut(wide(y.len())));
+    if !x.is_empty() {
+        add_scaled(factor, x, y);
+    }
+    y_tail.iter_mut().zip(x_tail).for_each(|(y, x)| *y += factor * x);
+}
+
+struct Subtract<'a, P> {
     slab: &'a Slab,
     first: usize,
     x: &'a [f64],
     target: &'a mut [f64],
+    /// The column of every entry of x.
+    place: P,
 }
 
-impl WithSimd for Subtract<'_> {
+impl<P: Fn(usize) -> usize> WithSimd for Subtract<'_, P> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { slab, first, x, target } = self;
+        let Self { slab, first, x, target, place } = self;
         let stride = slab.stride;
         let (target, _) = S::as_mut_simd_f64s(&mut target[first..]);
-        let part = |column: usize| S::as_simd_f64s(&slab.values[column * stride + first..(column + 1) * stride]).0;
+        let part = |k: usize| {
+            let column = place(k) * stride;
+            S::as_simd_f64s(&slab.values[column + first..column + stride]).0
+        };
         let fours = x.len() / 4 * 4;
         // Four columns at once: a quarter of the traffic of the target.
         for k in (0..fours).step_by(4) {
@@ -249,7 +305,7 @@ pub fn solve_upper<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [f64]) {
         let entries = column(k);
         x[k] /= entries[k];
         let known = x[k];
-        x[..k].iter_mut().zip(entries).for_each(|(x, r)| *x -= r * known);
+        add_scaled_any(-known, &entries[..k], &mut x[..k]);
     }
 }
 
@@ -257,8 +313,7 @@ pub fn solve_upper<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [f64]) {
 pub fn solve_upper_transposed<'r>(column: impl Fn(usize) -> &'r [f64], x: &mut [f64]) {
     for k in 0..x.len() {
         let entries = column(k);
-        let known: f64 = x[..k].iter().zip(entries).map(|(x, r)| x * r).sum();
-        x[k] = (x[k] - known) / entries[k];
+        x[k] = (x[k] - dot_any(&x[..k], &entries[..k])) / entries[k];
     }
 }
 

@@ -5,14 +5,16 @@
 //! factor of X as Householder QR gives.
 
 use faer::{
-    Mat, MatMut, MatRef,
+    Accum, Mat, MatMut, MatRef, Par,
+    linalg::matmul::matmul,
     reborrow::{Reborrow, ReborrowMut},
 };
-use fleetfoot_data::packed_row;
+use fleetfoot_data::{checkpoint, packed_row, parallel_pieces};
 
 use crate::{
-    householder::fold_rows,
-    kernel::{Slab, norm},
+    PivotedCholesky,
+    householder::{condition, fold_rows},
+    kernel::{COLUMNS_AT_ONCE, MANY_COLUMNS, Slab, norm},
     separation::{Separation, separate},
     square_root::noise_level,
     triangle::{PANEL, Triangle},
@@ -84,7 +86,12 @@ impl Preconditioner {
     pub fn from_pilot(rows: MatRef<'_, f64>, p: usize) -> Self {
         let d = rows.ncols();
         assert!(p <= d, "the regressors are columns of the rows");
-        let used: Vec<usize> = (0..rows.nrows()).filter(|&i| (0..d).all(|j| rows[(i, j)].is_finite())).collect();
+        let mut finite = vec![true; rows.nrows()];
+        // Column by column, as they lie.
+        for j in 0..d {
+            finite.iter_mut().enumerate().for_each(|(i, finite)| *finite &= rows[(i, j)].is_finite());
+        }
+        let used: Vec<usize> = (0..rows.nrows()).filter(|&i| finite[i]).collect();
         let (columns, r) = factor_pilot(rows, &used, p);
         let n = (used.len() as f64).max(1.0);
         // What the numbers themselves are rounded to, beside what the factorisation rounds.
@@ -441,40 +448,116 @@ struct PilotColumn {
 }
 
 /// The centred pilot's columns, and the triangle (d x d) of its rows scaled to columns of unit length; a constant column is zero.
+///
+/// Of many columns the triangle is that of their products where these are conditioned well enough ([`WELL_CONDITIONED`]) to lose no digit that matters: half the
+/// work of a reduction of the rows, which is the way else.
 fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotColumn>, Mat<f64>) {
     let d = rows.ncols();
-    let n = (used.len() as f64).max(1.0);
-    let mut constant = vec![false; d];
-    let columns: Vec<PilotColumn> = (0..d)
-        .map(|j| {
-            let values = || used.iter().map(|&i| rows[(i, j)]);
-            // Dividing first keeps the sum finite.
-            let rough: f64 = values().map(|value| value / n).sum();
-            let centre = rough + values().map(|value| (value - rough) / n).sum::<f64>();
-            let largest = values().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-            let spread: Vec<f64> = values().map(|value| value - centre).collect();
-            let length = norm(&spread);
-            let widest = spread.iter().fold(0.0_f64, |widest, value| widest.max(value.abs()));
-            constant[j] = widest <= 4.0 * f64::EPSILON * largest || !(1e-280..1e280).contains(&length);
-            if !constant[j] {
-                return PilotColumn { centre, length };
+    debug_assert!(p <= d);
+    let mut columns: Vec<Option<(PilotColumn, bool)>> = (0..d).map(|_| None).collect();
+    parallel_pieces(&mut columns, COLUMNS_AT_ONCE, |piece, columns| {
+        let first = piece * COLUMNS_AT_ONCE;
+        columns.iter_mut().zip(first..).for_each(|(column, j)| *column = Some(pilot_column(rows, used, j)));
+    });
+    let (columns, constant): (Vec<PilotColumn>, Vec<bool>) = columns.into_iter().flatten().unzip();
+    let write = |chunk: &[usize], j: usize, values: &mut [f64]| {
+        if !constant[j] {
+            for (value, &i) in values.iter_mut().zip(chunk) {
+                *value = (rows[(i, j)] - columns[j].centre) / columns[j].length;
             }
-            // Its own size is the best guess of the size of its changes.
-            let size = if (1e-280..1e280).contains(&centre.abs()) { centre.abs() } else { 1.0 };
-            PilotColumn { centre: if centre.is_finite() { centre } else { 0.0 }, length: size * n.sqrt() }
-        })
-        .collect();
+        }
+    };
+    if p >= MANY_COLUMNS && used.len() > d {
+        let mut unit = Slab::zeros(used.len(), d);
+        let stride = unit.stride();
+        unit.fill_columns(COLUMNS_AT_ONCE, |first, values| {
+            values.chunks_exact_mut(stride).zip(first..).for_each(|(values, j)| write(used, j, values));
+            Vec::<()>::new()
+        });
+        if let Some(r) = factor_of_products(&unit, p) {
+            return (columns, r);
+        }
+    }
     let mut r = Mat::zeros(d, d);
     // Of many columns as many rows as the triangle has: it is read once a chunk.
     for chunk in used.chunks(d.max(PILOT_ROWS)) {
         let mut tile = Slab::zeros(chunk.len(), d);
-        for (j, column) in columns.iter().enumerate().filter(|&(j, _)| !constant[j]) {
-            for (value, &i) in tile.column_mut(j).iter_mut().zip(chunk) {
-                *value = (rows[(i, j)] - column.centre) / column.length;
-            }
-        }
+        (0..d).for_each(|j| write(chunk, j, tile.column_mut(j)));
         fold_rows(&mut r, &mut tile);
     }
-    debug_assert!(p <= d);
     (columns, r)
+}
+
+/// A column of the pilot, and whether it is constant.
+fn pilot_column(rows: MatRef<'_, f64>, used: &[usize], j: usize) -> (PilotColumn, bool) {
+    let n = (used.len() as f64).max(1.0);
+    let values = || used.iter().map(|&i| rows[(i, j)]);
+    // Dividing first keeps the sum finite.
+    let rough: f64 = values().map(|value| value / n).sum();
+    let centre = rough + values().map(|value| (value - rough) / n).sum::<f64>();
+    let largest = values().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let spread: Vec<f64> = values().map(|value| value - centre).collect();
+    let length = norm(&spread);
+    let widest = spread.iter().fold(0.0_f64, |widest, value| widest.max(value.abs()));
+    if widest > 4.0 * f64::EPSILON * largest && (1e-280..1e280).contains(&length) {
+        return (PilotColumn { centre, length }, false);
+    }
+    // Its own size is the best guess of the size of its changes.
+    let size = if (1e-280..1e280).contains(&centre.abs()) { centre.abs() } else { 1.0 };
+    (PilotColumn { centre: if centre.is_finite() { centre } else { 0.0 }, length: size * n.sqrt() }, true)
+}
+
+/// The Cholesky factor of the products of columns (d, the first p of them regressors), as a triangle (d x d): what it leaves of a target stands on that one's
+/// diagonal. `None` where the regressors are not well conditioned.
+fn factor_of_products(unit: &Slab, p: usize) -> Option<Mat<f64>> {
+    let d = unit.columns();
+    let mut products = Slab::zeros(d, d);
+    let stride = products.stride();
+    products.fill_columns(COLUMNS_AT_ONCE, |first, values| {
+        checkpoint();
+        let width = values.len() / stride;
+        let below = MatMut::from_column_major_slice_mut(values, stride, width);
+        let (all, own) = (unit.as_mat().subcols(first, d - first), unit.as_mat().subcols(first, width));
+        matmul(below.submatrix_mut(first, 0, d - first, width), Accum::Replace, all.transpose(), own, 1.0, Par::Seq);
+        Vec::<()>::new()
+    });
+    // Pivots below the square of a column's share in such a condition number are none.
+    let floor = vec![1.0 / (WELL_CONDITIONED * WELL_CONDITIONED * p as f64); p];
+    let found = PivotedCholesky::without_exchange(p, d, |i, j| products.column(i.min(j))[i.max(j)], &floor);
+    if found.rank() < p {
+        return None;
+    }
+    let mut r = Mat::zeros(d, d);
+    for j in 0..d {
+        r.col_as_slice_mut(j)[..p.min(j + 1)].copy_from_slice(&found.factor.column(j)[..p.min(j + 1)]);
+    }
+    (p..d).for_each(|j| r[(j, j)] = found.left[j].max(0.0).sqrt());
+    (condition(&r, p) <= WELL_CONDITIONED).then_some(r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_triangle_of_products_is_that_of_the_rows_where_they_are_well_conditioned() {
+        let (n, p, d) = (900, 300, 302);
+        let value = |i: usize, j: usize| (0.731 * (i * (2 * j + 3) + 7 * j * j) as f64).sin() / (n as f64 / 2.0).sqrt();
+        let mut rows = Slab::from_fn(n, d, value);
+        let found = factor_of_products(&rows, p).expect("well conditioned");
+        let mut r = Mat::zeros(d, d);
+        fold_rows(&mut r, &mut rows);
+        for j in 0..d {
+            for i in 0..=j.min(p - 1) {
+                assert!((found[(i, j)] - r[(i, j)]).abs() < 1e-12, "{i} {j}: {} {}", found[(i, j)], r[(i, j)]);
+            }
+        }
+        // What is left of a target, whatever other target explains of it.
+        let left = |t: usize| (p..=t).map(|i| r[(i, t)] * r[(i, t)]).sum::<f64>().sqrt();
+        (p..d).for_each(|t| assert!((found[(t, t)] - left(t)).abs() < 1e-12, "{t}"));
+        // A column that is nearly another one.
+        let near =
+            Slab::from_fn(n, d, |i, j| value(i, if j == 9 { 4 } else { j }) + f64::from(j == 9) * 1e-3 * value(i, 9));
+        assert!(factor_of_products(&near, p).is_none());
+    }
 }

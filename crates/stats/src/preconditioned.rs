@@ -4,7 +4,7 @@ use faer::Mat;
 
 use crate::{
     Gram, PivotedCholesky, Preconditioner, SquareRoot,
-    householder::{condition, fold_rows},
+    householder::{condition_of, fold_rows},
     kernel::{MANY_COLUMNS, Slab, norm},
     square_root::{add_scaled, noise_level},
 };
@@ -21,8 +21,7 @@ impl Preconditioner {
         let (p, weight) = (self.regressors(), gram.weight);
         let (cholesky, made_from) = self.pivoted(gram);
         let (order, rank) = (&cholesky.order, cholesky.rank());
-        let triangle = Mat::from_fn(rank, rank, |i, j| if i <= j { cholesky.factor.column(order[j])[i] } else { 0.0 });
-        let condition = condition(&triangle, rank);
+        let condition = condition_of(|j| cholesky.factor.column(order[j]), rank);
 
         let factor = self.raw_factor(&cholesky);
         let (mean_x, mean_y) = self.means(gram);

@@ -25,27 +25,37 @@ pub(crate) struct Separation {
     pub(crate) rhs: Mat<f64>,
     /// Condition of the independent columns, each scaled to unit length.
     pub(crate) condition: f64,
-    constant: Vec<bool>,
+    /// Columns that are nothing but noise.
+    pub(crate) constant: Vec<bool>,
 }
 
 /// Separates the columns of `r` (m x p, upper triangular). `noise[j] > 0` is the length below which column j is rounding.
 ///
 /// Dividing every column by its noise makes the noise of all directions 1: a pivot below 1 is rounding and nothing else. The decision
-/// does not depend on the units of the columns. No pivot is shorter than the least singular value: many columns that stand clear of their noise in all
-/// directions are a triangle already, and stay in their order.
+/// does not depend on the units of the columns. No pivot is shorter than the least singular value: many columns of which the first stand clear of their noise
+/// in all directions, and leave nothing but noise of the others, are factored already, and stay in their order.
 pub(crate) fn separate(r: &Mat<f64>, noise: &[f64], rhs: Mat<f64>) -> Separation {
     let constant: Vec<bool> = (0..r.ncols()).map(|j| norm(r.col_as_slice(j)) <= noise[j]).collect();
     let scaled = Mat::from_fn(r.nrows(), r.ncols(), |i, j| if constant[j] { 0.0 } else { r[(i, j)] / noise[j] });
-    let p = r.ncols();
-    let ones = vec![1.0; p];
-    let clear = p >= MANY_COLUMNS && r.nrows() >= p && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
-    let Pivoted { order, rank, r, rhs } = if clear {
-        Pivoted { order: (0..p).collect(), rank: p, r: scaled, rhs }
-    } else {
-        pivoted_qr(&scaled, &rhs, 1.0)
+    let Pivoted { order, rank, r, rhs } = match clear(&scaled) {
+        Some(rank) => Pivoted { order: (0..r.ncols()).collect(), rank, r: scaled, rhs },
+        None => pivoted_qr(&scaled, &rhs, 1.0),
     };
     let condition = condition(&r, rank);
     Separation { order, rank, r, rhs, condition, constant }
+}
+
+/// The rank of a triangle of many columns in units of their noise, where no pivoting is needed to see it.
+fn clear(scaled: &Mat<f64>) -> Option<usize> {
+    let p = scaled.ncols();
+    if p < MANY_COLUMNS || scaled.nrows() < p {
+        return None;
+    }
+    let rank = (0..p).position(|j| scaled[(j, j)].abs() <= 1.0).unwrap_or(p);
+    let left = |j: usize| norm(&scaled.col_as_slice(j)[rank..=j]);
+    let ones = vec![1.0; rank];
+    let found = (rank..p).all(|j| left(j) <= 1.0) && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
+    found.then_some(rank)
 }
 
 impl Separation {

@@ -4,8 +4,8 @@ use faer::{Mat, MatRef};
 
 use crate::{
     SquareRoot,
-    householder::{fold_rows, solve_upper, solve_upper_transposed},
-    kernel::Slab,
+    householder::{Reflectors, fold_rows, solve_upper},
+    kernel::{self, Slab},
     separation::{Separation, separate},
 };
 
@@ -91,7 +91,7 @@ fn units(root: &SquareRoot, scale: &[f64]) -> Vec<f64> {
 
 /// The solution of least norm `|units * beta|` of the separated problem (p x q).
 fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f64> {
-    let Separation { order, rank, r, rhs, .. } = separation;
+    let Separation { order, rank, r, rhs, constant, .. } = separation;
     let (rank, p, q) = (*rank, order.len(), rhs.ncols());
     let mut known = Mat::from_fn(rank, q, |i, t| rhs[(i, t)]);
     let mut coefficients = Mat::zeros(p, q);
@@ -102,25 +102,29 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
         }
         return coefficients;
     }
-    // M gamma = c with gamma = units * beta and M = [R11 R12] in those units; with M' = Q L', gamma = Q L^-1 c. Carrying the identity
-    // through the reduction of M' leaves Q' beside L'.
-    let mut rows = Slab::zeros(p, rank + p);
-    for (k, &column) in order.iter().enumerate() {
-        for i in 0..rank {
-            rows.column_mut(i)[k] = if k >= i { r[(i, k)] * (noise[column] / units[column]) } else { 0.0 };
+    // M gamma = c with gamma = units * beta and M = [R11 R12] in those units, without the columns that are zero; with M' = Q U, gamma = Q U^-T c. Rows and
+    // columns in reverse make a staircase of M': as many entries below its diagonal as there are columns beyond the rank.
+    let kept: Vec<(usize, usize)> =
+        order.iter().copied().enumerate().filter(|&(_, column)| !constant[column]).collect();
+    let m = kept.len();
+    let mut rows = Slab::zeros(m, rank);
+    for (at, &(k, column)) in kept.iter().enumerate() {
+        for i in 0..rank.min(k + 1) {
+            rows.column_mut(rank - 1 - i)[m - 1 - at] = r[(i, k)] * (noise[column] / units[column]);
         }
-        rows.column_mut(rank + k)[k] = 1.0;
     }
-    let mut reduced = Mat::zeros(rank, rank + p);
-    fold_rows(&mut reduced, &mut rows);
+    let last: Vec<usize> = (0..rank).map(|i| m - rank + i).collect();
+    let reflectors = Reflectors::of_columns(&mut rows, &last);
     // M has full row rank up to the noise; a zero here can only come from underflow.
-    if (0..rank).any(|i| reduced[(i, i)] == 0.0) {
+    if (0..rank).any(|i| rows.column(i)[i] == 0.0) {
         return coefficients;
     }
-    solve_upper_transposed(&reduced, rank, &mut known);
-    for (k, &column) in order.iter().enumerate() {
-        for t in 0..q {
-            let gamma: f64 = (0..rank).map(|i| reduced[(i, rank + k)] * known[(i, t)]).sum();
+    for t in 0..q {
+        let mut gamma: Vec<f64> = known.col_as_slice(t).iter().rev().copied().collect();
+        kernel::solve_upper_transposed(|i| rows.column(i), &mut gamma);
+        gamma.resize(m, 0.0);
+        reflectors.apply(&mut gamma);
+        for (&(_, column), gamma) in kept.iter().zip(gamma.iter().rev()) {
             coefficients[(column, t)] = gamma / units[column];
         }
     }
@@ -140,5 +144,48 @@ fn finish(root: &SquareRoot, coefficients: Mat<f64>, separation: &Separation) ->
         rank: separation.rank,
         condition: separation.condition,
         confounded: separation.confounded(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Factor;
+
+    /// Fewer rows than columns, a column that does not vary, and one that is another: the solution of least norm is that of the pseudoinverse.
+    #[test]
+    fn the_least_norm_of_many_columns_is_that_of_the_pseudoinverse() {
+        let (n, p) = (201, 300);
+        let x = Mat::from_fn(n, p, |i, j| match j {
+            7 => 3.0,
+            290 => (0.731 * (i * 23) as f64).sin(),
+            _ => (0.731 * (i * (2 * j + 3)) as f64).sin(),
+        });
+        let y: Vec<f64> = (0..n).map(|i| (0.37 * (i * i) as f64).cos()).collect();
+        let rows = Mat::from_fn(n, p + 1, |i, j| if j < p { x[(i, j)] } else { y[i] });
+        let mut factor = Factor::new(p, 1);
+        factor.push(rows.as_ref(), None);
+        let scale: Vec<f64> = (0..p).map(|j| 1.0 + 0.01 * j as f64).collect();
+        let found = least_squares(&factor.square_root(), &scale);
+        // Centred, in the units of the norm.
+        let mean = |values: &dyn Fn(usize) -> f64| (0..n).map(values).sum::<f64>() / n as f64;
+        let means: Vec<f64> = (0..p).map(|j| mean(&|i| x[(i, j)])).collect();
+        let centred = Mat::from_fn(n, p, |i, j| if j == 7 { 0.0 } else { (x[(i, j)] - means[j]) / scale[j] });
+        let target = Mat::from_fn(n, 1, |i, _| y[i] - mean(&|i| y[i]));
+        let svd = centred.thin_svd().unwrap();
+        let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
+        let rank = (0..n).filter(|&k| s[k] > 1e-10 * s[0]).count();
+        let mut expected = vec![0.0; p];
+        for k in 0..rank {
+            let share = (0..n).map(|i| u[(i, k)] * target[(i, 0)]).sum::<f64>() / s[k];
+            (0..p).for_each(|j| expected[j] += share * v[(j, k)] / scale[j]);
+        }
+        assert_eq!((found.rank, found.coefficients[(7, 0)]), (rank, 0.0));
+        // What the least singular value magnifies.
+        let tolerance = 1e-13 * s[0] / s[rank - 1];
+        for (j, expected) in expected.iter().enumerate() {
+            let found = found.coefficients[(j, 0)];
+            assert!((found - expected).abs() < tolerance, "{j}: {found} {expected}, {tolerance:e}");
+        }
     }
 }

@@ -58,15 +58,16 @@ impl SquareRoot {
     pub(crate) fn assemble(
         (rows, weight): (u64, f64),
         (mean_x, mean_y): (Vec<f64>, Vec<f64>),
-        factor: Mat<f64>,
+        mut factor: Mat<f64>,
         residual: Vec<f64>,
         condition: f64,
         noise: f64,
         magnitude: Vec<f64>,
     ) -> Self {
         let p = mean_x.len();
-        let r = Mat::from_fn(p, p, |i, j| factor[(i, j)]);
         let z = Mat::from_fn(p, mean_y.len(), |i, t| factor[(i, p + t)]);
+        factor.truncate(p, p);
+        let r = factor;
         let total = residual.iter().enumerate().map(|(t, left)| sum_of_squares(z.col_as_slice(t)) + left).collect();
         Self { rows, weight, mean_x, mean_y, r, z, residual, total, condition, noise, magnitude }
     }

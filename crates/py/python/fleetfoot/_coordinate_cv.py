@@ -126,17 +126,24 @@ class PathCV(LinearModel):
         if weight is not None or not design.seen_finite:
             # Rows without weight leave no trace in the sums.
             check_finite(self, X)
-        whole = Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
+        whole = self._whole(design)
         estimators = [self._estimator(ratio, X.shape[1]) for ratio in ratios]
         alphas = [self._grid(whole, ratio, X.shape[1]) if given is None else given for ratio in ratios]
+        kept = None if X.shape[0] <= X.shape[1] else whole
+        # Rows that stay rows are as large as X: they are made again sooner than kept beside those of the folds.
+        del whole
         errors = [self._errors(folds, found, estimator) for found, estimator in zip(alphas, estimators)]
         self.mse_path_ = np.squeeze(np.array(errors))
         self.alphas_ = np.array(alphas) if given is None and len(ratios) > 1 else alphas[0]
         means = [found.mean(axis=1) for found in errors]
         best = int(np.argmin([mean.min() for mean in means]))
         self.alpha_ = float(alphas[best][int(np.argmin(means[best]))])
-        self._refit(whole, ratios[best], estimators[best], X.dtype)
+        self._refit(self._whole(design) if kept is None else kept, ratios[best], estimators[best], X.dtype)
         return self
+
+    def _whole(self, design: _core.Design) -> Posed:
+        """The problem of all rows."""
+        return Posed(_core.Problems.of(design, None, self.fit_intercept), None, None)
 
     def _grid(self, whole: Posed, ratio: float, features: int) -> NDArray[np.float64]:
         return grid(self._largest(whole, ratio, features), self.eps, int(self.alphas))

@@ -50,22 +50,23 @@ pub(super) fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
     debug_assert_eq!(d, r.ncols());
 }
 
-/// [`super::reduce_columns`].
-pub(super) fn reduce_columns(values: &mut Slab, last: &[usize]) {
+/// [`super::reduce`].
+pub(super) fn reduce_columns(values: &mut Slab, last: &[usize], keep: &mut dyn FnMut(usize, f64, &[f64])) {
     let stride = values.stride;
     for from in (0..last.len()).step_by(BLOCK) {
         let to = (from + BLOCK).min(last.len());
         let mut v = Slab::zeros(values.rows(), to - from);
-        let reflect = |column: usize| {
+        let mut reflect = |column: usize| {
             let vector = v.column_mut(column - from);
             let reduce = Reduce { values: &mut *values, v: &mut *vector, column, last: last[column], until: to };
             let beta = pulp::Arch::new().dispatch(reduce);
             if beta == 0.0 {
                 vector.fill(0.0);
             }
+            keep(column, beta, vector.get(column..=last[column]).unwrap_or(&[]));
             beta
         };
-        let factors: Vec<f64> = (from..to).map(reflect).collect();
+        let factors: Vec<f64> = (from..to).map(&mut reflect).collect();
         // Whole vectors around the rows of these reflectors.
         let top = from / LANES * LANES;
         let rows = padded(last[to - 1] + 1).saturating_sub(top);
@@ -171,7 +172,7 @@ mod tests {
             for (column, &last) in last.iter().enumerate() {
                 pulp::Arch::new().dispatch(Reduce { values: &mut one, v: &mut v, column, last, until: k + q });
             }
-            reduce_columns(&mut other, &last);
+            reduce_columns(&mut other, &last, &mut |_, _, _| ());
             assert!(apart(|i, j| one.column(j)[i], |i, j| other.column(j)[i], (rows, k + q)) < 1e-12, "{k} {q}");
         }
     }
@@ -184,7 +185,7 @@ mod tests {
             fold_rows(&mut r, &mut rows);
             (r, rows)
         };
-        // Within a piece of other work a reduction has one thread, outside of it all.
+        // Within a piece of other work a reduction may have one thread, outside of it all.
         let inside = parallel_all(2, fold);
         let alone = fold(0);
         assert!(inside.iter().all(|found| *found == alone));

@@ -2,7 +2,10 @@
 
 use faer::MatRef;
 
-use crate::Gram;
+use crate::{Gram, kernel::MANY_COLUMNS};
+
+/// Rows whose products cost more than a merge, several times over.
+const ROWS_A_MERGE: usize = 32;
 
 /// Gram matrices of those regions of a partition that have rows.
 #[derive(Debug, Clone)]
@@ -31,6 +34,25 @@ impl RegionGrams {
         }
     }
 
+    /// Adds rows to their regions as [`RegionGrams::add`] does, and to the one region of `whole`: the sum of all regions, where that is less work than the
+    /// products once more.
+    pub fn add_with_whole(
+        &mut self,
+        rows: MatRef<'_, f64>,
+        weights: Option<&[f64]>,
+        regions: &[u32],
+        whole: &mut Self,
+    ) {
+        let found = Gram::by_region(rows, weights, regions, self.0.len());
+        let cheap = rows.ncols() >= MANY_COLUMNS && found.len() * ROWS_A_MERGE <= rows.nrows();
+        if cheap && regions.iter().all(|&region| region != u32::MAX) {
+            found.iter().for_each(|(_, gram)| whole.put(0, gram.clone()));
+        } else {
+            whole.add(rows, weights, None);
+        }
+        found.into_iter().for_each(|(region, gram)| self.put(region as usize, gram));
+    }
+
     /// Adds other rows of the same regions.
     pub fn merge(&mut self, other: Self) {
         other.into_regions().for_each(|(region, gram)| self.put(region as usize, gram));
@@ -50,6 +72,33 @@ impl RegionGrams {
         match &mut self.0[region] {
             Some(total) => total.merge(&gram),
             none => *none = Some(gram),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+
+    use super::*;
+
+    #[test]
+    fn the_whole_is_the_sum_of_the_regions() {
+        for (d, unused) in [(3, false), (MANY_COLUMNS + 3, false), (MANY_COLUMNS + 3, true)] {
+            let rows = Mat::from_fn(200, d, |i, j| (0.731 * (i * (2 * j + 3)) as f64).sin() + j as f64);
+            let weights: Vec<f64> = (0..200).map(|i| f64::from(i % 3)).collect();
+            let regions: Vec<u32> = (0..200).map(|i| if unused && i == 5 { u32::MAX } else { i % 2 }).collect();
+            let (mut parts, mut whole) = (RegionGrams::new(2), RegionGrams::new(1));
+            parts.add_with_whole(rows.as_ref(), Some(&weights), &regions, &mut whole);
+            let (mut same, mut all) = (RegionGrams::new(2), RegionGrams::new(1));
+            same.add(rows.as_ref(), Some(&weights), Some(&regions));
+            all.add(rows.as_ref(), Some(&weights), None);
+            assert!(parts.iter().eq(same.iter()));
+            let (found, expected) = (whole.iter().next().unwrap().1, all.iter().next().unwrap().1);
+            assert_eq!((found.rows, found.weight), (expected.rows, expected.weight));
+            for (found, expected) in found.scatter.iter().zip(&expected.scatter) {
+                assert!((found - expected).abs() < 1e-11 * 200.0, "{d}: {found} {expected}");
+            }
         }
     }
 }
