@@ -137,7 +137,7 @@ impl SquareReport {
 
 /// Rows of an episode: filtered, where they are all of it, which does not wait for others; else read, for the filter that goes on along the episode.
 enum Piece {
-    Filtered(FilteredRows),
+    Filtered(Box<FilteredRows>),
     Read(Block),
 }
 
@@ -215,12 +215,13 @@ fn filter_pieces(
             let whole = rows == (0..view.episodes()[episode].rows);
             // The inputs of the row before lead to the first one.
             let block = view.read(episode, rows, Halo { before: 1, after: 0 })?;
-            let found = if whole { Piece::Filtered(begun(episode).follow(&block)) } else { Piece::Read(block) };
+            let found =
+                if whole { Piece::Filtered(Box::new(begun(episode).follow(&block))) } else { Piece::Read(block) };
             Ok::<_, Error>((episode, found))
         },
         |(episode, piece)| {
             let rows = match piece {
-                Piece::Filtered(rows) => rows,
+                Piece::Filtered(rows) => *rows,
                 Piece::Read(block) => {
                     if block.first == 0 {
                         along = Some(begun(episode));
