@@ -111,6 +111,17 @@ impl Specification {
         )
     }
 
+    /// The cells of k-means that its refinement starts from; `None` of what is not refined.
+    pub fn refined_from(&self) -> Option<Self> {
+        match self {
+            Self::Refined(k) => Some(Self::KMeans(*k)),
+            Self::Labels { column, within: Within::Refined(k) } => {
+                Some(Self::Labels { column: column.clone(), within: Within::kmeans(*k) })
+            }
+            _ => None,
+        }
+    }
+
     /// Whether its regions follow from a seed too.
     pub fn is_seeded(&self) -> bool {
         self.clusters().is_some() && !self.is_tree()

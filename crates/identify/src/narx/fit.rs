@@ -9,7 +9,7 @@ use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 use super::{
     FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxTerm, OrderRule, TermRule,
     choose::Chosen,
-    partitions::Choice,
+    partitions::{Choice, start_note},
     runs::free_runs_by_file,
     spans::Spans,
     summed::{Evidence, Sums, by_single_steps},
@@ -182,6 +182,7 @@ impl Fit<'_> {
         let mut notes = Vec::new();
         let partitions = self.partitions(&mut notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
+        notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
         let Choice { partition, seed, .. } = &partitions[chosen.partition];
         let partition = partition.as_ref();
         let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);

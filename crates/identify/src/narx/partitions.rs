@@ -25,7 +25,7 @@ impl Choice {
 }
 
 impl Fit<'_> {
-    /// The partitions asked for, on all rows that train; those that cluster once a start.
+    /// The partitions asked for, and beside them the cells that refinements start from, on all rows that train; those that cluster once a start.
     pub(crate) fn partitions(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Vec<Choice>, Error> {
         if self.options.partitions == [Specification::Average] {
             return Ok(vec![Choice::whole(self.options.seed)]);
@@ -36,7 +36,7 @@ impl Fit<'_> {
             Evidence::Sums(sums) => return sums.partitions(&task, self.options),
         };
         let problem = task.problem(self.step);
-        let mut specifications = self.options.partitions.clone();
+        let mut specifications = with_starts(&self.options.partitions);
         let mut choices = Vec::new();
         for start in 0..self.options.starts as u64 {
             let seed = self.options.seed.wrapping_add(start);
@@ -103,6 +103,33 @@ impl Fit<'_> {
     }
 }
 
+/// Partitions to choose from, and the cells of k-means that refined ones start from: regions that fit one-step errors better need not simulate better, which free runs tell of both.
+/// One partition alone is what was asked for.
+pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
+    let mut all = asked.to_vec();
+    if all.len() > 1 {
+        for start in asked.iter().filter_map(Specification::refined_from) {
+            if !all.contains(&start) {
+                all.push(start);
+            }
+        }
+    }
+    all
+}
+
+/// What is said of a choice of cells that only refinements asked for.
+pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<String> {
+    if asked.contains(&chosen.specification) {
+        return None;
+    }
+    let mut refined = asked.iter().filter(|own| own.refined_from().as_ref() == Some(&chosen.specification));
+    let refined = refined.next()?;
+    let start = &chosen.specification;
+    Some(format!(
+        "{start} was tried as what {refined} starts from: its cells, not refined, simulate the spans that did not train best; `--partition {refined}` alone takes the refined regions"
+    ))
+}
+
 /// Partitions of the rows of a source.
 fn made(
     (problem, specifications, seed): (&Problem, &[Specification], u64),
@@ -161,7 +188,15 @@ mod tests {
         let (cut, folds) = Spans::folds(&source, options.folds, 0).unwrap();
         let found = fit.anew(&partitions, (&cut, &folds), &Silent).unwrap();
         // Those whose regions follow from where rows lie are made once.
-        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 3, 3, 3]);
+        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 3, 3, 3, 0]);
+        // Beside them stands what refinements start from, once.
+        assert_eq!(partitions[5].specification, Specification::KMeans(4));
+        let asked = &options.partitions;
+        assert!(
+            start_note(asked, &partitions[5]).unwrap().contains("refined:4")
+                && start_note(asked, &partitions[1]).is_none()
+        );
+        assert_eq!(with_starts(&asked[2..3]), asked[2..3]);
         found
     }
 
