@@ -1,4 +1,4 @@
-"""Structures of noisy recordings: `fit sindy` as it is, on rows, and on windows, beside pysindy on smoothed differences and on its weak form.
+"""Structures of noisy recordings: `fit sindy` as it is, without smoothed states, on rows, and on windows, beside pysindy on smoothed differences and its weak form.
 
     pip install dysts==0.96 pysindy==2.1.0 numpy scipy sympy
     python benches/peers/weak_form.py --fleetfoot target/release/fleetfoot [--noise 0,0.01,0.05,0.1,0.2] [--seeds 3] [--json results.json]
@@ -81,7 +81,7 @@ def by_fleetfoot(binary, options):
         states = runs[0].shape[1]
         functions = [f"poly({library[0]})"] + (["fourier(1)"] if library[1] else [])
         told = flows.report(binary, runs, period, ["--library", ",".join(functions), *options])
-        return ([None] * states, None) if told is None else (flows.terms(told, term, states), told.get("weak"))
+        return ([None] * states, None) if told is None else (flows.terms(told, term, states), [told.get("weak"), told.get("smooth_states")])
 
     return fit
 
@@ -158,11 +158,13 @@ def main():
     arguments = parser.parse_args()
     methods = {
         "`fit sindy`, nothing else said": by_fleetfoot(arguments.fleetfoot, []),
-        "`fit sindy --weak off`": by_fleetfoot(arguments.fleetfoot, ["--weak=off"]),
-        "`fit sindy --weak auto`": by_fleetfoot(arguments.fleetfoot, ["--weak=auto"]),
+        "`fit sindy --smooth-states on`": by_fleetfoot(arguments.fleetfoot, ["--smooth-states=on"]),
+        "`fit sindy --smooth-states off`": by_fleetfoot(arguments.fleetfoot, ["--smooth-states=off"]),
+        "`fit sindy --weak off`": by_fleetfoot(arguments.fleetfoot, ["--weak=off", "--smooth-states=off"]),
+        "`fit sindy --weak auto`": by_fleetfoot(arguments.fleetfoot, ["--weak=auto", "--smooth-states=off"]),
     }
     for rows in filter(None, arguments.windows.split(",")):
-        methods[f"`fit sindy --weak {rows}`"] = by_fleetfoot(arguments.fleetfoot, [f"--weak={rows}"])
+        methods[f"`fit sindy --weak {rows}`"] = by_fleetfoot(arguments.fleetfoot, [f"--weak={rows}", "--smooth-states=off"])
     if not arguments.no_peers:
         methods |= {
             "pysindy, smoothed differences": by_pysindy(weak=False),

@@ -206,6 +206,46 @@ pub enum EstimateError {
         /// A grid that fits.
         every: usize,
     },
+    /// Recordings that do not fit into memory as a whole.
+    #[error(
+        "{rows} rows of {states} states are smoothed in memory, which has room for {most}: give fewer or shorter logs, or leave the states as they are (--smooth-states off)"
+    )]
+    TooManyRowsToSmooth {
+        /// Rows of all episodes.
+        rows: usize,
+        /// States.
+        states: usize,
+        /// Rows that fit.
+        most: usize,
+    },
+    /// More coefficients than states are smoothed with.
+    #[error(
+        "{count} candidates of all equations together are too many to smooth states with, which takes {most} at most: name fewer candidates (--library, --degree), or leave the states as they are (--smooth-states off)"
+    )]
+    TooManyToSmooth {
+        /// How many.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// A latent that is not a summand of one derivative.
+    #[error(
+        "`{latent}` is no summand of a derivative: states are smoothed with equations that add it to what is known"
+    )]
+    NotAdditive {
+        /// The latent.
+        latent: String,
+    },
+    /// An angle that leaves the turn in which it is recorded.
+    #[error(
+        "the angle `{state}` turns over in episode {episode}: smoothed angles are continuous, and candidates read them within one turn; leave the states as they are (--smooth-states off)"
+    )]
+    AngleTurns {
+        /// The state.
+        state: String,
+        /// The episode.
+        episode: String,
+    },
     /// No episode has what is needed.
     #[error(
         "none of {episodes} episodes can be followed: each lacks all values of one of {columns}, or has fewer than two rows of the grid"

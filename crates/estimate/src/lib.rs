@@ -19,6 +19,8 @@
 //!
 //! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
 //!
+//! [`StateSmoother`] finds the states and the coefficients under which measurements and equations disagree least, both with noise.
+//!
 //! [`resimulate`] finds the states and inputs that obey a model and stay nearest to a recording.
 //!
 //! ```
@@ -49,11 +51,14 @@ mod output_error;
 mod problem;
 mod products;
 mod reads;
+mod recorded;
 mod resimulation;
 mod rows;
 mod separable;
 mod simulation;
+mod smoothing;
 mod step;
+mod transcription;
 mod uncertain;
 
 pub use descent::{Options, Status};
@@ -66,4 +71,5 @@ pub use problem::{Parameter, Residual};
 pub use resimulation::{Certificate, Ending, Resimulated, Resimulation, ResimulationOptions, resimulate};
 pub use separable::{LinearFit, LinearTarget, Separable, SeparableOptions, Start, separable};
 pub use simulation::{MOST_COEFFICIENTS, Simulated, SimulationOptions, simulation_error};
+pub use smoothing::{Settled, SmoothingOptions, StateSmoother, Tracks, Variances};
 pub use uncertain::Uncertain;

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with w_k the weights of the trapezoid rule over the mean step, 0 where nothing was recorded. The constraints zeta are those of Hermite and Simpson (Hargraves and Paris
-//! 1987; order 4 in the step, inputs linear in between) for equations of derivatives, and the next row itself for equations that give it: [`transcription`]. The problem is
+//! 1987; order 4 in the step, inputs linear in between) for equations of derivatives, and the next row itself for equations that give it: `transcription.rs`. The problem is
 //! solved by sequential convex programs within a region of trust ([`descent`]), from the recording itself, with exact derivatives of the compiled model.
 //!
 //! Deviations that nobody names are the noise that the recording shows beside the model: [`noise`].
@@ -16,16 +16,16 @@
 mod descent;
 mod noise;
 mod program;
-mod recorded;
-mod transcription;
 
 use fleetfoot_data::{Progress, Source, parallel_map};
 use fleetfoot_model::{Model, Prediction, Role};
 
-use crate::EstimateError;
+use crate::{
+    EstimateError,
+    recorded::{Reader, Recorded, Survey},
+    transcription::Transcription,
+};
 use descent::{Followed, follow};
-use recorded::{Reader, Recorded, Survey};
-use transcription::Transcription;
 
 /// How recordings are followed.
 #[derive(Debug, Clone, PartialEq)]

@@ -111,7 +111,8 @@ pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, 
 pub use sindy::{
     Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
     Parameter, ParameterReport, Provenance, RegionReport, SettledDifference, SindyFitted, SindyOptimizer, SindyOptions,
-    SindyPlan, SindyReport, SindyRequest, TermReport, Windows, fit_sindy, plan_sindy,
+    SindyPlan, SindyReport, SindyRequest, SmoothStates, StateNoise, StateSmoothing, TermReport, Windows, fit_sindy,
+    plan_sindy,
 };
 pub use sparse_fit::{
     CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,

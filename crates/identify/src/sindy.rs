@@ -14,6 +14,7 @@ mod parameters;
 mod plan;
 mod refined;
 mod report;
+mod smoothed;
 mod solve;
 mod spans;
 mod statistic;
@@ -43,6 +44,7 @@ pub use parameters::Parameter;
 pub use plan::{SindyPlan, plan_sindy};
 pub(crate) use refined::coefficients_of;
 pub use report::{EquationReport, FrontPoint, ParameterReport, RegionReport, SindyReport, TermReport};
+pub use smoothed::{SmoothStates, StateNoise, StateSmoothing};
 pub(crate) use solve::keys;
 use solve::{Solved, Solver};
 pub(crate) use statistic::beneath;
@@ -132,8 +134,14 @@ pub fn fit_sindy(
         None => format!("sindy {}", options.optimizer.name()),
         Some(partition) => format!("sindy {}, {}", options.optimizer.name(), partition.specification),
     };
-    let provenance = evidence.provenance(&method, &recipe, options.seed);
-    let chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
+    let mut provenance = evidence.provenance(&method, &recipe, options.seed);
+    let mut chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
+    let smoothed = smoothed::smoothed(&recipe, &options, &evidence, &chosen[0], logs, (&mut notes, progress))?;
+    let plain = chosen.clone();
+    if let Some(found) = smoothed.as_ref().filter(|found| found.told.written) {
+        provenance.method.push_str(", smoothed states");
+        chosen = vec![found.coefficients.clone()];
+    }
     let model_of = |chosen: &[Mat<f64>]| {
         evidence.task.model(&evidence.scan, evidence.partition.as_ref(), chosen, provenance.clone())
     };
@@ -145,7 +153,13 @@ pub fn fit_sindy(
         Vec::new()
     };
     let folds = (solver.folds(), solver.fold_rule());
-    let mut report = report(&evidence, &options, folds, &regions, &chosen, notes);
+    let mut report = report(&evidence, &options, folds, &regions, &plain, notes);
+    if let Some(found) = &smoothed {
+        if found.told.written {
+            found.tell(&evidence, &mut report);
+        }
+        report.smoothing = Some(found.told.clone());
+    }
     report.rollouts = rollouts;
     report.refinement = refined::refined(&recipe, &options, &evidence, &model, logs, progress)?;
     report.notes.extend(options.objective.note(report.refinement.as_ref()));
@@ -221,6 +235,7 @@ fn report(
         regions,
         rollouts: None,
         refinement: None,
+        smoothing: None,
         notes,
     }
 }

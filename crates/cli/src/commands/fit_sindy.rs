@@ -160,6 +160,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     if let Some(windows) = &report.windows {
         text.push_str(&format!("{windows}\n"));
     }
+    if let Some(smoothing) = &report.smoothing {
+        text.push_str(&format!("{}\n", smoothing.in_words()));
+    }
     if let Some(choice) = &report.rollouts {
         text.push_str(&format!("{}\n", fit::by_rollouts(choice)));
     }

@@ -11,10 +11,12 @@
 use super::{
     Certificate, Ending, Scale,
     program::{Program, Step},
+};
+use crate::{
+    EstimateError,
     recorded::Recorded,
     transcription::{Defects, Transcription},
 };
-use crate::EstimateError;
 
 /// Where the iteration ends: defects in spreads, and stationarity.
 const DEFECT: f64 = 1e-10;

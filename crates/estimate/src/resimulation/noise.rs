@@ -14,7 +14,7 @@
 // Matrices are capitals.
 #![allow(non_snake_case)]
 
-use super::{recorded::Recorded, transcription::Transcription};
+use crate::{recorded::Recorded, transcription::Transcription};
 
 /// Steps of expectation and maximisation, at most.
 const STEPS: usize = 300;

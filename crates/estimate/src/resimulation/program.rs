@@ -13,8 +13,8 @@ use clarabel::{
     solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
 };
 
-use super::transcription::Defects;
 use crate::EstimateError;
+use crate::transcription::Defects;
 
 /// What the solver aims at; what it reaches is judged by the certificate.
 const TOLERANCE: f64 = 1e-10;

@@ -10,3 +10,4 @@ mod nist;
 mod output_error;
 mod resimulation;
 mod simulation;
+mod smoothing;

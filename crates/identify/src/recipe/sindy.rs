@@ -6,7 +6,7 @@ use super::{
     Recipe,
     settings::{Tunable, settings},
 };
-use crate::{Criterion, GroupWords, Objective, SindyOptimizer};
+use crate::{Criterion, GroupWords, Objective, SindyOptimizer, SmoothStates};
 
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -91,6 +91,10 @@ settings! {
         /// fifth of the variance of some state's differences is noise, else off).
         #[arg(long, value_name = "ROWS|auto|off")]
         pub weak: Tunable,
+        /// Smooth the states under the equations and find both together, in turn (small systems): on, off, or auto, where there are windows because of noise
+        /// (default: auto).
+        #[arg(long, value_enum, value_name = "WHEN")]
+        pub smooth_states: SmoothStates,
         /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
         /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]

@@ -83,6 +83,22 @@ impl EquationTask {
         })
     }
 
+    /// A model with all candidates in its library, every coefficient zero: what coefficients are looked for in.
+    pub(super) fn open(&self, scan: &SystemScan, provenance: Provenance) -> Model {
+        let all: Vec<usize> = (0..self.functions.len()).collect();
+        let mut model = self.trial(scan, None, &[Mat::zeros(self.candidates(), self.fitted.len())], provenance);
+        model.columns = self.model_columns(&all, &Partition::whole());
+        model.libraries = vec![self.functions.clone()];
+        model.latents.iter_mut().for_each(|latent| latent.coefficients = vec![vec![0.0; all.len()]]);
+        for region in model.partitions.iter_mut().flat_map(|partition| &mut partition.regions) {
+            region.mean = vec![f64::NAN; all.len()];
+            region.covariance = vec![f64::NAN; all.len() * (all.len() + 1) / 2];
+            region.range = vec![[f64::NEG_INFINITY, f64::INFINITY]; all.len()];
+            region.rank = all.len();
+        }
+        model
+    }
+
     fn constant_of(&self, coefficients: &Mat<f64>, equation: usize) -> f64 {
         if self.constant { coefficients[(0, equation)] } else { 0.0 }
     }

@@ -6,7 +6,7 @@ use fleetfoot_sparse::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::WeakForm;
+use super::{SmoothStates, WeakForm};
 use crate::{
     Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindySection, Tunable, recipe::seed, sparse_fit::words,
 };
@@ -100,6 +100,8 @@ pub struct SindyOptions {
     pub seed: u64,
     /// What coefficients are fitted to.
     pub objective: Objective,
+    /// Whether states are smoothed under the equations.
+    pub smooth_states: SmoothStates,
 }
 
 /// Ridge weight when a threshold is given and none is: pysindy's.
@@ -177,6 +179,7 @@ impl SindyOptions {
             l1_ratio: section.l1_ratio.unwrap_or(0.0),
             seed: seed("sindy", section.seed)?,
             objective: section.objective.unwrap_or_default(),
+            smooth_states: SmoothStates::new(section)?,
         })
     }
 }

@@ -4,7 +4,7 @@ use fleetfoot_model::factor;
 use fleetfoot_stats::{Compressed, explained_share};
 use serde::Serialize;
 
-use super::{DifferenceErrors, EquationTask, solve::Solved};
+use super::{DifferenceErrors, EquationTask, StateSmoothing, solve::Solved};
 use crate::{Refinement, RolloutChoice, json};
 
 /// What a fit of equations found.
@@ -42,6 +42,9 @@ pub struct SindyReport {
     /// The fit to simulations, where it was asked for.
     #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
+    /// The equations that were found in turn with smoothed states, where that was done.
+    #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<StateSmoothing>,
     /// What the user should know.
     pub notes: Vec<String>,
 }

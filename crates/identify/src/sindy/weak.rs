@@ -43,6 +43,13 @@ const ACCURACY: f64 = 1e-6;
 /// Lags at which changes are measured.
 const LAGS: [i32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
 
+impl Windows {
+    /// Whether noise is more of some state's differences than they are taken for.
+    pub(super) fn noisy(&self) -> bool {
+        self.noise.as_ref().is_some_and(|(_, share)| *share > NOISE)
+    }
+}
+
 impl WeakForm {
     /// Reads `weak` of `[sindy]`.
     ///

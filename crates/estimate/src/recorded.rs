@@ -4,28 +4,30 @@ use fleetfoot_data::{Halo, Source};
 use fleetfoot_library::UnknownColumn;
 use fleetfoot_model::Model;
 
-use super::transcription::Transcription;
 use crate::EstimateError;
+use crate::transcription::Transcription;
 
 /// An episode at the rows of its grid.
-pub(super) struct Recorded {
-    pub(super) episode: usize,
+pub(crate) struct Recorded {
+    pub(crate) episode: usize,
     /// Rows of the episode (r).
-    pub(super) rows: Vec<usize>,
+    pub(crate) rows: Vec<usize>,
     /// Nanoseconds (r).
-    pub(super) stamps: Vec<i64>,
+    pub(crate) stamps: Vec<i64>,
     /// Since the episode's start (r).
-    pub(super) seconds: Vec<f64>,
+    pub(crate) seconds: Vec<f64>,
     /// States and free inputs (r x columns): angles without jumps, what is missing between its neighbours.
-    pub(super) values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
     /// Whether a value was recorded (r x columns).
-    pub(super) there: Vec<bool>,
+    pub(crate) there: Vec<bool>,
     /// What is replayed (r x replayed).
-    pub(super) replayed: Vec<f64>,
+    pub(crate) replayed: Vec<f64>,
+    /// Whether all of it was recorded (r).
+    pub(crate) whole: Vec<bool>,
 }
 
 /// Reads episodes.
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     source: &'a dyn Source,
     every: usize,
     states: usize,
@@ -36,7 +38,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         model: &Model,
         transcription: &Transcription,
         source: &'a dyn Source,
@@ -61,12 +63,12 @@ impl<'a> Reader<'a> {
     }
 
     /// States, and columns that are followed.
-    pub(super) fn shape(&self) -> [usize; 2] {
+    pub(crate) fn shape(&self) -> [usize; 2] {
         [self.states, self.followed]
     }
 
     /// Reads an episode; `None` where a column has no value at all, or the grid has fewer than two rows.
-    pub(super) fn read(&self, episode: usize) -> Result<Option<Recorded>, EstimateError> {
+    pub(crate) fn read(&self, episode: usize) -> Result<Option<Recorded>, EstimateError> {
         let count = self.source.episodes()[episode].rows;
         let rows: Vec<usize> = (0..count).step_by(self.every).collect();
         if rows.len() < 2 {
@@ -79,6 +81,7 @@ impl<'a> Reader<'a> {
         let mut values = vec![0.0; rows.len() * width];
         let mut there = vec![false; rows.len() * width];
         let mut replayed = vec![0.0; rows.len() * replays];
+        let mut whole = vec![true; rows.len()];
         for (at, &column) in self.columns.iter().enumerate() {
             let mut own: Vec<f64> = rows.iter().map(|&row| block.core(column)[row]).collect();
             let known: Vec<bool> = own.iter().map(|value| value.is_finite()).collect();
@@ -90,12 +93,15 @@ impl<'a> Reader<'a> {
             }
             for (k, (value, known)) in own.into_iter().zip(known).enumerate() {
                 match at.checked_sub(width) {
-                    Some(place) => replayed[k * replays + place] = value,
+                    Some(place) => {
+                        replayed[k * replays + place] = value;
+                        whole[k] &= known;
+                    }
                     None => (values[k * width + at], there[k * width + at]) = (value, known),
                 }
             }
         }
-        Ok(Some(Recorded { episode, rows, stamps, seconds, values, there, replayed }))
+        Ok(Some(Recorded { episode, rows, stamps, seconds, values, there, replayed, whole }))
     }
 }
 
@@ -130,12 +136,12 @@ fn fill(seconds: &[f64], values: &mut [f64]) -> bool {
 
 impl Recorded {
     /// Columns that are followed.
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.values.len() / self.rows.len()
     }
 
     /// Weights of the trapezoid rule, over the mean step (r).
-    pub(super) fn weights(&self) -> Vec<f64> {
+    pub(crate) fn weights(&self) -> Vec<f64> {
         let rows = self.seconds.len();
         let mean = (self.seconds[rows - 1] - self.seconds[0]) / (rows - 1) as f64;
         let step = |k: usize| self.seconds[k + 1] - self.seconds[k];
@@ -144,7 +150,7 @@ impl Recorded {
         (0..rows).map(weight).collect()
     }
 
-    pub(super) fn survey(&self) -> Survey {
+    pub(crate) fn survey(&self) -> Survey {
         let width = self.width();
         let mut columns =
             vec![Seen { count: 0.0, mean: 0.0, squares: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY] }; width];
@@ -156,7 +162,7 @@ impl Recorded {
 }
 
 /// What the recordings show of every column.
-pub(super) struct Survey {
+pub(crate) struct Survey {
     columns: Vec<Seen>,
 }
 
@@ -196,7 +202,7 @@ impl Seen {
 }
 
 impl Survey {
-    pub(super) fn pooled(surveys: impl Iterator<Item = Self>) -> Self {
+    pub(crate) fn pooled(surveys: impl Iterator<Item = Self>) -> Self {
         let mut pooled: Option<Self> = None;
         for own in surveys {
             match &mut pooled {
@@ -207,12 +213,12 @@ impl Survey {
         pooled.unwrap_or(Self { columns: Vec::new() })
     }
 
-    pub(super) fn spreads(&self) -> Vec<f64> {
+    pub(crate) fn spreads(&self) -> Vec<f64> {
         self.columns.iter().map(Seen::spread).collect()
     }
 
     /// The ranges, widened on both sides by a share of them; of what does not move, of its size.
-    pub(super) fn ranges(&self, widen: f64) -> Vec<[f64; 2]> {
+    pub(crate) fn ranges(&self, widen: f64) -> Vec<[f64; 2]> {
         let widened = |seen: &Seen| {
             let [low, high] = seen.range;
             let by = (widen * (high - low)).max(1e-6 * seen.spread());

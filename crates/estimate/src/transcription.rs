@@ -19,14 +19,14 @@ use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_dynamics::{InputSequence, Integration, Linearized, Method, Stepper, StepperWorkspace, Tangent};
 use fleetfoot_model::Model;
 
-use super::recorded::Recorded;
 use crate::EstimateError;
+use crate::recorded::Recorded;
 
 /// Rows that are evaluated at once.
 const ROWS: usize = 1_024;
 
 /// A model compiled for grids.
-pub(super) struct Transcription {
+pub(crate) struct Transcription {
     stepper: Stepper,
     tangent: Tangent,
     continuous: bool,
@@ -39,10 +39,22 @@ pub(super) struct Transcription {
 }
 
 /// The constraints at some point: of every interval n values, and their derivatives (n x columns) by the row before and the row behind.
-pub(super) struct Defects {
-    pub(super) values: Vec<f64>,
-    pub(super) before: Vec<f64>,
-    pub(super) behind: Vec<f64>,
+pub(crate) struct Defects {
+    pub(crate) values: Vec<f64>,
+    pub(crate) before: Vec<f64>,
+    pub(crate) behind: Vec<f64>,
+}
+
+/// What the rule of Hermite and Simpson is made of in the middles of the intervals (r - 1).
+pub(crate) struct Middles {
+    /// States and free inputs (intervals x columns).
+    pub(crate) values: Vec<f64>,
+    /// What is replayed (intervals x replayed).
+    pub(crate) replayed: Vec<f64>,
+    /// Seconds since the episode's start.
+    pub(crate) seconds: Vec<f64>,
+    /// Derivatives of the right sides there (intervals x n x columns).
+    pub(crate) slopes: Vec<f64>,
 }
 
 /// Right sides at rows (r x n) and their derivatives (r x n x columns).
@@ -52,7 +64,7 @@ struct Rates {
 }
 
 impl Transcription {
-    pub(super) fn new(model: &Model, continuous: bool, free: &[String]) -> Result<Self, EstimateError> {
+    pub(crate) fn new(model: &Model, continuous: bool, free: &[String]) -> Result<Self, EstimateError> {
         let stepper = Stepper::new(model)?;
         if stepper.history() > 0 {
             return Err(EstimateError::LooksBack { rows: stepper.history() });
@@ -79,36 +91,37 @@ impl Transcription {
     }
 
     /// States in the model's order, then the inputs that may move.
-    pub(super) fn names(&self) -> &[String] {
+    pub(crate) fn names(&self) -> &[String] {
         &self.names
     }
 
-    pub(super) fn replayed(&self) -> &[String] {
+    pub(crate) fn replayed(&self) -> &[String] {
         &self.replayed
     }
 
-    pub(super) fn states(&self) -> usize {
+    pub(crate) fn states(&self) -> usize {
         self.stepper.states().len()
     }
 
-    pub(super) fn is_angle(&self, column: usize) -> bool {
+    pub(crate) fn is_angle(&self, column: usize) -> bool {
         self.angle[column]
     }
 
     /// The place of a column that somebody names.
-    pub(super) fn place(&self, name: &str) -> Result<usize, EstimateError> {
+    pub(crate) fn place(&self, name: &str) -> Result<usize, EstimateError> {
         let found = self.names.iter().position(|own| own == name);
         found.ok_or_else(|| EstimateError::NotFollowed { name: name.to_owned(), columns: self.names.join(", ") })
     }
 
     /// The constraints at `z` (r x columns); `None` where the model has no finite value or derivative.
-    pub(super) fn defects(&self, grid: &Recorded, z: &[f64]) -> Option<Defects> {
-        let defects = if self.continuous { self.collocated(grid, z) } else { self.stepped(grid, z) };
+    pub(crate) fn defects(&self, grid: &Recorded, z: &[f64]) -> Option<Defects> {
+        let defects = if self.continuous { self.collocated(grid, z).0 } else { self.stepped(grid, z) };
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         (finite(&defects.values) && finite(&defects.before) && finite(&defects.behind)).then_some(defects)
     }
 
-    fn collocated(&self, grid: &Recorded, z: &[f64]) -> Defects {
+    /// The constraints of equations of derivatives at `z`, and their middles.
+    pub(crate) fn collocated(&self, grid: &Recorded, z: &[f64]) -> (Defects, Middles) {
         let (n, c, replays) = (self.states(), self.names.len(), self.replayed.len());
         let intervals = grid.seconds.len() - 1;
         let at_rows = self.rates(z, &grid.seconds, &grid.replayed);
@@ -148,7 +161,7 @@ impl Transcription {
                 }
             }
         }
-        found
+        (found, Middles { values: middles, replayed, seconds, slopes: in_middle.slopes })
     }
 
     fn stepped(&self, grid: &Recorded, z: &[f64]) -> Defects {
@@ -214,7 +227,7 @@ impl Transcription {
 
     /// The states of a simulation from the recorded beginning with the recorded inputs (r x states), of derivatives with those in the middle of every interval; NaN
     /// behind where it diverges.
-    pub(super) fn open_loop(&self, own: &Recorded) -> Result<Vec<f64>, EstimateError> {
+    pub(crate) fn open_loop(&self, own: &Recorded) -> Result<Vec<f64>, EstimateError> {
         let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), own.rows.len());
         let grid = self.stepper.grid(own.seconds.clone())?;
         let value = |k: usize, place: usize| match place.checked_sub(c - n) {
@@ -255,7 +268,7 @@ impl Defects {
     }
 
     /// In units of the columns.
-    pub(super) fn scaled(mut self, states: usize, units: &[f64]) -> Self {
+    pub(crate) fn scaled(mut self, states: usize, units: &[f64]) -> Self {
         let c = units.len();
         for (at, value) in self.values.iter_mut().enumerate() {
             let own = units[at % states];

@@ -1,0 +1,402 @@
+//! Equations found in turn with the states: these are smoothed under the equations, and the terms are looked for on the smoothed states.
+
+mod search;
+
+use faer::Mat;
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_dynamics::Coefficient;
+use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
+use fleetfoot_model::Model;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    EquationTask, Evidence, Frozen, Provenance, SindyOptimizer, SindyOptions, SindyReport, coefficients_of, report,
+    spans, weak,
+};
+use crate::{
+    Dataset, Error, Logs, Objective, Recipe, RolloutRule, SindySection, folds::smoothed_rows, rollout_choice::HeldOut,
+};
+use search::{Found, Search};
+
+/// When states are smoothed under the equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SmoothStates {
+    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and the rows fit into memory.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Equations found in turn with the states.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct StateSmoothing {
+    /// Rows whose states are smoothed.
+    pub rows: usize,
+    /// Segments between gaps.
+    pub segments: usize,
+    /// Candidates of all equations together.
+    pub candidates: usize,
+    /// What is wrong with measurements and equations, one a state.
+    pub noise: Vec<StateNoise>,
+    /// Twice the objective and the price of the terms, of the terms that it began with and of those that were found, at the same variances.
+    pub value: [f64; 2],
+    /// What a term costs in it.
+    pub price: f64,
+    /// Supports that were tried, and taken.
+    pub tried: usize,
+    /// Those that were worth more than the ones before.
+    pub taken: usize,
+    /// The certificate: what another step would lower the objective by, to first order.
+    pub promise: f64,
+    /// Whether that is within a billionth of the objective.
+    pub converged: bool,
+    /// Folds that are held out in turn.
+    pub folds: usize,
+    /// Mean squared deviation of smoothed trajectories from the rows that did not train, with the equations' own errors, in variances of the measurements: the equations without
+    /// smoothing, and these, both of the same training rows.
+    pub held_out: [f64; 2],
+    /// Whether the equations that were found so are written: they follow rows that did not train more closely.
+    pub written: bool,
+    #[serde(skip)]
+    windows: Vec<[f64; 2]>,
+}
+
+/// What is wrong with a state.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct StateNoise {
+    /// The state.
+    pub state: String,
+    /// Standard deviation of its measurements.
+    pub measurement: f64,
+    /// Standard deviation of its equation over a step.
+    pub process: f64,
+}
+
+/// Equations found in turn with the states, and what came of it.
+pub(super) struct Smoothed {
+    pub(super) told: StateSmoothing,
+    /// Candidates x fitted equations.
+    pub(super) coefficients: Mat<f64>,
+    /// Their standard errors; 0 of what is not in.
+    errors: Mat<f64>,
+}
+
+/// Folds that are held out in turn.
+const FOLDS: usize = 5;
+
+impl SmoothStates {
+    /// Reads `smooth_states` of `[sindy]`.
+    ///
+    /// # Errors
+    /// Another entry that it would overrule.
+    pub(super) fn new(section: &SindySection) -> Result<Self, Error> {
+        let asked = section.smooth_states.unwrap_or_default();
+        match overruled(section) {
+            None => Ok(asked),
+            Some(_) if asked == Self::Auto => Ok(Self::Off),
+            Some(what) if asked == Self::On => Err(Error::conflict(format!(
+                "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
+            ))),
+            Some(_) => Ok(asked),
+        }
+    }
+
+    /// Whether these equations are to be found in turn with the states.
+    fn applies(self, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
+        if self == Self::Off {
+            return Ok(false);
+        }
+        let task = &evidence.task;
+        let obstacle = if !task.parameters.is_empty() || !evidence.parameters.is_empty() {
+            Some("numbers inside expressions are estimated ([parameters])")
+        } else if evidence.partition.is_some() {
+            Some("there are regions (--partition)")
+        } else if task.weight.is_some() {
+            Some("rows have weights")
+        } else if recipe.time.smoothed.is_some() {
+            Some("the logs were smoothed before ([time] smoothed)")
+        } else if task.fitted.iter().any(|equation| equation.central.is_none()) {
+            Some("not every equation is of a derivative by central differences")
+        } else {
+            None
+        };
+        match (self, obstacle) {
+            (Self::On, Some(what)) => {
+                Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
+            }
+            (Self::On, None) => Ok(true),
+            (_, Some(_)) => Ok(false),
+            (_, None) => Ok(task.windows.as_ref().is_some_and(weak::Windows::noisy)),
+        }
+    }
+}
+
+/// What else says which terms there are.
+fn overruled(section: &SindySection) -> Option<&'static str> {
+    let said = [
+        (section.terms.is_some(), "terms"),
+        (section.threshold.is_some(), "threshold"),
+        (section.ensemble.is_some(), "ensemble"),
+        (section.groups.is_some(), "groups"),
+        (section.select.is_some(), "select"),
+        (section.optimizer.is_some_and(|own| own != SindyOptimizer::Auto), "an optimizer"),
+        (section.objective.is_some_and(|own| own != Objective::OneStep), "an objective of simulations"),
+    ];
+    said.into_iter().find(|(said, _)| *said).map(|(_, what)| what)
+}
+
+/// Finds equations in turn with the states, where that is asked for; from the coefficients of a fit (candidates x equations).
+pub(super) fn smoothed(
+    recipe: &Recipe,
+    options: &SindyOptions,
+    evidence: &Evidence,
+    chosen: &Mat<f64>,
+    logs: &Logs,
+    (notes, progress): (&mut Vec<String>, &dyn Progress),
+) -> Result<Option<Smoothed>, Error> {
+    if logs.is_statistic() {
+        return match options.smooth_states {
+            SmoothStates::On => Err(Error::needs_rows(
+                "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
+            )),
+            _ => Ok(None),
+        };
+    }
+    if !options.smooth_states.applies(evidence, recipe)? {
+        return Ok(None);
+    }
+    progress.stage("smooth states");
+    match Alternation::new(recipe, options, evidence).run(chosen, logs, progress) {
+        Ok(found) => Ok(Some(found)),
+        Err(error @ Error::Cancelled(_)) => Err(error),
+        Err(error) if options.smooth_states == SmoothStates::On => Err(error),
+        Err(error) => {
+            notes.push(format!("states are not smoothed: {error}"));
+            Ok(None)
+        }
+    }
+}
+
+struct Alternation<'a> {
+    recipe: &'a Recipe,
+    options: &'a SindyOptions,
+    evidence: &'a Evidence,
+    /// Of every coefficient that may move, the candidate and the equation.
+    places: Vec<(usize, usize)>,
+    /// Numbers of those that stay.
+    fixed: Vec<usize>,
+}
+
+impl<'a> Alternation<'a> {
+    fn new(recipe: &'a Recipe, options: &'a SindyOptions, evidence: &'a Evidence) -> Self {
+        let fitted = || evidence.task.fitted.iter().enumerate();
+        let allowed = |t: usize, j: usize| evidence.task.fitted[t].allowed[j];
+        let candidates = evidence.task.candidates();
+        let places: Vec<(usize, usize)> =
+            fitted().flat_map(|(t, _)| (0..candidates).filter(move |&j| allowed(t, j)).map(move |j| (j, t))).collect();
+        let stays = |&at: &usize| evidence.task.fitted[places[at].1].fixed.contains(&places[at].0);
+        let fixed = (0..places.len()).filter(stays).collect();
+        Self { recipe, options, evidence, places, fixed }
+    }
+
+    fn task(&self) -> &EquationTask {
+        &self.evidence.task
+    }
+
+    fn smoother(&self, open: &Model, rows: &dyn Source, progress: &dyn Progress) -> Result<StateSmoother, Error> {
+        let first = usize::from(self.task().constant);
+        let coefficient =
+            |&(j, latent): &(usize, usize)| Coefficient { region: 0, latent, function: j.checked_sub(first) };
+        let candidates = self.places.iter().map(coefficient).collect();
+        Ok(StateSmoother::new(open, candidates, rows, SmoothingOptions::default(), progress)?)
+    }
+
+    fn search<'b>(&'b self, smoother: &'b StateSmoother, progress: &'b dyn Progress) -> Search<'b> {
+        Search { smoother, fixed: &self.fixed, progress }
+    }
+
+    /// Coefficients one a candidate that may move, of a matrix.
+    fn listed(&self, matrix: &Mat<f64>) -> Vec<f64> {
+        self.places.iter().map(|&place| matrix[place]).collect()
+    }
+
+    fn matrix(&self, listed: &[f64]) -> Mat<f64> {
+        let mut matrix = Mat::zeros(self.task().candidates(), self.task().fitted.len());
+        self.places.iter().zip(listed).for_each(|(&place, &value)| matrix[place] = value);
+        matrix
+    }
+
+    fn run(&self, chosen: &Mat<f64>, logs: &Logs, progress: &dyn Progress) -> Result<Smoothed, Error> {
+        let (dataset, _) = Dataset::for_equations(self.recipe, logs, progress)?;
+        let view = dataset.view()?;
+        let open = self.task().open(&self.evidence.scan, self.provenance());
+        let smoother = self.smoother(&open, &view, progress)?;
+        let search = self.search(&smoother, progress);
+        let found = search.run(&self.listed(chosen))?;
+        let settled = &found.place.settled;
+        let mut errors = vec![0.0; self.places.len()];
+        for (own, &at) in found.place.support.iter().enumerate() {
+            errors[at] = settled.covariance[own][own].sqrt();
+        }
+        let noise = smoother.states().iter().enumerate().map(|(s, state)| StateNoise {
+            state: state.clone(),
+            measurement: found.variances.measurement[s].sqrt(),
+            process: found.variances.process[s].sqrt(),
+        });
+        let held = self.held_out(&open, &found, &view, progress)?;
+        Ok(Smoothed {
+            told: StateSmoothing {
+                rows: smoother.rows(),
+                segments: smoother.segments(),
+                candidates: self.places.len(),
+                noise: noise.collect(),
+                value: found.values,
+                price: search.price(),
+                tried: found.supports[1],
+                taken: found.supports[0],
+                promise: settled.promise,
+                converged: settled.converged,
+                folds: FOLDS,
+                held_out: held.misfit,
+                written: held.misfit[1] < held.misfit[0],
+                windows: held.windows,
+            },
+            coefficients: self.matrix(&settled.coefficients),
+            errors: self.matrix(&errors),
+        })
+    }
+
+    fn provenance(&self) -> Provenance {
+        self.evidence.provenance("sindy", self.recipe, self.options.seed)
+    }
+
+    /// Both ways on the training rows of every fold, and what they are worth on the rows that were held out.
+    fn held_out(&self, open: &Model, found: &Found, view: &dyn Source, progress: &dyn Progress) -> Result<Held, Error> {
+        let rule = RolloutRule { folds: FOLDS, ..RolloutRule::new(1) };
+        let smoothed = smoothed_rows(self.recipe.time.smoothed, self.evidence.step);
+        let held = HeldOut::new((view, smoothed), rule, "--smooth-states")?;
+        let targets = self.task().fitted.len();
+        let (mut costs, mut measured) = ([0.0; 2], 0.0);
+        let mut sums = vec![[0.0; 2]; targets];
+        let mut weight = 0.0;
+        held.each(|train, rows| {
+            progress.stage("smooth states, without a fold");
+            let (recipe, options, step) = (self.recipe, self.options, self.evidence.step);
+            let plain = spans::equations(recipe, self.task(), options, step, train, progress)?;
+            let plain = coefficients_of(&plain, self.task(), 1).remove(0);
+            // The variances of all rows serve, as a fold's would hardly differ; terms and coefficients are those of the training rows.
+            let (deviations, share) = (&found.variances.measurement[..], found.share);
+            let own = self.refitted(open, found, train, progress)?;
+            let smoother = self.smoother(open, rows, progress)?;
+            let search = self.search(&smoother, progress);
+            for (sum, coefficients) in costs.iter_mut().zip([&self.listed(&plain), &own]) {
+                *sum += match search.followed(coefficients, (deviations, share)) {
+                    Ok(settled) => 2.0 * settled.cost,
+                    Err(error @ Error::Cancelled(_)) => return Err(error),
+                    Err(_) => f64::INFINITY,
+                };
+            }
+            measured += smoother.measured().iter().sum::<usize>() as f64;
+            let frozen = Frozen { task: self.task().clone(), parameters: Vec::new() };
+            let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, progress)?;
+            let problem = evidence.scan.root(0).compressed(self.task().constant);
+            weight += problem.weight;
+            let left = problem.error(self.matrix(&own).as_ref());
+            for (t, sum) in sums.iter_mut().enumerate() {
+                *sum = [sum[0] + left[t], sum[1] + problem.total[t]];
+            }
+            Ok(())
+        })?;
+        let window = |[left, total]: [f64; 2]| [(left / weight).sqrt(), 1.0 - left / total];
+        Ok(Held { misfit: costs.map(|cost| cost / measured), windows: sums.into_iter().map(window).collect() })
+    }
+
+    /// The coefficients that the rows of a fold give the terms that were found.
+    fn refitted(
+        &self,
+        open: &Model,
+        found: &Found,
+        train: &dyn Source,
+        progress: &dyn Progress,
+    ) -> Result<Vec<f64>, Error> {
+        let smoother = self.smoother(open, train, progress)?;
+        let search = self.search(&smoother, progress);
+        let (deviations, share) = (&found.variances.measurement[..], found.share);
+        Ok(search.refitted(&found.place.settled.coefficients, (deviations, share))?.coefficients)
+    }
+}
+
+/// What held-out rows say.
+struct Held {
+    /// Without smoothing and with it.
+    misfit: [f64; 2],
+    /// Of every equation found with smoothed states: the root of the mean squared error on recorded rows or windows, and the share of their variance that is explained.
+    windows: Vec<[f64; 2]>,
+}
+
+impl StateSmoothing {
+    /// What was done and what it brought, in sentences.
+    pub fn in_words(&self) -> String {
+        let deviation = |own: &StateNoise| format!("{} {}", own.state, report::short(own.measurement));
+        let noise: Vec<String> = self.noise.iter().map(deviation).collect();
+        let [before, after] = self.value;
+        let [plain, smoothed] = self.held_out;
+        let from = if before.is_finite() { format!("from {before:.1} ") } else { String::new() };
+        let verdict = match self.written {
+            true => "These equations are written: smoothed trajectories follow rows that did not train more closely.",
+            false => {
+                "The equations without smoothing are written: smoothed trajectories of the others do not follow rows that did not train more closely."
+            }
+        };
+        format!(
+            "states smoothed under the equations: {} rows in {}; noise {}\n\
+             terms with the states free: {} of {} supports taken; twice the objective and {:.1} a term, {from}to {after:.1}{}\n\
+             held out ({} folds), squared distance of smoothed trajectories from the rows, in variances of the noise, without and with: {plain:.4} and {smoothed:.4}\n{verdict}",
+            self.rows,
+            if self.segments == 1 { "1 segment".to_owned() } else { format!("{} segments", self.segments) },
+            noise.join(", "),
+            self.taken,
+            self.tried,
+            self.price,
+            if self.converged { "" } else { "; not at the minimum" },
+            self.folds,
+        )
+    }
+}
+
+impl Smoothed {
+    /// Tells these equations in the place of those of the report: standard errors of the errors-in-variables problem, and errors on the recorded rows or windows.
+    pub(super) fn tell(&self, evidence: &Evidence, report: &mut SindyReport) {
+        let task = &evidence.task;
+        let problem = evidence.scan.root(0).compressed(task.constant);
+        let left = problem.error(self.coefficients.as_ref());
+        let equations = report.regions.iter_mut().flat_map(|region| &mut region.equations);
+        for (t, equation) in equations.enumerate() {
+            equation.terms = (0..task.candidates())
+                .filter(|&j| self.coefficients[(j, t)] != 0.0)
+                .map(|j| report::TermReport {
+                    function: task.candidate(j),
+                    coefficient: self.coefficients[(j, t)],
+                    unit: task.coefficient_unit(t, j),
+                    standard_error: self.errors[(j, t)],
+                    inclusion: None,
+                    fixed: task.fitted[t].fixed.contains(&j),
+                })
+                .collect();
+            equation.right = report::right(task, t, &equation.terms);
+            equation.rms = (left[t] / problem.weight).sqrt();
+            equation.r2 = 1.0 - left[t] / problem.total[t];
+            [equation.held_out, equation.held_out_r2] = self.told.windows[t];
+            equation.parameter = equation.terms.len() as f64;
+            equation.correlation = f64::NAN;
+            equation.confounded.clear();
+            equation.front.iter_mut().for_each(|point| point.chosen = false);
+        }
+    }
+}
