@@ -36,4 +36,5 @@ mod trained;
 mod ulog;
 #[path = "../crates/log/tests/all/ulog_writer.rs"]
 mod ulog_writer;
+mod smoothed;
 mod weak;

@@ -125,7 +125,7 @@ pub(super) struct Border {
     pub(super) squares: Vec<f64>,
 }
 
-/// Rows that are folded at once, at least.
+/// Rows that are folded at once, at least; four a column, so that many columns are folded by blocks of reflectors.
 const FOLDED: usize = 64;
 
 impl Border {
@@ -202,7 +202,7 @@ pub(super) fn eliminate(
         for row in rows.values.chunks_exact(stride).skip(led) {
             waiting.extend_from_slice(&row[2 * states..width]);
         }
-        if waiting.len() >= FOLDED.max(2 * border) * (border + 1) {
+        if waiting.len() >= FOLDED.max(4 * border) * (border + 1) {
             on_border.fold(&waiting);
             waiting.clear();
         }

@@ -91,8 +91,8 @@ settings! {
         /// fifth of the variance of some state's differences is noise, else off).
         #[arg(long, value_name = "ROWS|auto|off")]
         pub weak: Tunable,
-        /// Smooth the states under the equations and find both together, in turn (small systems): on, off, or auto, where there are windows because of noise
-        /// (default: auto).
+        /// Smooth the states under the equations and find both together, in turn, of logs that fit into memory: on, off, or auto, up to 20,000 rows where there are windows
+        /// because of noise (default: auto).
         #[arg(long, value_enum, value_name = "WHEN")]
         pub smooth_states: SmoothStates,
         /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes

@@ -22,7 +22,7 @@ use search::{Found, Search};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SmoothStates {
-    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and the rows fit into memory.
+    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and there are no more than 20,000 rows.
     #[default]
     Auto,
     /// Always.
@@ -87,6 +87,8 @@ pub(super) struct Smoothed {
     errors: Mat<f64>,
 }
 
+/// Rows that are smoothed without being asked for, at most: what follows takes some hundred passes over them.
+const UNASKED: usize = 20_000;
 /// Folds that are held out in turn.
 const FOLDS: usize = 5;
 
@@ -165,6 +167,13 @@ pub(super) fn smoothed(
             SmoothStates::On => Err(Error::needs_rows(
                 "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
             )),
+            SmoothStates::Auto if evidence.weak.is_some() => {
+                notes.push(
+                    "a statistic has no rows whose states could be smoothed: a fit on the logs may find other terms"
+                        .into(),
+                );
+                Ok(None)
+            }
             _ => Ok(None),
         };
     }
@@ -172,7 +181,15 @@ pub(super) fn smoothed(
         return Ok(None);
     }
     progress.stage("smooth states");
-    match Alternation::new(recipe, options, evidence).run(chosen, logs, progress) {
+    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
+    let rows = dataset.rows();
+    if options.smooth_states == SmoothStates::Auto && rows > UNASKED {
+        notes.push(format!(
+            "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; --smooth-states on does so for more"
+        ));
+        return Ok(None);
+    }
+    match Alternation::new(recipe, options, evidence).run(chosen, &dataset.view()?, progress) {
         Ok(found) => Ok(Some(found)),
         Err(error @ Error::Cancelled(_)) => Err(error),
         Err(error) if options.smooth_states == SmoothStates::On => Err(error),
@@ -232,11 +249,9 @@ impl<'a> Alternation<'a> {
         matrix
     }
 
-    fn run(&self, chosen: &Mat<f64>, logs: &Logs, progress: &dyn Progress) -> Result<Smoothed, Error> {
-        let (dataset, _) = Dataset::for_equations(self.recipe, logs, progress)?;
-        let view = dataset.view()?;
+    fn run(&self, chosen: &Mat<f64>, view: &dyn Source, progress: &dyn Progress) -> Result<Smoothed, Error> {
         let open = self.task().open(&self.evidence.scan, self.provenance());
-        let smoother = self.smoother(&open, &view, progress)?;
+        let smoother = self.smoother(&open, view, progress)?;
         let search = self.search(&smoother, progress);
         let found = search.run(&self.listed(chosen))?;
         let settled = &found.place.settled;
@@ -249,7 +264,7 @@ impl<'a> Alternation<'a> {
             measurement: found.variances.measurement[s].sqrt(),
             process: found.variances.process[s].sqrt(),
         });
-        let held = self.held_out(&open, &found, &view, progress)?;
+        let held = self.held_out(&open, &found, view, progress)?;
         Ok(Smoothed {
             told: StateSmoothing {
                 rows: smoother.rows(),

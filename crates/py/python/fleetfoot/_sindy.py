@@ -78,6 +78,9 @@ class SINDy(Identifier):
         Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated;
         ``"auto"`` finds a length by the signals. When not given there are windows where more than a fifth of the variance of
         some state's differences is noise; ``report_["weak"]`` tells.
+    smooth_states : {"auto", "on", "off"}, default="auto"
+        Smooth the states under the equations and find both together, in turn: ``"auto"`` where there are windows because of
+        noise; ``report_["smooth_states"]`` tells.
     folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
@@ -147,6 +150,7 @@ class SINDy(Identifier):
         select: str = "one-se",
         objective: str = "one-step",
         weak: int | str | None = None,
+        smooth_states: str = "auto",
         folds: int | str = "auto",
         ensemble: str | None = None,
         inclusion: float = 0.6,
@@ -185,6 +189,7 @@ class SINDy(Identifier):
         self.select = select
         self.objective = objective
         self.weak = weak
+        self.smooth_states = smooth_states
         self.folds = folds
         self.ensemble = ensemble
         self.inclusion = inclusion
@@ -256,6 +261,7 @@ class SINDy(Identifier):
             select=self._said("select"),
             objective=self._said("objective"),
             weak=self._real("weak", "auto", "off"),
+            smooth_states=self._said("smooth_states"),
             folds=self._text("folds"),
             ensemble=self._said("ensemble"),
             inclusion=self._real("inclusion"),

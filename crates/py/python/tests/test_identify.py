@@ -358,6 +358,7 @@ WORDS = {
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
     "objective": ("steps:3", "one-step"),
+    "smooth_states": ("on", "off"),
     **dict.fromkeys(("tsqr", "continuous", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),
 }
 
