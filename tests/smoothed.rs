@@ -95,7 +95,8 @@ fn clean_rows_are_left_alone_and_what_it_would_overrule_is_named() {
     fs::write(folder.path().join("log.csv"), oscillation(400, 0.0, 0.0)).expect("a file");
     fs::write(folder.path().join("noisy.csv"), oscillation(400, 0.0, 0.3)).expect("a file");
     let fit = |log: &str, more: &[&str]| {
-        let base = ["fit", "sindy", log, "--states", "x,y", "--library", "poly(2)", "--time", "t", "--json", "-o", "m.json"];
+        let base =
+            ["fit", "sindy", log, "--states", "x,y", "--library", "poly(2)", "--time", "t", "--json", "-o", "m.json"];
         fleetfoot(folder.path(), &[&base, more].concat())
     };
     assert!(fit("log.csv", &[]).ok().json().get("smooth_states").is_none());

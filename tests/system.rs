@@ -29,6 +29,7 @@ mod robot_logs;
 mod runner;
 mod settings;
 mod sindy;
+mod smoothed;
 mod sparse;
 mod stats_files;
 mod to_the_end;
@@ -36,5 +37,4 @@ mod trained;
 mod ulog;
 #[path = "../crates/log/tests/all/ulog_writer.rs"]
 mod ulog_writer;
-mod smoothed;
 mod weak;

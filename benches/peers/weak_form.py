@@ -130,7 +130,8 @@ def candidate(name):
 def cases(arguments):
     """Group, name, runs, period, library, true terms, and seed."""
     for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
-        for name in SYSTEMS if not arguments.without_six else ():
+        chosen = arguments.systems.split(",") if arguments.systems else SYSTEMS
+        for name in chosen if not arguments.without_six else ():
             runs, period = record(name, seed)
             yield "six", name, runs, period, (3, SYSTEMS[name][3]), [set(terms) for terms in SYSTEMS[name][4]], seed
         if arguments.dysts:
@@ -152,6 +153,7 @@ def main():
     parser.add_argument("--cache", type=pathlib.Path, default=pathlib.Path("target/dysts"))
     parser.add_argument("--no-peers", action="store_true")
     parser.add_argument("--only", help="methods whose names have this text")
+    parser.add_argument("--systems", help="of the six, with commas; all by default")
     parser.add_argument("--without-six", action="store_true", help="dysts alone")
     parser.add_argument("--windows", default="", help="lengths of windows to fit with beside, rows, with commas")
     parser.add_argument("--json", type=pathlib.Path, help="every case")
