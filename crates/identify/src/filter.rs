@@ -215,8 +215,10 @@ fn filter_pieces(
             let whole = rows == (0..view.episodes()[episode].rows);
             // The inputs of the row before lead to the first one.
             let block = view.read(episode, rows, Halo { before: 1, after: 0 })?;
-            let found =
-                if whole { Piece::Filtered(Box::new(begun(episode).follow(&block))) } else { Piece::Read(block) };
+            let found = match whole {
+                true => Piece::Filtered(Box::new(begun(episode).follow(&block))),
+                false => Piece::Read(block),
+            };
             Ok::<_, Error>((episode, found))
         },
         |(episode, piece)| {
