@@ -66,7 +66,7 @@ fn all(states: usize, functions: usize) -> Vec<Coefficient> {
 fn source(names: &[&str], episodes: Vec<(f64, Vec<Vec<f64>>)>) -> MemorySource {
     let mut source = MemorySource::new(names.iter().map(|name| DataColumn::float(*name)).collect());
     for (at, (period, columns)) in episodes.into_iter().enumerate() {
-        source.push_uniform(&format!("run{at}"), period, columns);
+        source.push_uniform(format!("run{at}"), period, columns);
     }
     source
 }

@@ -376,6 +376,10 @@ mod tests {
             (0.2, "group-lasso, the functions of a signal together".into())
         );
         assert_eq!(options("optimizer = \"frols\"\nkappa = 0.1").unwrap().kappa, Some(0.1));
+        // What says which terms there are is not overruled unasked.
+        assert_eq!(default.smooth_states, SmoothStates::Auto);
+        assert_eq!(options("terms = 3").unwrap().smooth_states, SmoothStates::Off);
+        assert_eq!(options("select = \"bic\"\nsmooth_states = \"auto\"").unwrap().smooth_states, SmoothStates::Off);
     }
 
     #[test]
@@ -404,6 +408,8 @@ mod tests {
             ("weak = 8", ["weak = 8", "from 9 on"]),
             ("weak = 20.5", ["weak = 20.5", "a number of rows"]),
             ("weak = \"long\"", ["weak = long", "auto, off"]),
+            ("smooth_states = \"on\"\nterms = 3", ["smooth_states = on, and terms", "leave one"]),
+            ("smooth_states = \"often\"", ["often", "`auto`"]),
             ("ridge = -0.1", ["ridge = -0.1", "zero or more"]),
             ("select = \"r2\"", ["r2", "`one-se`"]),
             ("folds = \"1\"", ["folds = 1", "from 2 on"]),

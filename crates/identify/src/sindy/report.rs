@@ -156,6 +156,35 @@ pub struct FrontPoint {
     pub functions: Vec<String>,
 }
 
+impl EquationReport {
+    /// Puts the equation, which is on no front, beside those that are, as the one that was taken. `contributions`: of each of its functions.
+    pub(super) fn choose_beside(&mut self, contributions: &[(String, f64)]) {
+        self.front.iter_mut().for_each(|point| point.chosen = false);
+        let place = self.front.partition_point(|point| point.terms <= contributions.len());
+        let own = |name: &str| contributions.iter().find(|(own, _)| own == name).map_or(0.0, |(_, value)| *value);
+        for (name, values) in &mut self.along {
+            values.insert(place, own(name));
+        }
+        for (name, value) in contributions {
+            if self.along.iter().all(|(own, _)| own != name) {
+                let mut values = vec![0.0; self.front.len() + 1];
+                values[place] = *value;
+                self.along.push((name.clone(), values));
+                self.entered += 1;
+            }
+        }
+        let point = FrontPoint {
+            terms: contributions.len(),
+            rms: self.rms,
+            held_out: self.held_out,
+            parameter: self.parameter,
+            chosen: true,
+            functions: contributions.iter().map(|(name, _)| name.clone()).collect(),
+        };
+        self.front.insert(place, point);
+    }
+}
+
 /// Functions that are told along the front of an equation.
 const ALONG: usize = 24;
 

@@ -411,7 +411,15 @@ impl Smoothed {
             equation.parameter = equation.terms.len() as f64;
             equation.correlation = f64::NAN;
             equation.confounded.clear();
-            equation.front.iter_mut().for_each(|point| point.chosen = false);
+            let size = |j: usize| {
+                let column = &problem.r.col_as_slice(j)[..=j];
+                (column.iter().map(|value| value * value).sum::<f64>() / problem.weight).sqrt()
+            };
+            let contributions: Vec<(String, f64)> = (0..task.candidates())
+                .filter(|&j| self.coefficients[(j, t)] != 0.0)
+                .map(|j| (task.candidate(j), size(j) * self.coefficients[(j, t)]))
+                .collect();
+            equation.choose_beside(&contributions);
         }
     }
 }
