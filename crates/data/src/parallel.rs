@@ -124,8 +124,8 @@ pub fn parallel_all<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync) -> 
 }
 
 /// Calls `work` with the number and the values of every piece of `size` values (the last may be shorter): pieces are written where they lie, and what `work` says of
-/// them comes in their order. Within a piece of other parallel work all threads are taken while pieces of that wait to begin: until then it is done by the one that
-/// asks, and by all that have nothing else to do once none waits.
+/// them comes in their order. Within a piece of other parallel work all threads are taken while pieces of that wait to begin: it is done by the one that asks, and
+/// once none waits by all that have nothing else to do.
 pub fn parallel_pieces<T: Send, R: Send>(
     values: &mut [T],
     size: usize,

@@ -86,8 +86,8 @@ impl Factor {
     }
 }
 
-/// A Cholesky factor whose columns join and leave in blocks, in the lower triangle of a matrix with room for more. What stands above and the room are not touched:
-/// they take no memory before they are.
+/// A Cholesky factor whose columns join and leave in blocks, in the lower triangle of a matrix with room for more. What stands above and the room are not
+/// touched: they take no memory before they are.
 #[derive(Default)]
 pub(crate) struct GrowingFactor {
     lower: Slab,

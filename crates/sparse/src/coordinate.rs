@@ -245,8 +245,8 @@ impl<'a> Descent<'a> {
         let p = self.left.problem.columns();
         let limit: Vec<f64> =
             self.weights.omega.iter().map(|&omega| if omega == 0.0 { 0.0 } else { l1 * omega }).collect();
-        // A column may have risen by as much as the penalty fell. Where a pair of columns costs all rows, those are taken that break their limits as it is, and the
-        // others when they do.
+        // A column may have risen by as much as the penalty fell. Where a pair of columns costs all rows, those are taken that break their limits as it is, and
+        // the others when they do.
         let fell = if self.left.products.joined().is_some() { 0.0 } else { (self.l1 - l1).max(0.0) };
         let bound = |j: usize| if limit[j] == 0.0 { 0.0 } else { limit[j] - fell * self.weights.omega[j] };
         let strong = |j: &usize| {

@@ -449,8 +449,8 @@ struct PilotColumn {
 
 /// The centred pilot's columns, and the triangle (d x d) of its rows scaled to columns of unit length; a constant column is zero.
 ///
-/// Of many columns the triangle is that of their products where these are conditioned well enough ([`WELL_CONDITIONED`]) to lose no digit that matters: half the
-/// work of a reduction of the rows, which is the way else.
+/// Of many columns the triangle is that of their products where these are conditioned well enough ([`WELL_CONDITIONED`]) to lose no digit that matters: half
+/// the work of a reduction of the rows, which is the way else.
 fn factor_pilot(rows: MatRef<'_, f64>, used: &[usize], p: usize) -> (Vec<PilotColumn>, Mat<f64>) {
     let d = rows.ncols();
     debug_assert!(p <= d);
