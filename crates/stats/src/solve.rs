@@ -5,7 +5,7 @@ use faer::{Mat, MatRef};
 use crate::{
     SquareRoot,
     householder::{Reflectors, fold_rows, solve_upper},
-    kernel::{self, Slab},
+    kernel::{self, MANY_COLUMNS, Slab},
     separation::{Separation, separate},
 };
 
@@ -102,6 +102,9 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
         }
         return coefficients;
     }
+    if p < MANY_COLUMNS {
+        return minimum_norm_of_few(separation, noise, units, known);
+    }
     // M gamma = c with gamma = units * beta and M = [R11 R12] in those units, without the columns that are zero; with M' = Q U, gamma = Q U^-T c. Rows and
     // columns in reverse make a staircase of M': as many entries below its diagonal as there are columns beyond the rank.
     let kept: Vec<(usize, usize)> =
@@ -125,6 +128,35 @@ fn minimum_norm(separation: &Separation, noise: &[f64], units: &[f64]) -> Mat<f6
         gamma.resize(m, 0.0);
         reflectors.apply(&mut gamma);
         for (&(_, column), gamma) in kept.iter().zip(gamma.iter().rev()) {
+            coefficients[(column, t)] = gamma / units[column];
+        }
+    }
+    coefficients
+}
+
+/// [`minimum_norm`] of few columns below full rank, `known` being what R11 and R12 are to make: the identity is carried through the reduction of M', which leaves
+/// Q' beside L'. The steps, and the bits, are those of always.
+fn minimum_norm_of_few(separation: &Separation, noise: &[f64], units: &[f64], mut known: Mat<f64>) -> Mat<f64> {
+    let Separation { order, rank, r, .. } = separation;
+    let (rank, p, q) = (*rank, order.len(), known.ncols());
+    let mut coefficients = Mat::zeros(p, q);
+    let mut rows = Slab::zeros(p, rank + p);
+    for (k, &column) in order.iter().enumerate() {
+        for i in 0..rank {
+            rows.column_mut(i)[k] = if k >= i { r[(i, k)] * (noise[column] / units[column]) } else { 0.0 };
+        }
+        rows.column_mut(rank + k)[k] = 1.0;
+    }
+    let mut reduced = Mat::zeros(rank, rank + p);
+    fold_rows(&mut reduced, &mut rows);
+    // As for many columns.
+    if (0..rank).any(|i| reduced[(i, i)] == 0.0) {
+        return coefficients;
+    }
+    for t in 0..q {
+        kernel::solve_upper_transposed(|k| reduced.col_as_slice(k), &mut known.col_as_slice_mut(t)[..rank]);
+        for (k, &column) in order.iter().enumerate() {
+            let gamma: f64 = (0..rank).map(|i| reduced[(i, rank + k)] * known[(i, t)]).sum();
             coefficients[(column, t)] = gamma / units[column];
         }
     }
