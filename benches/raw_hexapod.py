@@ -1,11 +1,12 @@
-"""The table `raw_hexapod` of docs/results.md: the simulated hexapod's raw logs, of three computers, jittered and with gross errors, against the truth.
+"""The tables `raw_hexapod` and `raw_models` of docs/results.md: the simulated hexapod's raw logs, of three computers, jittered and with gross errors, against the truth.
 
-Runs of 120 s, ten unless `results.py --seeds` says otherwise. `fleetfoot prepare` has what a real robot would log; the rows of truth are those of the same seed, written as Parquet.
+Runs of 120 s, ten unless `results.py --seeds` says otherwise, and models of a fleet of runs. `fleetfoot prepare` has what a real robot would log; the rows of truth are those of the same seed, written as Parquet.
 """
 
 import subprocess
 
 import numpy as np
+import pyarrow as arrow
 import pyarrow.parquet as parquet
 
 SEEDS, SECONDS, SPEED = range(1, 11), 120, 0.25
@@ -376,3 +377,73 @@ def table(bench):
         runs[seed] = seed_of(bench, seed)
         print(f"seed {seed}", flush=True)
     return tables(runs)
+
+
+# Runs that train and runs that test, of how many seconds, and their seeds.
+TRAIN, TEST = (20, 60, 21), (6, 60, 22)
+PARTITIONS = {"null": "null", "average": "average", "kmeans:10": "kmeans10", "kmeans:50": "kmeans50"}
+TIMES = (1, 11, 40, 100, 200)
+
+
+def fleet(bench, folder, runs, *options):
+    count, seconds, seed = runs
+    words = [bench.fleetfoot, "generate", "hexapod", "--runs", count, "--minutes", count * seconds / 60, "--seed", seed, "--speed", "0.1:0.5", *options, "-o", folder]
+    subprocess.run(list(map(str, words)), cwd=bench.folder, check=True, capture_output=True)
+
+
+def as_truth(file, out):
+    """Prepared rows under the names of the truth's columns: velocities in the trunk's axes, cranks' rates."""
+    rows = parquet.read_table(file)
+    own = {name: rows[name].to_numpy() for name in rows.schema.names if name != "t"}
+    to_trunk = rotation(own["roll"], own["pitch"], own["yaw"]).transpose(0, 2, 1)
+    velocity = np.einsum("nij,nj->ni", to_trunk, np.stack([own[f"v{axis}"] for axis in "xyz"], 1))
+    own |= {f"v{axis}": velocity[:, at] for at, axis in enumerate("xyz")} | {f"alpha_{side}_rate": own[f"alpha_{side}_dot"] for side in "lr"}
+    parquet.write_table(arrow.table({"t": rows["t"], **{name: own[name] for name in (*STATES, "u_v", "u_w")}}), out)
+
+
+def models(bench):
+    """Piecewise-affine models of prepared raw logs beside those of the truth of the same runs, both by the recipe of the truth, and both held against the truth of other runs."""
+    fleet(bench, "fleet", TRAIN)
+    fleet(bench, "truth", TRAIN, "--format", "parquet")
+    fleet(bench, "test", TEST, "--format", "parquet")
+    commands = "[inputs]\n" + "".join(f'{name} = "/cmd_vel.twist.{field}"\n' for name, field in (("u_v", "linear.x"), ("u_w", "angular.z")))
+    # Slow runs turn too little for their clocks to be told by motion: a lamp that both see tells them, and the fusion the rest.
+    lamp = CLOCKS.replace(f"motion = {BY_MOTION}", 'wave = ["/controller/sync.illuminance", "/mocap/sync.illuminance"]\neven = true')
+    bench.write("body.toml", COLUMNS + lamp + BODY + commands)
+    report = bench.run("prepare", "-c", "body.toml", "fleet", "-o", "clean")
+    (bench.folder / "raw").mkdir()
+    for episode in report["episodes"]:
+        for piece in episode["pieces"]:
+            as_truth(bench.folder / "clean" / piece["file"], bench.folder / "raw" / piece["file"])
+    first, second = [], []
+    for source in ("truth", "raw"):
+        fit = bench.run("fit", "pwa", "-c", "truth/robot.toml", source, "--partition", ",".join(PARTITIONS), "--folds", 10, "--keep-all", "-o", f"{source}.json")
+        first.append((source, fit))
+        for partition, name in PARTITIONS.items():
+            model = f"{source}_{name}.json"
+            score = bench.run("score", model, "test")
+            rollout = bench.run("rollout", model, "test", "--horizon", max(TIMES), "--starts", 1000, "--controller", "treadmill")
+            second.append((source, partition, score, rollout))
+    targets = first[0][1]["targets"]
+    yield f"| rows held out in turn | {' | '.join(targets)} |"
+    yield "|---" * (len(targets) + 1) + "|"
+    for source, fit in first:
+        for candidate in fit["candidates"]:
+            yield f"| {source}: {candidate['partition']} | {' | '.join(number(own['value']) for own in candidate['mae_over_null_intervals'])} |"
+    yield ""
+    yield f"| truth of other runs | {' | '.join(targets)} |"
+    yield "|---" * (len(targets) + 1) + "|"
+    for source, partition, score, _ in second:
+        yield f"| {source}: {partition} | {' | '.join(number(target['mae_over_null']['value']) for target in score['targets'])} |"
+    yield ""
+    yield f"| free runs beside the truth of other runs | {' | '.join(f'{time} ms' for time in TIMES)} | diverged |"
+    yield "|---" * (len(TIMES) + 2) + "|"
+    for source, partition, _, rollout in second:
+        yield f"| {source}: {partition} | {' | '.join(number(rollout['model']['mahalanobis'][time - 1][0]) for time in TIMES)} | {rollout['diverged']} of {rollout['rollouts']} |"
+    yield ""
+    rows = {source: fit["rows"] for source, fit in first}
+    yield f"{TRAIN[0]} runs of {TRAIN[1]} s at 0.1 to 0.5 m/s: {rows['truth']:,} rows of truth, {rows['raw']:,} prepared; {TEST[0]} other runs, 1,000 starts, the controller closing the loop."
+
+
+def models_table(bench):
+    return "\n".join(models(bench))

@@ -241,6 +241,10 @@ def raw(fleetfoot, _data):
         return raw_hexapod.table(own)
 
 
+def raw_models(fleetfoot, _data):
+    with bench(fleetfoot) as own:
+        return raw_hexapod.models_table(own)
+
 
 def flights(fleetfoot, _data):
     """Climbs that a model of other climbs follows (Fig. 4 and 6 of the block-sparse bolasso paper)."""
@@ -336,7 +340,7 @@ def noise_of_both_kinds(fleetfoot, _data):
     return "\n".join([*rows, "", f"{SEEDS} seeds each."])
 
 
-TABLES = {"noise_of_both_kinds": noise_of_both_kinds, "recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "flights": flights}
+TABLES = {"noise_of_both_kinds": noise_of_both_kinds, "recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "raw_models": raw_models, "flights": flights}
 
 
 def machine():

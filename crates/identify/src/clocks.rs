@@ -200,6 +200,14 @@ impl Clocks {
                 pair.about(),
             )));
         }
+        if let Found::Motion(Alignment { deviation, unexplained, .. }) = &found
+            && (deviation.is_nan() || 1.96 * deviation >= pair.reach)
+        {
+            return Err(Error::undetermined(format!(
+                "[clocks.{name}]: in {log} the motion does not tell how far the clocks are apart ({:.2} % of it are unexplained wherever they are): name channels that see more of it, or a wave that both saw",
+                1e2 * unexplained
+            )));
+        }
         let line = found.line();
         let report = match &found {
             Found::Motion(found) => AlignedClock::by_motion(name, &log, found, pair.reference.times[0]),

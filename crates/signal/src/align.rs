@@ -70,6 +70,9 @@ const PARTS: usize = 4;
 /// Rows that both must share.
 const LEAST: usize = 4 * BATCHES;
 
+/// Both share at least one of so many rows that they can share: of few some are alike by accident.
+const FEWEST: usize = 2;
+
 /// Rows of the first channel, at most, that a point of the curve is computed from.
 const ROWS: usize = 20_000;
 
@@ -176,7 +179,7 @@ impl Sums {
 /// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
 ///
 /// # Errors
-/// Stamps that do not increase, values that are infinite, a reach that is not positive, channels of fewer than 128 rows, that share fewer at every lag, or that stand still.
+/// Stamps that do not increase, values that are infinite, a reach that is not positive, channels of fewer than 128 rows, that share fewer, or less than half of what they can, at every lag, or that stand still.
 pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Alignment, SignalError> {
     let (first, second) = (first.check(LEAST)?, second.check(LEAST)?);
     let Within { about, reach, skew } = within;
@@ -192,14 +195,15 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     let (skew, curve) = pair.search();
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1)).unwrap_or(0);
     if curve[best].1.is_infinite() {
-        return Err(SignalError::NotAligned { problem: "the channels share fewer than 128 rows at every lag" });
+        return Err(SignalError::NotAligned { problem: "the channels share fewer than 128 rows, or than half of what they can, at every lag" });
     }
     let start = ClockLine { at: pair.at, offset: curve[best].0, skew };
     if best == 0 || best + 1 == curve.len() {
         return Ok(pair.alignment(start, curve, true));
     }
     let line = pair.refined(start);
-    Ok(pair.alignment(line, curve, skew.abs() > 0.0 && line.skew.abs() >= within.skew))
+    let at_end = skew.abs() > 0.0 && line.skew.abs() >= within.skew || (line.offset - about).abs() >= reach;
+    Ok(pair.alignment(line, curve, at_end))
 }
 
 /// Two channels, the second one smooth, and the moment at which a line's offset is told.
@@ -230,11 +234,18 @@ impl Pair<'_> {
         })
     }
 
+    /// Measured rows of the first channel for which the second one can have a value, wherever it lies.
+    fn most_shared(&self) -> f64 {
+        let measured = self.first.values.iter().filter(|value| !value.is_nan()).count();
+        measured as f64 * (self.second.duration() / self.first.duration()).min(1.0)
+    }
+
     /// The share that the second channel does not explain; infinite where too few rows are shared to compare.
     fn unexplained(&self, line: ClockLine, every: usize) -> f64 {
         let mut sums = Sums::default();
         self.rows(line, every).for_each(|row| sums.add(row.x, row.y));
-        if sums.n < LEAST as f64 { f64::INFINITY } else { sums.unexplained() }
+        let least = (LEAST as f64).max(self.most_shared() / (FEWEST * every) as f64);
+        if sums.n < least { f64::INFINITY } else { sums.unexplained() }
     }
 
     /// The seconds over which the second channel changes: the root of its variance over that of its slope.
@@ -280,8 +291,10 @@ impl Pair<'_> {
             (lag, skew) = (lag / far.max(1.0), skew / far.max(1.0));
             let mut went_down = false;
             while lag.abs() + duration * skew.abs() > enough {
-                let bounded = (line.skew + skew).clamp(-self.within.skew, self.within.skew);
-                let next = ClockLine { offset: line.offset + lag, skew: bounded, ..line };
+                // Beyond what was searched a few rows are left that are alike by accident.
+                let Within { about, reach, skew: most } = self.within;
+                let offset = (line.offset + lag).clamp(about - reach, about + reach);
+                let next = ClockLine { offset, skew: (line.skew + skew).clamp(-most, most), ..line };
                 let found = self.unexplained(next, 1);
                 if found < share {
                     (line, share, went_down) = (next, found, true);

@@ -101,6 +101,43 @@ fn what_cannot_be_aligned_is_told() {
     assert!(align(good, Record { times: &times, values: &values[1..] }, within(1.0)).is_err());
 }
 
+/// Channels of which hardly anything is common: the line stays within what was searched, where refining it had gone on to the few rows that were alike by accident.
+#[test]
+fn a_line_stays_within_what_was_searched() {
+    let within = Within { about: 0.02, reach: 0.3, skew: 5e-4 };
+    let times: Vec<f64> = (0..1500).map(|row| 0.01 * f64::from(row)).collect();
+    for seed in 0..20 {
+        let noise = |seed: u64| -> Vec<f64> { (0..1500).map(|row| normal(seed, row)).collect() };
+        let (a, b) = (noise(900 + seed), noise(950 + seed));
+        let found = align(Record { times: &times, values: &a }, Record { times: &times, values: &b }, within).unwrap();
+        let off = (found.line.offset - within.about).abs();
+        assert!(off <= within.reach && found.line.skew.abs() <= within.skew, "{:?}", found.line);
+        assert!(found.at_end || off < within.reach, "{:?}", found.line);
+    }
+}
+
+/// Channels that wander, and a reach of nearly their whole length: where only their ends overlap, a few rows go up or down together as if they were of one motion.
+#[test]
+fn few_rows_that_are_alike_do_not_decide() {
+    let (rows, late) = (600_usize, 25_usize);
+    let times: Vec<f64> = (0..rows).map(|row| 0.01 * row as f64).collect();
+    for seed in 0..10 {
+        let walk = |seed: u64| -> Vec<f64> {
+            let step = |sum: &mut f64, row| {
+                *sum += normal(seed, row);
+                Some(*sum)
+            };
+            (0..(rows + late) as u64).scan(0.0, step).collect()
+        };
+        let (common, [one, other]) = (walk(600 + seed), [700, 800].map(|own| walk(own + seed)));
+        let a: Vec<f64> = (0..rows).map(|row| common[row + late] + 0.2 * one[row]).collect();
+        let b: Vec<f64> = (0..rows).map(|row| common[row] + 0.2 * other[row]).collect();
+        let found =
+            align(Record { times: &times, values: &a }, Record { times: &times, values: &b }, within(4.7)).unwrap();
+        assert!((found.line.offset - 0.25).abs() < 0.1, "{seed}: {:?}", found.line);
+    }
+}
+
 /// A channel of a body that turns ever differently, `line` between its clock and true time.
 fn wandering(rows: u64, period: f64, line: ClockLine, seed: u64) -> (Vec<f64>, Vec<f64>) {
     let turn = |t: f64| (0.9 * t + 0.3 * (0.37 * t).sin()).sin() + 0.6 * (2.3 * t + 2.0 * (0.11 * t).cos()).cos();
