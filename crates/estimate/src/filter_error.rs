@@ -24,7 +24,7 @@ use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
 
 use crate::{
-    EstimateError, OutputError, OutputErrorOptions, Parameter,
+    EstimateError, Gains, OutputError, OutputErrorOptions, Parameter,
     output_error::{Minimum, minimum},
 };
 
@@ -36,50 +36,6 @@ pub struct FilterErrorOptions {
     pub simulation: OutputErrorOptions,
     /// The gains.
     pub gains: Gains,
-}
-
-/// By how much measurements correct a simulation, one number an output, between 0 and 1.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub enum Gains {
-    /// Estimated, from 0 and from a half: the more likely end counts.
-    #[default]
-    Estimated,
-    /// Estimated from here, in the order of the outputs.
-    Near(Vec<f64>),
-    /// Kept, in the order of the outputs.
-    Held(Vec<f64>),
-}
-
-/// Where gains that nothing is known of begin, all outputs alike. From 0 parameters that are far off may not get near to the recording, as by output error; a gain of a half
-/// follows it with any parameters, and may do so to the end.
-const STARTS: [f64; 2] = [0.0, 0.5];
-
-impl Gains {
-    /// Between what every output's gain may be.
-    pub(crate) fn bounds(&self, outputs: usize) -> Result<Vec<[f64; 2]>, EstimateError> {
-        let (Self::Near(gains) | Self::Held(gains)) = self else { return Ok(vec![[0.0, 1.0]; outputs]) };
-        if gains.len() != outputs {
-            return Err(EstimateError::GainCount { gains: gains.len(), outputs });
-        }
-        let bounds =
-            |&gain: &f64| check(gain).map(|()| if matches!(self, Self::Held(_)) { [gain; 2] } else { [0.0, 1.0] });
-        gains.iter().map(bounds).collect()
-    }
-
-    /// Where searches begin.
-    pub(crate) fn starts(&self, outputs: usize) -> Vec<Vec<f64>> {
-        match self {
-            Self::Estimated => STARTS.map(|start| vec![start; outputs]).to_vec(),
-            Self::Near(gains) | Self::Held(gains) => vec![gains.clone()],
-        }
-    }
-}
-
-fn check(value: f64) -> Result<(), EstimateError> {
-    if (0.0..=1.0).contains(&value) {
-        return Ok(());
-    }
-    Err(EstimateError::Option { option: "a gain", value, allowed: "it is at least 0 and at most 1" })
 }
 
 /// Parameters by filter error.

@@ -10,7 +10,8 @@ use crate::{
     covariance::Inverse,
     descent::Descent,
     evaluate::{Nonlinear, Objective},
-    problem::{Problem, substitute},
+    parameter::substitute,
+    problem::Problem,
 };
 
 /// Parameters of least squares.

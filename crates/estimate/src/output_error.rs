@@ -32,7 +32,7 @@ use crate::{
     covariance::Inverse,
     descent::Descent,
     evaluate::{Objective, Pass},
-    problem::check_parameters,
+    parameter::check_parameters,
 };
 use coloured::{Coloured, coloured};
 use segments::{Segments, Standing};

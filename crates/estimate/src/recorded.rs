@@ -1,12 +1,5 @@
 //! What was recorded, at the rows of a grid.
 
-use fleetfoot_data::{Halo, Source};
-use fleetfoot_library::UnknownColumn;
-use fleetfoot_model::Model;
-
-use crate::EstimateError;
-use crate::transcription::Transcription;
-
 /// An episode at the rows of its grid.
 pub(crate) struct Recorded {
     pub(crate) episode: usize,
@@ -24,114 +17,6 @@ pub(crate) struct Recorded {
     pub(crate) replayed: Vec<f64>,
     /// Whether all of it was recorded (r).
     pub(crate) whole: Vec<bool>,
-}
-
-/// Reads episodes.
-pub(crate) struct Reader<'a> {
-    source: &'a dyn Source,
-    every: usize,
-    states: usize,
-    /// Columns of the source: those that are followed, then those that are replayed.
-    columns: Vec<usize>,
-    followed: usize,
-    angle: Vec<bool>,
-}
-
-impl<'a> Reader<'a> {
-    pub(crate) fn new(
-        model: &Model,
-        transcription: &Transcription,
-        source: &'a dyn Source,
-        every: usize,
-    ) -> Result<Self, EstimateError> {
-        let names = transcription.names().iter().chain(transcription.replayed());
-        let find = |name: &String| {
-            source.column_index(name).ok_or_else(|| {
-                let known = source.columns().iter().map(|column| column.name.as_str());
-                EstimateError::from(UnknownColumn { name: name.clone(), nearest: fleetfoot_data::nearest(name, known) })
-            })
-        };
-        let angle = |name: &String| model.column(name).is_some_and(|at| model.columns[at].angle);
-        Ok(Self {
-            source,
-            every,
-            states: transcription.states(),
-            columns: names.clone().map(find).collect::<Result<_, _>>()?,
-            followed: transcription.names().len(),
-            angle: names.map(angle).collect(),
-        })
-    }
-
-    /// States, and columns that are followed.
-    pub(crate) fn shape(&self) -> [usize; 2] {
-        [self.states, self.followed]
-    }
-
-    /// Reads an episode; `None` where a column has no value at all, or the grid has fewer than two rows.
-    pub(crate) fn read(&self, episode: usize) -> Result<Option<Recorded>, EstimateError> {
-        let count = self.source.episodes()[episode].rows;
-        let rows: Vec<usize> = (0..count).step_by(self.every).collect();
-        if rows.len() < 2 {
-            return Ok(None);
-        }
-        let block = self.source.read(episode, 0..count, Halo::default())?;
-        let stamps: Vec<i64> = rows.iter().map(|&row| block.stamps()[row]).collect();
-        let (width, replays) = (self.followed, self.columns.len() - self.followed);
-        let seconds: Vec<f64> = stamps.iter().map(|stamp| (stamp - block.start) as f64 * 1e-9).collect();
-        let mut values = vec![0.0; rows.len() * width];
-        let mut there = vec![false; rows.len() * width];
-        let mut replayed = vec![0.0; rows.len() * replays];
-        let mut whole = vec![true; rows.len()];
-        for (at, &column) in self.columns.iter().enumerate() {
-            let mut own: Vec<f64> = rows.iter().map(|&row| block.core(column)[row]).collect();
-            let known: Vec<bool> = own.iter().map(|value| value.is_finite()).collect();
-            if self.angle[at] {
-                unwrap(&mut own);
-            }
-            if !fill(&seconds, &mut own) {
-                return Ok(None);
-            }
-            for (k, (value, known)) in own.into_iter().zip(known).enumerate() {
-                match at.checked_sub(width) {
-                    Some(place) => {
-                        replayed[k * replays + place] = value;
-                        whole[k] &= known;
-                    }
-                    None => (values[k * width + at], there[k * width + at]) = (value, known),
-                }
-            }
-        }
-        Ok(Some(Recorded { episode, rows, stamps, seconds, values, there, replayed, whole }))
-    }
-}
-
-/// Turns an angle on where it jumps by more than half a turn.
-fn unwrap(values: &mut [f64]) {
-    let turn = std::f64::consts::TAU;
-    let mut last: Option<f64> = None;
-    for value in values.iter_mut().filter(|value| value.is_finite()) {
-        if let Some(last) = last {
-            *value += turn * ((last - *value) / turn).round();
-        }
-        last = Some(*value);
-    }
-}
-
-/// Puts what is missing on the line between its neighbours; `false` where there is nothing.
-fn fill(seconds: &[f64], values: &mut [f64]) -> bool {
-    let known: Vec<usize> = (0..values.len()).filter(|&k| values[k].is_finite()).collect();
-    let (Some(&first), Some(&last)) = (known.first(), known.last()) else { return false };
-    let (head, tail) = (values[first], values[last]);
-    values[..first].fill(head);
-    values[last..].fill(tail);
-    for pair in known.windows(2).filter(|pair| pair[1] > pair[0] + 1) {
-        let (from, to) = (pair[0], pair[1]);
-        let slope = (values[to] - values[from]) / (seconds[to] - seconds[from]);
-        for k in from + 1..to {
-            values[k] = values[from] + slope * (seconds[k] - seconds[from]);
-        }
-    }
-    true
 }
 
 impl Recorded {
@@ -231,18 +116,6 @@ impl Survey {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn gaps_are_bridged_and_angles_turn_on() {
-        let seconds = [0.0, 1.0, 3.0, 4.0, 5.0];
-        let mut values = [f64::NAN, 2.0, f64::NAN, 8.0, f64::NAN];
-        assert!(fill(&seconds, &mut values));
-        assert_eq!(values, [2.0, 2.0, 6.0, 8.0, 8.0]);
-        assert!(!fill(&seconds, &mut [f64::NAN; 5]));
-        let mut angle = [3.0, f64::NAN, -3.0, -1.0];
-        unwrap(&mut angle);
-        assert!((angle[2] - (std::f64::consts::TAU - 3.0)).abs() < 1e-15 && angle[3] > angle[2]);
-    }
 
     #[test]
     fn surveys_of_parts_are_that_of_the_whole() {

@@ -22,7 +22,8 @@ use fleetfoot_model::{Model, Prediction, Role};
 
 use crate::{
     EstimateError,
-    recorded::{Reader, Recorded, Survey},
+    reader::Reader,
+    recorded::{Recorded, Survey},
     transcription::Transcription,
 };
 use descent::{Followed, follow};

@@ -7,7 +7,7 @@ use fleetfoot_data::{Block, Halo, Progress, Source};
 use fleetfoot_library::{Design, DesignRows, Expr, FilterError, Filtered};
 use fleetfoot_stats::{Chunk, Factor, Grid, reduce};
 
-use crate::{EstimateError, problem::substitute};
+use crate::{EstimateError, parameter::substitute};
 
 /// What is evaluated at every row.
 #[derive(Debug, Clone)]

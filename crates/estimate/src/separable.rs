@@ -10,7 +10,8 @@ use crate::{
     Estimate, EstimateError, Options, Parameter, Residual, Status, Uncertain,
     descent::Descent,
     evaluate::{Evaluation, LinearPart, Nonlinear, Objective, Pass},
-    problem::{Problem, check_parameters, check_weight},
+    parameter::check_parameters,
+    problem::{Problem, check_weight},
 };
 use objective::{Layer, Projected};
 

@@ -26,7 +26,8 @@ use fleetfoot_stats::{Compressed, kernel::solve_upper};
 
 use crate::{
     EstimateError,
-    recorded::{Reader, Recorded},
+    reader::Reader,
+    recorded::Recorded,
     transcription::{Defects, Middles, Transcription},
 };
 use candidates::{Candidates, with_inputs};
