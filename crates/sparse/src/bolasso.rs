@@ -16,11 +16,15 @@ mod rows;
 mod selection;
 mod stability;
 mod tile;
+mod unit;
 
-pub use blocks::{BootstrapUnit, block_bootstrap};
+pub use blocks::block_bootstrap;
 pub use counts::{multinomial_counts, poisson_counts};
 pub use dense::{DenseBootstrap, dense_bootstrap};
 pub use error::BolassoError;
 pub use rows::row_bootstrap;
-pub use selection::{BootstrapOptions, Selection, bach_lambda, refit};
+pub use selection::{BootstrapOptions, Selection, bach_lambda};
 pub use stability::{Stability, StabilityOptions, stability_selection};
+pub use unit::BootstrapUnit;
+
+pub use crate::structured::refit;

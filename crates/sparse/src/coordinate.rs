@@ -3,13 +3,16 @@
 use crate::{
     Penalty, Quadratic, Solution, SparseError, Strength,
     descent::{Small, violation},
+    grid::{check_grid, equal_factors},
     kernel::Slab,
-    path::{Point, finish},
     penalty::{Weights, check_ratio, check_strength, check_tolerance},
     pivoting::{MANY, Pivots},
     products::{Products, mirror},
     residual::Residual,
+    solution::{Point, finish},
 };
+
+pub use crate::solution::Descended;
 
 /// Columns that join the working set at once, at least.
 const JOIN: usize = 32;
@@ -56,16 +59,6 @@ pub fn coordinate_descent(
 ) -> Result<Vec<Solution>, SparseError> {
     let found = descend(problem, penalty, lambdas, options, None)?;
     Ok(found.into_iter().map(|found| found.solution).collect())
-}
-
-/// A solution, and what it cost.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct Descended {
-    /// The solution.
-    pub solution: Solution,
-    /// Sweeps over the working set, all working sets of this lambda together; 0 where the start met the tolerance.
-    pub epochs: usize,
 }
 
 /// As [`coordinate_descent`], the first lambda started from the coefficients `start` (p, raw units) instead of zeros. Where a coefficient may not have its
@@ -155,19 +148,6 @@ pub fn lambda_grid(
 ) -> Result<Vec<f64>, SparseError> {
     check_grid(count, ratio)?;
     Ok(equal_factors(lambda_max(problem, penalty, l1_ratio)?, count, ratio))
-}
-
-pub(crate) fn check_grid(count: usize, ratio: f64) -> Result<(), SparseError> {
-    if count == 0 || !(ratio > 0.0 && ratio <= 1.0) {
-        return Err(SparseError::Grid { count, ratio });
-    }
-    Ok(())
-}
-
-/// `count` values from `largest` down to `ratio` of it.
-pub(crate) fn equal_factors(largest: f64, count: usize, ratio: f64) -> Vec<f64> {
-    let step = if count > 1 { ratio.ln() / (count - 1) as f64 } else { 0.0 };
-    (0..count).map(|k| largest * (step * k as f64).exp()).collect()
 }
 
 /// Coefficients that are carried from lambda to lambda, in correlation form.

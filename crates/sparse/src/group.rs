@@ -16,11 +16,15 @@
 mod block;
 mod degrees;
 mod descent;
+mod groups;
+mod lasso;
 mod norm;
-mod path;
 mod shape;
 mod small;
+mod solutions;
 mod spectrum;
 
 pub(crate) use degrees::degrees_of_freedom;
-pub use path::{GroupLasso, Groups};
+pub use groups::Groups;
+pub use lasso::GroupLasso;
+pub(crate) use solutions::{descend, lambda_max};

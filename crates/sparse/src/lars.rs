@@ -4,8 +4,8 @@ use crate::{
     Path, PathStatus, Penalty, Quadratic, Sign, Solution, SparseError,
     estimator::Estimator,
     homotopy::{Homotopy, Settled},
-    path::{Point, finish},
     penalty::{Weights, check_strength},
+    solution::{Point, finish},
 };
 
 /// The largest violation of the optimality conditions, as a correlation, that a knot may have.

@@ -1,7 +1,7 @@
-//! Problems from Gram matrices and from square-root forms.
+//! Problems from Gram matrices, square-root forms and compressed rows.
 
 use faer::MatRef;
-use fleetfoot_stats::{Gram, SquareRoot};
+use fleetfoot_stats::{Compressed, Gram, SquareRoot};
 
 use crate::{
     SparseError,
@@ -189,6 +189,39 @@ impl Quadratic {
         c.resize(padded(p).max(8), 0.0);
         let noise = vec![0.0; p];
         Ok(Self { weight, length, size, means, noise, form: Form::Gram { g, c } })
+    }
+
+    /// One target of compressed rows, without an intercept of its own: the constant, where there is one, is a column like the others, and free when its penalty
+    /// factor is 0.
+    ///
+    /// # Errors
+    /// When there are no rows, no such target, or the statistic is not finite.
+    pub fn from_compressed(problem: &Compressed, target: usize) -> Result<Self, SparseError> {
+        let (p, targets) = (problem.columns(), problem.targets());
+        if target >= targets {
+            return Err(SparseError::NoSuchTarget { target, targets });
+        }
+        if problem.weight.is_nan() || problem.weight <= 0.0 {
+            return Err(SparseError::NoRows);
+        }
+        let finite = |&j: &usize| problem.r.col_as_slice(j)[..=j].iter().all(|value| value.is_finite());
+        if let Some(column) = (0..p).find(|j| !finite(j)) {
+            return Err(SparseError::ColumnNotFinite { column });
+        }
+        let z = problem.z.col_as_slice(target);
+        let residual = problem.residual[target].max(0.0);
+        if !(z.iter().all(|value| value.is_finite()) && residual.is_finite()) {
+            return Err(SparseError::TargetNotFinite);
+        }
+        let size = norm(z.iter().copied().chain([residual.sqrt()]));
+        // A triangle's rows of zeros (fewer rows than columns) carry nothing but the residual.
+        let empty = |i: usize| (i..p).all(|j| problem.r[(i, j)] == 0.0);
+        let kept: Vec<usize> = (0..p).filter(|&i| !empty(i)).collect();
+        let beyond = norm((0..p).filter(|&i| empty(i)).map(|i| z[i]).chain([residual.sqrt()]));
+        let entry = |i: usize, j: usize| if kept[i] <= j { problem.r[(kept[i], j)] } else { 0.0 };
+        let rows = Slab::from_fn(kept.len(), p, entry);
+        let z = kept.iter().map(|&i| z[i]).collect();
+        Ok(Self::of_compressed(problem.weight, None, rows, z, beyond, (size, 0.0), problem.noise.clone()))
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod banks;
+mod refit;
 mod regression;
 mod scan;
 mod score;
@@ -10,6 +11,7 @@ mod structure;
 
 pub use assemble::{Assembled, Assembly, Tikhonov};
 pub use banks::Banks;
+pub use refit::refit;
 pub use regression::{Candidates, Regression, Task, Term};
 pub use scan::{Plan, ScanError, Scanned, TaskStats};
 pub use score::TaskError;

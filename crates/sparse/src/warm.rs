@@ -5,8 +5,8 @@ use fleetfoot_data::checkpoint;
 use crate::{
     Penalty, Quadratic, Sign, Solution, SparseError,
     factor::Factor,
-    path::{Point, finish},
     penalty::{Weights, check_strength},
+    solution::{Point, finish},
 };
 
 /// The largest violation of the optimality conditions, as a correlation, that a solution found in this way may have.

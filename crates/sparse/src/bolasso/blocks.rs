@@ -2,18 +2,10 @@
 
 use fleetfoot_data::Progress;
 
-use super::{BolassoError, BootstrapOptions, Selection, counts::multinomial_counts, joint::Joint, joint::enough};
+use super::{
+    BolassoError, BootstrapOptions, BootstrapUnit, Selection, counts::multinomial_counts, joint::Joint, unit::enough,
+};
 use crate::structured::{Assembly, Banks, Structure};
-
-/// What a block bootstrap draws. Rows of a log are correlated, so a unit should be longer than the correlation time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BootstrapUnit {
-    /// Chunks, short ones joined: non-overlapping blocks of consecutive rows (Kuensch 1989 with a fixed grid).
-    Chunk,
-    /// Whole episodes.
-    #[default]
-    Episode,
-}
 
 /// Bolasso with replicates of episodes or chunks (Algorithm 1 of the block-sparse bolasso paper; Bach 2008): each replicate draws as many units as there
 /// are, with replacement, and its lasso is solved at [`BootstrapOptions::lambda`]; column scales are recomputed for each, task weights stay.

@@ -14,7 +14,6 @@ use super::{
     resample::{Frame, Sums, divide_right, scale, spread, triangle_of},
 };
 use crate::{
-    SparseError,
     kernel::Slab,
     structured::{Assembly, Banks, Structure},
 };
@@ -353,17 +352,4 @@ fn add_squares(layout: &Layout, sums: &mut [f64], task: &TaskMap<'_>, gram: &Gra
 
 fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Nothing to resample is an error of its own.
-pub(crate) fn enough(units: usize, unit: BootstrapUnit, needed: usize) -> Result<(), BolassoError> {
-    let name = match unit {
-        BootstrapUnit::Chunk => "chunk",
-        BootstrapUnit::Episode => "episode",
-    };
-    match units {
-        0 => Err(SparseError::NoRows.into()),
-        units if units < needed => Err(BolassoError::TooFewUnits { units, unit: name, needed }),
-        _ => Ok(()),
-    }
 }

@@ -5,7 +5,7 @@ use fleetfoot_data::{packed, packed_row};
 use fleetfoot_stats::PivotedCholesky;
 
 use crate::{
-    Penalty, Quadratic, Sign, Solution, SparseError,
+    Penalty, Quadratic, Solution, SparseError,
     coordinate::{CoordinateOptions, coordinate_descent},
     kernel::{Slab, norm},
     lars::lasso_at,
@@ -212,15 +212,3 @@ pub(crate) fn triangle_of(mut rows: Slab, weight: f64) -> Mat<f64> {
 
 /// A direction shorter than this, relative to its column, is rounding.
 const HIDDEN: f64 = 1e-12;
-
-/// The penalty whose minimiser is least squares on the support.
-pub(crate) fn least_squares_penalty(penalty: &Penalty, p: usize, support: &[usize]) -> Penalty {
-    let mut factors = vec![f64::INFINITY; p];
-    for &j in support {
-        if penalty.factors.get(j).is_none_or(|factor| factor.is_finite()) {
-            factors[j] = 0.0;
-        }
-    }
-    let free = penalty.signs.iter().all(|sign| *sign == Sign::Free);
-    Penalty { standardise: false, factors, signs: if free { Vec::new() } else { penalty.signs.clone() } }
-}

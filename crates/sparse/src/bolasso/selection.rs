@@ -1,17 +1,9 @@
-//! What the replicates selected, and the refit on it.
+//! What the replicates selected.
 
 use faer::Mat;
-use fleetfoot_stats::SquareRoot;
 
-use super::{
-    BolassoError,
-    resample::{Fitted, least_squares_penalty},
-};
-use crate::{
-    SparseError,
-    lars::{LarsOptions, lars},
-    structured::{Assembly, Structure},
-};
+use super::{BolassoError, resample::Fitted};
+use crate::SparseError;
 
 /// How a bolasso is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,26 +119,4 @@ impl Selection {
 pub(crate) fn at_least(frequency: &[f64], threshold: f64) -> Vec<usize> {
     let reached = |&j: &usize| frequency[j] > 0.0 && frequency[j] >= threshold * (1.0 - 4.0 * f64::EPSILON);
     (0..frequency.len()).filter(reached).collect()
-}
-
-/// Least squares on the support, with priors, Tikhonov term and signs, without an l1 penalty: the last line of Algorithm 1. `theta` (p) is 0 elsewhere.
-///
-/// Where columns of the support depend on each other, the first ones carry the fit.
-///
-/// # Errors
-/// As [`Structure::assemble`]; when a column of the support does not exist.
-pub fn refit(
-    structure: &Structure,
-    roots: &[SquareRoot],
-    assembly: &Assembly,
-    support: &[usize],
-) -> Result<Vec<f64>, SparseError> {
-    let p = structure.coefficients();
-    if let Some(&column) = support.iter().find(|&&column| column >= p) {
-        return Err(SparseError::Length { what: "the regression", found: p, expected: column + 1 });
-    }
-    let assembled = structure.assemble(roots, assembly)?;
-    let penalty = least_squares_penalty(&assembled.penalty, p, support);
-    let path = lars(&assembled.problem, &penalty, &LarsOptions::default())?;
-    Ok(path.knots.last().map_or_else(|| vec![0.0; p], |solution| assembled.coefficients(solution)))
 }

@@ -5,9 +5,10 @@ use fleetfoot_data::Progress;
 use super::{
     BolassoError, BootstrapUnit,
     counts::halves,
-    joint::{Joint, enough},
+    joint::Joint,
     resample::descend,
     selection::{at_least, check_threshold},
+    unit::enough,
 };
 use crate::{
     PathStatus,

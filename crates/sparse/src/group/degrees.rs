@@ -3,7 +3,7 @@
 use super::{
     block::Block,
     descent::Descent,
-    path::{GroupLasso, Posed},
+    lasso::{GroupLasso, Posed},
     small::{Part, Small},
 };
 use crate::{Penalty, Quadratic, Solution, SparseError};

@@ -1,71 +1,16 @@
-//! Which columns belong together, and the solutions along lambda.
+//! The group lasso, and a problem made ready for it.
 
 use super::{
     block::{Block, blocks},
-    descent::Descent,
+    groups::Groups,
     shape::AtLambda,
 };
 use crate::{
-    Certificate, Path, Penalty, Quadratic, Solution, SparseError,
+    Certificate, Penalty, Quadratic, SparseError,
     certificate::certify,
-    coordinate::{Descended, check_grid, equal_factors},
-    estimator::{PathSolver, Stop, sampled},
     kernel::Slab,
-    path::{Point, finish_shaped},
-    penalty::{Weights, check_ratio, check_strength, check_tolerance},
+    penalty::{Weights, check_ratio, check_strength},
 };
-
-/// Which columns belong together.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Groups {
-    /// The group of every column (p), numbered from 0 and below p; the columns of a group need not be neighbours.
-    pub of: Vec<usize>,
-    /// Weights w_g of the groups' norms, by number (empty: the root of the number of penalised columns of the group); 0 leaves the norm unpenalised.
-    pub weights: Vec<f64>,
-}
-
-impl Groups {
-    /// Groups of equal weight a column: the root of their sizes.
-    pub fn new(of: Vec<usize>) -> Self {
-        Self { of, weights: Vec::new() }
-    }
-
-    /// Number of groups: one more than the largest number.
-    pub fn len(&self) -> usize {
-        self.of.iter().max().map_or(0, |last| last + 1)
-    }
-
-    /// Whether there are no columns.
-    pub fn is_empty(&self) -> bool {
-        self.of.is_empty()
-    }
-
-    /// The weight of every group under a penalty, once groups and problem belong together.
-    fn checked(&self, columns: usize, penalty: &Penalty) -> Result<Vec<f64>, SparseError> {
-        let (found, expected) = (self.of.len(), columns);
-        if found != expected {
-            return Err(SparseError::Length { what: "the list of the columns' groups", found, expected });
-        }
-        if let Some(column) = self.of.iter().position(|&group| group >= columns) {
-            return Err(SparseError::GroupNumber { column, group: self.of[column], columns });
-        }
-        if self.weights.is_empty() {
-            let factor = |j: usize| penalty.factors.get(j).copied().unwrap_or(1.0);
-            let mut sizes = vec![0.0_f64; self.len()];
-            let penalised = (0..columns).filter(|&j| factor(j) > 0.0 && factor(j).is_finite());
-            penalised.for_each(|j| sizes[self.of[j]] += 1.0);
-            return Ok(sizes.into_iter().map(f64::sqrt).collect());
-        }
-        let (found, expected) = (self.weights.len(), self.len());
-        if found < expected {
-            return Err(SparseError::Length { what: "the list of the groups' weights", found, expected });
-        }
-        match self.weights.iter().position(|weight| !(*weight >= 0.0 && weight.is_finite())) {
-            Some(group) => Err(SparseError::GroupWeight { group, value: self.weights[group] }),
-            None => Ok(self.weights.clone()),
-        }
-    }
-}
 
 /// The group lasso and the sparse-group lasso:
 ///
@@ -144,7 +89,7 @@ impl Posed {
     }
 
     /// The penalty at lambda, in the units of the target.
-    fn at(&self, lambda: f64) -> AtLambda<'_> {
+    pub(super) fn at(&self, lambda: f64) -> AtLambda<'_> {
         AtLambda { blocks: &self.blocks, of: &self.of, lambda: lambda / self.weights.tau }
     }
 
@@ -162,73 +107,5 @@ impl Posed {
             if self.weights.used(j) { value * (problem.length[j] / size) } else { 0.0 }
         };
         Ok(raw.iter().enumerate().map(scaled).collect())
-    }
-}
-
-impl PathSolver for GroupLasso {
-    fn name(&self) -> &'static str {
-        match self.l1_ratio {
-            0.0 => "group lasso",
-            1.0 => "lasso",
-            _ => "sparse-group lasso",
-        }
-    }
-
-    /// Exact: the largest dual norm of a group.
-    fn lambda_max(&self, problem: &Quadratic, penalty: &Penalty) -> Result<f64, SparseError> {
-        let posed = Posed::new(self, problem, penalty)?;
-        let mut descent = Descent::new(problem, &posed.blocks);
-        descent.solve(f64::INFINITY, self.tolerance, self.max_epochs)?;
-        let penalised = posed.blocks.iter().filter(|block| block.penalised());
-        let entries = penalised.map(|block| block.critical(&descent.left.gradient, |j| problem.noise[j]));
-        let largest = entries.fold(0.0, f64::max) * posed.weights.tau;
-        Ok(if problem.target_deviation() > 0.0 { largest } else { 0.0 })
-    }
-
-    fn descend(
-        &self,
-        problem: &Quadratic,
-        penalty: &Penalty,
-        lambdas: &[f64],
-        start: Option<&[f64]>,
-    ) -> Result<Vec<Descended>, SparseError> {
-        check_tolerance(self.tolerance)?;
-        for &lambda in lambdas {
-            check_strength("lambda", lambda)?;
-        }
-        let posed = Posed::new(self, problem, penalty)?;
-        let mut descent = Descent::new(problem, &posed.blocks);
-        if let Some(start) = start {
-            descent.start(&posed.scaled(problem, start, "the start")?);
-        }
-        let (mut points, mut epochs) = (Vec::with_capacity(lambdas.len()), Vec::with_capacity(lambdas.len()));
-        for &lambda in lambdas {
-            let (converged, used) = descent.solve(lambda / posed.weights.tau, self.tolerance, self.max_epochs)?;
-            let delta = descent.left.delta.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
-            points.push(Point { l1: lambda, l2: 0.0, delta, converged });
-            epochs.push(used);
-        }
-        let solutions = finish_shaped(problem, &posed.weights, points, |point| posed.at(point.l1)).into_iter();
-        Ok(solutions.zip(epochs).map(|(solution, epochs)| Descended { solution, epochs }).collect())
-    }
-
-    fn path(&self, problem: &Quadratic, penalty: &Penalty, stop: &Stop) -> Result<Path, SparseError> {
-        check_grid(self.count, self.ratio)?;
-        let grid = equal_factors(self.lambda_max(problem, penalty)?, self.count, self.ratio);
-        sampled(self.clone().into(), (problem, penalty), &grid, stop)
-    }
-
-    fn at(&self, problem: &Quadratic, penalty: &Penalty, lambda: f64) -> Result<(Solution, Path), SparseError> {
-        let path = sampled(self.clone().into(), (problem, penalty), &[lambda], &Stop::default())?;
-        Ok((path.knots[0].clone(), path))
-    }
-
-    fn degrees_of_freedom(
-        &self,
-        problem: &Quadratic,
-        penalty: &Penalty,
-        solution: &Solution,
-    ) -> Result<f64, SparseError> {
-        super::degrees_of_freedom(self, problem, penalty, solution)
     }
 }

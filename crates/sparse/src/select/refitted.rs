@@ -3,10 +3,7 @@
 use fleetfoot_data::{Progress, parallel_map};
 
 use super::{Folds, SelectError, cross_validation::fold_roots};
-use crate::{
-    bolasso::refit,
-    structured::{Assembly, Banks, Structure},
-};
+use crate::structured::{Assembly, Banks, Structure, refit};
 
 /// Mean squared error of every measured task (priors not) on held-out rows, in the units of its target: least squares on `support` ([`refit`]) is made again
 /// on every fold's training rows. Means weigh each fold by its held-out rows.

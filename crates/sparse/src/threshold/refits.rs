@@ -3,10 +3,10 @@
 use fleetfoot_stats::Compressed;
 
 use super::{
-    Step, Terms, ThresholdError,
+    Scaling, Step, Terms, ThresholdError,
     prepared::{Prepared, Solved},
 };
-use crate::{Penalty, Quadratic, SparseError, factor::Factor, penalty::Weights, threshold::Scaling};
+use crate::{Penalty, Quadratic, SparseError, factor::Factor, penalty::Weights};
 
 /// Deletions after which the factor is made anew, so that the rounding of their rotations does not add up.
 const DELETIONS: usize = 64;

@@ -7,7 +7,7 @@ use super::{
     Scaling, Status, Step, Terms, ThresholdError, Trail,
     error::{not_negative, positive},
     prepared::{Prepared, Solved},
-    sweep::Run,
+    run::Run,
     triangle::Triangle,
 };
 use crate::{SparseError, kernel::norm};

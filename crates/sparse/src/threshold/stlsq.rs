@@ -7,7 +7,7 @@ use super::{
     Scaling, Status, Step, Terms, ThresholdError, Trail,
     error::not_negative,
     prepared::{Prepared, Solved},
-    sweep::Run,
+    run::Run,
 };
 use crate::SparseError;
 

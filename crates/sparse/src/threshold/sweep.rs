@@ -8,6 +8,7 @@ use super::{
     error::{not_negative, positive, share},
     optimizer::optimize,
     prepared::Prepared,
+    run::Run,
 };
 
 /// Which thresholds (lambdas, for SR3) are compared. Other optimisers make their own sequence of models.
@@ -73,15 +74,6 @@ pub fn sweep_thresholds(
 enum Swept<'a> {
     Stlsq(&'a Stlsq, Prepared<'a>),
     Sr3(&'a Sr3, Prepared<'a>),
-}
-
-/// A model, and what its comparisons saw, in the units of the threshold: nothing would change for any threshold above `most` and up to `least`.
-pub(super) struct Run {
-    pub(super) step: Step,
-    /// The smallest coefficient that was kept.
-    pub(super) least: f64,
-    /// The largest coefficient that was dropped; infinite where it does not settle the model.
-    pub(super) most: f64,
 }
 
 /// A model, and the thresholds that give it.
