@@ -76,7 +76,7 @@ impl Adaptive {
         let first = period.min(interval);
         let absolute = match &tolerance.absolute {
             Some(absolute) => absolute.clone(),
-            None => stepper.states.iter().map(|state| tolerance.relative * state.size).collect(),
+            None => stepper.states.iter().map(|state| tolerance.relative * state.size()).collect(),
         };
         Self {
             relative: tolerance.relative,
@@ -226,7 +226,7 @@ impl Adaptive {
             self.step[b] = if self.tried[b] < self.step[b] && ratio <= 1.0 { next.max(self.step[b]) } else { next };
             for i in continuous.iter().map(|s| s * count + b) {
                 if ratio > 1.0 {
-                    let size = stepper.states[i / count].size.max(self.present[i].abs());
+                    let size = stepper.states[i / count].size().max(self.present[i].abs());
                     let error = self.error(i, b) / size;
                     self.forced[i] += if error.is_finite() { error } else { 0.0 };
                 }

@@ -11,48 +11,18 @@ use pulp::Simd;
 
 use crate::{
     End, Method, Simulator, Trajectory,
+    affine_kernel::AffineKernel,
     aligned::Aligned,
     angle::wrap,
-    cell::{Cell, Cells},
+    cell::Cell,
     controller::Drive,
     integrate::{advance, runge_kutta_mean},
     kernel::{LANES, affine, copy, load, near, within},
-    simulator::Run,
+    run::Run,
 };
 
 /// Trajectories that advance together.
 const TOGETHER: usize = 8;
-
-/// A piecewise-affine model laid out for stepping.
-///
-/// A trajectory's values stand in **slots**: the states first (padded), then the recorded columns in use, cosines and sines.
-pub(crate) struct AffineKernel {
-    pub(crate) states: usize,
-    /// Padded number of states.
-    pub(crate) width: usize,
-    pub(crate) slots: usize,
-    /// Recorded columns: slot, column of the model.
-    pub(crate) recorded: Vec<(usize, usize)>,
-    /// Cosines and sines: slot, whether cosine, slot of the angle.
-    pub(crate) circular: Vec<(usize, bool, usize)>,
-    pub(crate) cells: Cells,
-    /// Slots of the rows of the affine maps; `None` when row j belongs to slot j.
-    pub(crate) terms: Option<Vec<u32>>,
-    /// Rows of an affine map.
-    pub(crate) rows: usize,
-    /// Per region: rows x width.
-    pub(crate) matrices: Aligned,
-    /// Per region: width.
-    pub(crate) constants: Aligned,
-    /// Per state: the factor of the state itself.
-    pub(crate) keep: Aligned,
-    /// Per state: 1 where the step length multiplies the right side, else 0.
-    pub(crate) continuous: Aligned,
-    pub(crate) angles: Vec<usize>,
-    /// Per region: ranges by slot.
-    pub(crate) low: Aligned,
-    pub(crate) high: Aligned,
-}
 
 impl AffineKernel {
     /// Simulates complete windows, a few at a time.

@@ -6,7 +6,7 @@ use fleetfoot_model::{Equation, LatentGroup, Model, Rule, partitions_in_use};
 use crate::{
     Error,
     kernel::{LANES, affine, padded},
-    simulator::Ranges,
+    ranges::Ranges,
 };
 
 /// A model's equations as programs over columns.

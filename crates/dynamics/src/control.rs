@@ -22,11 +22,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub(crate) mod asked;
-mod error;
+mod asked;
 mod gains;
 mod lqr;
+mod options;
 mod setpoint;
 
-pub use error::ControlError;
-pub use lqr::{Lqr, LqrOptions, LqrRegion, Named, Schedule, SetPoint, lqr};
+pub use lqr::{Lqr, LqrRegion, SetPoint, lqr};
+pub use options::{LqrOptions, Named, Schedule};
+
+pub use crate::control_error::ControlError;

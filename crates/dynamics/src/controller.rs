@@ -15,7 +15,7 @@ mod treadmill_loop;
 use std::fmt;
 
 pub use differential_drive::DifferentialDrive;
-pub(crate) use driver::{Drive, Driver};
+pub(crate) use driver::{Drive, Driver, Read};
 pub use pid::{Pid, PidState};
 pub use regulator::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator};
 pub use sampling::Sampling;

@@ -155,10 +155,10 @@ pub enum Error {
     },
     /// A regulator cannot be made for the model.
     #[error(transparent)]
-    Control(#[from] crate::control::ControlError),
+    Control(#[from] crate::control_error::ControlError),
     /// A filter cannot be made of the model.
     #[error(transparent)]
-    Filter(#[from] crate::filter::FilterError),
+    Filter(#[from] crate::filter_error::FilterError),
     /// A controller's parameter cannot be used.
     #[error("the controller's {0}")]
     Parameter(#[from] crate::parameter_error::ParameterError),

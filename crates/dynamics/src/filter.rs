@@ -26,7 +26,6 @@
 //! ```
 
 mod consistency;
-mod error;
 mod gaussian;
 mod noise;
 mod points;
@@ -35,8 +34,9 @@ mod switched;
 mod track;
 
 pub use consistency::{Consistency, MeanBand, chi_square_band};
-pub use error::FilterError;
 pub use gaussian::Gaussian;
 pub use steps::StepMap;
 pub use switched::{FilterOptions, Measured, ProcessFactor, SwitchedFilter, Switching};
 pub use track::Track;
+
+pub use crate::filter_error::FilterError;

@@ -10,7 +10,7 @@ use fleetfoot_model::{Equation, Model, Prediction};
 
 use crate::{
     End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory, angle::wrap, free_run::sums::OutputSum,
-    simulator::GROUP, window::Window,
+    trajectories::GROUP, window::Window,
 };
 
 mod sums;

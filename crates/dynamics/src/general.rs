@@ -3,12 +3,8 @@
 use fleetfoot_library::Leaf;
 
 use crate::{
-    End, Method, Outside, RolloutOptions, Simulator, Trajectory,
-    compiled::Workspace,
-    controller::Drive,
-    integrate::runge_kutta_mean,
-    kernel::within,
-    simulator::{Ranges, Run},
+    End, Method, Outside, RolloutOptions, Simulator, Trajectory, compiled::Workspace, controller::Drive,
+    integrate::runge_kutta_mean, kernel::within, ranges::Ranges, run::Run,
 };
 
 /// The columns of a batch over time: row `history + k` holds the values at step k, one a trajectory.

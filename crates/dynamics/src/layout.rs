@@ -5,7 +5,7 @@ use fleetfoot_model::{Equation, Model};
 
 use crate::{
     Simulator,
-    affine::AffineKernel,
+    affine_kernel::AffineKernel,
     aligned::Aligned,
     cell::Cells,
     kernel::{LANES, padded},

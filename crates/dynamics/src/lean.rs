@@ -4,11 +4,7 @@
 
 use fleetfoot_library::{Leaf, Scratch};
 
-use crate::{
-    End, Method, Simulator, Trajectory,
-    integrate::runge_kutta_mean,
-    simulator::{Run, State},
-};
+use crate::{End, Method, Simulator, Trajectory, integrate::runge_kutta_mean, run::Run, state::State};
 
 /// Where a right side finds what it reads.
 #[derive(Debug, Clone, Copy)]

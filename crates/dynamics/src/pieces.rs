@@ -6,8 +6,9 @@ use fleetfoot_model::{Model, Partition};
 
 use crate::{
     Error, Linearized, Points, Stepper, StepperWorkspace, Tangent,
-    control::ControlError,
+    control_error::ControlError,
     linear::{exponential, of_rows},
+    state::nothing_to_advance,
 };
 
 /// The submodels of a model.
@@ -49,8 +50,7 @@ impl Pieces {
         let states: Vec<String> = whole.states().map(str::to_owned).collect();
         let inputs: Vec<String> = whole.inputs().map(str::to_owned).collect();
         if states.is_empty() {
-            let equations = model.equations.iter().map(|equation| equation.label()).collect::<Vec<_>>().join(", ");
-            return Err(Error::NothingToAdvance { equations });
+            return Err(nothing_to_advance(model));
         }
         if whole.history() > 0 || whole.uses_time() || !whole.lags.is_empty() {
             return Err(ControlError::Memory.into());
@@ -80,7 +80,7 @@ impl Pieces {
 
     /// What is large for a state or, behind these, an input: its standard deviation in training; 1 where that is not known.
     pub(crate) fn size(&self, variable: usize) -> f64 {
-        let known = self.whole.states.get(variable).map_or(1.0, |state| state.size);
+        let known = self.whole.states.get(variable).map_or(1.0, |state| state.size());
         self.seen[variable].map_or(known, |[_, deviation]| if deviation > 0.0 { deviation } else { known })
     }
 

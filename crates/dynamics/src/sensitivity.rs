@@ -21,8 +21,9 @@ use crate::{
     Error, Method, Simulator, Trajectory,
     compiled::{Latents, Workspace},
     kernel::padded,
-    simulator::{Run, advanced_states},
+    run::Run,
     slopes::{Reading, SlopeRows, Slopes},
+    state::{State, advanced_states},
     window::Window,
 };
 
@@ -295,7 +296,7 @@ struct Path<'a> {
 impl<'a> Path<'a> {
     fn new(simulator: &'a Simulator, run: &Run<'a>, trajectory: &Trajectory) -> Self {
         let (window, rows, back) = (run.window, trajectory.steps(), simulator.history() as i64);
-        let of_state = |(place, state): (usize, &crate::simulator::State)| {
+        let of_state = |(place, state): (usize, &State)| {
             let before = window.values(state.column, -back, 0).iter().copied();
             let from = |k: usize| run.corrected((place, state), k, trajectory.state(k)[place]);
             before.chain((0..rows).map(from)).collect()
@@ -306,7 +307,7 @@ impl<'a> Path<'a> {
     /// The states of a stage: those of the rows, moved by the slopes of the stage before.
     fn moved(&self, offset: &[f64], before: &Stage) -> Vec<Vec<f64>> {
         let history = self.simulator.history();
-        let of_state = |(place, state): (usize, &crate::simulator::State)| {
+        let of_state = |(place, state): (usize, &State)| {
             let slopes = &before.workspace.outputs[place * before.workspace.stride..][..self.rows];
             let values = self.states[place][history..].iter().zip(slopes).zip(offset);
             let gain = f64::from(u8::from(state.advance.continuous));

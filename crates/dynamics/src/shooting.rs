@@ -17,8 +17,9 @@ use fleetfoot_model::Model;
 use crate::{
     Coefficient, End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory,
     angle::wrap,
+    run::Run,
     sensitivity::{Sensitivity, Tangents},
-    simulator::{GROUP, Run},
+    trajectories::GROUP,
     window::Window,
 };
 

@@ -9,8 +9,8 @@ use fleetfoot_data::{Block, Halo, Source};
 use fleetfoot_model::Model;
 
 use crate::{
-    Coefficient, End, Error, RolloutOptions, ShootingOptions, Simulator, Start, general, lean::Lean,
-    sensitivity::Sensitivity, simulator::Run, window::Window,
+    Coefficient, End, Error, RolloutOptions, ShootingOptions, Simulator, Start, general, lean::Lean, run::Run,
+    sensitivity::Sensitivity, state::State, window::Window,
 };
 
 /// Consecutive rows of an episode.
@@ -118,7 +118,7 @@ impl<'a> Stretches<'a> {
                 .recorded
                 .iter()
                 .all(|&(column, most, least)| finite(column, -i64::from(most), steps - i64::from(least)));
-        let value = |state: &crate::simulator::State| window.values(state.column, 0, 1)[0];
+        let value = |state: &State| window.values(state.column, 0, 1)[0];
         there.then(|| self.simulator.states.iter().map(value).collect())
     }
 

@@ -5,11 +5,11 @@ use std::cell::RefCell;
 use faer::Mat;
 use fleetfoot_model::{FilterTables, Model};
 
-use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points, track::Track};
+use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points};
 use crate::{
     Error, Points, StepperWorkspace,
     angle::wrap,
-    control::asked::{find, finite},
+    named::{find, finite},
     pieces::Pieces,
 };
 
@@ -79,7 +79,7 @@ pub enum Switching {
 /// lies inside counts. A step carries its points along: those that cross a border go over to the region behind it, with their moments. A measurement moves the distribution, and the
 /// hypothesis is as much less probable as less of it lies in its region than before. Points are placed by the partition itself, whatever its rule.
 ///
-/// It is immutable, and shared by all recordings; a [`Track`] is the memory along one.
+/// It is immutable, and shared by all recordings; a [`Track`](super::Track) is the memory along one.
 pub struct SwitchedFilter {
     pub(super) pieces: Pieces,
     /// Whether a state is an angle.
@@ -248,18 +248,6 @@ impl SwitchedFilter {
             regions_read_inputs: self.regions_read_inputs(),
             period: self.period,
         })
-    }
-
-    /// Begins at a row: states that it measures at what it says, the others as known before.
-    ///
-    /// `measured` and `deviations` have a number a sensor; NaN: missing, and not told.
-    pub fn start(&self, measured: &[f64], deviations: &[f64]) -> Track {
-        Track::new(self, measured, deviations)
-    }
-
-    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held until then (NaN: as they were), `measured` and `deviations` those of the new one.
-    pub fn step(&self, track: &mut Track, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
-        track.advance(self, inputs, seconds, measured, deviations);
     }
 
     /// Memory of [`Self::place`].

@@ -134,8 +134,22 @@ impl Mode {
     }
 }
 
+impl SwitchedFilter {
+    /// Begins at a row: states that it measures at what it says, the others as known before.
+    ///
+    /// `measured` and `deviations` have a number a sensor; NaN: missing, and not told.
+    pub fn start(&self, measured: &[f64], deviations: &[f64]) -> Track {
+        Track::new(self, measured, deviations)
+    }
+
+    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held until then (NaN: as they were), `measured` and `deviations` those of the new one.
+    pub fn step(&self, track: &mut Track, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
+        track.advance(self, inputs, seconds, measured, deviations);
+    }
+}
+
 impl Track {
-    pub(super) fn new(filter: &SwitchedFilter, measured: &[f64], deviations: &[f64]) -> Self {
+    fn new(filter: &SwitchedFilter, measured: &[f64], deviations: &[f64]) -> Self {
         let (mut mean, mut spread) = filter.prior.clone();
         let blank = Sensor { innovation: f64::NAN, variance: f64::NAN, ..Sensor::default() };
         let count = filter.regions();
@@ -231,14 +245,7 @@ impl Track {
         }
     }
 
-    pub(super) fn advance(
-        &mut self,
-        filter: &SwitchedFilter,
-        inputs: &[f64],
-        seconds: f64,
-        measured: &[f64],
-        deviations: &[f64],
-    ) {
+    fn advance(&mut self, filter: &SwitchedFilter, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
         self.take_inputs(filter, inputs);
         let steps = filter.steps_over(seconds);
         for _ in 0..steps {

@@ -1,0 +1,41 @@
+//! What a regulator is to do.
+
+/// A number by name.
+pub type Named = (String, f64);
+
+/// What a regulator is to do.
+///
+/// It minimises the sum over samples of `e'Qe + v'Rv`, e being the error of the states and v that of the inputs, Q and R diagonal.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LqrOptions {
+    /// Values that states and inputs are to have; the others are found.
+    pub setpoint: Vec<Named>,
+    /// Weights of states; where not given, one over the variance in training.
+    pub q: Vec<Named>,
+    /// Weights of inputs; where not given, one over the variance in training.
+    pub r: Vec<Named>,
+    /// Weights of the time integrals of states' errors: integral action. None where not given.
+    pub integral: Vec<Named>,
+    /// Lowest and highest values of inputs.
+    pub limits: Vec<(String, f64, f64)>,
+    /// Inputs that are driven; all of them where none are given.
+    pub drive: Vec<String>,
+    /// States that are neither kept nor fed back.
+    pub free: Vec<String>,
+    /// Seconds between commands; the model's sampling period where not given.
+    pub period: Option<f64>,
+    /// Whether every region has its law.
+    pub schedule: Schedule,
+}
+
+/// Laws by region, or one for all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Schedule {
+    /// By region, where one of them rests at the set point; else the mean.
+    #[default]
+    Auto,
+    /// By region.
+    Region,
+    /// One, of the mean of the regions' steps by their training rows: for regions that a cycle passes through too fast to rest in any, such as those of a stride.
+    Mean,
+}

@@ -1,0 +1,68 @@
+//! One rollout to be done.
+
+use fleetfoot_data::{Block, Source};
+
+use crate::{Outside, RolloutOptions, Start, Step, angle::wrap, state::State, window::Window};
+
+/// One rollout to be done: its window, and the time of its steps.
+pub(crate) struct Run<'a> {
+    pub(crate) window: &'a Window<'a>,
+    /// Seconds from the start, horizon + 1 values.
+    pub(crate) time: Vec<f64>,
+    pub(crate) start: Start,
+    pub(crate) horizon: usize,
+    /// [`RolloutOptions::divergence`].
+    pub(crate) divergence: f64,
+    /// Whether it ends where it leaves the training domain.
+    pub(crate) ends_outside: bool,
+    /// The states where it begins, in the order of [`Simulator::states`]; the recorded ones where none are given.
+    pub(crate) beginning: Option<&'a [f64]>,
+    /// Of every state, the share of what its measurement differs by that it is moved by before the next step: a filter of constant gain. None for a simulation that
+    /// sees no measurement.
+    pub(crate) gains: &'a [f64],
+    /// Whether all steps are `time[1]` long.
+    uniform: bool,
+}
+
+impl<'a> Run<'a> {
+    pub(crate) fn new(source: &dyn Source, window: &'a Window<'a>, options: &RolloutOptions) -> Self {
+        let start = window.start;
+        let uniform = |seconds: f64| (0..=options.horizon).map(|k| k as f64 * seconds).collect();
+        let time = match options.step {
+            Step::Seconds(seconds) => uniform(seconds),
+            Step::Median => uniform(source.episodes()[start.episode].period),
+            Step::Stamps => {
+                let stamps: &[i64] = &window.block.time[window.at..];
+                stamps[..=options.horizon].iter().map(|&stamp| (stamp - stamps[0]) as f64 * 1e-9).collect()
+            }
+        };
+        let uniform = options.step != Step::Stamps;
+        let (horizon, divergence, ends_outside) =
+            (options.horizon, options.divergence, options.outside == Outside::End);
+        Self { window, time, start, horizon, divergence, ends_outside, beginning: None, gains: &[], uniform }
+    }
+
+    /// Length of a step, seconds.
+    #[inline(always)]
+    pub(crate) fn step(&self, k: usize) -> f64 {
+        // A uniform step is not a difference of rounded products.
+        if self.uniform { self.time[1] } else { self.time[k + 1] - self.time[k] }
+    }
+
+    /// Measured less simulated, of a state at a step; NaN where nothing was measured. That of an angle is in (-pi, pi].
+    pub(crate) fn error(&self, state: &State, step: usize, simulated: f64) -> f64 {
+        let error = self.window.values(state.column, step as i64, step as i64 + 1)[0] - simulated;
+        if state.advance.angle { wrap(error) } else { error }
+    }
+
+    /// The state from which the next step is made: what was simulated, moved towards its measurement where there are gains, and a measurement.
+    pub(crate) fn corrected(&self, (place, state): (usize, &State), step: usize, simulated: f64) -> f64 {
+        let Some(&gain) = self.gains.get(place) else { return simulated };
+        let error = self.error(state, step, simulated);
+        if error.is_finite() { gain.mul_add(error, simulated) } else { simulated }
+    }
+
+    pub(crate) fn block(&self) -> &Block {
+        self.window.block
+    }
+}

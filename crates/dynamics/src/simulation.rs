@@ -1,0 +1,124 @@
+//! Simulations of a model on values at hand, through the times of a grid.
+
+use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adaptive::Adaptive};
+
+/// Inputs of a simulation.
+#[derive(Debug, Clone, Copy)]
+pub struct InputSequence<'a> {
+    /// Steps x inputs, or steps x inputs x points: each held for one step.
+    pub values: &'a [f64],
+    /// Whether every point has its own.
+    pub by_point: bool,
+}
+
+/// How a simulation passes from one time to the next.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Integration {
+    /// By steps whose estimated error is within a tolerance: the pair 5(4) of Dormand and Prince.
+    Adaptive(Tolerance),
+    /// By equal steps.
+    Fixed {
+        /// How derivatives are integrated.
+        method: Method,
+        /// Steps from one time to the next; `None`: as many as make no step longer than the model's sampling period.
+        substeps: Option<usize>,
+    },
+}
+
+impl Default for Integration {
+    fn default() -> Self {
+        Self::Adaptive(Tolerance::default())
+    }
+}
+
+impl Stepper {
+    /// Simulates from the points through the times of a grid ([`Self::grid`]), the inputs held from each to the next.
+    ///
+    /// `take` gets the number of the time and the states there (states x points), the first ones included, and says whether to go on. The past moves by a
+    /// row a time, so lagged values are held in between. The answer is by how much the tolerance was missed: the largest sum of the errors of steps that
+    /// could not be made short enough, over the size of a state; 0 where it was met, and with fixed steps.
+    pub fn simulate(
+        &self,
+        points: &mut Points,
+        grid: &TimeGrid,
+        inputs: InputSequence<'_>,
+        integration: &Integration,
+        mut take: impl FnMut(usize, &[f64]) -> bool,
+    ) -> f64 {
+        let width = self.inputs.len();
+        let mut workspace = StepperWorkspace::default();
+        let mut adaptive = match integration {
+            Integration::Adaptive(tolerance) if self.is_continuous() => {
+                Some(Adaptive::new(self, tolerance, points.count(), grid.shortest()))
+            }
+            _ => None,
+        };
+        let shortfall = |adaptive: &Option<Adaptive>| adaptive.as_ref().map_or(0.0, Adaptive::shortfall);
+        let mut states: Vec<f64> =
+            self.states.iter().flat_map(|state| points.column(state.column, 0).to_vec()).collect();
+        if !take(0, &states) {
+            return 0.0;
+        }
+        for (step, pair) in grid.times().windows(2).enumerate() {
+            for (i, &column) in self.inputs.iter().enumerate() {
+                let (present, at) = (points.column_mut(column, 0), step * width + i);
+                match inputs.by_point {
+                    true => present.copy_from_slice(&inputs.values[at * present.len()..][..present.len()]),
+                    false => present.fill(inputs.values[at]),
+                }
+            }
+            let seconds = pair[1] - pair[0];
+            match (&mut adaptive, integration) {
+                (Some(adaptive), _) => adaptive.advance(self, points, seconds, &mut workspace, &mut states),
+                // Without derivatives there is nothing to integrate.
+                (None, Integration::Adaptive(_)) => {
+                    self.advance(points, seconds, 1, Method::Rk4, &mut workspace, &mut states);
+                }
+                (None, Integration::Fixed { method, substeps }) => {
+                    let parts = if self.is_continuous() { substeps.unwrap_or(grid.periods(step)).max(1) } else { 1 };
+                    self.advance(points, seconds, parts, *method, &mut workspace, &mut states);
+                }
+            }
+            points.pass();
+            points.seconds_mut(0).iter_mut().for_each(|time| *time += seconds);
+            self.write_states(points, &states);
+            if !take(step + 1, &states) {
+                break;
+            }
+        }
+        shortfall(&adaptive)
+    }
+
+    /// The states after `seconds` in `parts` equal parts. The points stay as they are.
+    fn advance(
+        &self,
+        points: &mut Points,
+        seconds: f64,
+        parts: usize,
+        method: Method,
+        workspace: &mut StepperWorkspace,
+        states: &mut Vec<f64>,
+    ) {
+        if parts == 1 {
+            states.clear();
+            states.extend_from_slice(self.next(points, seconds, method, workspace));
+            return;
+        }
+        let row = points.clone();
+        let seconds = seconds / parts as f64;
+        for _ in 0..parts {
+            states.clear();
+            states.extend_from_slice(self.next(points, seconds, method, workspace));
+            self.write_states(points, states);
+            points.wait(seconds);
+        }
+        *points = row;
+    }
+
+    fn write_states(&self, points: &mut Points, states: &[f64]) {
+        let count = points.count();
+        for (s, state) in self.states.iter().enumerate() {
+            points.column_mut(state.column, 0).copy_from_slice(&states[s * count..(s + 1) * count]);
+        }
+    }
+}
