@@ -1,7 +1,7 @@
 //! Exact derivatives.
 
 use crate::{
-    Binary, Expr, Filter, Node, Unary,
+    Binary, Expr, Filter, FilterKind, Node, Unary,
     simplify::{difference, power, product, quotient, sum, unary},
 };
 
@@ -47,6 +47,31 @@ impl Expr {
             (leaf, []) => of_leaf(leaf),
             _ => Expr::number(0.0),
         })
+    }
+}
+
+impl Filter {
+    /// The derivative of the output with respect to a parameter. Every filter is linear in its input; what has no closed recursion (the
+    /// derivative of a slope with respect to its own constant) is NaN.
+    fn sensitivity(&self, parameter: &str) -> Expr {
+        let of_input = self.input.sensitivity(parameter);
+        let of_constant = self.constant.sensitivity(parameter);
+        let slope = match self.kind {
+            FilterKind::Present => return Expr::number(0.0),
+            FilterKind::Lag1 => Self { kind: FilterKind::Lag1Slope, ..self.clone() }.column(),
+            FilterKind::Delay => Self { kind: FilterKind::DelaySlope, ..self.clone() }.column(),
+            FilterKind::Lag1Slope | FilterKind::DelaySlope => Expr::number(f64::NAN),
+        };
+        let through = match of_input.as_number() {
+            // What does not change passes a lag and a delay as it is, and has no slope.
+            Some(value) if matches!(self.kind, FilterKind::Lag1 | FilterKind::Delay) => Expr::number(value),
+            Some(_) => Expr::number(0.0),
+            None => Self { input: of_input, ..self.clone() }.column(),
+        };
+        match of_constant.as_number() {
+            Some(0.0) => through,
+            _ => (through + slope * of_constant).simplified(),
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::{Binary, Filter, Unary, function::integer_power};
+use crate::{Binary, Unary, function::integer_power};
 
 /// What stands at the root of an expression.
 #[derive(Debug, Clone)]
@@ -157,22 +157,6 @@ impl Expr {
         })
     }
 
-    /// Replaces columns by what `replace(name)` gives, shifted by the column's lag; `None` leaves the column, unless it is a filter's, whose
-    /// arguments are then substituted: `tau` by 0.05 makes `lag1(m1, 0.05)` of `lag1(m1, tau)`.
-    pub fn substituted(&self, mut replace: impl FnMut(&str) -> Option<Expr>) -> Self {
-        self.substituted_by(&mut replace)
-    }
-
-    pub(crate) fn substituted_by(&self, replace: &mut dyn FnMut(&str) -> Option<Expr>) -> Self {
-        self.rebuild(|node| match node {
-            Node::Column { name, lag } => {
-                let with = replace(name).or_else(|| Some(Filter::of(name)?.substituted(replace).column()));
-                with.map(|with| with.shifted(*lag))
-            }
-            _ => None,
-        })
-    }
-
     /// The names of the columns, each once, in the order of their first appearance from the left.
     pub fn columns(&self) -> Vec<Arc<str>> {
         let mut names: Vec<Arc<str>> = Vec::new();
@@ -211,14 +195,6 @@ impl Expr {
             (Node::Power(_, k), &[x]) => integer_power(x, *k),
             _ => unreachable!("one argument for each child"),
         })
-    }
-
-    /// Whether seconds matter to it: it reads the time, as differences by stamps do, or a filter.
-    pub fn reads_clock(&self) -> bool {
-        let timed = self.fold(|part, arguments: &[bool]| {
-            matches!(part.node(), Node::Time { .. }) || arguments.iter().any(|&argument| argument)
-        });
-        timed || !self.filters().is_empty()
     }
 
     /// Whether it reads other rows than its own: lags or leads.
@@ -260,7 +236,7 @@ impl Expr {
     }
 
     /// Replaces leaves and keeps everything else.
-    fn rebuild(&self, mut replace: impl FnMut(&Node) -> Option<Expr>) -> Self {
+    pub(crate) fn rebuild(&self, mut replace: impl FnMut(&Node) -> Option<Expr>) -> Self {
         self.fold(|expr, arguments: &[Expr]| match arguments {
             [] => replace(expr.node()).unwrap_or_else(|| expr.clone()),
             _ => expr.with_children(arguments),

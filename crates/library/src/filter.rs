@@ -5,7 +5,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use crate::{Expr, Node};
+use crate::Expr;
 
 /// What a filter does to its input x, with the constant c in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -66,59 +66,9 @@ impl Filter {
         Self { kind, input: input.into(), constant: constant.into() }
     }
 
-    /// The filter that a column's name defines; `None` for the name of a plain column.
-    pub fn of(name: &str) -> Option<Self> {
-        let call = |kind: &FilterKind| name.strip_prefix(kind.name()).is_some_and(|rest| rest.starts_with('('));
-        if name.len() > Self::MAX_NAME || !name.ends_with(')') || !FilterKind::ALL.iter().any(call) {
-            return None;
-        }
-        crate::parse::filter_of(name).filter(|filter| filter.to_string() == name)
-    }
-
     /// The column that holds the filter's output.
     pub fn column(&self) -> Expr {
         Expr::column(self.to_string())
-    }
-
-    /// The columns that the input and the constant read in the end, those beneath inner filters too; parameters are among them.
-    pub fn sources(&self) -> Vec<std::sync::Arc<str>> {
-        let mut names = self.input.sources();
-        names.extend(self.constant.sources().into_iter().filter(|name| !names.contains(name)).collect::<Vec<_>>());
-        names
-    }
-
-    /// Filters inside each other, itself counted.
-    pub(crate) fn levels(&self) -> usize {
-        1 + self.input.filters().iter().map(Self::levels).max().unwrap_or(0)
-    }
-
-    /// [`Expr::substituted`] of both arguments.
-    pub(crate) fn substituted(&self, replace: &mut dyn FnMut(&str) -> Option<Expr>) -> Self {
-        let input = self.input.substituted_by(replace);
-        Self { kind: self.kind, input, constant: self.constant.substituted_by(replace) }
-    }
-
-    /// The derivative of the output with respect to a parameter. Every filter is linear in its input; what has no closed recursion (the
-    /// derivative of a slope with respect to its own constant) is NaN.
-    pub(crate) fn sensitivity(&self, parameter: &str) -> Expr {
-        let of_input = self.input.sensitivity(parameter);
-        let of_constant = self.constant.sensitivity(parameter);
-        let slope = match self.kind {
-            FilterKind::Present => return Expr::number(0.0),
-            FilterKind::Lag1 => Self { kind: FilterKind::Lag1Slope, ..self.clone() }.column(),
-            FilterKind::Delay => Self { kind: FilterKind::DelaySlope, ..self.clone() }.column(),
-            FilterKind::Lag1Slope | FilterKind::DelaySlope => Expr::number(f64::NAN),
-        };
-        let through = match of_input.as_number() {
-            // What does not change passes a lag and a delay as it is, and has no slope.
-            Some(value) if matches!(self.kind, FilterKind::Lag1 | FilterKind::Delay) => Expr::number(value),
-            Some(_) => Expr::number(0.0),
-            None => Self { input: of_input, ..self.clone() }.column(),
-        };
-        match of_constant.as_number() {
-            Some(0.0) => through,
-            _ => (through + slope * of_constant).simplified(),
-        }
     }
 }
 
@@ -126,35 +76,5 @@ impl Display for Filter {
     /// The name of its column.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{}({}, {})", self.kind.name(), self.input, self.constant)
-    }
-}
-
-impl Expr {
-    /// The filters among its columns, each once, in the order of their first appearance; those inside filters are not listed.
-    pub fn filters(&self) -> Vec<Filter> {
-        self.columns().iter().filter_map(|name| Filter::of(name)).collect()
-    }
-
-    /// The columns that it reads in the end: a filter's column stands for those of its definition, parameters included. Each once.
-    pub fn sources(&self) -> Vec<std::sync::Arc<str>> {
-        let mut names = Vec::new();
-        for name in self.columns() {
-            let beneath = Filter::of(&name).map_or_else(|| vec![name], |filter| filter.sources());
-            for name in beneath {
-                if !names.contains(&name) {
-                    names.push(name);
-                }
-            }
-        }
-        names
-    }
-
-    /// Whether it has the same value at every row, whatever its names stand for: it reads neither time, nor another row, nor a filter.
-    pub(crate) fn is_constant(&self) -> bool {
-        self.fold(|part, arguments: &[bool]| match part.node() {
-            Node::Time { .. } => false,
-            Node::Column { name, lag } => *lag == 0 && Filter::of(name).is_none(),
-            _ => arguments.iter().all(|&constant| constant),
-        })
     }
 }

@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod canonical;
 mod central;
 mod derivative;
 mod design;
@@ -29,9 +30,10 @@ mod function;
 mod kernel;
 mod latex;
 mod library;
+mod limits;
 mod mathml;
-mod monomial;
 mod parse;
+mod parse_error;
 mod print;
 mod program;
 mod replaced;
@@ -39,7 +41,6 @@ mod rotation;
 mod scope;
 mod simplify;
 mod straight_line;
-mod sum;
 mod terms;
 mod typeset;
 mod unit;
@@ -53,8 +54,9 @@ pub use filter::{Filter, FilterKind};
 pub use filtered::{FilterError, Filtered};
 pub use function::{Binary, Unary};
 pub use kernel::Scratch;
-pub use library::{Library, LibraryError, MAX_FUNCTIONS};
-pub use parse::{ParseError, ParseErrorKind};
+pub use library::{Library, LibraryError};
+pub use limits::MAX_FUNCTIONS;
+pub use parse_error::{ParseError, ParseErrorKind};
 pub use program::{Leaf, Program, UnknownColumn};
 pub use rotation::Quaternion;
 pub use scope::Scope;

@@ -1,9 +1,6 @@
 //! Libraries: ordered lists of candidate functions.
 
-use crate::{Expr, Program, UnknownColumn};
-
-/// Functions beyond which a library is refused: its Gram matrix would not fit any memory.
-pub const MAX_FUNCTIONS: usize = 100_000;
+use crate::{Expr, MAX_FUNCTIONS, Program, UnknownColumn};
 
 /// Candidate functions in their order. The constant is not among them: the intercept is the model's.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -1,25 +1,18 @@
 //! Parsing: expressions from text.
 
+mod aliases;
 mod call;
-mod error;
-mod item;
+mod filter_name;
 mod name;
 
-pub use error::{ParseError, ParseErrorKind};
-pub(crate) use item::parse_item;
-pub(crate) use name::is_bare_name;
+pub(crate) use call::{function_names, named_unary};
+pub(crate) use name::{identifier_length, is_bare_name};
 
-use crate::{Binary, Expr, Filter, FilterKind, Scope};
-use name::{constant, identifier_length, topic_length};
-
-/// Parentheses, signs and exponents inside each other.
-const MAX_DEPTH: usize = 200;
-/// Bytes of text.
-const MAX_TEXT: usize = 1 << 20;
-/// Nodes of the tree, aliases written out.
-const MAX_SIZE: u64 = 1_000_000;
-/// Rows of a lag.
-const MAX_LAG: f64 = 1e6;
+use crate::{
+    Binary, Expr, ParseError, ParseErrorKind, Scope,
+    limits::{MAX_DEPTH, MAX_SIZE, MAX_TEXT},
+};
+use name::{constant, topic_length};
 
 impl Expr {
     /// Reads an expression.
@@ -50,7 +43,7 @@ impl Expr {
     /// A [`ParseError`] with the place, what was expected, and for a wrong name the nearest ones. Texts beyond a
     /// megabyte, 200 levels of nesting or a million nodes are refused.
     pub fn parse(text: &str, scope: &Scope) -> Result<Expr, ParseError> {
-        let mut parser = Parser { text, scope, at: 0, depth: 0 };
+        let mut parser = Parser::new(text, scope);
         if text.len() > MAX_TEXT {
             return Err(parser.error(0, ParseErrorKind::TooLarge));
         }
@@ -64,33 +57,29 @@ impl Expr {
 
 /// How tightly the operators to the right of a value may bind to be left to the caller.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Power {
+pub(crate) enum Power {
     Any,
     Sum,
     Product,
     Sign,
 }
 
-/// The filter that a name defines, if it is the text of one. Whether the name is the canonical one is for the caller to see.
-pub(crate) fn filter_of(name: &str) -> Option<Filter> {
-    let scope = Scope::of_name();
-    let mut parser = Parser { text: name, scope: &scope, at: 0, depth: 0 };
-    let function = parser.name("a filter").ok()?;
-    parser.expect("(", "`(`").ok()?;
-    let filter = parser.filter(FilterKind::named(&function)?, 0).ok()?;
-    parser.peek().is_none().then_some(filter)
-}
-
-struct Parser<'a> {
-    text: &'a str,
+/// A text, and how far it is read.
+pub(crate) struct Parser<'a> {
+    pub(crate) text: &'a str,
     scope: &'a Scope,
-    at: usize,
-    depth: usize,
+    pub(crate) at: usize,
+    pub(crate) depth: usize,
 }
 
 impl<'a> Parser<'a> {
+    /// At the beginning of a text.
+    pub(crate) fn new(text: &'a str, scope: &'a Scope) -> Self {
+        Self { text, scope, at: 0, depth: 0 }
+    }
+
     /// Operator precedence parsing: a value, then all operators that bind more tightly than `outer`.
-    fn expression(&mut self, outer: Power) -> Result<Expr, ParseError> {
+    pub(crate) fn expression(&mut self, outer: Power) -> Result<Expr, ParseError> {
         self.nested(|parser| {
             let left = parser.operand()?;
             parser.operators(left, outer)
@@ -98,7 +87,7 @@ impl<'a> Parser<'a> {
     }
 
     /// All operators behind `left` that bind more tightly than `outer`, with their right sides.
-    fn operators(&mut self, mut left: Expr, outer: Power) -> Result<Expr, ParseError> {
+    pub(crate) fn operators(&mut self, mut left: Expr, outer: Power) -> Result<Expr, ParseError> {
         while let Some((function, length, right)) = self.operator(outer) {
             let position = self.at;
             self.at += length;
@@ -112,7 +101,7 @@ impl<'a> Parser<'a> {
     }
 
     /// The next operator, if it binds more tightly than `outer`: its function, its length, and how its right side is read.
-    fn operator(&mut self, outer: Power) -> Option<(Binary, usize, Power)> {
+    pub(crate) fn operator(&mut self, outer: Power) -> Option<(Binary, usize, Power)> {
         self.skip_space();
         let rest = &self.text.as_bytes()[self.at..];
         let (function, length, own, right) = match rest {
@@ -194,7 +183,7 @@ impl<'a> Parser<'a> {
     }
 
     /// A name: an identifier, a topic's field or anything in backticks.
-    fn name(&mut self, expected: &'static str) -> Result<String, ParseError> {
+    pub(crate) fn name(&mut self, expected: &'static str) -> Result<String, ParseError> {
         self.skip_space();
         let rest = &self.text[self.at..];
         if rest.starts_with('`') {
@@ -234,7 +223,7 @@ impl<'a> Parser<'a> {
         Ok(result)
     }
 
-    fn start(&mut self) -> usize {
+    pub(crate) fn start(&mut self) -> usize {
         self.skip_space();
         self.at
     }
@@ -244,12 +233,12 @@ impl<'a> Parser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    fn peek(&mut self) -> Option<char> {
+    pub(crate) fn peek(&mut self) -> Option<char> {
         self.skip_space();
         self.text[self.at..].chars().next()
     }
 
-    fn expect(&mut self, token: &str, expected: &'static str) -> Result<(), ParseError> {
+    pub(crate) fn expect(&mut self, token: &str, expected: &'static str) -> Result<(), ParseError> {
         self.skip_space();
         if !self.text[self.at..].starts_with(token) {
             return Err(self.expected(expected));
@@ -258,7 +247,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn expected(&self, expected: &'static str) -> ParseError {
+    pub(crate) fn expected(&self, expected: &'static str) -> ParseError {
         let found = match self.text[self.at..].chars().next() {
             Some(c) => format!("`{c}`"),
             None => "the end".to_owned(),
@@ -266,7 +255,7 @@ impl<'a> Parser<'a> {
         self.error(self.at, ParseErrorKind::Expected { expected, found })
     }
 
-    fn error(&self, position: usize, kind: ParseErrorKind) -> ParseError {
+    pub(crate) fn error(&self, position: usize, kind: ParseErrorKind) -> ParseError {
         ParseError::new(self.text, position, kind)
     }
 }

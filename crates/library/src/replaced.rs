@@ -27,6 +27,22 @@ impl Expr {
         })
     }
 
+    /// Replaces columns by what `replace(name)` gives, shifted by the column's lag; `None` leaves the column, unless it is a filter's, whose
+    /// arguments are then substituted: `tau` by 0.05 makes `lag1(m1, 0.05)` of `lag1(m1, tau)`.
+    pub fn substituted(&self, mut replace: impl FnMut(&str) -> Option<Expr>) -> Self {
+        self.substituted_by(&mut replace)
+    }
+
+    fn substituted_by(&self, replace: &mut dyn FnMut(&str) -> Option<Expr>) -> Self {
+        self.rebuild(|node| match node {
+            Node::Column { name, lag } => {
+                let with = replace(name).or_else(|| Some(Filter::of(name)?.substituted(replace).column()));
+                with.map(|with| with.shifted(*lag))
+            }
+            _ => None,
+        })
+    }
+
     /// Its columns (`None` is time) with the rows back at which it reads them, each pair once.
     pub fn reads(&self) -> Vec<(Option<Arc<str>>, i32)> {
         let mut found = Vec::new();
@@ -58,6 +74,14 @@ impl Expr {
             Node::Column { lag, .. } | Node::Time { lag } => Some(*lag),
             _ => arguments.iter().find_map(|lag| *lag),
         })
+    }
+}
+
+impl Filter {
+    /// [`Expr::substituted`] of both arguments.
+    fn substituted(&self, replace: &mut dyn FnMut(&str) -> Option<Expr>) -> Self {
+        let input = self.input.substituted_by(replace);
+        Self { kind: self.kind, input, constant: self.constant.substituted_by(replace) }
     }
 }
 

@@ -7,7 +7,7 @@ use std::{
 
 use fleetfoot_data::nearest;
 
-use crate::{Expr, ParseError, ParseErrorKind, parse::is_bare_name};
+use crate::{Expr, ParseErrorKind};
 
 /// The names that stand for something: the columns of a recording and the aliases of a recipe.
 ///
@@ -16,21 +16,21 @@ use crate::{Expr, ParseError, ParseErrorKind, parse::is_bare_name};
 #[derive(Debug, Clone, Default)]
 pub struct Scope {
     /// Every name is a column.
-    open: bool,
+    pub(crate) open: bool,
     /// The text is a filter's name, in which inner filters already stand as their columns are called.
     of_name: bool,
-    columns: BTreeSet<Arc<str>>,
-    aliases: BTreeMap<String, Expr>,
+    pub(crate) columns: BTreeSet<Arc<str>>,
+    pub(crate) aliases: BTreeMap<String, Expr>,
     /// Aliases of the common beginning of a vector's or a quaternion's fields.
-    groups: BTreeMap<String, String>,
+    pub(crate) groups: BTreeMap<String, String>,
     /// Aliases whose text has not been read yet, while they are defined together.
-    pending: BTreeSet<String>,
+    pub(crate) pending: BTreeSet<String>,
     /// The alias whose text is being read: in it, its own name is a column.
-    defining: Option<String>,
+    pub(crate) defining: Option<String>,
 }
 
 /// What stands between a vector's name and its component's.
-const SEPARATORS: [&str; 3] = [".", "_", ""];
+pub(crate) const SEPARATORS: [&str; 3] = [".", "_", ""];
 
 impl Scope {
     /// A recording's columns, no aliases.
@@ -57,66 +57,6 @@ impl Scope {
         let name = name.into();
         self.groups.remove(&name);
         self.aliases.insert(name, expr);
-    }
-
-    /// Reads a recipe's aliases, `(name, text)` in any order; they may use each other.
-    ///
-    /// A text that is a column's whole name is that column, whatever characters it has. A text that is the common beginning
-    /// of vector fields (`/imu.orientation`, for `/imu.orientation.x` and so on) names the vector or the quaternion. In
-    /// its own text an alias is the column of that name.
-    ///
-    /// # Errors
-    /// A text that does not parse, with the alias named; aliases that need each other in a circle. The scope stays as it was.
-    pub fn define_all<N: AsRef<str>, T: AsRef<str>>(
-        &mut self,
-        aliases: impl IntoIterator<Item = (N, T)>,
-    ) -> Result<(), ParseError> {
-        let texts: BTreeMap<String, String> =
-            aliases.into_iter().map(|(name, text)| (name.as_ref().to_owned(), text.as_ref().to_owned())).collect();
-        let mut scope = self.clone();
-        scope.pending = texts.keys().cloned().collect();
-        for name in texts.keys() {
-            let mut stack = vec![name.clone()];
-            while let Some(name) = stack.last().cloned() {
-                if !scope.pending.contains(&name) {
-                    stack.pop();
-                    continue;
-                }
-                scope.defining = Some(name.clone());
-                match scope.define_text(&name, &texts[&name]) {
-                    Ok(()) => {
-                        scope.pending.remove(&name);
-                    }
-                    // Not read yet: that one first.
-                    Err(error) => match error.kind() {
-                        ParseErrorKind::Circular { name: other } if !stack.contains(other) => stack.push(other.clone()),
-                        _ => return Err(error.in_alias(name)),
-                    },
-                }
-            }
-        }
-        scope.defining = None;
-        *self = scope;
-        Ok(())
-    }
-
-    fn define_text(&mut self, name: &str, text: &str) -> Result<(), ParseError> {
-        let whole = text.trim();
-        if self.columns.contains(whole) {
-            self.define(name, Expr::column(whole));
-        } else if is_bare_name(whole)
-            && !self.open
-            && !self.aliases.contains_key(whole)
-            && !self.pending.contains(whole)
-            && SEPARATORS.iter().any(|separator| self.columns.contains(format!("{whole}{separator}x").as_str()))
-        {
-            self.aliases.remove(name);
-            self.groups.insert(name.to_owned(), whole.to_owned());
-        } else {
-            let expr = Expr::parse(text, self)?;
-            self.define(name, expr);
-        }
-        Ok(())
     }
 
     /// What a name stands for.

@@ -1,6 +1,12 @@
 //! Simplification: constants are combined, zeros and ones vanish, equal factors and equal terms are collected.
 
-use crate::{Binary, Expr, Node, Unary, function::integer_power, monomial::Monomial, sum::Sum};
+mod monomial;
+mod sum;
+
+pub(crate) use monomial::Monomial;
+pub(crate) use sum::Sum;
+
+use crate::{Binary, Expr, Node, Unary, function::integer_power};
 
 impl Expr {
     /// The same function in a shorter form: constants combined, what adds 0, multiplies by 0 or 1 or is raised to 1 removed,

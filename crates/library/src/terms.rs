@@ -1,14 +1,16 @@
 //! The library language: candidate functions from text.
 
 mod candidates;
+mod item;
 mod polynomial;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use candidates::{Candidates, Workshop};
 pub use polynomial::PolynomialLibrary;
 
-use crate::{Expr, MAX_FUNCTIONS, ParseError, Scope, parse::parse_item};
+use crate::{Expr, MAX_FUNCTIONS, ParseError, Scope};
+use candidates::{Candidates, Workshop};
+use item::parse_item;
 
 /// What the words of a library stand for.
 #[derive(Debug, Clone, Copy)]

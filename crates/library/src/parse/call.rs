@@ -4,10 +4,11 @@ use std::fmt;
 
 use fleetfoot_data::nearest;
 
-use super::{MAX_LAG, MAX_SIZE, ParseError, ParseErrorKind, Parser, Power};
+use super::{Parser, Power};
 use crate::{
-    Binary, CentralDifference, Expr, Filter, FilterKind, Quaternion, Spacing, Unary, backward_difference,
-    central_difference, forward_difference,
+    Binary, CentralDifference, Expr, Filter, FilterKind, ParseError, ParseErrorKind, Quaternion, Spacing, Unary,
+    backward_difference, central_difference, forward_difference,
+    limits::{MAX_LAG, MAX_SIZE},
 };
 
 /// Filters inside each other.
@@ -15,7 +16,7 @@ const MAX_FILTERS: usize = 8;
 
 impl Parser<'_> {
     /// A function's arguments and value; its name and the parenthesis are read.
-    pub(super) fn call(&mut self, function: &str, start: usize) -> Result<Expr, ParseError> {
+    pub(crate) fn call(&mut self, function: &str, start: usize) -> Result<Expr, ParseError> {
         match function {
             "lag" | "lead" => return self.lag(if function == "lag" { 1.0 } else { -1.0 }),
             "yaw" | "pitch" | "roll" => {
@@ -204,7 +205,7 @@ impl fmt::Write for Bounded {
     }
 }
 
-pub(super) fn named_unary(name: &str) -> Option<Unary> {
+pub(crate) fn named_unary(name: &str) -> Option<Unary> {
     Unary::ALL.into_iter().find(|function| *function != Unary::Neg && function.name() == name)
 }
 
@@ -218,7 +219,7 @@ fn named_binary(name: &str) -> Option<Binary> {
     }
 }
 
-pub(super) fn function_names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn function_names() -> impl Iterator<Item = &'static str> {
     let others =
         ["pow", "atan2", "min", "max", "time", "lag", "lead", "forward", "backward", "central", "central4", "central6"];
     let rotations = ["yaw", "pitch", "roll", "rotate", "rotate_inv", "vec", "quat"];

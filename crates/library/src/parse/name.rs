@@ -19,7 +19,7 @@ pub(super) fn constant(name: &str) -> Option<f64> {
 }
 
 /// Bytes of the identifier at the start: letters, digits and `_`, with inner dots and `[...]` parts.
-pub(super) fn identifier_length(text: &str) -> usize {
+pub(crate) fn identifier_length(text: &str) -> usize {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     if !text.starts_with(|c: char| c.is_alphabetic() || c == '_') {
         return 0;

@@ -5,7 +5,7 @@ use std::{
     collections::{HashMap, HashSet},
 };
 
-use crate::{Expr, MAX_FUNCTIONS, Node, ParseErrorKind, Unary, monomial::Monomial};
+use crate::{Expr, MAX_FUNCTIONS, Node, ParseErrorKind, Unary, simplify::Monomial};
 
 /// Pairs of functions whose products are formed at once; many of them may be equal.
 const MAX_PAIRS: usize = 4 * MAX_FUNCTIONS;

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::{Expr, monomial::Monomial};
+use crate::{Expr, simplify::Monomial};
 
 use super::Terms;
 

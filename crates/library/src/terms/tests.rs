@@ -229,9 +229,9 @@ fn a_parsed_polynomial_costs_one_multiplication_a_function() {
 /// The functions without their order, the order of their factors and the number in front.
 fn keys(terms: &Terms) -> std::collections::BTreeSet<String> {
     let key = |function: &Expr| {
-        let mut powers = crate::monomial::Monomial::of(&function.canonical()).powers;
+        let mut powers = crate::simplify::Monomial::of(&function.canonical()).powers;
         powers.sort_by_key(|(base, _)| base.to_string());
-        crate::monomial::Monomial::new(1.0, powers).expr().to_string()
+        crate::simplify::Monomial::new(1.0, powers).expr().to_string()
     };
     terms.functions.iter().map(key).collect()
 }

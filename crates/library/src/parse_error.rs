@@ -4,8 +4,7 @@ use std::fmt;
 
 use fleetfoot_data::{did_you_mean, nearest};
 
-use super::{MAX_DEPTH, MAX_SIZE, MAX_TEXT};
-use crate::MAX_FUNCTIONS;
+use crate::limits::{MAX_DEPTH, MAX_FUNCTIONS, MAX_SIZE, MAX_TEXT};
 
 /// Why and where a text is not an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -123,7 +122,7 @@ pub enum ParseErrorKind {
 }
 
 impl ParseError {
-    pub(super) fn new(text: &str, position: usize, kind: ParseErrorKind) -> Self {
+    pub(crate) fn new(text: &str, position: usize, kind: ParseErrorKind) -> Self {
         Self { detail: Box::new(Detail { text: text.to_owned(), position, alias: None, kind }) }
     }
 
@@ -148,7 +147,7 @@ impl ParseError {
     }
 
     /// With these names too among those that an unknown one may have meant.
-    pub(super) fn with_names(mut self, names: &[&str]) -> Self {
+    pub(crate) fn with_names(mut self, names: &[&str]) -> Self {
         use ParseErrorKind::{UnknownFunction, UnknownName};
         if let UnknownName { name, nearest: known } | UnknownFunction { name, nearest: known } = &mut self.detail.kind {
             let before = std::mem::take(known);

@@ -2,11 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    Binary, Expr, Node, Unary,
-    monomial::Monomial,
-    simplify::{join_difference, join_sum, product, unary},
-};
+use super::{join_difference, join_sum, monomial::Monomial, product, unary};
+use crate::{Binary, Expr, Node, Unary};
 
 /// Operands and operators of a sum that are looked at together, as for products.
 const MAX_PARTS: usize = 256;

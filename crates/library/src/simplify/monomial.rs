@@ -103,7 +103,7 @@ impl Monomial {
         let minus = above == -1.0;
         let (above, below) = (side(if minus { 1.0 } else { above }, 1), side(below, -1));
         let quotient = if below.is_number(1.0) { above } else { above / below };
-        if minus { crate::simplify::unary(Unary::Neg, quotient) } else { quotient }
+        if minus { super::unary(Unary::Neg, quotient) } else { quotient }
     }
 }
 
@@ -118,39 +118,5 @@ fn reduced(above: f64, below: f64) -> (f64, f64) {
         (ratio.signum(), ratio.abs())
     } else {
         (above * sign, below * sign)
-    }
-}
-
-impl Expr {
-    /// A form for comparison only: equal for expressions that differ by the order of commuting operands, by brackets in sums
-    /// and products, by signs, or by what [`Expr::simplified`] collects.
-    pub(crate) fn canonical(&self) -> Self {
-        self.simplified().fold(|expr, arguments: &[Expr]| match (expr.node(), arguments) {
-            (Node::Unary(function, _), [x]) => ordered(crate::simplify::unary(*function, x.clone())),
-            (Node::Power(_, k), [x]) => ordered(x.powi(*k)),
-            (Node::Binary(function, ..), [a, b]) => {
-                let swap = matches!(function, Binary::Min | Binary::Max) && a.digest() > b.digest();
-                let (a, b) = if swap { (b, a) } else { (a, b) };
-                ordered(Expr::binary(*function, a.clone(), b.clone()))
-            }
-            _ => expr.clone(),
-        })
-    }
-}
-
-/// Brings the root's operands into an order of their own.
-fn ordered(expr: Expr) -> Expr {
-    match expr.node() {
-        Node::Binary(Binary::Add | Binary::Sub, ..) => {
-            let mut sum = crate::sum::Sum::of(&expr);
-            sum.terms.sort_by_key(|term| term.function.digest());
-            sum.expr()
-        }
-        Node::Unary(Unary::Neg, _) | Node::Power(..) | Node::Binary(Binary::Mul | Binary::Div, ..) => {
-            let mut product = Monomial::of(&expr);
-            product.powers.sort_by_key(|(base, _)| base.digest());
-            product.expr()
-        }
-        _ => expr,
     }
 }

@@ -10,10 +10,14 @@
 //! option  = "bias" "=" ("true" | "false") | "every" "=" number
 //! ```
 
-use super::{MAX_SIZE, ParseError, ParseErrorKind, Parser, Power, call::named_unary};
+use super::{
+    Vocabulary,
+    candidates::{Candidates, Workshop},
+};
 use crate::{
-    Binary, Expr, Unary,
-    terms::{Candidates, Vocabulary, Workshop},
+    Binary, Expr, ParseError, ParseErrorKind, Unary,
+    limits::{MAX_DEPTH, MAX_SIZE, MAX_TEXT},
+    parse::{Parser, Power, function_names, identifier_length, named_unary},
 };
 
 /// Libraries that are called with a number.
@@ -27,13 +31,13 @@ const NOT_JOINED: &str = "`+`, `*` or the end: libraries have no differences, po
                           beside a library stands in parentheses";
 
 /// Reads one item of a library.
-pub(crate) fn parse_item(
+pub(super) fn parse_item(
     text: &str,
     vocabulary: &Vocabulary,
     workshop: &mut Workshop,
 ) -> Result<Candidates, ParseError> {
-    let parser = Parser { text, scope: vocabulary.scope, at: 0, depth: 0 };
-    if text.len() > super::MAX_TEXT {
+    let parser = Parser::new(text, vocabulary.scope);
+    if text.len() > MAX_TEXT {
         return Err(parser.error(0, ParseErrorKind::TooLarge));
     }
     let mut items = Items { parser, variables: vocabulary.variables, workshop };
@@ -60,7 +64,7 @@ impl Items<'_, '_> {
     /// Products joined by signs: one expression if there is no library among them, else all their functions.
     fn sum(&mut self) -> Result<Value, ParseError> {
         let depth = self.parser.depth;
-        if depth >= super::MAX_DEPTH {
+        if depth >= MAX_DEPTH {
             return Err(self.parser.error(self.parser.at, ParseErrorKind::TooDeep));
         }
         self.parser.depth += 1;
@@ -167,7 +171,7 @@ impl Items<'_, '_> {
     fn signed(&mut self, sign: char, outer: Power) -> Result<Value, ParseError> {
         let start = self.parser.at;
         self.parser.at += 1;
-        if self.parser.depth >= super::MAX_DEPTH {
+        if self.parser.depth >= MAX_DEPTH {
             return Err(self.parser.error(start, ParseErrorKind::TooDeep));
         }
         self.parser.depth += 1;
@@ -267,7 +271,7 @@ impl Items<'_, '_> {
         let (option, other) =
             if matches!(library, "poly" | "interactions") { ("bias", "every") } else { ("every", "bias") };
         let rest = &self.parser.text[start..];
-        let length = super::name::identifier_length(rest);
+        let length = identifier_length(rest);
         if length == 0 || !rest[length..].trim_start().starts_with('=') {
             return Ok(None);
         }
@@ -287,7 +291,7 @@ impl Items<'_, '_> {
     fn truth(&mut self) -> Result<bool, ParseError> {
         let start = self.parser.start();
         let rest = &self.parser.text[start..];
-        let word = &rest[..super::name::identifier_length(rest)];
+        let word = &rest[..identifier_length(rest)];
         let value = match word {
             "true" => true,
             "false" => false,
@@ -379,5 +383,5 @@ fn lags(first: u32, last: u32, every: u32) -> impl ExactSizeIterator<Item = i32>
 }
 
 fn library_names() -> Vec<&'static str> {
-    NUMBERED.into_iter().chain(["identity"]).chain(super::call::function_names()).collect()
+    NUMBERED.into_iter().chain(["identity"]).chain(function_names()).collect()
 }
