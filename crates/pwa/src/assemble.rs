@@ -8,7 +8,7 @@ use fleetfoot_model::{Latent, Model, Partition, Region, TrainedEpisode, Training
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
-    Problem, Specification, errors::Errors, fit::RegionModel, identify::Fit, residual::Scatter, select::Order,
+    Problem, Specification, complete::Fit, errors::Errors, region_model::RegionModel, residual::Scatter, select::Order,
 };
 
 impl Fit<'_> {

@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use faer::{Mat, MatRef};
 use fleetfoot_stats::{Features, SquareRoot, householder::fold_rows, kernel::Slab, least_squares, svd};
 
-use crate::fit::{Base, RegionModel, column_scale};
+use crate::region_model::{Base, RegionModel, column_scale};
 pub(crate) use borders::{Border, borders, check};
 
 /// Singular values of the equations below this share of the largest are zero: borders at smaller angles are parallel.
@@ -52,6 +52,20 @@ pub(crate) struct Fitted {
     pub(crate) models: Vec<RegionModel>,
     /// Numbers that were free, of each target.
     pub(crate) numbers: usize,
+}
+
+/// What it costs that the maps of neighbouring regions meet at their border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Continuity {
+    /// Borders between rows.
+    pub borders: usize,
+    /// Numbers that are free, of each target.
+    pub numbers: usize,
+    /// The loss of as many maps that need not meet; NaN without folds.
+    pub apart: f64,
+    /// The largest difference of two maps at a border, in standard deviations of the target: rounding.
+    pub jump: f64,
 }
 
 impl Ties {

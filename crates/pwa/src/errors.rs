@@ -12,11 +12,11 @@ use fleetfoot_stats::{
 
 use crate::{
     Error,
-    fit::RegionModel,
-    regions::Segmentation,
+    assignment::Assigner,
+    region_model::RegionModel,
     residual::{Maps, Scatter, Sums, by_rows},
     rows::{Rows, Tile},
-    scan::Assigner,
+    segmentation::Segmentation,
     select::Order,
     walks::Walks,
 };

@@ -7,8 +7,8 @@ use fleetfoot_data::{Cancelled, Silent, parallel_all, parallel_fold};
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot, kernel::padded};
 
 use crate::{
-    fit::{Base, RegionModel},
     lattice::Columns,
+    region_model::{Base, RegionModel},
     residual::{Maps, by_rows},
 };
 

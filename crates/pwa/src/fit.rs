@@ -4,62 +4,15 @@
 
 use std::collections::BTreeMap;
 
-use faer::Mat;
 use fleetfoot_model::{Partition, Rule};
-use fleetfoot_stats::{Gram, Key, Preconditioner, Solution, SquareRoot, Stats, least_squares, ridge};
+use fleetfoot_stats::{Gram, Key, Preconditioner, SquareRoot, Stats, least_squares, ridge};
 
 use crate::{
     Specification,
     lattice::{Sets, joined},
-    regions::Candidate,
+    region_model::{Base, RegionModel},
+    segmentation::Candidate,
 };
-
-/// The affine model of one region: `intercept + coefficients' x`.
-#[derive(Debug, Clone)]
-pub(crate) struct RegionModel {
-    /// p x q.
-    pub(crate) coefficients: Mat<f64>,
-    pub(crate) intercept: Vec<f64>,
-    pub(crate) rank: usize,
-    pub(crate) condition: f64,
-    pub(crate) confounded: Vec<Vec<usize>>,
-}
-
-impl RegionModel {
-    pub(crate) fn new(solution: Solution) -> Self {
-        let Solution { coefficients, intercept, rank, condition, confounded, .. } = solution;
-        Self { coefficients, intercept, rank, condition, confounded }
-    }
-
-    /// The mean of the targets.
-    fn null(root: &SquareRoot) -> Self {
-        let (p, q) = (root.mean_x.len(), root.mean_y.len());
-        Self {
-            coefficients: Mat::zeros(p, q),
-            intercept: root.mean_y.clone(),
-            rank: 0,
-            condition: 1.0,
-            confounded: Vec::new(),
-        }
-    }
-}
-
-/// The one-region model and what comes with it: prior, fallback, and the units of standardisation.
-pub(crate) struct Base {
-    pub(crate) root: SquareRoot,
-    pub(crate) scale: Vec<f64>,
-    pub(crate) average: RegionModel,
-    pub(crate) null: RegionModel,
-}
-
-impl Base {
-    pub(crate) fn new(root: SquareRoot) -> Self {
-        let scale = column_scale(&root);
-        let average = RegionModel::new(least_squares(&root, &scale));
-        let null = RegionModel::null(&root);
-        Self { root, scale, average, null }
-    }
-}
 
 /// Square-root forms of the rows that train and are held out, whoever summed them.
 pub(crate) trait Roots {
@@ -165,16 +118,6 @@ pub(crate) fn held_out_error(models: &[RegionModel], testing: &BTreeMap<u32, Squ
         total.iter_mut().zip(error).for_each(|(sum, error)| *sum += error);
     }
     total
-}
-
-/// Standard deviations of the regressors: column norms of the centred R factor. A constant column gets 1.
-pub(crate) fn column_scale(root: &SquareRoot) -> Vec<f64> {
-    (0..root.r.ncols())
-        .map(|column| match root.r.col(column).norm_l2() / root.weight.sqrt() {
-            norm if norm.is_finite() && norm > 1e-12 * root.mean_x[column].abs() => norm,
-            _ => 1.0,
-        })
-        .collect()
 }
 
 fn trains(key: &Key, held: Option<u16>) -> bool {

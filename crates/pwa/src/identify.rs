@@ -4,133 +4,23 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Lattice, Model, Rule};
-use fleetfoot_stats::{
-    Basis, Chunk, Concentration, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot,
-};
+use fleetfoot_stats::{Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
 
 use crate::{
-    Error, Options, Problem, Specification, Stability,
+    Error, Identification, Options, Problem, Score, Specification,
+    complete::Fit,
     errors::{Errors, Measure, PartErrors},
-    fit::{Base, Roots, Solver},
-    lattice::{Sets, Tree, bytes as cell_bytes, described},
+    fit::{Roots, Solver},
+    levels::described,
     notes::confounded,
     partition::{Prepared, join_cells, prepare},
-    regions::{Candidate, Segmentation},
-    rows::Rows,
-    scan::{Scan, sum},
+    region_model::Base,
+    scan::sum,
+    segmentation::{Candidate, Segmentation},
     select::{Order, choose, effective_rows, evaluate, fitted},
     stable::Loop,
-    survey::{Survey, example_bytes, examples, kept_bytes},
     tsqr::factor_regions,
 };
-
-/// Bytes that all stored statistics may take.
-pub(crate) const STATS_BUDGET: usize = 192 << 20;
-
-/// A model and how it was found.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Identification {
-    /// The chosen model.
-    pub model: Model,
-    /// With [`Options::keep_all`] the models of all candidates, in their order; else empty.
-    pub models: Vec<Model>,
-    /// Every partition that was tried, in the order asked for.
-    pub candidates: Vec<Score>,
-    /// Index of the chosen one.
-    pub chosen: usize,
-    /// The rule that chose it, for people; `None` where there was nothing to choose from, or the caller chose.
-    pub rule: Option<&'static str>,
-    /// Left sides of the fitted equations.
-    pub targets: Vec<String>,
-    /// Standard deviation of each target (population).
-    pub sigma: Vec<f64>,
-    /// Rows used.
-    pub rows: u64,
-    /// Rows that lack neighbours at the border of their episode.
-    pub at_border: u64,
-    /// Rows with a missing value.
-    pub incomplete: u64,
-    /// Rows that count as independent.
-    pub effective_rows: f64,
-    /// Whether the scores are of rows that did not train (cross-validation).
-    pub held_out: bool,
-    /// Which rows were held out, for people; `None` where none were.
-    pub fold_rule: Option<String>,
-    /// What the intervals of the scores compare.
-    pub basis: Basis,
-    /// Condition number of the standardised regressors of the one-region regression.
-    pub condition: f64,
-    /// Condition number of its preconditioned Gram matrix: near 1 while the pilot sample is representative.
-    pub preconditioned: f64,
-    /// For each target the few rows that hold most of its variance, where they do; empty where that is not known.
-    pub concentrated: Vec<Option<Concentration>>,
-    /// What the user should know.
-    pub notes: Vec<String>,
-}
-
-/// Scores of one partition.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Score {
-    /// The partition.
-    pub specification: Specification,
-    /// Its regions.
-    pub regions: usize,
-    /// Shrinkage used, rows.
-    pub shrinkage: f64,
-    /// Mean absolute error of each target over that of the null model on the same rows (Table I's printed numbers).
-    pub over_null: Vec<f64>,
-    /// The same with 95 % intervals over [`Identification::basis`].
-    pub over_null_interval: Vec<Estimate>,
-    /// Sums of absolute errors of each target over the parts that the intervals compare: parts x targets.
-    pub absolute: Vec<Vec<f64>>,
-    /// Mean absolute error of each target over the target's standard deviation.
-    pub over_sigma: Vec<f64>,
-    /// Coefficient of determination of each target.
-    pub r2: Vec<f64>,
-    /// Mean Mahalanobis score of the error vector under the covariance of the targets (equation (10)).
-    pub mahalanobis: f64,
-    /// Cross-validated squared error over variance, mean over targets and folds; NaN without folds.
-    pub loss: f64,
-    /// Its standard error across folds.
-    pub standard_error: f64,
-    /// The same loss, fold by fold.
-    pub losses: Vec<f64>,
-    /// Bayesian information criterion.
-    pub bic: f64,
-    /// What it costs that maps meet at their borders, where they do.
-    pub continuity: Option<Continuity>,
-    /// How its maps contract, where [`Options::stability`] asks for it.
-    pub stability: Option<Stability>,
-    /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
-    pub free_loss: f64,
-    /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
-    pub objective: Vec<f64>,
-}
-
-/// What it costs that the maps of neighbouring regions meet at their border.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct Continuity {
-    /// Borders between rows.
-    pub borders: usize,
-    /// Numbers that are free, of each target.
-    pub numbers: usize,
-    /// The loss of as many maps that need not meet; NaN without folds.
-    pub apart: f64,
-    /// The largest difference of two maps at a border, in standard deviations of the target: rounding.
-    pub jump: f64,
-}
-
-impl Identification {
-    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
-    /// what makes a part hard for both does not widen it.
-    pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
-        let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
-        (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
-    }
-}
 
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
 ///
@@ -164,58 +54,6 @@ pub fn identify(
     fit.finish(source, &chunks, progress)
 }
 
-/// What an identification will keep in memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Cost {
-    /// Rows that are kept to find regions: all, or as many as the memory allows.
-    pub clustered_rows: usize,
-    /// Bytes, about: kept rows, stored statistics, blocks in flight.
-    pub bytes: usize,
-}
-
-/// Tells beforehand what [`identify`] will keep in memory for `rows` rows.
-pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
-    let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
-    let width = problem.library.len() + targets;
-    let per_row = kept_bytes(problem.partition_columns.len(), 0);
-    let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
-    let clustered = if any(Specification::is_clustered) { rows.min(options.memory / per_row.max(1)) } else { 0 };
-    let per_example = example_bytes(problem.partition_columns.len(), width);
-    let refined = if any(Specification::fits_targets) || options.continuous {
-        examples(rows, per_example, options.memory)
-    } else {
-        0
-    };
-    let shape = (problem.library.len(), targets);
-    let joined = options.partitions.iter().filter_map(Specification::joined).max();
-    let cells = joined.map_or(0, |regions| cell_bytes(rows, shape, regions, options.folds));
-    let regions: usize =
-        options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
-    let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
-    let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
-    Cost {
-        clustered_rows: clustered.max(refined),
-        bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,
-    }
-}
-
-pub(crate) fn gram_bytes(width: usize) -> usize {
-    8 * (width + 4) * (width + 4) / 2
-}
-
-pub(crate) fn expected_regions(specification: &Specification) -> usize {
-    match specification {
-        Specification::Null | Specification::Average => 0,
-        Specification::ZScore(_) => 2,
-        Specification::KMeans(k) | Specification::Refined(k) => *k,
-        Specification::Tree(depth) => 1 << depth,
-        // The sums of cells are bounded by themselves.
-        Specification::Lattice(_) => 0,
-        Specification::Labels { .. } => 10 * specification.clusters().unwrap_or(1),
-    }
-}
-
 fn plan_hash(
     problem: &Problem,
     cut: (&Grid, Option<&FoldLayout>),
@@ -235,22 +73,6 @@ fn plan_hash(
         text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
     }
     fleetfoot_stats::plan_hash(&text, preconditioner)
-}
-
-/// All that is known when the statistic is complete.
-pub(crate) struct Fit<'a> {
-    pub(crate) problem: &'a Problem,
-    pub(crate) options: &'a Options,
-    pub(crate) rows: &'a Rows,
-    folds: Option<&'a FoldLayout>,
-    pub(crate) survey: &'a Survey,
-    pub(crate) segmentation: &'a Segmentation,
-    pub(crate) scan: &'a Scan,
-    /// Sums of the cells and their trees, where there are any.
-    joined: Option<&'a (Sets, Vec<Tree>)>,
-    preconditioner: &'a Preconditioner,
-    /// What the models' maps are bounded by.
-    bound: Option<Loop>,
 }
 
 impl Fit<'_> {

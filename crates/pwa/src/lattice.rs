@@ -12,13 +12,12 @@ mod tree;
 use std::sync::Arc;
 
 use fleetfoot_data::{Progress, Silent, parallel_map};
-use fleetfoot_model::{Join, Level, Partition, Rule};
+use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::{Gram, Preconditioner};
 
 use crate::{
     Error,
-    identify::{STATS_BUDGET, gram_bytes},
-    select::Order,
+    budget::{STATS_BUDGET, gram_bytes},
 };
 
 pub(crate) use cells::{Cells, Columns, centroids, count as cell_count};
@@ -205,35 +204,6 @@ impl Bordered {
             offsets: offsets.iter().zip(&self.region).map(|(own, &at)| own + factor * levels[at as usize]).collect(),
         }
     }
-}
-
-/// What a model tells of the tree that its regions are a level of: the joins that follow, and the levels that were tried; `weight` is that of the rows.
-pub(crate) fn described(
-    tree: &Tree,
-    regions: usize,
-    tried: &[&Order],
-    (weight, targets): (f64, usize),
-) -> fleetfoot_model::Lattice {
-    let table = tree.regions(regions);
-    let scaled = |error: f64| error / (weight * targets as f64);
-    let join = |join: &tree::Join| Join {
-        kept: table[join.kept as usize],
-        gone: table[join.gone as usize],
-        training: scaled(join.error),
-    };
-    let mut levels: Vec<Level> = tried
-        .iter()
-        .map(|order| Level {
-            regions: order.full.len(),
-            training: scaled(tree.error(order.full.len())),
-            held_out: order.loss,
-            standard_error: order.standard_error,
-            bic: order.bic,
-        })
-        .collect();
-    levels.sort_by_key(|level| level.regions);
-    levels.dedup_by_key(|level| level.regions);
-    fleetfoot_model::Lattice { joins: tree.joins(regions).iter().map(join).collect(), levels }
 }
 
 #[cfg(test)]

@@ -21,23 +21,31 @@
 //! ```
 
 mod assemble;
+mod assignment;
+mod budget;
+mod complete;
 mod continuous;
 mod error;
 mod errors;
 mod examples;
 mod fit;
+mod identification;
 mod identify;
 mod kept;
 mod kmeans;
 mod lattice;
+mod levels;
+mod memory;
 mod notes;
 mod partition;
 mod problem;
 mod refined;
+mod region_model;
 mod regions;
 mod residual;
 mod rows;
 mod scan;
+mod segmentation;
 mod select;
 mod specification;
 mod stable;
@@ -47,12 +55,15 @@ mod tree;
 mod tsqr;
 mod walks;
 
+pub use continuous::Continuity;
 pub use error::Error;
-pub use identify::{Continuity, Cost, Identification, Score, cost, identify};
+pub use identification::{Identification, Score};
+pub use identify::identify;
 pub use kmeans::{
     Assigned, Assigner, KMeans, KMeansError, KMeansOptions, KMeansRows, KMeansRun, KMeansStep, Points, Start, Units,
     assign_rows, distances_to, kmeans, kmeans_from, plus_plus_draws, starting_centroids,
 };
+pub use memory::{Cost, cost};
 pub use partition::{Partitioned, partition};
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError, Within};

@@ -2,8 +2,9 @@
 
 use crate::{
     Problem, Specification,
-    fit::{Base, Roots, Solver},
-    identify::Fit,
+    complete::Fit,
+    fit::{Roots, Solver},
+    region_model::Base,
 };
 
 /// What the rows cannot tell apart.

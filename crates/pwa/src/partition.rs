@@ -6,12 +6,13 @@ use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner}
 
 use crate::{
     Error, Options, Problem, Specification,
+    budget::{STATS_BUDGET, expected_regions, gram_bytes},
     continuous::check as check_continuous,
-    identify::{STATS_BUDGET, expected_regions, gram_bytes},
     lattice::{Sets, Tree, grow, joined_ranges},
-    regions::{Segmentation, segment},
+    regions::segment,
     rows::Rows,
     scan::{Scan, sum},
+    segmentation::Segmentation,
     survey::Survey,
 };
 

@@ -13,39 +13,13 @@ use crate::{
     Error, KMeansOptions, Options, Points, Problem, Specification, Start, Within,
     continuous::{Ties, borders},
     kmeans,
-    lattice::{Lattice, Tree},
+    lattice::Lattice,
     refined::Ground,
     rows::Rows,
+    segmentation::{Candidate, Segmentation},
     survey::Survey,
     tree::Grown,
 };
-
-/// One kind of partition: made on all rows, and on the training rows of every fold.
-pub(crate) struct Candidate {
-    pub(crate) specification: Specification,
-    /// Index of the partition made on all rows.
-    pub(crate) full: usize,
-    /// Index of the partition for each fold; the same as `full` where the partition does not depend on the rows.
-    pub(crate) by_fold: Vec<usize>,
-    /// What is free in maps that meet at borders: of all rows, then of every fold. Empty where maps need not meet.
-    pub(crate) ties: Vec<Ties>,
-    /// What a refinement on all rows lowered, after every pass; empty for other kinds.
-    pub(crate) objective: Vec<f64>,
-}
-
-/// All partitions that share the second pass.
-pub(crate) struct Segmentation {
-    pub(crate) partitions: Vec<Partition>,
-    /// Label column (index into [`Rows::labels`]) of each partition that has one.
-    pub(crate) labels: Vec<Option<usize>>,
-    pub(crate) candidates: Vec<Candidate>,
-    /// Of each partition, the training set that it was made on: all rows, then those of every fold.
-    pub(crate) sets: Vec<usize>,
-    /// The cells of all partitions that are joined of cells, of every training set; none where nothing is joined.
-    pub(crate) lattices: Vec<Lattice>,
-    /// What the user should know.
-    pub(crate) notes: Vec<String>,
-}
 
 /// Makes all partitions; `places` are the regressors that the partition columns are, where maps meet at borders. The one-region partition always comes first: it is the prior, the fallback and the yardstick of the others.
 pub(crate) fn segment(
@@ -99,30 +73,6 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
 }
 
 impl Segmentation {
-    /// No partitions yet, but that of one region, and cells.
-    pub(crate) fn of_cells(lattices: Vec<Lattice>) -> Self {
-        Self {
-            partitions: vec![Partition::whole()],
-            labels: vec![None],
-            candidates: Vec::new(),
-            sets: vec![0],
-            lattices,
-            notes: Vec::new(),
-        }
-    }
-
-    /// Joins the cells of all partitions that are joined of cells; the trees are that of all rows and those of every fold.
-    pub(crate) fn join(&mut self, trees: &[Tree]) {
-        for candidate in &self.candidates {
-            let Some(k) = candidate.specification.joined() else { continue };
-            for (at, tree) in std::iter::once(&candidate.full).chain(&candidate.by_fold).zip(trees) {
-                if let Rule::Joined { regions, .. } = &mut self.partitions[*at].rule {
-                    *regions = tree.regions(k);
-                }
-            }
-        }
-    }
-
     /// Adds what was made of a specification: on all rows, then on the training rows of every fold, or for all of them where there is one only.
     fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };

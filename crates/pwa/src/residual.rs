@@ -6,7 +6,7 @@
 use fleetfoot_stats::kernel::{LANES, padded};
 use pulp::NullaryFnOnce;
 
-use crate::fit::RegionModel;
+use crate::region_model::RegionModel;
 
 /// Affine maps of regions: for each a row of constants, then one row a regressor.
 pub(crate) struct Maps {

@@ -6,9 +6,10 @@ use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats};
 
 use crate::{
     Continuity, Error, Selection, Shrinkage, Specification, Stability,
-    continuous::{Fitted, Ties},
-    fit::{Base, RegionModel, Roots, held_out_error, region_models},
-    regions::Candidate,
+    continuous::Fitted,
+    fit::{Roots, held_out_error, region_models},
+    region_model::{Base, RegionModel},
+    segmentation::Candidate,
     stable::Loop,
 };
 
@@ -44,14 +45,6 @@ pub(crate) struct Order {
     pub(crate) stability: Option<(Stability, f64)>,
     /// What the models from all rows were solved from, where this is the only candidate.
     pub(crate) training: Option<BTreeMap<u32, SquareRoot>>,
-}
-
-impl Candidate {
-    /// What is free in maps that meet at borders, on the rows that train for `held`.
-    fn ties(&self, held: Option<u16>) -> Option<&Ties> {
-        let own = held.map_or(0, |held| 1 + usize::from(held));
-        self.ties.get(own).or(self.ties.first())
-    }
 }
 
 /// The maps of all `count` regions of a candidate, from the training statistics of its regions for `held`: tied where they meet at borders.

@@ -22,6 +22,7 @@
 mod looped;
 mod metric;
 mod region;
+mod search;
 
 use faer::{Mat, linalg::solvers::Solve};
 use fleetfoot_stats::{SquareRoot, spectral_radius, svd};
@@ -29,7 +30,7 @@ use std::collections::BTreeMap;
 
 use crate::{
     Error,
-    fit::{Base, RegionModel},
+    region_model::{Base, RegionModel},
 };
 pub(crate) use looped::Loop;
 use metric::Metric;

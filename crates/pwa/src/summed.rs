@@ -14,7 +14,7 @@ use crate::{
     assemble::{assembled, described},
     fit::Roots,
     notes::confounded,
-    regions::Candidate,
+    segmentation::Candidate,
     select::{Order, choose, evaluate},
     stable::Loop,
 };

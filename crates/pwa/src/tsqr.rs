@@ -10,9 +10,9 @@ use fleetfoot_stats::{Chunk, Factor, SquareRoot, scan::scan};
 
 use crate::{
     Error,
-    regions::Segmentation,
+    assignment::Assigner,
     rows::{Rows, Tile},
-    scan::Assigner,
+    segmentation::Segmentation,
 };
 
 #[derive(Default)]

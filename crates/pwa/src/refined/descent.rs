@@ -6,7 +6,7 @@ use fleetfoot_stats::ridge;
 use super::separators::{Probabilities, Separators};
 use crate::{
     examples::{Chunk, Examples},
-    fit::RegionModel,
+    region_model::RegionModel,
     residual::Maps,
 };
 

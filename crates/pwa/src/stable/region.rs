@@ -7,7 +7,7 @@ use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
 use fleetfoot_stats::{Contraction, SquareRoot, svd};
 
 use super::{Loop, metric::Metric};
-use crate::fit::RegionModel;
+use crate::region_model::RegionModel;
 
 /// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not tell.
 const UNTOLD: f64 = 1e-9;

@@ -1,0 +1,97 @@
+//! What an identification finds: the model, and the score of every partition.
+
+use fleetfoot_model::Model;
+use fleetfoot_stats::{Basis, Concentration, Estimate};
+
+use crate::{Specification, Stability, continuous::Continuity};
+
+/// A model and how it was found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Identification {
+    /// The chosen model.
+    pub model: Model,
+    /// With [`Options::keep_all`] the models of all candidates, in their order; else empty.
+    pub models: Vec<Model>,
+    /// Every partition that was tried, in the order asked for.
+    pub candidates: Vec<Score>,
+    /// Index of the chosen one.
+    pub chosen: usize,
+    /// The rule that chose it, for people; `None` where there was nothing to choose from, or the caller chose.
+    pub rule: Option<&'static str>,
+    /// Left sides of the fitted equations.
+    pub targets: Vec<String>,
+    /// Standard deviation of each target (population).
+    pub sigma: Vec<f64>,
+    /// Rows used.
+    pub rows: u64,
+    /// Rows that lack neighbours at the border of their episode.
+    pub at_border: u64,
+    /// Rows with a missing value.
+    pub incomplete: u64,
+    /// Rows that count as independent.
+    pub effective_rows: f64,
+    /// Whether the scores are of rows that did not train (cross-validation).
+    pub held_out: bool,
+    /// Which rows were held out, for people; `None` where none were.
+    pub fold_rule: Option<String>,
+    /// What the intervals of the scores compare.
+    pub basis: Basis,
+    /// Condition number of the standardised regressors of the one-region regression.
+    pub condition: f64,
+    /// Condition number of its preconditioned Gram matrix: near 1 while the pilot sample is representative.
+    pub preconditioned: f64,
+    /// For each target the few rows that hold most of its variance, where they do; empty where that is not known.
+    pub concentrated: Vec<Option<Concentration>>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Scores of one partition.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Score {
+    /// The partition.
+    pub specification: Specification,
+    /// Its regions.
+    pub regions: usize,
+    /// Shrinkage used, rows.
+    pub shrinkage: f64,
+    /// Mean absolute error of each target over that of the null model on the same rows (Table I's printed numbers).
+    pub over_null: Vec<f64>,
+    /// The same with 95 % intervals over [`Identification::basis`].
+    pub over_null_interval: Vec<Estimate>,
+    /// Sums of absolute errors of each target over the parts that the intervals compare: parts x targets.
+    pub absolute: Vec<Vec<f64>>,
+    /// Mean absolute error of each target over the target's standard deviation.
+    pub over_sigma: Vec<f64>,
+    /// Coefficient of determination of each target.
+    pub r2: Vec<f64>,
+    /// Mean Mahalanobis score of the error vector under the covariance of the targets (equation (10)).
+    pub mahalanobis: f64,
+    /// Cross-validated squared error over variance, mean over targets and folds; NaN without folds.
+    pub loss: f64,
+    /// Its standard error across folds.
+    pub standard_error: f64,
+    /// The same loss, fold by fold.
+    pub losses: Vec<f64>,
+    /// Bayesian information criterion.
+    pub bic: f64,
+    /// What it costs that maps meet at their borders, where they do.
+    pub continuity: Option<Continuity>,
+    /// How its maps contract, where [`Options::stability`] asks for it.
+    pub stability: Option<Stability>,
+    /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
+    pub free_loss: f64,
+    /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
+    pub objective: Vec<f64>,
+}
+
+impl Identification {
+    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
+    /// what makes a part hard for both does not widen it.
+    pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
+        let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
+        (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
+    }
+}

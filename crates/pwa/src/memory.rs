@@ -1,0 +1,44 @@
+//! What an identification keeps in memory.
+
+use crate::{
+    Options, Problem, Specification,
+    budget::{STATS_BUDGET, expected_regions, gram_bytes},
+    lattice::bytes as cell_bytes,
+    survey::{example_bytes, examples, kept_bytes},
+};
+
+/// What an identification will keep in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Cost {
+    /// Rows that are kept to find regions: all, or as many as the memory allows.
+    pub clustered_rows: usize,
+    /// Bytes, about: kept rows, stored statistics, blocks in flight.
+    pub bytes: usize,
+}
+
+/// Tells beforehand what [`identify`] will keep in memory for `rows` rows.
+pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
+    let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
+    let width = problem.library.len() + targets;
+    let per_row = kept_bytes(problem.partition_columns.len(), 0);
+    let any = |wanted: fn(&Specification) -> bool| options.partitions.iter().any(wanted);
+    let clustered = if any(Specification::is_clustered) { rows.min(options.memory / per_row.max(1)) } else { 0 };
+    let per_example = example_bytes(problem.partition_columns.len(), width);
+    let refined = if any(Specification::fits_targets) || options.continuous {
+        examples(rows, per_example, options.memory)
+    } else {
+        0
+    };
+    let shape = (problem.library.len(), targets);
+    let joined = options.partitions.iter().filter_map(Specification::joined).max();
+    let cells = joined.map_or(0, |regions| cell_bytes(rows, shape, regions, options.folds));
+    let regions: usize =
+        options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
+    let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
+    let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
+    Cost {
+        clustered_rows: clustered.max(refined),
+        bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,
+    }
+}
