@@ -255,7 +255,7 @@ def flights(fleetfoot, _data):
             subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
         own.run("fit", "sparse", "-c", "train/robot.toml", "train", "--bolasso", "episodes:200", "--threshold", "0.9", "-o", "model.json")
         begun = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        found = own.run("resimulate", "model.json", "test", "--every", 2)
+        found = own.run("resimulate", "model.json", "test")
         seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begun) / len(found["episodes"])
     programs = sorted(episode["programs"] for episode in found["episodes"])
     rows = ["| rms deviation from the flight | followed: mean of the flights | 90 % | worst | open loop: mean | 90 % | worst | may be off |", "|---|---|---|---|---|---|---|---|"]
