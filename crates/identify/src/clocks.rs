@@ -1,7 +1,5 @@
 //! The clocks of other computers: what each shows more than the one that it is compared with, found from what both saw, log by log.
 
-mod report;
-
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::{Halo, Progress, Source};
@@ -10,9 +8,8 @@ use fleetfoot_signal::{
     Alignment, ClockLine, EdgeAlignment, Record, SignalError, WaveOptions, Within, align, align_edges, dejitter,
 };
 
-pub use report::{AlignedClock, LagOfPart};
-
-use crate::{ClockSection, Dataset, Error, Logs, Recipe};
+pub use crate::found_clocks::{AlignedClock, LagOfPart};
+use crate::{ClockSection, Dataset, Error, Logs, Recipe, found_clocks::Clocks};
 
 /// Seconds that clocks may be apart beyond what log times tell of them.
 const REACH: f64 = 1.0;
@@ -25,16 +22,6 @@ const DOUBTFUL: f64 = 0.5;
 
 /// Deviations off the line at which a quarter of a record is told.
 const BENT: f64 = 4.0;
-
-/// Clocks that were found, and what is made of them.
-#[derive(Debug, Default)]
-pub(crate) struct Clocks {
-    /// For the join.
-    pub(crate) topics: Vec<TopicClock>,
-    /// For people.
-    pub(crate) reports: Vec<AlignedClock>,
-    pub(crate) notes: Vec<String>,
-}
 
 /// The share of a period beyond which stamps are not those of an even sensor.
 const UNEVEN: f64 = 0.25;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use fleetfoot_data::{Column, ColumnKind, Halo, Progress, Source, Watched, parallel_fold};
 use fleetfoot_library::Expr;
 
-use crate::{Error, Recipe, dataset::seen_through, rows::pieces, task::Aliases};
+use crate::{Error, Recipe, pieces::pieces, problem::Aliases, view::seen_through};
 
 /// Stretches of rows that are in use: each becomes an episode, with a name and an identity.
 const MOST_RUNS: usize = 20_000;

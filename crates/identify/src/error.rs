@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use fleetfoot_data::did_you_mean;
 
+use crate::{Cause, RequestError, statistic_error::StatisticError};
+
 /// What can go wrong in a pipeline.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -46,7 +48,7 @@ pub enum Error {
     },
     /// What was asked for cannot be done.
     #[error(transparent)]
-    Request(#[from] crate::RequestError),
+    Request(#[from] RequestError),
     /// A partition by what is predicted.
     #[error(
         "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
@@ -132,7 +134,7 @@ pub enum Error {
     Dynamics(#[from] fleetfoot_dynamics::Error),
     /// A `.stats` file, or what was asked of it, was refused.
     #[error(transparent)]
-    Statistic(#[from] crate::statistic::StatisticError),
+    Statistic(#[from] StatisticError),
     /// Sparse models could not be made.
     #[error(transparent)]
     Threshold(fleetfoot_sparse::threshold::ThresholdError),
@@ -192,6 +194,68 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+/// One constructor a cause.
+impl Error {
+    fn request(cause: Cause, message: String) -> Self {
+        Self::Request(RequestError { cause, message })
+    }
+
+    /// [`Cause::Value`].
+    pub fn value(message: String) -> Self {
+        Self::request(Cause::Value, message)
+    }
+
+    /// [`Cause::Conflict`].
+    pub fn conflict(message: String) -> Self {
+        Self::request(Cause::Conflict, message)
+    }
+
+    /// [`Cause::Missing`].
+    pub fn missing(message: String) -> Self {
+        Self::request(Cause::Missing, message)
+    }
+
+    /// [`Cause::UnknownName`].
+    pub fn unknown(name: impl Into<String>, message: String) -> Self {
+        Self::request(Cause::UnknownName { name: name.into() }, message)
+    }
+
+    /// [`Cause::NameTaken`].
+    pub fn name_taken(name: impl Into<String>, message: String) -> Self {
+        Self::request(Cause::NameTaken { name: name.into() }, message)
+    }
+
+    /// [`Cause::TooFewRows`].
+    pub fn too_few_rows(rows: u64, needed: u64, message: String) -> Self {
+        Self::request(Cause::TooFewRows { rows, needed }, message)
+    }
+
+    /// [`Cause::NeedsRows`].
+    pub fn needs_rows(message: String) -> Self {
+        Self::request(Cause::NeedsRows, message)
+    }
+
+    /// [`Cause::OtherStatistic`].
+    pub fn other_statistic(message: String) -> Self {
+        Self::request(Cause::OtherStatistic, message)
+    }
+
+    /// [`Cause::Undetermined`].
+    pub fn undetermined(message: String) -> Self {
+        Self::request(Cause::Undetermined, message)
+    }
+
+    /// [`Cause::Output`].
+    pub fn output(message: String) -> Self {
+        Self::request(Cause::Output, message)
+    }
+
+    /// [`Cause::Internal`].
+    pub fn internal(message: String) -> Self {
+        Self::request(Cause::Internal, message)
+    }
 }
 
 /// Stopped by the user is one error, whatever was being done.

@@ -5,6 +5,7 @@ mod row;
 mod sums;
 #[cfg(test)]
 mod tests;
+mod writer;
 
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use serde::Serialize;
 
 use crate::{
     Error, FilterSwitching, Logs, Recipe, output,
-    rows::{ROWS, pieces_of},
+    pieces::{ROWS, pieces_of},
 };
 
 use asked::Asked;
@@ -23,6 +24,7 @@ pub use asked::filter_of;
 pub use row::FilteredRows;
 use row::Follower;
 use sums::Sums;
+use writer::FilteredWriter;
 
 /// What filtering logs gave.
 #[derive(Debug, Clone, Serialize)]
@@ -160,7 +162,7 @@ pub fn filter(
         let Some((kind, path)) = output else { return Ok(()) };
         let writer = match &mut writer {
             Some(writer) => writer,
-            None => writer.insert(output::FilteredWriter::create(kind, path, model, filter, &logs)?),
+            None => writer.insert(FilteredWriter::create(kind, path, model, filter, &logs)?),
         };
         writer.write(rows)
     })?;

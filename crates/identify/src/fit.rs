@@ -1,82 +1,29 @@
 //! From files and a recipe to a piecewise-affine model.
 
+mod fitted;
 mod options;
 mod residuals;
-
-use std::path::{Path, PathBuf};
+mod statistic;
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Prediction;
-use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification};
+use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage};
 use serde::Serialize;
 
 use crate::{
     Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
-    Task, concentrated, dataset, fit_statistic, json,
+    Task, concentrated,
     left_out::left_out,
-    not_finite, objective,
-    output::{refuse_not_finite, write_model},
+    not_finite, objective, open,
+    output::refuse_not_finite,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
+    told,
 };
+pub use fitted::{Fitted, PwaRequest, rival};
 pub use options::PwaOptions;
 use residuals::move_residuals;
-
-/// What is wanted beside the model.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct PwaRequest {
-    /// The models of all partitions, not only the chosen one.
-    pub keep_all: bool,
-}
-
-/// What a fit found, and on what.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Fitted {
-    /// The model, its rivals, and their scores.
-    pub identification: Identification,
-    /// Episodes used.
-    pub episodes: usize,
-    /// Files used.
-    pub files: usize,
-    /// How partition and spans were chosen by rollouts, where they were.
-    pub rollouts: Option<RolloutChoice>,
-    /// The fit to simulations, where it was asked for.
-    pub refinement: Option<Refinement>,
-    /// What the user should know.
-    pub notes: Vec<String>,
-}
-
-impl Fitted {
-    /// Writes the models of all candidates beside the chosen one's file, if they were kept ([`PwaRequest::keep_all`]); tells the files, in the
-    /// order of the candidates.
-    ///
-    /// # Errors
-    /// Those of writing.
-    pub fn write_rivals(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
-        let found = &self.identification;
-        let mut written = Vec::with_capacity(found.models.len());
-        for (model, candidate) in found.models.iter().zip(&found.candidates) {
-            let path = rival(chosen, &candidate.specification);
-            write_model(model, &path)?;
-            written.push(path);
-        }
-        Ok(written)
-    }
-}
-
-/// `model.json` and `kmeans:10` make `model_kmeans10.json`.
-pub fn rival(chosen: &Path, specification: &Specification) -> PathBuf {
-    let stem = chosen.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
-    let name: String = specification
-        .to_string()
-        .chars()
-        .filter(|&c| c != ':')
-        .map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' })
-        .collect();
-    let extension = chosen.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
-    chosen.with_file_name(format!("{stem}_{name}.{extension}"))
-}
+pub(crate) use statistic::served;
 
 /// What a fit would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -89,7 +36,7 @@ pub struct FitPlan {
     /// Rows; of robots' logs at most, from the counts in the files.
     pub rows: usize,
     /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
-    #[serde(flatten, serialize_with = "json::decoded")]
+    #[serde(flatten, serialize_with = "told::decoded")]
     pub decoded: Option<(u64, bool)>,
     /// Columns that are read.
     pub columns: Vec<String>,
@@ -144,7 +91,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
     let choice_passes = rollouts.map_or(0, |rule| PWA_PASSES * rule.folds * spans);
     let recipe = &settled(recipe, None);
     let (task, columns, rows, episodes, decoded, notes) =
-        match dataset::estimate(recipe, &options.labels(), logs, progress)? {
+        match open::estimate(recipe, &options.labels(), logs, progress)? {
             Some((task, columns, cost)) => {
                 (task, columns, cost.rows as usize, None, Some((cost.decoded_bytes, cost.cached)), Vec::new())
             }
@@ -201,7 +148,7 @@ pub fn fit_pwa(
 ) -> Result<Fitted, Error> {
     let logs = &logs.into();
     if logs.is_statistic() {
-        return fit_statistic::fit(recipe, request, logs);
+        return statistic::fit(recipe, request, logs);
     }
     let said = PwaOptions::new(recipe)?;
     let (dataset, mut task) = Dataset::for_recipe(&settled(recipe, None), &said.labels(), logs, progress)?;

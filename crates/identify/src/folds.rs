@@ -36,6 +36,22 @@ impl FoldRule {
     }
 }
 
+/// What [`parse`] reads.
+pub(crate) const WORDS: &str = "`auto`, a number of folds from 2 on, `episodes`, or `splits:30`";
+
+/// Which rows are held out.
+pub(crate) fn parse(text: &str) -> Option<FoldRule> {
+    let number =
+        |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);
+    match text.split_once(':') {
+        None if text == "auto" => Some(FoldRule::Auto),
+        None if text == "episodes" => Some(FoldRule::Episodes),
+        None => number(text, 2).map(FoldRule::Count),
+        Some(("splits", count)) => number(count, 1).map(FoldRule::Splits),
+        Some(_) => None,
+    }
+}
+
 /// The gap beside held-out rows that are made of the same samples as `shared` rows on either side, and correlated with so many; as far as a tenth of a span
 /// where that is not known.
 pub(crate) fn purge(shared: usize, correlated: Option<f64>) -> Purge {

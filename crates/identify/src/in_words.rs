@@ -1,6 +1,6 @@
-//! When simulations are worth something, for people.
+//! What simulations and intervals are, for people.
 
-use fleetfoot_dynamics::{Horizon, StepSpan};
+use fleetfoot_dynamics::{Basis, Horizon, StepSpan};
 use fleetfoot_report::words::{count, seconds};
 
 /// Spans of steps that are written out.
@@ -40,4 +40,28 @@ pub fn spans_in_words(spans: &[StepSpan], steps: usize) -> String {
         told.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
     }
     told.join(", ")
+}
+
+/// What a simulation did not compute itself ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), for people.
+pub fn replayed_in_words(columns: &[String]) -> String {
+    match columns {
+        [] => "replayed from the recording: nothing".into(),
+        columns => format!("replayed from the recording: {}", columns.join(", ")),
+    }
+}
+
+/// What an interval compares, for people.
+pub fn interval_in_words(basis: &Basis) -> String {
+    match basis {
+        Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
+        Basis::Folds(count) => {
+            format!("95 % intervals across {count} folds of spans (too narrow: they are correlated)")
+        }
+        Basis::Spans(count) => {
+            format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
+        }
+        Basis::Starts(count) => {
+            format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)")
+        }
+    }
 }

@@ -6,7 +6,6 @@ mod filter;
 mod narx;
 mod page;
 mod parameters;
-mod plan;
 mod pwa;
 mod resimulate;
 mod rollout;
@@ -17,13 +16,11 @@ mod statistic;
 
 use std::collections::BTreeMap;
 
-use fleetfoot_dynamics::{Baseline, Basis, Estimate};
-use serde::{Serialize, Serializer};
+use fleetfoot_dynamics::{Baseline, Estimate};
+use serde::Serialize;
 use serde_json::Value;
 
-pub(crate) use narx::tried_order;
-pub(crate) use plan::decoded;
-pub(crate) use sparse::{certificate, largest_change};
+use crate::told::value;
 
 /// Version of the keys of reports (docs/reference/reports.md): raised when one is renamed, removed or means something else.
 const FORMAT: u32 = 2;
@@ -39,11 +36,6 @@ struct Report<R> {
 /// A report as a tree of values.
 fn report(told: impl Serialize) -> Value {
     value(Report { format: FORMAT, told })
-}
-
-/// A part of a report as a tree of values.
-pub(crate) fn value(told: impl Serialize) -> Value {
-    serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
 }
 
 /// A value and the ends of its interval, as every report tells them.
@@ -63,52 +55,7 @@ impl From<&Estimate> for Interval {
     }
 }
 
-/// Rows that were left out: at borders, incomplete ones and, where there are regions, those that none took.
-pub(crate) fn left_out<S: Serializer>(rows: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
-    let keys = ["rows_at_border", "rows_incomplete", "rows_unassigned"];
-    serializer.collect_map(keys.iter().zip(rows))
-}
-
-/// Functions and their coefficients along something.
-#[derive(Serialize)]
-struct Along<'a> {
-    function: &'a str,
-    coefficients: &'a [f64],
-}
-
-fn functions(functions: &[(String, Vec<f64>)]) -> Vec<Along<'_>> {
-    functions.iter().map(|(function, coefficients)| Along { function, coefficients }).collect()
-}
-
-pub(crate) fn along<S: Serializer>(along: &[(String, Vec<f64>)], serializer: S) -> Result<S::Ok, S::Error> {
-    functions(along).serialize(serializer)
-}
-
 /// What is told of every baseline, by its name.
 fn by_baseline<T, V>(all: &[(Baseline, T)], of: impl Fn(&T) -> V) -> BTreeMap<&'static str, V> {
     all.iter().map(|(baseline, own)| (baseline.name(), of(own))).collect()
-}
-
-/// What a simulation did not compute itself ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), for people.
-pub fn replayed_in_words(columns: &[String]) -> String {
-    match columns {
-        [] => "replayed from the recording: nothing".into(),
-        columns => format!("replayed from the recording: {}", columns.join(", ")),
-    }
-}
-
-/// What an interval compares, for people.
-pub fn interval_in_words(basis: &Basis) -> String {
-    match basis {
-        Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),
-        Basis::Folds(count) => {
-            format!("95 % intervals across {count} folds of spans (too narrow: they are correlated)")
-        }
-        Basis::Spans(count) => {
-            format!("95 % intervals across {count} spans of one episode (too narrow: they are correlated)")
-        }
-        Basis::Starts(count) => {
-            format!("95 % intervals across {count} starts of one episode (too narrow: they are correlated)")
-        }
-    }
 }

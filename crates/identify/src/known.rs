@@ -5,7 +5,7 @@ use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_model::{Model, Role, TrainedEpisode, Training};
 use fleetfoot_stats::{Gram, Grid, reduce};
 
-use crate::{Dataset, Error, Logs, Recipe, task::KnownTask};
+use crate::{Dataset, Error, Logs, Recipe, problem::KnownTask};
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;

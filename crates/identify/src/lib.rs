@@ -5,6 +5,9 @@
 //! which fits need no logs; [`prepare`] cleans raw channels; [`control_lqr`] makes a controller of a model; [`score`], [`predict`] and [`rollout`] run a model on files, and [`report()`] draws
 //! what it is worth.
 //!
+//! Modules have layers: settings (`recipe`), what they mean for a recording (`problem`), what is read (`stats_file`, `logs`, `dataset`, `open`), the methods, sums in place
+//! of logs (`statistic`), what models do, and what is told of all of them (`json`, `result_page`).
+//!
 //! ```
 //! use fleetfoot_identify::Recipe;
 //!
@@ -30,26 +33,28 @@ mod error;
 mod export;
 mod filter;
 mod fit;
-mod fit_statistic;
 pub mod folder;
 mod folds;
+mod found_clocks;
 mod groups;
 mod in_words;
 mod init;
 mod json;
 mod known;
 mod labels;
-mod leak;
 mod left_out;
 mod list;
 mod logs;
 mod narx;
 mod not_finite;
 mod objective;
+mod open;
 mod output;
 mod parameters;
 mod period;
+mod pieces;
 pub mod prepare;
+mod problem;
 mod project;
 mod recipe;
 mod request;
@@ -59,10 +64,14 @@ mod rollout_choice;
 mod rows;
 mod run;
 mod sindy;
+mod spans;
 mod sparse_fit;
 pub mod statistic;
-mod structure;
-mod task;
+mod statistic_error;
+mod stats_file;
+mod subset;
+mod told;
+mod view;
 mod wildcard;
 
 pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr};
@@ -76,31 +85,34 @@ pub use filter::{
 pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
-pub use in_words::{spans_in_words, useful_in_words};
+pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};
 pub use init::starter_recipe;
-pub use json::{Interval, interval_in_words, replayed_in_words};
+pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use list::items;
-pub use logs::Logs;
+pub use logs::{Logs, is_statistic};
 pub use narx::{
-    Effort, FileRun, FileRuns, GivenAs, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions,
-    NarxRegion, NarxReport, NarxRequest, NarxScores, NarxSearch, NarxSelection, NarxStage, NarxTerm, OrderRule,
-    TermRule, fit_narx,
+    FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
+    NarxReport, NarxRequest, NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
 };
-pub use objective::{HeldOutErrors, Objective, RefinedFold, Refinement};
+pub use objective::{HeldOutErrors, RefinedFold, Refinement};
 pub use output::{layout_files, write_model};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport,
     fit_parameters,
 };
+pub use problem::{
+    Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter, SettledDifference, StructuredTask,
+    Task, Windows,
+};
 pub use project::{Projected, project};
 pub use recipe::{
-    BodySection, ClockSection, ControlSchedule, ControlSection, Derivative, EpisodeRule, EstimateMethod,
-    EstimateSection, FilterSection, FilterSwitching, Gap, Gravity, Input, InputTable, Join, JoinTable, JointSection,
-    Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxTerms, Normalize, Over,
-    ParameterSection, PartitionChoice, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection,
-    SensorKind, SensorSection, Settings, SindySection, SpanDerivative, SparseSection, State, TaskSection, Time,
-    Tunable, UnseenLabels,
+    BodySection, ClockSection, ControlSchedule, ControlSection, Criterion, Derivative, Effort, EpisodeRule,
+    EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Gap, GivenAs, Gravity, Input, InputTable, Join,
+    JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection,
+    NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PrepareMethod,
+    PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer,
+    SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use resimulate::{Followed, Spread, resimulate};
@@ -109,15 +121,11 @@ pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
 pub use sindy::{
-    Difference, DifferenceErrors, Ensemble, EquationReport, EquationTask, Evidence, FittedEquation, FrontPoint,
-    Parameter, ParameterReport, Provenance, RegionReport, SettledDifference, SindyFitted, SindyOptimizer, SindyOptions,
-    SindyPlan, SindyReport, SindyRequest, SmoothStates, StateNoise, StateSmoothing, TermReport, Windows, fit_sindy,
-    plan_sindy,
+    Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, Provenance, RegionReport, SindyFitted,
+    SindyOptions, SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
-    CandidateReport, Criterion, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
-    PathReport, Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
-    file_by_value, fit_sparse, is_statistic, solve_statistic, write_frequencies,
+    CandidateReport, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, PathReport,
+    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
+    file_by_value, fit_sparse, solve_statistic, write_frequencies,
 };
-pub use structure::{Moments, StructuredTask};
-pub use task::Task;

@@ -7,7 +7,7 @@ use std::{
 
 use fleetfoot_log::{Log, MemoryTable};
 
-use crate::{Error, is_statistic, statistic::StatisticFile};
+use crate::{Error, stats_file::StatisticFile};
 
 /// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
 ///
@@ -97,4 +97,9 @@ impl<P: AsRef<Path>, const N: usize> From<&[P; N]> for Logs {
     fn from(files: &[P; N]) -> Self {
         files.as_slice().into()
     }
+}
+
+/// Whether files are the statistic of logs instead of logs.
+pub fn is_statistic(files: &[PathBuf]) -> bool {
+    files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
 }

@@ -1,7 +1,5 @@
 //! Predictions and trajectories as files: tables (Parquet, CSV), or messages that viewers draw over the recording (MCAP).
 
-mod filtered;
-mod followed;
 mod layout;
 mod model;
 mod plane;
@@ -13,9 +11,8 @@ use std::{collections::BTreeMap, path::Path};
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
-pub(crate) use filtered::FilteredWriter;
-pub(crate) use followed::write_followed;
 pub use layout::layout_files;
+pub(crate) use layout::{Line, Plot, write_layouts};
 pub(crate) use model::refuse_not_finite;
 pub use model::write_model;
 pub(crate) use plane::write_plane;
@@ -44,7 +41,7 @@ pub(crate) fn kind(output: &Path) -> Result<Kind, Error> {
     }
 }
 
-fn metadata(model: &Model) -> BTreeMap<String, String> {
+pub(crate) fn metadata(model: &Model) -> BTreeMap<String, String> {
     let pairs = [
         ("fleetfoot.model".to_owned(), model.hash()),
         ("fleetfoot.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
@@ -52,10 +49,10 @@ fn metadata(model: &Model) -> BTreeMap<String, String> {
     pairs.into()
 }
 
-fn table_options(model: &Model, logs: &Logs) -> WriteOptions {
+pub(crate) fn table_options(model: &Model, logs: &Logs) -> WriteOptions {
     WriteOptions { metadata: metadata(model), inputs: logs.files(), ..WriteOptions::default() }
 }
 
-fn mcap_options(model: &Model, logs: &Logs) -> McapOptions {
+pub(crate) fn mcap_options(model: &Model, logs: &Logs) -> McapOptions {
     McapOptions { metadata: metadata(model), inputs: logs.files(), ..McapOptions::default() }
 }

@@ -2,10 +2,8 @@
 
 mod held_out;
 mod report;
-mod task;
 
 pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
-pub(crate) use task::ParametersTask;
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
@@ -15,7 +13,9 @@ use fleetfoot_estimate::{
 };
 use fleetfoot_model::{Estimated, Model};
 
-use crate::{Dataset, Error, EstimateMethod, Logs, Recipe, folds::smoothed_rows, known::given};
+use crate::{
+    Dataset, Error, EstimateMethod, Logs, Recipe, folds::smoothed_rows, known::given, problem::ParametersTask,
+};
 use report::{Found, report};
 
 /// A model whose equations were given and whose parameters were estimated.

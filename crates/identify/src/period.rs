@@ -6,24 +6,10 @@ use fleetfoot_data::{Column, Episode};
 use fleetfoot_library::{Expr, Node};
 use fleetfoot_model::{Model, Prediction};
 
-use crate::{Dataset, Error, error::short};
+use crate::{Dataset, Error, dataset::of_most, error::short};
 
 /// Periods that differ by less of the model's are one: clocks drift, and stamps are rounded.
 const TOLERANCE: f64 = 0.1;
-
-/// The sampling period of most rows of some episodes, seconds; 0 for none.
-pub(crate) fn of_most<'a>(episodes: impl IntoIterator<Item = &'a Episode>) -> f64 {
-    let mut periods: Vec<(f64, usize)> =
-        episodes.into_iter().filter(|e| e.rows > 1).map(|episode| (episode.period, episode.rows)).collect();
-    periods.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = periods.iter().map(|(_, rows)| rows).sum::<usize>() / 2;
-    let mut seen = 0;
-    let of_most = periods.into_iter().find(|(_, rows)| {
-        seen += rows;
-        seen > half
-    });
-    of_most.map_or(0.0, |(period, _)| period)
-}
 
 /// The files that did not train a model, each with the period of most of its rows.
 fn of_files<'a>(dataset: &'a Dataset, model: &Model) -> Vec<(&'a Path, f64)> {

@@ -5,9 +5,11 @@
 mod channel;
 mod columns;
 mod fused;
+mod fused_report;
 mod grid;
 mod options;
 mod pieces;
+mod places;
 mod report;
 mod samples;
 mod write;
@@ -19,15 +21,15 @@ use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_signal::{SignalError, dejitter};
 use serde::Serialize;
 
-pub(crate) use columns::aliases;
-pub use fused::{BodyReport, CorrelationReport, JointReport, JointSensorReport, RejectedPoses};
-pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, Places, PrepareReport};
+pub use fused_report::{BodyReport, CorrelationReport, JointReport, JointSensorReport, RejectedPoses};
+pub use places::Places;
+pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, PrepareReport};
 
 use crate::{
     Dataset, EpisodeRule, Error, Logs, Recipe,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
-    json,
+    told,
 };
 use channel::{Channel, Curve};
 use columns::{Planned, written_recipe};
@@ -59,7 +61,7 @@ pub struct Prepared {
 impl Prepared {
     /// The report with the paths of what was written, as `prepare --json` prints it.
     pub fn to_json(&self) -> serde_json::Value {
-        json::value(Told {
+        told::value(Told {
             report: &self.report,
             recipe: self.recipe.display().to_string(),
             files: self.files.iter().map(|file| file.display().to_string()).collect(),

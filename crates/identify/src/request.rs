@@ -1,7 +1,5 @@
 //! What was asked for and cannot be done: a cause that a program can act on, and a message for people.
 
-use crate::Error;
-
 /// A request that cannot be met.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
@@ -49,66 +47,4 @@ pub enum Cause {
     Output,
     /// A mistake in fleetfoot itself.
     Internal,
-}
-
-/// One constructor a cause.
-impl Error {
-    fn request(cause: Cause, message: String) -> Self {
-        Self::Request(RequestError { cause, message })
-    }
-
-    /// [`Cause::Value`].
-    pub fn value(message: String) -> Self {
-        Self::request(Cause::Value, message)
-    }
-
-    /// [`Cause::Conflict`].
-    pub fn conflict(message: String) -> Self {
-        Self::request(Cause::Conflict, message)
-    }
-
-    /// [`Cause::Missing`].
-    pub fn missing(message: String) -> Self {
-        Self::request(Cause::Missing, message)
-    }
-
-    /// [`Cause::UnknownName`].
-    pub fn unknown(name: impl Into<String>, message: String) -> Self {
-        Self::request(Cause::UnknownName { name: name.into() }, message)
-    }
-
-    /// [`Cause::NameTaken`].
-    pub fn name_taken(name: impl Into<String>, message: String) -> Self {
-        Self::request(Cause::NameTaken { name: name.into() }, message)
-    }
-
-    /// [`Cause::TooFewRows`].
-    pub fn too_few_rows(rows: u64, needed: u64, message: String) -> Self {
-        Self::request(Cause::TooFewRows { rows, needed }, message)
-    }
-
-    /// [`Cause::NeedsRows`].
-    pub fn needs_rows(message: String) -> Self {
-        Self::request(Cause::NeedsRows, message)
-    }
-
-    /// [`Cause::OtherStatistic`].
-    pub fn other_statistic(message: String) -> Self {
-        Self::request(Cause::OtherStatistic, message)
-    }
-
-    /// [`Cause::Undetermined`].
-    pub fn undetermined(message: String) -> Self {
-        Self::request(Cause::Undetermined, message)
-    }
-
-    /// [`Cause::Output`].
-    pub fn output(message: String) -> Self {
-        Self::request(Cause::Output, message)
-    }
-
-    /// [`Cause::Internal`].
-    pub fn internal(message: String) -> Self {
-        Self::request(Cause::Internal, message)
-    }
 }

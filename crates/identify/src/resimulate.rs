@@ -1,6 +1,7 @@
 //! Recordings followed by a model within bounds: `resimulate`.
 
 mod words;
+mod writer;
 
 use std::path::Path;
 
@@ -150,7 +151,7 @@ pub fn resimulate(
         found,
     };
     if let (Some(path), Some(kind)) = (output, kind) {
-        output::write_followed(kind, path, model, &|episode| dataset.log_offset(episode), &followed, &logs)?;
+        writer::write_followed(kind, path, model, &|episode| dataset.log_offset(episode), &followed, &logs)?;
     }
     Ok(followed)
 }

@@ -1,11 +1,14 @@
 //! One page that shows what models are worth: sentences, equations, tables and figures, from the one score and rollout that there are.
 
+mod condition;
 mod coverage;
+mod drawn_stretch;
 mod excitation;
 mod fitting;
 mod horizons;
 mod intervals;
 mod judged;
+mod leftover;
 mod logs;
 mod missing;
 mod models;
@@ -16,7 +19,9 @@ mod regions;
 mod residuals;
 mod rolled_on;
 mod scores;
+mod sentence;
 mod series;
+mod target;
 mod transitions;
 mod verdict;
 

@@ -8,7 +8,7 @@ use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptio
 use fleetfoot_model::Model;
 use serde::Serialize;
 
-use crate::{Derivative, Error, Recipe, narx::Spans};
+use crate::{Derivative, Error, Recipe, spans::Spans};
 
 /// How candidates are compared by rollouts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

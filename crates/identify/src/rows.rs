@@ -4,10 +4,7 @@ use fleetfoot_data::{Column, Halo, Progress, Source, parallel_fold};
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
 use fleetfoot_model::Model;
 
-use crate::{Dataset, Error, Logs, Recipe};
-
-/// Rows read at once.
-pub(crate) const ROWS: usize = 65_536;
+use crate::{Dataset, Error, Logs, Recipe, pieces::pieces};
 
 /// Rows of logs, in their order, as columns.
 #[derive(Debug, Clone, Default)]
@@ -129,19 +126,6 @@ pub fn model_rows(
     )?;
     out.in_sample = dataset.in_sample(model);
     Ok(out)
-}
-
-/// All rows of a source in pieces that are read at once: episodes, and rows of them.
-pub(crate) fn pieces(source: &dyn Source) -> Vec<(usize, std::ops::Range<usize>)> {
-    pieces_of(source, ROWS)
-}
-
-/// All rows of a source in pieces of so many rows, less at the end of an episode.
-pub(crate) fn pieces_of(source: &dyn Source, most: usize) -> Vec<(usize, std::ops::Range<usize>)> {
-    let of = |(episode, rows): (usize, usize)| {
-        (0..rows).step_by(most).map(move |from| (episode, from..(from + most).min(rows)))
-    };
-    source.episodes().iter().map(|episode| episode.rows).enumerate().flat_map(of).collect()
 }
 
 impl Rows {

@@ -15,7 +15,7 @@ use crate::{
     Dataset, Error, FileRuns, Logs, Recipe, controller,
     narx::free_runs_by_file,
     output::{self, Place, PredictionsWriter},
-    rows::pieces,
+    pieces::pieces,
 };
 
 /// Scores, and what to know about the data.

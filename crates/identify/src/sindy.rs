@@ -3,24 +3,21 @@
 //! A recipe becomes an [`EquationTask`]; one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
 //! standard errors) follows from the statistic ([`fit_sindy`]).
 
-mod differences;
 mod estimation;
 mod evidence;
-mod filters;
 mod frozen;
 mod model;
 mod options;
-mod parameters;
 mod plan;
 mod refined;
 mod report;
 mod smoothed;
 mod solve;
 mod spans;
+mod state_smoothing;
 mod statistic;
-mod task;
 mod units;
-mod weak;
+mod words;
 
 use std::path::{Path, PathBuf};
 
@@ -34,23 +31,18 @@ use crate::{
     output::{refuse_not_finite, write_model},
     rollout_choice::{open_spans, settled},
 };
-pub use differences::{Difference, DifferenceErrors, SettledDifference};
+pub use estimation::ParameterReport;
 pub use evidence::Evidence;
-pub(crate) use evidence::specification;
-pub(crate) use frozen::{Frozen, clustering, regions};
+pub(crate) use frozen::Frozen;
 pub use model::Provenance;
-pub use options::{Ensemble, SindyOptimizer, SindyOptions};
-pub use parameters::Parameter;
+pub use options::{Ensemble, SindyOptions};
 pub use plan::{SindyPlan, plan_sindy};
 pub(crate) use refined::coefficients_of;
-pub use report::{EquationReport, FrontPoint, ParameterReport, RegionReport, SindyReport, TermReport};
-pub use smoothed::{SmoothStates, StateNoise, StateSmoothing};
+pub use report::{EquationReport, FrontPoint, RegionReport, SindyReport, TermReport};
 pub(crate) use solve::keys;
 use solve::{Solved, Solver};
+pub use state_smoothing::{StateNoise, StateSmoothing};
 pub(crate) use statistic::beneath;
-pub use task::{EquationTask, FittedEquation};
-pub(crate) use weak::WeakForm;
-pub use weak::Windows;
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;

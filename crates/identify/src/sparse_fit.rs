@@ -12,7 +12,6 @@ mod report;
 mod shown_path;
 mod solve;
 mod support;
-pub(crate) mod words;
 
 use std::{
     collections::BTreeSet,
@@ -31,15 +30,17 @@ use fleetfoot_stats::{Concentration, Key};
 use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
     condition::refuse_other_rows,
-    dataset::OpenedStructure,
     folds::smoothed_rows,
+    open::OpenedStructure,
     output::refuse_not_finite,
-    statistic::{LabelKey, ScanOptions, StatisticFile, Subset, scan, scan_tasks},
+    statistic::{LabelKey, ScanOptions, scan, scan_tasks},
+    stats_file::StatisticFile,
+    subset::Subset,
 };
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
 pub use lambda::LambdaChoice;
-pub use options::{Criterion, LambdaRule, Resampled, SparseOptions};
+pub use options::{LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
 pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
 pub use shown_path::PathReport;
@@ -71,11 +72,6 @@ pub struct SparseFitted {
     pub model: Model,
     /// Scores, coefficients, certificates.
     pub report: SparseReport,
-}
-
-/// Whether files are the statistic of logs instead of logs.
-pub fn is_statistic(files: &[PathBuf]) -> bool {
-    files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
 }
 
 /// What is fitted: a statistic, what the recipe means for it, and the rows where they are needed and at hand.

@@ -5,35 +5,30 @@
 //! the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
 mod compare;
-mod container;
 mod content;
 mod describe;
-mod equation_records;
-mod equation_sections;
 mod equations;
-mod error;
-mod file;
 mod key;
 mod operations;
 mod plan;
-mod records;
 mod scan;
-mod subset;
 mod target;
+mod task;
 #[cfg(test)]
 mod tests;
+mod texts;
 
-pub use container::Sizes;
-pub use content::ContentHash;
 pub use describe::TaskSummary;
-pub use equations::{EquationGroup, EquationStatistic};
-pub(crate) use equations::{piecewise, placeholder};
-pub use error::StatisticError;
-pub use file::{ColumnRecord, EpisodeRecord, FileRecord, StatisticFile};
 pub use key::LabelKey;
 pub use operations::Unwanted;
 pub use plan::{PlannedLatent, ScanPlan, plan_scan};
 pub(crate) use scan::scan_tasks;
 pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
-pub(crate) use subset::Subset;
 pub use target::{ScanOutcome, ScanTarget, scan_to};
+
+pub use crate::{
+    statistic_error::StatisticError,
+    stats_file::{
+        ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticFile,
+    },
+};

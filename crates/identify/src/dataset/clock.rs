@@ -16,7 +16,7 @@ pub(crate) enum Clock {
 }
 
 /// A plain regression needs no clock; rates, and whatever reads seconds, do.
-pub(super) fn clock<'a>(equations: &'a [Equation], expressions: impl Iterator<Item = &'a Expr>) -> Clock {
+pub(crate) fn clock<'a>(equations: &'a [Equation], expressions: impl Iterator<Item = &'a Expr>) -> Clock {
     let (mut timed, mut ordered) = (false, false);
     let targets = equations.iter().filter_map(|equation| equation.target.as_ref());
     for expression in expressions.chain(targets).chain(equations.iter().map(|equation| &equation.right)) {

@@ -1,14 +1,14 @@
 //! The fields of logs, and rows seen through expressions over them.
 
 use fleetfoot_data::{Column, Source};
-use fleetfoot_library::{Expr, Filter, Filtered, ParseErrorKind, View};
+use fleetfoot_library::{Expr, ParseErrorKind};
 use fleetfoot_log::{ColumnInfo, FileInfo, Log, TopicInfo};
 
 use super::selection::{label_names, renames};
 use crate::{Error, Logs, Recipe};
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
-pub(super) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
+pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
     let Some(first) = logs.all().first() else { return Err(Error::missing("no file is given".into())) };
     let (mut fields, info) = match first {
         Log::File(file) => {
@@ -36,7 +36,7 @@ pub(super) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Optio
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
-pub(super) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
+pub(crate) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     let Some(info) = info else { return error };
     let name = match &error {
         Error::UnknownColumn { name, .. } => name.clone(),
@@ -60,7 +60,7 @@ pub(super) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
 }
 
 /// The error; where a model of prepared logs lacks a column, that logs must be prepared for it.
-pub(super) fn unprepared(error: Error, recipe: &Recipe) -> Error {
+pub(crate) fn unprepared(error: Error, recipe: &Recipe) -> Error {
     let unknown = matches!(&error, Error::Expression { source, .. } if matches!(source.kind(), ParseErrorKind::UnknownName { .. }));
     if !unknown || recipe.time.smoothed.is_none() {
         return error;
@@ -70,19 +70,8 @@ pub(super) fn unprepared(error: Error, recipe: &Recipe) -> Error {
     ))
 }
 
-/// Rows seen through aliases. Filters in them are computed from the fields.
-///
-/// # Errors
-/// An alias reads what is not there, or a filter's constant is out of its range.
-pub(crate) fn seen_through<'a>(rows: Box<dyn Source + 'a>, aliases: &[(Column, Expr)]) -> Result<View<'a>, Error> {
-    let filters: Vec<Filter> = aliases.iter().flat_map(|(_, expression)| expression.filters()).collect();
-    let filtered: Box<dyn Source + 'a> =
-        if filters.is_empty() { rows } else { Box::new(Filtered::over(rows, &filters)?) };
-    Ok(View::over(filtered, aliases)?)
-}
-
 /// Aliases, each with what its numbers stand for, which is known once all files are open.
-pub(super) fn described(source: &dyn Source, aliases: &[(Column, Expr)]) -> Vec<(Column, Expr)> {
+pub(crate) fn described(source: &dyn Source, aliases: &[(Column, Expr)]) -> Vec<(Column, Expr)> {
     let mut aliases = aliases.to_vec();
     for (column, expression) in &mut aliases {
         if let Some(field) = expression.as_column().and_then(|name| source.column_index(name)) {

@@ -10,11 +10,11 @@ use fleetfoot_model::{Column as ModelColumn, Role};
 use crate::{Error, Gap, Recipe, wildcard::is_match};
 
 /// Topics as the recipe calls them, and as the files do.
-pub(super) fn renames(recipe: &Recipe) -> Vec<(String, String)> {
+pub(crate) fn renames(recipe: &Recipe) -> Vec<(String, String)> {
     recipe.rename.iter().map(|(own, file)| (own.clone(), file.clone())).collect()
 }
 
-pub(super) fn label_names(recipe: &Recipe) -> Vec<String> {
+pub(crate) fn label_names(recipe: &Recipe) -> Vec<String> {
     let mut names: Vec<String> = recipe.episodes.iter().flat_map(|rule| rule.labels.keys().cloned()).collect();
     names.sort();
     names.dedup();
@@ -93,7 +93,7 @@ fn add_roles(join: &mut JoinSpec, columns: &[ModelColumn], aliases: &[(Column, E
 }
 
 /// The fields that aliases speak of, and how they are read and joined.
-pub(super) fn full_selection(
+pub(crate) fn full_selection(
     recipe: &Recipe,
     model: &[ModelColumn],
     aliases: &[(Column, Expr)],

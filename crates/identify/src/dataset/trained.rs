@@ -9,7 +9,7 @@ use fleetfoot_data::{Halo, Progress, Source, Watch, Watched, parallel_fold};
 use fleetfoot_model::Model;
 
 use super::Dataset;
-use crate::{Error, rows::pieces};
+use crate::{Error, pieces::pieces};
 
 impl Dataset {
     /// The episodes, by number, that the model was trained on, as a whole or in part. Parts are known once all rows have been read through

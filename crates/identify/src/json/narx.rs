@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_dynamics::{FreeRunOutcome, OutputErrors, TargetScore};
-use fleetfoot_sparse::narx::{NarxOrder, OrderScore};
+use fleetfoot_sparse::narx::OrderScore;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::{left_out, report, value};
-use crate::{FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage, Refinement};
+use super::report;
+use crate::{
+    FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage, Refinement,
+    told::{Order, left_out, value},
+};
 
 impl NarxReport {
     /// Orders, equations and scores for programs.
@@ -60,29 +63,6 @@ struct Told<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     objective: Option<&'a Refinement>,
     notes: &'a [String],
-}
-
-#[derive(Serialize)]
-struct Order {
-    lags_out: usize,
-    lags_in: usize,
-    degree: usize,
-}
-
-impl From<NarxOrder> for Order {
-    fn from(order: NarxOrder) -> Self {
-        Self { lags_out: order.outputs, lags_in: order.inputs, degree: order.degree }
-    }
-}
-
-/// The order of a model that was tried, and beside it whether inputs act at once.
-pub(crate) fn tried_order<S: Serializer>(order: &NarxOrder, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Tried {
-        order: Order,
-        direct: bool,
-    }
-    Tried { order: (*order).into(), direct: order.direct }.serialize(serializer)
 }
 
 /// An order that was compared by one-step errors.

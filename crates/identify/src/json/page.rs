@@ -4,8 +4,7 @@ use fleetfoot_report::Sentence;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::value;
-use crate::Report;
+use crate::{Report, told::value};
 
 impl Report {
     /// The findings for programs; the figures have their tables on the page.

@@ -4,8 +4,8 @@ use fleetfoot_pwa::{Continuity, Score, Stability, StableRegion};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::{Interval, interval_in_words, report};
-use crate::{Fitted, Refinement, RolloutCandidate, RolloutChoice};
+use super::{Interval, report};
+use crate::{Fitted, Refinement, RolloutCandidate, RolloutChoice, interval_in_words};
 
 impl Serialize for RolloutChoice {
     /// What was compared, and what was taken.

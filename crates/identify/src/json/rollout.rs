@@ -6,8 +6,8 @@ use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RolloutSummary, StepSp
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Interval, by_baseline, interval_in_words, report};
-use crate::RolledOut;
+use super::{Interval, by_baseline, report};
+use crate::{RolledOut, interval_in_words};
 
 impl RolledOut {
     /// The scores for programs; trajectories are not among them.

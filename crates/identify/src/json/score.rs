@@ -4,8 +4,8 @@ use fleetfoot_dynamics::{BaselineScore, CalibrationBin, EpisodeScore, TargetScor
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Interval, interval_in_words, report};
-use crate::{FileRuns, Scored};
+use super::{Interval, report};
+use crate::{FileRuns, Scored, interval_in_words};
 
 impl Scored {
     /// The scores for programs.

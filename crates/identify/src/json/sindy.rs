@@ -3,8 +3,11 @@
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Along, functions, report};
-use crate::{EquationReport, SindyReport};
+use super::report;
+use crate::{
+    EquationReport, SindyReport,
+    told::{Along, functions},
+};
 
 impl SindyReport {
     /// Equations, scores and terms for programs.

@@ -1,6 +1,5 @@
 //! The report of a structured sparse fit.
 
-use fleetfoot_sparse::Certificate;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
@@ -42,25 +41,4 @@ impl Serialize for LambdaChoice {
         });
         Chosen { value: self.value, how: &self.how, largest: self.largest, validation }.serialize(serializer)
     }
-}
-
-pub(crate) fn certificate<S: Serializer>(certificate: &Certificate, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Told {
-        kkt: f64,
-        gap: f64,
-        objective: f64,
-    }
-    Told { kkt: certificate.kkt, gap: certificate.gap, objective: certificate.objective }.serialize(serializer)
-}
-
-/// The coefficient that changes most, and its change.
-pub(crate) fn largest_change<S: Serializer>(change: &Option<(String, f64)>, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Told<'a> {
-        coefficient: &'a str,
-        standard_errors: f64,
-    }
-    let told = change.as_ref().map(|(coefficient, errors)| Told { coefficient, standard_errors: *errors });
-    told.serialize(serializer)
 }

@@ -7,9 +7,10 @@ use fleetfoot_stats::scan::RowCounts;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::{plan::Decoded, value};
-use crate::statistic::{
-    ColumnRecord, EpisodeRecord, FileRecord, PlannedLatent, ScanOutcome, ScanPlan, Sizes, StatisticFile, TaskSummary,
+use crate::{
+    statistic::{PlannedLatent, ScanOutcome, ScanPlan, TaskSummary},
+    stats_file::{ColumnRecord, EpisodeRecord, FileRecord, Sizes, StatisticFile},
+    told::{Decoded, value},
 };
 
 impl Serialize for ScanPlan {

@@ -11,18 +11,17 @@ use fleetfoot_sparse::{
 };
 
 use super::{
-    GivenOrder, NarxCandidate, NarxOptions, NarxSearch, NarxSelection, OrderRule, TermRule,
-    fit::Fit,
+    GivenOrder, NarxCandidate, NarxOptions, NarxSearch, OrderRule, TermRule,
+    choice::Choice,
     look::Look,
     options::USUAL,
-    partitions::Choice,
     select::{Job, Selection, Tried, best, best_within_one_standard_error},
-    spans::Spans,
     summed::{Evidence, folds_of_chunks},
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},
+    training::Fit,
 };
-use crate::{Criterion, EquationTask, Error, folds::smoothed_rows};
+use crate::{Criterion, EquationTask, Error, NarxSelection, spans::Spans};
 
 /// The shortest span has as many rows for every lag that is looked for.
 const ROWS_PER_LAG: usize = 8;
@@ -54,11 +53,6 @@ pub(crate) struct How {
 }
 
 impl Fit<'_> {
-    /// Rows over which the logs were smoothed before.
-    pub(crate) fn smoothed(&self) -> usize {
-        smoothed_rows(self.options.smoothed, self.step)
-    }
-
     pub(crate) fn choose(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
         let fixed = |order: NarxOrder| {
             partitions.len() == 1 && !self.options.terms.is_free() && self.options.order == OrderRule::Fixed(order)

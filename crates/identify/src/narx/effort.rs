@@ -1,31 +1,10 @@
 //! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
 
 use fleetfoot_sparse::narx::NarxOrder;
-use serde::{Deserialize, Serialize};
 
-/// How far a search goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Effort {
-    /// Few lags, small libraries.
-    Low,
-    /// What finds the model of most machines within a minute.
-    #[default]
-    Normal,
-    /// Ten times as much.
-    High,
-}
+use crate::Effort;
 
 impl Effort {
-    /// As users write it.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Low => "low",
-            Self::Normal => "normal",
-            Self::High => "high",
-        }
-    }
-
     /// Terms that may be evaluated.
     pub fn limit(self) -> u64 {
         match self {

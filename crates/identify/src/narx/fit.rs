@@ -2,28 +2,30 @@
 
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_dynamics::{FreeRunOptions, ScoreOptions, free_run, score};
 use fleetfoot_model::{Model, Partition};
-use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
+use fleetfoot_sparse::system::SystemScan;
 
 use super::{
-    FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxScores, NarxTerm, OrderRule, TermRule,
+    FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxTerm, OrderRule,
+    choice::Choice,
     choose::Chosen,
-    partitions::{Choice, start_note},
+    partitions::start_note,
     runs::free_runs_by_file,
-    spans::Spans,
+    scores::scores,
     summed::{Evidence, Sums, by_single_steps},
     task::{NarxBase, one_row_ahead},
     terms::{EquationTerms, coefficients},
+    training::Fit,
 };
 use crate::{
-    Dataset, EquationTask, Error, Logs, Objective, Provenance, Recipe, Refinement, concentrated,
+    Dataset, EquationTask, Error, Logs, Objective, Recipe, Refinement, concentrated,
     folds::smoothed_rows,
     left_out::left_out,
     not_finite,
     objective::{coefficient, refine},
     output::refuse_not_finite,
     sindy::{beneath, coefficients_of},
+    spans::Spans,
 };
 
 /// What is asked of a fit beside the recipe.
@@ -147,17 +149,6 @@ fn too_short(source: &dyn Source) -> Error {
     )
 }
 
-/// One-step and free-run scores; `None` where no row can be scored.
-pub(super) fn scores(model: &Model, source: &dyn Source, progress: &dyn Progress) -> Result<Option<NarxScores>, Error> {
-    let free_run = match free_run(model, source, &FreeRunOptions::default(), progress) {
-        Ok(found) => found,
-        Err(fleetfoot_dynamics::Error::NoCompleteRow { .. }) => return Ok(None),
-        Err(error) => return Err(error.into()),
-    };
-    let one_step = score(model, source, &ScoreOptions::default(), progress)?;
-    Ok((one_step.rows > 0).then_some(NarxScores { one_step, free_run }))
-}
-
 /// Free runs of other files, one by one.
 fn files(model: &Model, dataset: &Dataset, every: usize, progress: &dyn Progress) -> Result<FileRuns, Error> {
     let runs = free_runs_by_file(model, dataset, every, progress)?;
@@ -165,16 +156,6 @@ fn files(model: &Model, dataset: &Dataset, every: usize, progress: &dyn Progress
         return Err(too_short(&dataset.view()?));
     }
     Ok(runs)
-}
-
-/// What all ways to a model share.
-pub(crate) struct Fit<'a> {
-    pub(crate) recipe: &'a Recipe,
-    pub(crate) options: &'a NarxOptions,
-    pub(crate) base: &'a NarxBase,
-    /// The rows that train, or their sums.
-    pub(crate) evidence: Evidence<'a>,
-    pub(crate) step: f64,
 }
 
 impl Fit<'_> {
@@ -245,56 +226,6 @@ impl Fit<'_> {
         refine(self.options.objective, model, (source, self.smoothed()), progress, |source| {
             Ok(Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0)
         })
-    }
-
-    /// The statistic of the training rows.
-    pub(crate) fn scan(
-        &self,
-        task: &EquationTask,
-        partition: Option<&Partition>,
-        progress: &dyn Progress,
-    ) -> Result<SystemScan, Error> {
-        match self.evidence {
-            Evidence::Rows(source) => {
-                progress.stage("scan");
-                let system = System { partition: partition.cloned(), ..task.system() };
-                Ok(SystemPlan::new(system, None, source)?.scan(source, progress)?)
-            }
-            Evidence::Sums(sums) => sums.scan(task, partition),
-        }
-    }
-
-    /// Refuses to fit more terms than there are rows.
-    pub(crate) fn check(&self, whole: &SystemScan, candidates: usize) -> Result<(), Error> {
-        let counts = whole.counts();
-        let needed = match self.options.terms {
-            TermRule::All => candidates,
-            TermRule::Count(count) => count,
-            TermRule::Auto(_) => 1,
-        };
-        if counts.complete as usize > needed {
-            return Ok(());
-        }
-        Err(Error::too_few_rows(
-            counts.complete,
-            needed as u64 + 1,
-            format!(
-                "{} rows have all lags ({} lack them at the border of their episode, {} miss a value), an equation has {needed} terms; give longer episodes, fewer lags \
-             or fewer terms",
-                counts.complete, counts.at_border, counts.incomplete
-            ),
-        ))
-    }
-
-    fn provenance(&self, partition: Option<&Partition>, seed: u64) -> Provenance {
-        let regions = partition.map_or_else(String::new, |partition| format!(" {}", partition.specification));
-        Provenance {
-            method: format!("narx{regions}"),
-            recipe: self.recipe.to_toml(),
-            seed,
-            step: self.step,
-            episodes: self.evidence.episodes(),
-        }
     }
 }
 

@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use super::{
     GivenOrder, NarxOptions, TermRule,
-    effort::{Budget, Effort},
+    effort::Budget,
     options::USUAL,
     select::{Job, Selection, Tried, best},
 };
-use crate::Error;
+use crate::{Effort, Error};
 
 /// The highest degree that is looked for.
 const MOST_DEGREE: usize = 3;

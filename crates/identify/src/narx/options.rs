@@ -2,10 +2,8 @@
 
 use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::narx::NarxOrder;
-use serde::{Deserialize, Serialize};
 
-use super::Effort;
-use crate::{Criterion, Error, NarxSection, NarxTerms, Objective, Recipe, recipe::seed};
+use crate::{Effort, Error, GivenAs, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed};
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,51 +21,6 @@ impl TermRule {
     pub(crate) fn is_free(self) -> bool {
         matches!(self, Self::Auto(_))
     }
-}
-
-/// What order, terms and partition are chosen by: `free-run`, or a [`Criterion`] of one-step errors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
-pub enum NarxSelection {
-    /// The error of simulations of spans that did not train.
-    #[default]
-    FreeRun,
-    /// One-step errors.
-    #[serde(untagged)]
-    OneStep(Criterion),
-}
-
-impl clap::ValueEnum for NarxSelection {
-    fn value_variants<'a>() -> &'a [Self] {
-        use Criterion::{Aic, Bic, CrossValidation, Ebic, OneStandardError};
-        &[
-            Self::FreeRun,
-            Self::OneStep(OneStandardError),
-            Self::OneStep(CrossValidation),
-            Self::OneStep(Aic),
-            Self::OneStep(Bic),
-            Self::OneStep(Ebic),
-        ]
-    }
-
-    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
-        match self {
-            Self::FreeRun => {
-                Some(clap::builder::PossibleValue::new("free-run").help("Simulations of spans that did not train"))
-            }
-            Self::OneStep(criterion) => criterion.to_possible_value(),
-        }
-    }
-}
-
-/// Whether lags and degree that are given are those of the model, or its limits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum GivenAs {
-    /// They are the model's; 2 where they are not given.
-    Fixed,
-    /// The best up to them.
-    Auto,
 }
 
 /// Where lags, degree and the inputs at once come from.
@@ -266,6 +219,7 @@ fn refused(what: &str, value: impl std::fmt::Display, allowed: impl std::fmt::Di
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Criterion;
 
     fn options(text: &str) -> Result<NarxOptions, String> {
         let recipe = Recipe::parse(text, "test").map_err(|error| error.to_string())?;

@@ -6,23 +6,8 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
 
-use super::{OrderRule, fit::Fit, options::USUAL, spans::Spans, summed::Evidence, task::NarxTask};
-use crate::Error;
-
-/// A partition to choose from.
-pub(crate) struct Choice {
-    pub(crate) specification: Specification,
-    /// `None`: one region.
-    pub(crate) partition: Option<Partition>,
-    pub(crate) seed: u64,
-}
-
-impl Choice {
-    /// One region.
-    pub(crate) fn whole(seed: u64) -> Self {
-        Self { specification: Specification::Average, partition: None, seed }
-    }
-}
+use super::{OrderRule, choice::Choice, options::USUAL, summed::Evidence, task::NarxTask, training::Fit};
+use crate::{Error, spans::Spans};
 
 impl Fit<'_> {
     /// The partitions asked for, and beside them the cells that refinements start from, on all rows that train; those that cluster once a start.
@@ -35,7 +20,7 @@ impl Fit<'_> {
             Evidence::Rows(source) => source,
             Evidence::Sums(sums) => return sums.partitions(&task, self.options),
         };
-        let problem = task.problem(self.step);
+        let problem = task.task.problem(self.step);
         let mut specifications = with_starts(&self.options.partitions);
         let mut choices = Vec::new();
         for start in 0..self.options.starts as u64 {
@@ -79,7 +64,7 @@ impl Fit<'_> {
         if by_seed.is_empty() {
             return Ok(found);
         }
-        let problem = self.task_of_regions()?.problem(self.step);
+        let problem = self.task_of_regions()?.task.problem(self.step);
         for fold in 0..self.options.folds {
             let others = (0..folds.len()).filter(|&e| folds[e] != fold);
             let train = Spans::new(cut, others.map(|e| (e, 0..cut.episodes()[e].rows)).collect(), 1)?;

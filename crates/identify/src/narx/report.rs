@@ -1,10 +1,9 @@
 //! What a fit of an autoregression found, for people and for programs.
 
-use fleetfoot_dynamics::{FreeRun, Scores};
 use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
 use serde::Serialize;
 
-use super::{FileRuns, NarxCandidate, NarxSearch};
+use super::{FileRuns, NarxCandidate, NarxScores, NarxSearch};
 use crate::Refinement;
 
 /// What a fit of an autoregression found.
@@ -47,16 +46,6 @@ pub struct NarxReport {
     pub files: Option<FileRuns>,
     /// What the user should know.
     pub notes: Vec<String>,
-}
-
-/// Scores on some rows.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct NarxScores {
-    /// One row ahead, beside the null model and persistence.
-    pub one_step: Scores,
-    /// Whole episodes, simulated.
-    pub free_run: FreeRun,
 }
 
 impl NarxReport {

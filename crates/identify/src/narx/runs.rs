@@ -6,8 +6,8 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::{Model, Prediction};
 use serde::Serialize;
 
-use super::{NarxScores, fit::scores, spans::Spans};
-use crate::{Dataset, Error};
+use super::{NarxScores, scores::scores};
+use crate::{Dataset, Error, spans::Spans};
 
 /// Free runs of files.
 #[derive(Debug, Clone)]

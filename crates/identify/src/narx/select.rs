@@ -17,12 +17,11 @@ use serde::Serialize;
 
 use super::{
     TermRule,
-    partitions::Choice,
-    spans::Spans,
+    choice::Choice,
     task::{NarxBase, NarxTask},
     terms::{Problems, Support, Trails, coefficients},
 };
-use crate::{Error, Provenance, json};
+use crate::{Error, Provenance, spans::Spans, told};
 
 /// A model that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -40,7 +39,7 @@ pub struct NarxCandidate {
     #[serde(skip)]
     pub regions: usize,
     /// Lags and degree.
-    #[serde(flatten, serialize_with = "json::tried_order")]
+    #[serde(flatten, serialize_with = "told::tried_order")]
     pub order: NarxOrder,
     /// Most terms of an equation in a region.
     pub terms: usize,

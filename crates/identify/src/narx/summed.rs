@@ -15,15 +15,16 @@ use fleetfoot_sparse::{
 use fleetfoot_stats::{FoldRule, Purge};
 
 use super::{
-    NarxOptions, NarxSelection, OrderRule,
+    NarxOptions, OrderRule,
+    choice::Choice,
     options::USUAL,
-    partitions::Choice,
     task::{NarxBase, NarxTask, one_row_ahead},
 };
 use crate::{
-    Criterion, EquationTask, Error, GivenAs, NarxSection, Recipe,
+    Criterion, EquationTask, Error, GivenAs, NarxSection, NarxSelection, Recipe,
+    problem::placeholder,
     sindy::keys,
-    statistic::{EquationStatistic, StatisticFile, placeholder},
+    stats_file::{EquationStatistic, StatisticFile},
 };
 
 /// The candidates that a scan sums for `fit narx`: those of all lags up to the recipe's, in one of its partitions.
@@ -63,27 +64,12 @@ impl Summed {
 
     /// What regions are made of.
     pub(crate) fn problem(&self, step: f64) -> Problem {
-        self.task.problem(step)
+        self.task.task.problem(step)
     }
 
     /// What regions look at.
     pub(crate) fn partition_columns(&self) -> &[Expr] {
         &self.task.task.partition_columns
-    }
-}
-
-impl NarxTask {
-    /// The task as clustering reads it.
-    pub(super) fn problem(&self, step: f64) -> Problem {
-        let task = &self.task;
-        Problem {
-            columns: task.columns.clone(),
-            library: task.functions.clone(),
-            equations: task.equations.clone(),
-            partition_columns: task.partition_columns.clone(),
-            weight: task.weight.clone(),
-            step,
-        }
     }
 }
 

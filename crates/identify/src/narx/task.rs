@@ -5,7 +5,7 @@ use fleetfoot_model::{ClosedError, Role};
 use fleetfoot_sparse::narx::{Addend, NarxLibrary, NarxOrder};
 
 use super::{GivenOrder, NarxOptions, OrderRule};
-use crate::{EquationTask, Error, Recipe, task::seen};
+use crate::{EquationTask, Error, Recipe, problem::seen};
 
 /// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
 #[derive(Debug, Clone)]

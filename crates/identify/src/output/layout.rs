@@ -19,22 +19,22 @@ const PLOTS: usize = 8;
 const COLOURS: [&str; 6] = ["#5b6168", "#1f5fae", "#c2560c", "#1b7f5c", "#8d3f9c", "#b02a4c"];
 
 /// A plot of a layout.
-pub(super) struct Plot {
+pub(crate) struct Plot {
     /// What it shows.
-    pub(super) title: String,
+    pub(crate) title: String,
     /// Its lines; the measured one is the first.
-    pub(super) lines: Vec<Line>,
+    pub(crate) lines: Vec<Line>,
 }
 
 /// A number of a topic's messages over time.
-pub(super) struct Line {
+pub(crate) struct Line {
     /// The topic.
-    pub(super) topic: String,
+    pub(crate) topic: String,
     /// The name of the number, and its place among the names.
-    pub(super) name: String,
-    pub(super) place: usize,
+    pub(crate) name: String,
+    pub(crate) place: usize,
     /// What the line is called.
-    pub(super) label: String,
+    pub(crate) label: String,
 }
 
 /// The files of the layouts that are written beside a file of messages (`*.mcap`): Foxglove's and PlotJuggler's. Beside other files there are none.
@@ -46,7 +46,7 @@ pub fn layout_files(output: &Path) -> Vec<PathBuf> {
 }
 
 /// Writes the layouts of some plots beside a file of messages.
-pub(super) fn write_layouts(messages: &Path, plots: &[Plot]) -> Result<(), Error> {
+pub(crate) fn write_layouts(messages: &Path, plots: &[Plot]) -> Result<(), Error> {
     let plots = &plots[..plots.len().min(PLOTS)];
     for (path, text) in layout_files(messages).iter().zip([format!("{:#}\n", foxglove(plots)), plotjuggler(plots)]) {
         write_atomic(path, text.as_bytes())?;

@@ -4,9 +4,10 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
 use fleetfoot_model::Model;
 
-use super::{EstimateOptions, ParametersHeldOut, ParametersTask, again, closed, report::Found};
+use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Found};
 use crate::{
     Error, RolloutRule,
+    problem::ParametersTask,
     rollout_choice::{HORIZON, HeldOut},
 };
 

@@ -6,8 +6,7 @@ use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
 use serde::Serialize;
 
-use super::ParametersTask;
-use crate::EstimateMethod;
+use crate::{EstimateMethod, problem::ParametersTask};
 
 /// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;

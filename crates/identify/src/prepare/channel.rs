@@ -10,7 +10,8 @@ use fleetfoot_signal::{
 use super::{
     grid::{empty_rows, merged},
     options::{ChannelOptions, Method},
-    report::{ChannelReport, Places},
+    places::Places,
+    report::ChannelReport,
 };
 
 /// Robust deviations of Hampel's rule.

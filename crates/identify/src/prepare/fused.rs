@@ -15,9 +15,6 @@ use fleetfoot_data::{ColumnKind, Progress, Source};
 use fleetfoot_log::{ParquetWriter, Values, WriteOptions};
 use fleetfoot_signal::fuse::{BodyState, Fused, gaps};
 
-pub use body::{BodyReport, RejectedPoses};
-pub use joints::{CorrelationReport, JointReport, JointSensorReport};
-
 use super::{
     EpisodeReport, PieceReport, Places, PrepareReport, PrepareRequest, Prepared,
     columns::written_recipe,
@@ -26,7 +23,7 @@ use super::{
     pieces,
     write::{Names, is_prepared},
 };
-use crate::{Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, clocks::Clocks, folder::Folder};
+use crate::{Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, folder::Folder, found_clocks::Clocks};
 use body::Poses;
 use joints::{Joint, JointPlan, Opening};
 use kept::Kept;

@@ -3,6 +3,10 @@
 use fleetfoot_signal::Dejittered;
 use serde::Serialize;
 
+use super::{
+    fused_report::{BodyReport, JointReport},
+    places::Places,
+};
 use crate::clocks::AlignedClock;
 
 /// What preparation did.
@@ -20,10 +24,10 @@ pub struct PrepareReport {
     pub clocks: Vec<AlignedClock>,
     /// What fusion found of a body's sensors.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub body: Option<super::BodyReport>,
+    pub body: Option<BodyReport>,
     /// What fusion found of the joints' sensors.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub joints: Vec<super::JointReport>,
+    pub joints: Vec<JointReport>,
     /// Every episode that was read.
     pub episodes: Vec<EpisodeReport>,
     /// What the user should know.
@@ -64,16 +68,6 @@ pub struct ClockReport {
     pub correlation: f64,
     /// Missing samples.
     pub missing: u64,
-}
-
-/// Rows, counted and placed.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct Places {
-    /// How many.
-    pub rows: usize,
-    /// From which to which second of the episode, runs of rows each.
-    pub spans: Vec<[f64; 2]>,
 }
 
 /// What was written of an episode.
@@ -138,19 +132,5 @@ impl ClockReport {
             correlation: even.correlation,
             missing: even.gaps.iter().map(|(_, missing)| missing).sum(),
         }
-    }
-}
-
-impl Places {
-    /// Rows in order, placed by their times.
-    pub(super) fn of(rows: &[usize], times: &[f64]) -> Self {
-        let mut spans: Vec<[f64; 2]> = Vec::new();
-        for (at, &row) in rows.iter().enumerate() {
-            match spans.last_mut() {
-                Some(last) if rows[at - 1] + 1 == row => last[1] = times[row],
-                _ => spans.push([times[row]; 2]),
-            }
-        }
-        Self { rows: rows.len(), spans }
     }
 }

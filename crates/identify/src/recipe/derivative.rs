@@ -1,11 +1,9 @@
 //! How the derivative of a state is measured.
 
-use fleetfoot_library::{
-    CentralDifference, Expr, Spacing, backward_difference, central_difference, forward_difference, mean_slope,
-};
+use fleetfoot_library::{CentralDifference, Expr, Spacing, central_difference, mean_slope};
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, task::Aliases};
+use crate::Error;
 
 /// How the derivative of a state is measured: `"central"` or `{ over = 20 }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -85,30 +83,10 @@ impl Derivative {
     pub(crate) fn settled(x: &Expr, angle: bool, over: Option<u32>) -> Expr {
         over.map_or_else(|| central_difference(x, angle), |rows| mean_slope(x, rows, angle))
     }
-
-    /// What the derivative of `x` is measured as; `place` is where the recipe says it.
-    pub(crate) fn measured(
-        said: Option<&Self>,
-        x: &Expr,
-        angle: bool,
-        place: &str,
-        aliases: &mut Aliases<'_>,
-    ) -> Result<Expr, Error> {
-        if let Some(central) = Self::central(said, x, angle) {
-            return Ok(central.expression());
-        }
-        match said {
-            Some(Self::Text(word)) if word == "forward" => Ok(forward_difference(x, angle)),
-            Some(Self::Text(word)) if word == "backward" => Ok(backward_difference(x, angle)),
-            Some(Self::Text(text)) => aliases.over_aliases(text, &format!("{place} derivative")),
-            Some(Self::Span(span)) => Ok(mean_slope(x, span.rows(place)?, angle)),
-            None => Ok(central_difference(x, angle)),
-        }
-    }
 }
 
 impl SpanDerivative {
-    fn rows(&self, place: &str) -> Result<u32, Error> {
+    pub(crate) fn rows(&self, place: &str) -> Result<u32, Error> {
         match &self.over {
             Over::Rows(rows) if (1..=MOST_ROWS).contains(rows) => Ok(*rows),
             Over::Rows(rows) => Err(Error::value(format!(

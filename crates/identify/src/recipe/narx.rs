@@ -3,7 +3,76 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::settings;
-use crate::{Effort, GivenAs, NarxSelection, Objective};
+use super::{Criterion, Objective};
+
+/// How far a search goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Effort {
+    /// Few lags, small libraries.
+    Low,
+    /// What finds the model of most machines within a minute.
+    #[default]
+    Normal,
+    /// Ten times as much.
+    High,
+}
+
+impl Effort {
+    /// As users write it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Normal => "normal",
+            Self::High => "high",
+        }
+    }
+}
+
+/// What order, terms and partition are chosen by: `free-run`, or a [`Criterion`] of one-step errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
+pub enum NarxSelection {
+    /// The error of simulations of spans that did not train.
+    #[default]
+    FreeRun,
+    /// One-step errors.
+    #[serde(untagged)]
+    OneStep(Criterion),
+}
+
+impl clap::ValueEnum for NarxSelection {
+    fn value_variants<'a>() -> &'a [Self] {
+        use Criterion::{Aic, Bic, CrossValidation, Ebic, OneStandardError};
+        &[
+            Self::FreeRun,
+            Self::OneStep(OneStandardError),
+            Self::OneStep(CrossValidation),
+            Self::OneStep(Aic),
+            Self::OneStep(Bic),
+            Self::OneStep(Ebic),
+        ]
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        match self {
+            Self::FreeRun => {
+                Some(clap::builder::PossibleValue::new("free-run").help("Simulations of spans that did not train"))
+            }
+            Self::OneStep(criterion) => criterion.to_possible_value(),
+        }
+    }
+}
+
+/// Whether lags and degree that are given are those of the model, or its limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum GivenAs {
+    /// They are the model's; 2 where they are not given.
+    Fixed,
+    /// The best up to them.
+    Auto,
+}
 
 settings! {
     narx, |_, _| {};

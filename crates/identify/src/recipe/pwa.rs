@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::{Tunable, settings};
-use crate::Objective;
+use super::{
+    Objective,
+    settings::{Tunable, settings},
+};
 
 /// How one of several partitions is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]

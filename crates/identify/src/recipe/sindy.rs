@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Recipe,
+    Criterion, Objective, Recipe,
     settings::{Tunable, settings},
 };
-use crate::{Criterion, GroupWords, Objective, SindyOptimizer, SmoothStates};
+use crate::GroupWords;
 
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -50,6 +50,65 @@ impl std::str::FromStr for Normalize {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         Ok(text.parse().map_or_else(|_| Self::Word(text.to_owned()), Self::Choice))
     }
+}
+
+/// Which optimiser looks for the terms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SindyOptimizer {
+    /// The best known: thresholds of stlsq and backward elimination together, whose supports compete.
+    #[default]
+    Auto,
+    /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
+    Stlsq,
+    /// Sparse relaxed regularised regression.
+    Sr3,
+    /// Stepwise sparse regression: one term less at a time.
+    Ssr,
+    /// Forward regression, orthogonal least squares by error reduction ratio.
+    Frols,
+    /// The path of the lasso.
+    Lasso,
+    /// The path of the group lasso, or of the sparse-group lasso.
+    GroupLasso,
+    /// Least squares on all candidates.
+    #[serde(rename = "ols")]
+    #[value(name = "ols")]
+    LeastSquares,
+}
+
+impl SindyOptimizer {
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Stlsq => "stlsq",
+            Self::Sr3 => "sr3",
+            Self::Ssr => "ssr",
+            Self::Frols => "frols",
+            Self::Lasso => "lasso",
+            Self::GroupLasso => "group-lasso",
+            Self::LeastSquares => "ols",
+        }
+    }
+
+    /// Whether it has a threshold.
+    pub fn thresholds(self) -> bool {
+        matches!(self, Self::Auto | Self::Stlsq | Self::Sr3)
+    }
+}
+
+/// When states are smoothed under the equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SmoothStates {
+    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and there are no more than 20,000 rows.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
 }
 
 settings! {

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Recipe, settings::settings};
-use crate::{Criterion, GroupWords};
+use super::{Criterion, Recipe, settings::settings};
+use crate::GroupWords;
 
 /// An unknown function and the candidates that it may be made of: monomials of variables, or functions one by one.
 ///

@@ -8,12 +8,13 @@ use fleetfoot_report::{
 };
 use fleetfoot_stats::nonuniformity;
 
-use super::missing;
-
 /// Bins of a column, columns that are drawn, and columns that stand unfolded in the table.
 const BINS: usize = 32;
 const DRAWN: usize = 12;
 const LISTED: usize = 12;
+
+/// Bins along the time of all logs, of values that are missing.
+pub(super) const MISSING: usize = 256;
 
 /// A column's values.
 #[derive(Clone)]
@@ -43,7 +44,7 @@ pub(super) fn columns(model: &Model, read: &[Column]) -> Vec<Coverage> {
         bins: Bins::new(BINS),
         trained: trained(model, &column.name),
         outside: 0,
-        missing: Bins::new(missing::BINS),
+        missing: Bins::new(MISSING),
     };
     known.map(one).collect()
 }

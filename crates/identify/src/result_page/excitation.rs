@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use fleetfoot_model::{Model, Region};
+use fleetfoot_model::Model;
 use fleetfoot_report::{
     Axis, Bars, Chart, Figure, Interval, Part,
     words::{count, number, series},
 };
-use fleetfoot_stats::{Collinearity, Gram};
+use fleetfoot_stats::Collinearity;
 
-use super::regions::{self, CONDITION};
+use super::condition::{CONDITION, gram, used};
 
 /// Functions that are drawn, and groups that are told.
 const FUNCTIONS: usize = 24;
@@ -42,39 +42,12 @@ pub(super) fn parts(model: &Model, place: usize) -> Vec<Part> {
     parts
 }
 
-/// The condition number of the standardised functions that a region's coefficients use; NaN where it is not known.
-pub(super) fn condition(model: &Model, partition: usize, region: usize) -> f64 {
-    let used = regions::used(model, partition, region);
-    let latent = model.latents.iter().find(|latent| latent.partition == partition);
-    let info = &model.partitions[partition].regions[region];
-    // Of all functions the fit knows it to more digits than their covariance does.
-    if latent.is_some_and(|latent| used.len() == model.libraries[latent.library].len()) {
-        return info.condition;
-    }
-    let found = gram(info, &used).and_then(|gram| gram.collinearity());
-    found.map_or(f64::NAN, |found| found.index(found.columns.len() - 1))
-}
-
-/// The moments of some functions over a region's rows.
-fn gram(region: &Region, used: &[usize]) -> Option<Gram> {
-    let mut gram = Gram::new(used.len());
-    (gram.rows, gram.weight) = (region.rows, region.rows as f64);
-    gram.mean = used.iter().map(|&function| region.mean.get(function).copied()).collect::<Option<_>>()?;
-    for i in 0..used.len() {
-        for j in 0..=i {
-            let covariance = region.covariance.get(fleetfoot_data::packed(used[i], used[j]))?;
-            gram.scatter[fleetfoot_data::packed(i, j)] = covariance * gram.weight;
-        }
-    }
-    (region.rows > 0).then_some(gram)
-}
-
 impl Excitation {
     fn of(model: &Model, partition: usize) -> Option<Self> {
         let own = &model.partitions[partition];
         let latents: Vec<_> = model.latents.iter().filter(|latent| latent.partition == partition).collect();
         let functions = &model.libraries[latents.first()?.library];
-        let used = (0..own.regions.len()).flat_map(|region| regions::used(model, partition, region));
+        let used = (0..own.regions.len()).flat_map(|region| used(model, partition, region));
         let used: Vec<usize> = used.collect::<BTreeSet<usize>>().into_iter().collect();
         let parts = own.regions.iter().filter_map(|region| gram(region, &used));
         let all = parts.reduce(|mut all, part| {

@@ -7,7 +7,7 @@ use fleetfoot_report::{
     words::{count, number, seconds},
 };
 
-use super::{Judged, rolled_on, verdict::sentence};
+use super::{Judged, drawn_stretch, sentence::sentence};
 use crate::{interval_in_words, spans_in_words};
 
 /// Steps that are drawn: errors grow smoothly, and a page is no wider.
@@ -27,7 +27,7 @@ pub(super) fn section(judged: &[Judged<'_>]) -> Option<Section> {
         .take(STATES)
         .map(|state| Part::Figure(by_state(judged, &curves, first, state)))
         .collect();
-    parts.extend(rolled_on::parts(judged));
+    parts.extend(drawn_stretch::parts(judged));
     if !states.is_empty() {
         parts.push(Part::Fold("Error of each state against the horizon".into(), states));
     }

@@ -5,10 +5,9 @@ use std::{collections::BTreeMap, sync::Arc};
 use fleetfoot_data::Episode;
 use fleetfoot_report::{Axis, Bins, Chart, Figure, Span, Spans};
 
-use super::coverage::Coverage;
+use super::coverage::{Coverage, MISSING};
 
-/// Bins along the time of all logs, and of an episode.
-pub(super) const BINS: usize = 256;
+/// Bins along the time of an episode.
 const OF_EPISODE: usize = 128;
 /// Columns that are drawn.
 const DRAWN: usize = 24;
@@ -104,7 +103,7 @@ pub(super) fn columns(columns: &[Coverage], episodes: &[Episode]) -> Option<Figu
     };
     let caption = format!(
         "Where columns that the model speaks of have no value: what was rejected or left empty when the logs were prepared, what a channel did not tell, what cannot be computed. One missing value marks \
-         its bin, of which there are at most {BINS}. The other columns have all their values.{more}"
+         its bin, of which there are at most {MISSING}. The other columns have all their values.{more}"
     );
     let chart = Spans::new(Axis::of("time, logs one behind the other", "s").with_zero(), kinds, rows);
     Some(Figure::new("missing-in-time", "Missing values in time", caption, Chart::Spans(chart)))

@@ -10,7 +10,7 @@ use fleetfoot_stats::{Chunk, Grid, reduce};
 use super::{
     coverage::{self, Coverage},
     missing::Lost,
-    series::{self, Target},
+    target::{Target, targets},
 };
 use crate::{Dataset, Error};
 
@@ -83,7 +83,7 @@ impl Passed {
         let regions = model.latents.first().map_or(0, |latent| model.partitions[latent.partition].rule.count());
         let counted = (2..=REGIONS).contains(&regions);
         Self {
-            targets: series::targets(model, episode, &columns),
+            targets: targets(model, episode, &columns),
             episode: episode.clone(),
             columns,
             lost,

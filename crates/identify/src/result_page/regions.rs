@@ -6,11 +6,11 @@ use fleetfoot_report::{
     words::{number, series, thousands},
 };
 
-use super::{excitation, verdict::sentence};
+use super::{
+    condition::{CONDITION, condition, used},
+    sentence::sentence,
+};
 
-/// From this condition number of the standardised regressors on, coefficients are seriously affected by how the columns move together (Belsley, Kuh,
-/// Welsch, Regression Diagnostics, 1980, section 3.2: 30 and more).
-pub(super) const CONDITION: f64 = 30.0;
 /// Rows a coefficient that a region has at least, else its coefficients are little more than its noise.
 const ROWS: u64 = 10;
 /// Regions that are shown unfolded, the largest first, and whose equations are written: a model of hundreds of regions has its file.
@@ -22,18 +22,6 @@ pub(super) struct Determined {
     pub(super) words: String,
     /// What to drive to mend it.
     mend: Option<String>,
-}
-
-/// The functions of a partition's first latent that some latent of it uses.
-pub(super) fn used(model: &Model, partition: usize, region: usize) -> Vec<usize> {
-    let Some(first) = model.latents.iter().find(|latent| latent.partition == partition) else { return Vec::new() };
-    let same = || model.latents.iter().filter(|other| other.partition == partition && other.library == first.library);
-    let is_used = |function: &usize| {
-        same().any(|latent| {
-            latent.coefficients.get(region).is_some_and(|row| row.get(*function).is_some_and(|&c| c != 0.0))
-        })
-    };
-    (0..model.libraries[first.library].len()).filter(is_used).collect()
 }
 
 pub(super) fn determined(model: &Model, partition: usize, region: usize) -> Determined {
@@ -67,7 +55,7 @@ pub(super) fn determined(model: &Model, partition: usize, region: usize) -> Dete
         let mend = format!("{of}more rows (it has {})", thousands(info.rows));
         return Determined { light: Light::Doubtful, words, mend: Some(mend) };
     }
-    let condition = excitation::condition(model, partition, region);
+    let condition = condition(model, partition, region);
     if condition >= CONDITION {
         let words = "columns nearly move together".to_owned();
         let mend = format!("{of}more varied motion (condition {})", number(condition));
@@ -100,7 +88,7 @@ pub(super) fn finding(model: &Model) -> Option<Sentence> {
     if found.is_empty() || found.iter().all(|region| region.light == Light::Plain) {
         return None;
     }
-    let condition = all(model).map(|(p, r)| excitation::condition(model, p, r)).fold(f64::NAN, f64::max);
+    let condition = all(model).map(|(p, r)| condition(model, p, r)).fold(f64::NAN, f64::max);
     let mends: Vec<String> = found.iter().filter_map(|region| region.mend.clone()).collect();
     let next = if mends.is_empty() { String::new() } else { format!(" What to drive next: {}.", series(&mends, 3)) };
     let number_of = |light| found.iter().filter(|region| region.light == light).count();
@@ -127,7 +115,7 @@ pub(super) fn finding(model: &Model) -> Option<Sentence> {
 pub(super) fn alone(model: &Model, partition: usize) -> String {
     let info = &model.partitions[partition].regions[0];
     let found = determined(model, partition, 0);
-    let condition = excitation::condition(model, partition, 0);
+    let condition = condition(model, partition, 0);
     let condition = if condition.is_nan() { String::new() } else { format!(", condition {}", number(condition)) };
     let names = named(model, partition);
     format!(
@@ -180,7 +168,7 @@ fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
         Cell::Number(thousands(info.rows)),
         Cell::Number(format!("{:.1} %", 100.0 * info.rows as f64 / total.max(1) as f64)),
         Cell::Number(info.rank.to_string()),
-        Cell::of(excitation::condition(model, partition, region)),
+        Cell::of(condition(model, partition, region)),
         Cell::Text(place(own, region)),
     ]
 }

@@ -6,7 +6,7 @@ use fleetfoot_report::{
     words::{ratio, thousands, unit},
 };
 
-use super::{Judged, judged::interval, verdict::sentence};
+use super::{Judged, judged::interval, sentence::sentence};
 use crate::{Scored, interval_in_words};
 
 /// Targets and models that a figure shows; the tables have all.

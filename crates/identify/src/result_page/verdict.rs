@@ -6,7 +6,12 @@ use fleetfoot_report::{
     words::{count, ratio, seconds, series, thousands},
 };
 
-use super::{Judged, horizons, passed::Passed, regions, residuals, scores};
+use super::{
+    Judged, horizons,
+    passed::Passed,
+    regions, residuals, scores,
+    sentence::{sentence, sentence_of},
+};
 use crate::{RolledOut, Scored, interval_in_words, replayed_in_words, spans_in_words};
 
 /// Names that are written out.
@@ -52,17 +57,6 @@ pub(super) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
     findings.extend(regions::finding(judged.model));
     findings.extend(judged.scored().and_then(outside));
     findings
-}
-
-pub(super) fn sentence(light: Light, head: &str, text: &str) -> Sentence {
-    Sentence { light, head: head.to_owned(), text: text.to_owned() }
-}
-
-/// A message as a sentence.
-fn sentence_of(message: &str) -> String {
-    let mut letters = message.chars();
-    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
-    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
 /// What was fitted to what.

@@ -5,9 +5,25 @@ use fleetfoot_estimate::{
     Estimate, LinearTarget, Options, Residual, SeparableOptions, nonlinear_least_squares, separable,
 };
 use fleetfoot_library::Expr;
+use serde::Serialize;
 
-use super::{EquationTask, ParameterReport, filters};
-use crate::Error;
+use crate::{EquationTask, Error, FittedEquation, Parameter, problem::names};
+
+/// An estimated number.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ParameterReport {
+    /// Its name.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Its standard error; NaN where it cannot be said.
+    pub standard_error: f64,
+    /// Its unit, when known.
+    pub unit: Option<String>,
+    /// Whether the estimate is at one of its bounds.
+    pub at_bound: bool,
+}
 
 /// Points between bounds that are tried beside the initial values: sums of squares over a lag or a delay have several minima.
 const STARTS: usize = 12;
@@ -91,7 +107,7 @@ fn targets(task: &EquationTask) -> Vec<LinearTarget> {
         Some(root) => (root * expression).simplified(),
     };
     let first = usize::from(task.constant);
-    let of = |equation: &super::FittedEquation| {
+    let of = |equation: &FittedEquation| {
         let allowed = (0..task.candidates()).filter(|&j| equation.allowed[j]);
         let one = Expr::number(1.0);
         let functions: Vec<&Expr> =
@@ -107,7 +123,7 @@ fn targets(task: &EquationTask) -> Vec<LinearTarget> {
 }
 
 fn has_parameter<'a>(task: &EquationTask, expressions: impl Iterator<Item = &'a Expr>) -> bool {
-    let names = filters::names(expressions);
+    let names = names(expressions);
     task.parameters.iter().any(|parameter| names.contains(&parameter.name))
 }
 
@@ -121,7 +137,7 @@ fn reports(task: &EquationTask, found: &Estimate, notes: &mut Vec<String>) -> Ve
         notes.push(format!("the parameters did not converge in {} steps", found.iterations));
     }
     let errors = found.clustered_errors().unwrap_or_else(|| found.standard_errors());
-    let report = |(j, parameter): (usize, &super::Parameter)| {
+    let report = |(j, parameter): (usize, &Parameter)| {
         if found.undetermined.contains(&j) {
             notes.push(format!("the rows do not determine `{}`", parameter.name));
         }

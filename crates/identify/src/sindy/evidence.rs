@@ -4,15 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::{Partition, TrainedEpisode};
-use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
-use super::{EquationTask, FittedEquation, ParameterReport, Provenance, frozen::Frozen, weak::WeakForm};
+use super::frozen::Frozen;
 use crate::{
-    Dataset, Error, Logs, Recipe, concentrated,
+    Dataset, EquationTask, Error, FittedEquation, Logs, ParameterReport, Provenance, Recipe, concentrated,
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
+    problem::WeakForm,
 };
 
 /// A task and the statistic of its rows.
@@ -235,31 +235,30 @@ impl Evidence {
         }
         Ok(())
     }
+
+    /// The windows that take the place of rows, for people.
+    pub(super) fn windows_in_words(&self) -> Option<String> {
+        let weak = self.weak.as_ref()?;
+        let why = match self.task.windows.as_ref().and_then(|windows| windows.noise.as_ref()) {
+            Some((label, share)) => {
+                format!("; noise is {:.0} % of the variance of the differences for {label}", 100.0 * share)
+            }
+            None => String::new(),
+        };
+        Some(format!(
+            "weak form: rows and errors below are those of windows of {} rows, one every {}{why}",
+            weak.rows(),
+            match weak.stride() {
+                1 => "row".to_owned(),
+                stride => format!("{stride} rows"),
+            }
+        ))
+    }
 }
 
 /// Of a mean squared error of differences, as it is estimated, what models are not compared below: twice the error. (That of noise is estimated at 0.14 of what it
 /// is, so that models of noisy rows stand well above it.)
 const MARGIN: f64 = 4.0;
-
-impl EquationTask {
-    /// What is summed for a fit: the system in its regions, and the errors of its differences.
-    pub(crate) fn summed(&self, partition: Option<Partition>) -> System {
-        let sampled = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
-        match &self.windows {
-            None => System { sampled, partition, ..self.system() },
-            Some(windows) => System { partition, weak: Some(self.weak(windows)), ..self.system() },
-        }
-    }
-
-    /// What is summed, in one region.
-    pub fn system(&self) -> System {
-        System {
-            also: self.also(),
-            weight: self.weight.clone(),
-            ..System::new(self.functions.clone(), self.fitted.iter().map(|equation| equation.target.clone()).collect())
-        }
-    }
-}
 
 /// Refuses a library that the rows cannot carry, before they are read.
 fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
@@ -274,21 +273,4 @@ fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
         ));
     }
     Ok(())
-}
-
-/// The one partition that a recipe asks for; `None` for one region.
-pub(crate) fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
-    let Some(text) = &recipe.model.partition else { return Ok(None) };
-    let mut list = Specification::parse_list(text)?;
-    match (list.pop(), list.is_empty()) {
-        (Some(Specification::Average), true) => Ok(None),
-        (Some(Specification::Null), true) => Err(Error::value(
-            "--partition null: a null model has no equations; write average, zscore:1.5, kmeans:5 or labels:COLUMN"
-                .into(),
-        )),
-        (Some(one), true) => Ok(Some(one)),
-        _ => Err(Error::value(format!(
-            "--partition {text}: equations are fitted in the regions of one partition; name one, and compare models with `fleetfoot score`"
-        ))),
-    }
 }

@@ -6,7 +6,7 @@ use faer::Mat;
 use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns};
 use fleetfoot_sparse::{structured::Spread, system::SystemScan};
 
-use super::EquationTask;
+use crate::EquationTask;
 
 /// What a model carries beside its coefficients.
 #[derive(Debug, Clone, Default)]

@@ -4,58 +4,11 @@ use fleetfoot_sparse::{
     bolasso::BootstrapUnit,
     threshold::{Scaling, Stlsq},
 };
-use serde::{Deserialize, Serialize};
 
-use super::{SmoothStates, WeakForm};
 use crate::{
-    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindySection, Tunable, recipe::seed, sparse_fit::words,
+    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindyOptimizer, SindySection, SmoothStates, Tunable,
+    folds, problem::WeakForm, recipe::seed,
 };
-
-/// Which optimiser looks for the terms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum SindyOptimizer {
-    /// The best known: thresholds of stlsq and backward elimination together, whose supports compete.
-    #[default]
-    Auto,
-    /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
-    Stlsq,
-    /// Sparse relaxed regularised regression.
-    Sr3,
-    /// Stepwise sparse regression: one term less at a time.
-    Ssr,
-    /// Forward regression, orthogonal least squares by error reduction ratio.
-    Frols,
-    /// The path of the lasso.
-    Lasso,
-    /// The path of the group lasso, or of the sparse-group lasso.
-    GroupLasso,
-    /// Least squares on all candidates.
-    #[serde(rename = "ols")]
-    #[value(name = "ols")]
-    LeastSquares,
-}
-
-impl SindyOptimizer {
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Stlsq => "stlsq",
-            Self::Sr3 => "sr3",
-            Self::Ssr => "ssr",
-            Self::Frols => "frols",
-            Self::Lasso => "lasso",
-            Self::GroupLasso => "group-lasso",
-            Self::LeastSquares => "ols",
-        }
-    }
-
-    /// Whether it has a threshold.
-    pub fn thresholds(self) -> bool {
-        matches!(self, Self::Auto | Self::Stlsq | Self::Sr3)
-    }
-}
 
 /// What an ensemble varies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -172,7 +125,7 @@ impl SindyOptions {
             kappa: kappa(section, optimizer)?,
             terms,
             criterion: section.select.unwrap_or_default(),
-            folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
+            folds: folds::parse(folds).ok_or_else(|| refused("folds", folds, folds::WORDS))?,
             ensemble: section.ensemble.as_deref().map(ensemble).transpose()?,
             inclusion,
             groups,

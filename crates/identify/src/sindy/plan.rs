@@ -3,8 +3,10 @@
 use fleetfoot_data::Progress;
 use serde::Serialize;
 
-use super::{EquationTask, SindyOptions, evidence::specification};
-use crate::{Dataset, Error, Logs, Objective, Recipe, dataset, json};
+use super::SindyOptions;
+use crate::{
+    Dataset, EquationTask, Error, Logs, Objective, Recipe, open::estimate_equations, problem::specification, told,
+};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -17,7 +19,7 @@ pub struct SindyPlan {
     /// Rows; of robots' logs at most, from the counts in the files.
     pub rows: usize,
     /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
-    #[serde(flatten, serialize_with = "json::decoded")]
+    #[serde(flatten, serialize_with = "told::decoded")]
     pub decoded: Option<(u64, bool)>,
     /// Columns that are read.
     pub columns: Vec<String>,
@@ -67,7 +69,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, rows),
         notes,
     };
-    if let Some((task, columns, cost)) = dataset::estimate_equations(recipe, logs, progress)? {
+    if let Some((task, columns, cost)) = estimate_equations(recipe, logs, progress)? {
         let decoded = Some((cost.decoded_bytes, cost.cached));
         return Ok(plan(&task, columns, cost.rows as usize, None, decoded, Vec::new()));
     }

@@ -4,9 +4,9 @@ use faer::Mat;
 use fleetfoot_data::Progress;
 use fleetfoot_model::Model;
 
-use super::{EquationTask, Evidence, SindyOptions, SindyReport, report, spans};
+use super::{SindyOptions, SindyReport, report, spans};
 use crate::{
-    Dataset, Error, Logs, Objective, Recipe, Refinement,
+    Dataset, EquationTask, Error, Evidence, Logs, Objective, Recipe, Refinement,
     folds::smoothed_rows,
     objective::{coefficient, refine},
 };

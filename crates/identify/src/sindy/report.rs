@@ -4,8 +4,8 @@ use fleetfoot_model::factor;
 use fleetfoot_stats::{Compressed, explained_share};
 use serde::Serialize;
 
-use super::{DifferenceErrors, EquationTask, StateSmoothing, solve::Solved};
-use crate::{Refinement, RolloutChoice, json};
+use super::{solve::Solved, words::short};
+use crate::{DifferenceErrors, EquationTask, ParameterReport, Refinement, RolloutChoice, StateSmoothing, told};
 
 /// What a fit of equations found.
 #[derive(Debug, Clone, Serialize)]
@@ -16,7 +16,7 @@ pub struct SindyReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, rows with a missing value, complete rows that no region took.
-    #[serde(flatten, serialize_with = "json::left_out")]
+    #[serde(flatten, serialize_with = "told::left_out")]
     pub left_out: [u64; 3],
     /// How terms were found, for people.
     pub method: String,
@@ -47,22 +47,6 @@ pub struct SindyReport {
     pub smoothing: Option<StateSmoothing>,
     /// What the user should know.
     pub notes: Vec<String>,
-}
-
-/// An estimated number.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct ParameterReport {
-    /// Its name.
-    pub name: String,
-    /// The estimate.
-    pub value: f64,
-    /// Its standard error; NaN where it cannot be said.
-    pub standard_error: f64,
-    /// Its unit, when known.
-    pub unit: Option<String>,
-    /// Whether the estimate is at one of its bounds.
-    pub at_bound: bool,
 }
 
 /// A region and its equations.
@@ -284,15 +268,6 @@ pub(super) fn right(task: &EquationTask, target: usize, terms: &[TermReport]) ->
             None => format!("{nominal} + {learnt}"),
         },
     }
-}
-
-/// Six significant digits, without a tail of zeros.
-pub(super) fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
-    if (1e-5..1e6).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// A sum of coefficients times functions, for people.

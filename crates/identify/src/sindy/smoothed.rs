@@ -7,76 +7,13 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
-use serde::{Deserialize, Serialize};
 
-use super::{
-    EquationTask, Evidence, Frozen, Provenance, SindyOptimizer, SindyOptions, SindyReport, coefficients_of, report,
-    spans, weak,
-};
+use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, report, spans};
 use crate::{
-    Dataset, Error, Logs, Objective, Recipe, RolloutRule, SindySection, folds::smoothed_rows, rollout_choice::HeldOut,
+    Dataset, EquationTask, Error, Evidence, Logs, Objective, Provenance, Recipe, RolloutRule, SindyOptimizer,
+    SindySection, SmoothStates, StateSmoothing, Windows, folds::smoothed_rows, rollout_choice::HeldOut,
 };
 use search::{Found, Search};
-
-/// When states are smoothed under the equations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum SmoothStates {
-    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and there are no more than 20,000 rows.
-    #[default]
-    Auto,
-    /// Always.
-    On,
-    /// Never.
-    Off,
-}
-
-/// Equations found in turn with the states.
-#[derive(Debug, Clone, Serialize)]
-#[non_exhaustive]
-pub struct StateSmoothing {
-    /// Rows whose states are smoothed.
-    pub rows: usize,
-    /// Segments between gaps.
-    pub segments: usize,
-    /// Candidates of all equations together.
-    pub candidates: usize,
-    /// What is wrong with measurements and equations, one a state.
-    pub noise: Vec<StateNoise>,
-    /// Twice the objective and the price of the terms, of the terms that it began with and of those that were found, at the same variances.
-    pub value: [f64; 2],
-    /// What a term costs in it.
-    pub price: f64,
-    /// Supports that were tried, and taken.
-    pub tried: usize,
-    /// Those that were worth more than the ones before.
-    pub taken: usize,
-    /// The certificate: what another step would lower the objective by, to first order.
-    pub promise: f64,
-    /// Whether that is within a billionth of the objective.
-    pub converged: bool,
-    /// Folds that are held out in turn.
-    pub folds: usize,
-    /// Mean squared deviation of smoothed trajectories from the rows that did not train, with the equations' own errors, in variances of the measurements: the equations without
-    /// smoothing, and these, both of the same training rows.
-    pub held_out: [f64; 2],
-    /// Whether the equations that were found so are written: they follow rows that did not train more closely.
-    pub written: bool,
-    #[serde(skip)]
-    windows: Vec<[f64; 2]>,
-}
-
-/// What is wrong with a state.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct StateNoise {
-    /// The state.
-    pub state: String,
-    /// Standard deviation of its measurements.
-    pub measurement: f64,
-    /// Standard deviation of its equation over a step.
-    pub process: f64,
-}
 
 /// Equations found in turn with the states, and what came of it.
 pub(super) struct Smoothed {
@@ -134,7 +71,7 @@ impl SmoothStates {
             }
             (Self::On, None) => Ok(true),
             (_, Some(_)) => Ok(false),
-            (_, None) => Ok(task.windows.as_ref().is_some_and(weak::Windows::noisy)),
+            (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
         }
     }
 }
@@ -353,36 +290,6 @@ struct Held {
     misfit: [f64; 2],
     /// Of every equation found with smoothed states: the root of the mean squared error on recorded rows or windows, and the share of their variance that is explained.
     windows: Vec<[f64; 2]>,
-}
-
-impl StateSmoothing {
-    /// What was done and what it brought, in sentences.
-    pub fn in_words(&self) -> String {
-        let deviation = |own: &StateNoise| format!("{} {}", own.state, report::short(own.measurement));
-        let noise: Vec<String> = self.noise.iter().map(deviation).collect();
-        let [before, after] = self.value;
-        let [plain, smoothed] = self.held_out;
-        let from = if before.is_finite() { format!("from {before:.1} ") } else { String::new() };
-        let verdict = match self.written {
-            true => "These equations are written: smoothed trajectories follow rows that did not train more closely.",
-            false => {
-                "The equations without smoothing are written: smoothed trajectories of the others do not follow rows that did not train more closely."
-            }
-        };
-        format!(
-            "states smoothed under the equations: {} rows in {}; noise {}\n\
-             terms with the states free: {} of {} supports taken; twice the objective and {:.1} a term, {from}to {after:.1}{}\n\
-             held out ({} folds), squared distance of smoothed trajectories from the rows, in variances of the noise, without and with: {plain:.4} and {smoothed:.4}\n{verdict}",
-            self.rows,
-            if self.segments == 1 { "1 segment".to_owned() } else { format!("{} segments", self.segments) },
-            noise.join(", "),
-            self.taken,
-            self.tried,
-            self.price,
-            if self.converged { "" } else { "; not at the minimum" },
-            self.folds,
-        )
-    }
 }
 
 impl Smoothed {

@@ -19,11 +19,8 @@ use fleetfoot_sparse::{
 };
 use fleetfoot_stats::{Compressed, Fold, Key, Purge, blocks};
 
-use super::{
-    EquationTask, Evidence,
-    options::{Ensemble, SindyOptimizer, SindyOptions},
-};
-use crate::{Criterion, Error, FoldRule, folds::purge};
+use super::options::{Ensemble, SindyOptions};
+use crate::{Criterion, EquationTask, Error, Evidence, FittedEquation, FoldRule, SindyOptimizer, folds::purge};
 
 /// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
 const THRESHOLDS: usize = 60;
@@ -348,7 +345,7 @@ impl<'a> Solver<'a> {
 impl EquationTask {
     /// What every equation may and must have, for the optimisers.
     pub fn terms(&self) -> Vec<Terms> {
-        let terms = |equation: &super::FittedEquation| Terms {
+        let terms = |equation: &FittedEquation| Terms {
             allowed: Some(equation.allowed.clone()),
             fixed: equation.fixed.clone(),
         };

@@ -4,9 +4,10 @@ use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 
-use super::{EquationTask, Evidence, Frozen, SindyOptions, Solver, coefficients};
+use super::{Frozen, SindyOptions, Solver, coefficients};
 use crate::{
-    Dataset, Derivative, Error, Kind, Logs, Recipe, RolloutCandidate, RolloutChoice, RolloutRule,
+    Dataset, Derivative, EquationTask, Error, Evidence, Kind, Logs, Recipe, RolloutCandidate, RolloutChoice,
+    RolloutRule,
     folds::smoothed_rows,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::system::{System, SystemScan};
 
-use super::{EquationTask, Evidence, frozen::Frozen, weak::WeakForm};
+use super::frozen::Frozen;
 use crate::{
-    Error, Logs, ModelSection, Recipe,
+    EquationTask, Error, Evidence, Logs, ModelSection, Recipe,
     condition::refuse_other_rows,
-    statistic::{EquationGroup, EquationStatistic, StatisticFile},
+    problem::WeakForm,
+    stats_file::{EquationGroup, EquationStatistic, StatisticFile},
 };
 
 impl Evidence {

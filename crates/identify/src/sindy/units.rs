@@ -2,7 +2,7 @@
 
 use fleetfoot_library::{Expr, Unit, coefficient_unit};
 
-use super::EquationTask;
+use crate::EquationTask;
 
 impl EquationTask {
     fn unit_of(&self, name: &str) -> Option<Unit> {

@@ -11,9 +11,9 @@ use fleetfoot_sparse::{
     },
 };
 
-use super::{Criterion, LambdaRule, SparseOptions, problem::Problem};
+use super::{LambdaRule, SparseOptions, problem::Problem};
 use crate::{
-    Error, FoldRule,
+    Criterion, Error, FoldRule,
     folds::{purge, reached},
 };
 

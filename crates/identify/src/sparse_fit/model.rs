@@ -11,7 +11,7 @@ use fleetfoot_stats::{Gram, Key};
 use super::problem::Problem;
 use crate::{
     Moments, StructuredTask,
-    statistic::{EpisodeRecord, StatisticFile},
+    stats_file::{EpisodeRecord, StatisticFile},
 };
 
 /// The model with the coefficients `theta` (p).

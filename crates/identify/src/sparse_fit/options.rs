@@ -1,10 +1,8 @@
 //! How a sparse regression goes: the words of `[sparse]`, checked once.
 
 use fleetfoot_sparse::bolasso::BootstrapUnit;
-use serde::{Deserialize, Serialize};
 
-use super::words;
-use crate::{Error, FoldRule, GroupRule, SparseSection, recipe::seed};
+use crate::{Criterion, Error, FoldRule, GroupRule, SparseSection, folds, recipe::seed};
 
 /// How lambda is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,27 +13,6 @@ pub enum LambdaRule {
     Value(f64),
     /// This value over the root of the number of rows.
     OverRoot(f64),
-}
-
-/// What lambda, or the number of terms, is chosen by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Criterion {
-    /// The sparsest model whose cross-validated error is within one standard error of the least.
-    #[default]
-    #[serde(rename = "one-se")]
-    #[value(name = "one-se")]
-    OneStandardError,
-    /// The least cross-validated error.
-    #[serde(rename = "cv")]
-    #[value(name = "cv")]
-    CrossValidation,
-    /// Akaike's information criterion.
-    Aic,
-    /// The Bayesian information criterion, with the effective number of rows.
-    Bic,
-    /// The extended Bayesian information criterion (Chen and Chen 2008).
-    Ebic,
 }
 
 /// What a bolasso resamples.
@@ -119,7 +96,7 @@ impl SparseOptions {
         Ok(Self {
             lambda: lambda(section.lambda.as_deref().unwrap_or("auto"))?,
             criterion: section.select.unwrap_or_default(),
-            folds: words::folds(folds).ok_or_else(|| refused("folds", folds, words::FOLDS))?,
+            folds: folds::parse(folds).ok_or_else(|| refused("folds", folds, folds::WORDS))?,
             l1_ratio,
             groups,
             adaptive: section.adaptive.unwrap_or(false),

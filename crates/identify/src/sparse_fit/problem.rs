@@ -9,7 +9,7 @@ use fleetfoot_sparse::{
 use fleetfoot_stats::{Key, SquareRoot};
 
 use super::SparseOptions;
-use crate::{Error, StructuredTask, statistic::StatisticFile};
+use crate::{Error, StructuredTask, stats_file::StatisticFile};
 
 /// A regression as the solvers see it.
 pub(super) struct Problem<'a> {

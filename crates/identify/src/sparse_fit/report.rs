@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::{
     LambdaChoice, LeaveOneOutReport, PathReport, intervals::percentile_intervals, problem::Problem, support::Support,
 };
-use crate::{Error, json};
+use crate::{Error, told};
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
 const CONFOUNDED: f64 = 1e-6;
@@ -20,7 +20,7 @@ pub struct SparseReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, and rows with a missing value.
-    #[serde(flatten, serialize_with = "json::left_out")]
+    #[serde(flatten, serialize_with = "told::left_out")]
     pub left_out: [u64; 2],
     /// Lambda, and how it was chosen.
     pub lambda: LambdaChoice,
@@ -36,7 +36,7 @@ pub struct SparseReport {
     #[serde(skip)]
     pub penalty: &'static str,
     /// Certificate of the penalised fit of all rows at lambda.
-    #[serde(serialize_with = "json::certificate")]
+    #[serde(serialize_with = "told::certificate")]
     pub certificate: Certificate,
     /// The largest violation of the optimality conditions of any replicate, where there are any.
     #[serde(rename = "worst_replicate_kkt")]

@@ -4,7 +4,7 @@ use fleetfoot_model::Model;
 use fleetfoot_sparse::{Certificate, Strength, bolasso::refit, certificate};
 
 use super::{SparseOptions, model, problem::Problem, report::named, standard_errors, support};
-use crate::{Error, Recipe, statistic::StatisticFile};
+use crate::{Error, Recipe, stats_file::StatisticFile};
 
 /// What is solved for.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,7 +8,7 @@ use fleetfoot_sparse::{
 };
 
 use super::{Resampled, SparseOptions, problem::Problem};
-use crate::{Error, statistic::StatisticFile};
+use crate::{Error, stats_file::StatisticFile};
 
 /// Lambdas of a stability selection, over two decades above the one that was chosen.
 const STABILITY_GRID: usize = 20;

@@ -1,7 +1,7 @@
 //! What a file holds, as a hash: the same log is known again whatever it is called.
 
 use std::{
-    fmt, fs,
+    fs,
     io::Read,
     path::{Path, PathBuf},
 };
@@ -9,29 +9,12 @@ use std::{
 use fleetfoot_data::{Cancelled, ColumnKind, Progress, parallel_map};
 use fleetfoot_log::{Log, MemoryTable};
 
-use super::StatisticError;
-use crate::{Error, Logs};
+use crate::{Error, Logs, statistic_error::StatisticError, stats_file::ContentHash};
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 20;
 /// Rows of a table that are hashed at once.
 const HASHED_ROWS: usize = 1 << 14;
-
-/// The blake3 hash of a file's bytes; of a folder (a rosbag2 recording) of its files' names and hashes; of a table of its columns.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ContentHash(pub [u8; 32]);
-
-impl fmt::Display for ContentHash {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
-    }
-}
-
-impl fmt::Debug for ContentHash {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self}")
-    }
-}
 
 /// A file or table, its hash and its size.
 #[derive(Debug, Clone)]

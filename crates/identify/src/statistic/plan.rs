@@ -6,13 +6,14 @@ use fleetfoot_data::{Progress, Source};
 use serde::Serialize;
 
 use super::{
-    ContentHash, EquationStatistic, ScanOptions, StatisticFile,
+    ScanOptions,
     content::hash_logs,
     scan::{chunk_bytes, default_chunk},
 };
 use crate::{
     Dataset, Error, Logs, Recipe, StructuredTask,
-    dataset::{OpenedStructure, estimate_structure},
+    open::{OpenedStructure, estimate_structure},
+    stats_file::{ContentHash, EquationStatistic, StatisticFile},
 };
 
 /// What a scan would read and keep.

@@ -6,19 +6,23 @@ use std::{
     path::Path,
 };
 
-use fleetfoot_data::{Column, ColumnKind, Episode, Progress, Source};
+use fleetfoot_data::{Column, Episode, Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
 
 use super::{
-    ContentHash, EquationStatistic, FileRecord, LabelKey, StatisticError, StatisticFile,
+    LabelKey,
     content::{Hashed, hash_logs},
-    equations::{refuse_unprintable, unserved},
-    subset::Subset,
+    equations::unserved,
 };
 use crate::{
-    Dataset, Error, Logs, Recipe, StructuredTask, dataset::OpenedStructure, left_out::left_out, sindy::EquationTask,
+    Dataset, EquationTask, Error, Logs, Recipe, StructuredTask,
+    left_out::left_out,
+    open::OpenedStructure,
+    statistic::texts::refuse_text,
+    stats_file::{ContentHash, EquationStatistic, FileRecord, StatisticFile, refuse_unprintable},
+    subset::Subset,
 };
 
 /// Rows that are scanned between two moments at which the work can be kept.
@@ -377,23 +381,6 @@ fn row_expressions(task: &StructuredTask) -> impl Iterator<Item = &Expr> {
     let tasks =
         regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient).chain([&task.target]));
     functions.chain(tasks).chain(&regression.weight).chain(&task.also)
-}
-
-/// Codes of texts are numbered by the files that are open, which is no number to sum.
-pub(super) fn refuse_text<'e>(
-    read: impl Iterator<Item = &'e Expr>,
-    aliases: &[(Column, Expr)],
-    fields: &[Column],
-) -> Result<(), StatisticError> {
-    let used: BTreeSet<_> = read.flat_map(Expr::columns).collect();
-    let text =
-        |name: &str| fields.iter().any(|field| field.name == name && matches!(field.kind, ColumnKind::Category(_)));
-    for (column, source) in aliases.iter().filter(|(column, _)| used.contains(column.name.as_str())) {
-        if source.columns().iter().any(|name| text(name)) {
-            return Err(StatisticError::Text { column: column.name.clone() });
-        }
-    }
-    Ok(())
 }
 
 /// Chunks of an episode of so many rows, in all passes over it.

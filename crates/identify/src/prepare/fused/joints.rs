@@ -5,17 +5,18 @@ use fleetfoot_signal::{
     fuse::Prior,
     joint::{FusedJoint, JointOptions, JointRecord, JointRun, JointSensor, JointStates, Quantity, fuse_joint},
 };
-use serde::Serialize;
 
 use super::{
     super::{
-        Places,
+        CorrelationReport, JointReport, JointSensorReport, Places,
         channel::{unwrapped, wrapped},
     },
     rows::{Layout, LogRows},
     sensors::{channels, loss, numbers, refused},
 };
-use crate::{Dataset, Error, JointSection, Kind, Logs, Recipe, SensorKind, SensorSection, Tunable, clocks::Clocks};
+use crate::{
+    Dataset, Error, JointSection, Kind, Logs, Recipe, SensorKind, SensorSection, Tunable, found_clocks::Clocks,
+};
 
 /// The correlation of their errors beyond which two sensors are one.
 const ONE: f64 = 0.35;
@@ -28,64 +29,6 @@ const SURE: f64 = 6.0;
 
 /// How much noisier than about its own curve a sensor may be before it is told that sensors contradict each other.
 const CONTRADICTED: f64 = 3.0;
-
-/// What fusion found of a joint's sensors.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct JointReport {
-    /// The joint.
-    pub joint: String,
-    /// Its sensors.
-    pub sensors: Vec<JointSensorReport>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz), u the unit of positions.
-    pub jerk: f64,
-    /// Whether the readings told it.
-    pub jerk_fitted: bool,
-    /// How the errors of sensors that share stamps go together.
-    pub correlations: Vec<CorrelationReport>,
-    /// Seconds after which states share a hundredth of a reading.
-    pub smoothed: f64,
-    /// Whether the iteration came to rest.
-    pub converged: bool,
-}
-
-/// What fusion found of a sensor.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct JointSensorReport {
-    /// The sensor.
-    pub sensor: String,
-    /// `position` or `rate`.
-    pub kind: SensorKind,
-    /// Readings that were fused.
-    pub readings: usize,
-    /// Deviation of a reading, steps aside.
-    pub noise: f64,
-    /// Whether the readings told it.
-    pub noise_fitted: bool,
-    /// Seconds by which it is stamped late.
-    pub delay: f64,
-    /// Its deviation; 0 of what was given.
-    pub delay_deviation: f64,
-    /// What a reading says too much.
-    pub bias: f64,
-    /// Its deviation; 0 of what was given.
-    pub bias_deviation: f64,
-    /// Readings that were left out, log by log, in seconds of its own stamps after the first row of the log.
-    pub rejected: Vec<Places>,
-}
-
-/// How the errors of two sensors go together.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct CorrelationReport {
-    /// Both.
-    pub sensors: [String; 2],
-    /// Of their errors at one stamp or at neighbouring ones, the greatest.
-    pub correlation: f64,
-    /// Pairs of readings that tell it.
-    pub readings: usize,
-}
 
 /// A joint and its sensors, checked.
 pub(super) struct JointPlan {

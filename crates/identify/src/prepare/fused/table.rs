@@ -9,7 +9,7 @@ use super::{
     joints::JointPlan,
     sensors::Sensors,
 };
-use crate::{Derivative, Error, Kind, Recipe, State, task::rate_unit};
+use crate::{Derivative, Error, Kind, Recipe, State, problem::rate_unit};
 
 /// Position, velocity, attitude as quaternion and as roll, pitch and yaw (R = Rz Ry Rx), rate in the body, acceleration in the world, biases.
 const STATES: [(&str, &str); 25] = [

@@ -5,7 +5,7 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use super::*;
-use crate::statistic::{container::Writer, records::to_bytes};
+use crate::stats_file::{Writer, to_bytes};
 
 /// A statistic of one small log.
 fn small() -> Vec<u8> {

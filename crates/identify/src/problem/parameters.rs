@@ -1,0 +1,101 @@
+//! A recipe resolved to given equations with parameters.
+
+use fleetfoot_data::Column as DataColumn;
+use fleetfoot_estimate::Residual;
+use fleetfoot_library::Expr;
+
+use super::{Aliases, KnownTask, Parameter, derivative};
+use crate::{Error, Recipe};
+
+/// Equations, parameters, and what the equations say of every row.
+pub(crate) struct ParametersTask {
+    /// The equations, over columns and parameters.
+    pub(crate) known: KnownTask,
+    /// The parameters, in the order of the recipe.
+    pub(crate) parameters: Vec<Parameter>,
+    /// Measured derivatives beside right sides, of the equations that have parameters.
+    pub(crate) residuals: Vec<Residual>,
+}
+
+impl ParametersTask {
+    /// Resolves a recipe against the fields of a recording.
+    pub(crate) fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
+        refuse_other_sections(recipe)?;
+        let mut aliases = Aliases::of_recipe(recipe, fields)?;
+        let parameters = Parameter::all(recipe, &aliases)?;
+        let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
+        aliases.hide(&names);
+        let mut measured = Vec::new();
+        for (name, state) in &recipe.states {
+            let angle = aliases.columns.iter().any(|column| column.name == *name && column.angle);
+            let place = format!("[states] {name}");
+            let x = Expr::column(name.as_str());
+            measured.push(derivative::measured(state.derivative.as_ref(), &x, angle, &place, &mut aliases)?);
+        }
+        let mut known = KnownTask::over(recipe, aliases)?;
+        let uses = |expr: &Expr, name: &str| expr.columns().iter().any(|column| **column == *name);
+        if let Some(idle) = names.iter().find(|name| !known.equations.iter().any(|own| uses(&own.right, name))) {
+            return Err(Error::unknown(
+                idle,
+                format!(
+                    "[parameters] {idle}: no equation speaks of it; leave it away, or look for a slip in `known` of the states"
+                ),
+            ));
+        }
+        let mut residuals = Vec::new();
+        for (equation, target) in known.equations.iter_mut().zip(measured) {
+            if names.iter().any(|name| uses(&equation.right, name)) {
+                let (name, model) = (equation.label(), equation.right.clone());
+                residuals.push(Residual { name, target: target.clone(), model, weight: 1.0 });
+                // What is estimated is scored like what is fitted.
+                equation.target = Some(target);
+            }
+        }
+        Ok(Self { known, parameters, residuals })
+    }
+
+    /// The parameters between their bounds; those that are fixed have no room.
+    pub(crate) fn bounded(&self) -> Vec<fleetfoot_estimate::Parameter> {
+        let of = |own: &Parameter| {
+            let [least, most] = if own.fixed { [own.initial; 2] } else { own.bounds };
+            fleetfoot_estimate::Parameter::new(&own.name, own.initial).between(least, most)
+        };
+        self.parameters.iter().map(of).collect()
+    }
+
+    /// An expression with these values of the parameters.
+    pub(crate) fn insert(&self, expr: &Expr, values: &[f64]) -> Expr {
+        let value = |name: &str| self.parameters.iter().position(|own| own.name == name);
+        expr.substituted(|name| value(name).map(|at| Expr::number(values[at]))).simplified()
+    }
+}
+
+fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
+    if recipe.parameters.is_empty() {
+        return Err(Error::missing(
+            "nothing is to be estimated: name the numbers that are not known in [parameters], for example `mass = { initial = 90.0 }`".into(),
+        ));
+    }
+    if recipe.states.is_empty() {
+        return Err(Error::missing(
+            "no states: write the equations of [states], for example `v = { known = \"(gain*u - friction*v)/mass\" }`"
+                .into(),
+        ));
+    }
+    if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.known.is_none()) {
+        return Err(Error::missing(format!(
+            "[states] {name}: fit parameters needs the equation of every state; write `known = \"...\"`, over columns and parameters"
+        )));
+    }
+    if recipe.model.weight.is_some() {
+        return Err(Error::conflict(
+            "weight: fit parameters weighs every measurement by the noise that it estimates; leave it away".into(),
+        ));
+    }
+    match recipe.model.predict.as_deref() {
+        None | Some("derivative") => Ok(()),
+        Some(other) => Err(Error::conflict(format!(
+            "predict = \"{other}\": the equations of `fit parameters` are derivatives; leave it away"
+        ))),
+    }
+}

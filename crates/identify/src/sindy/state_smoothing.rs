@@ -1,0 +1,82 @@
+//! What is told of equations that were found in turn with the states.
+
+use serde::Serialize;
+
+use super::words::short;
+
+/// Equations found in turn with the states.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct StateSmoothing {
+    /// Rows whose states are smoothed.
+    pub rows: usize,
+    /// Segments between gaps.
+    pub segments: usize,
+    /// Candidates of all equations together.
+    pub candidates: usize,
+    /// What is wrong with measurements and equations, one a state.
+    pub noise: Vec<StateNoise>,
+    /// Twice the objective and the price of the terms, of the terms that it began with and of those that were found, at the same variances.
+    pub value: [f64; 2],
+    /// What a term costs in it.
+    pub price: f64,
+    /// Supports that were tried, and taken.
+    pub tried: usize,
+    /// Those that were worth more than the ones before.
+    pub taken: usize,
+    /// The certificate: what another step would lower the objective by, to first order.
+    pub promise: f64,
+    /// Whether that is within a billionth of the objective.
+    pub converged: bool,
+    /// Folds that are held out in turn.
+    pub folds: usize,
+    /// Mean squared deviation of smoothed trajectories from the rows that did not train, with the equations' own errors, in variances of the measurements: the equations without
+    /// smoothing, and these, both of the same training rows.
+    pub held_out: [f64; 2],
+    /// Whether the equations that were found so are written: they follow rows that did not train more closely.
+    pub written: bool,
+    #[serde(skip)]
+    pub(super) windows: Vec<[f64; 2]>,
+}
+
+/// What is wrong with a state.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct StateNoise {
+    /// The state.
+    pub state: String,
+    /// Standard deviation of its measurements.
+    pub measurement: f64,
+    /// Standard deviation of its equation over a step.
+    pub process: f64,
+}
+
+impl StateSmoothing {
+    /// What was done and what it brought, in sentences.
+    pub fn in_words(&self) -> String {
+        let deviation = |own: &StateNoise| format!("{} {}", own.state, short(own.measurement));
+        let noise: Vec<String> = self.noise.iter().map(deviation).collect();
+        let [before, after] = self.value;
+        let [plain, smoothed] = self.held_out;
+        let from = if before.is_finite() { format!("from {before:.1} ") } else { String::new() };
+        let verdict = match self.written {
+            true => "These equations are written: smoothed trajectories follow rows that did not train more closely.",
+            false => {
+                "The equations without smoothing are written: smoothed trajectories of the others do not follow rows that did not train more closely."
+            }
+        };
+        format!(
+            "states smoothed under the equations: {} rows in {}; noise {}\n\
+             terms with the states free: {} of {} supports taken; twice the objective and {:.1} a term, {from}to {after:.1}{}\n\
+             held out ({} folds), squared distance of smoothed trajectories from the rows, in variances of the noise, without and with: {plain:.4} and {smoothed:.4}\n{verdict}",
+            self.rows,
+            if self.segments == 1 { "1 segment".to_owned() } else { format!("{} segments", self.segments) },
+            noise.join(", "),
+            self.taken,
+            self.tried,
+            self.price,
+            if self.converged { "" } else { "; not at the minimum" },
+            self.folds,
+        )
+    }
+}

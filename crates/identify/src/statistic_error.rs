@@ -1,0 +1,137 @@
+//! Why a `.stats` file, or what was asked of it, was refused.
+
+use std::path::PathBuf;
+
+/// 2: the sums of equations. 3: the marks of episodes.
+pub(crate) const VERSION: u32 = 3;
+
+/// Why a `.stats` file, or what was asked of it, was refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StatisticError {
+    /// The system cannot read it.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Something else.
+    #[error("{}: this is no statistic of fleetfoot; `fleetfoot scan` writes them", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A format of the future.
+    #[error("{}: its format is {version} and this fleetfoot reads {VERSION}; use a newer fleetfoot, or scan the logs again", path.display())]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        version: u32,
+    },
+    /// A format of the past.
+    #[error(
+        "{}: its format is {version} and this fleetfoot reads {VERSION}: it lacks sums that are kept now; scan the logs again, or use the fleetfoot that wrote it",
+        path.display()
+    )]
+    Older {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        version: u32,
+    },
+    /// Bytes that are not what was written.
+    #[error("{}: damaged: {place}: {problem}; take another copy of the file, or scan the logs again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file.
+        place: String,
+        /// What was found.
+        problem: String,
+    },
+    /// A plan that cannot be kept in a file.
+    #[error("the plan cannot be kept in a file: `{text}` does not read back as it was; write it in another form")]
+    Unprintable {
+        /// The expression.
+        text: String,
+    },
+    /// Two plans.
+    #[error("{left} and {right} have different plans and cannot be joined:\n{difference}\n{mend}")]
+    OtherPlan {
+        /// One file or recipe.
+        left: String,
+        /// The other.
+        right: String,
+        /// Lines of the one (`-`) and the other (`+`).
+        difference: String,
+        /// What to do.
+        mend: &'static str,
+    },
+    /// The same rows on both sides.
+    #[error("{left} and {right} hold the same log: {}; drop it from one of them (`fleetfoot stats drop`)", some(.names))]
+    SameLog {
+        /// One file.
+        left: String,
+        /// The other.
+        right: String,
+        /// Names of the episodes.
+        names: Vec<String>,
+    },
+    /// Nothing that is like what was asked for.
+    #[error("{asked} matches no episode; there is {}", some(.there))]
+    NoMatch {
+        /// What was asked for.
+        asked: String,
+        /// What there is.
+        there: Vec<String>,
+    },
+    /// Nothing would be left.
+    #[error("that drops all {0} episodes; delete the file instead")]
+    NothingLeft(usize),
+    /// The output exists.
+    #[error("{} exists already; --append adds to it, --force replaces it", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Progress of another command.
+    #[error(
+        "{} was left by another command (other files, recipe or options): give that command again to go on, rename it to a .stats file and \
+         --append to it, or begin anew with --force",
+        path.display()
+    )]
+    OtherCommand {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A label that cannot be made.
+    #[error("--key {key}: {problem}")]
+    Key {
+        /// The argument.
+        key: String,
+        /// What is wrong, and the mend.
+        problem: String,
+    },
+    /// Text as a number.
+    #[error(
+        "`{column}` holds text, and the codes of texts depend on the other files; use a column of numbers, or --key and the labels of [[episodes]] to \
+         tell episodes apart"
+    )]
+    Text {
+        /// The column.
+        column: String,
+    },
+}
+
+/// The first names.
+fn some(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let mut text = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN {
+        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    }
+    text
+}
