@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use fleetfoot_data::{Episode, Source};
+use fleetfoot_data::{Episode, Source, mix};
 
 use crate::Error;
 
@@ -112,13 +112,6 @@ fn uniform(seed: u64, key: u64, bound: u64) -> u64 {
     let mut z = mix(seed).wrapping_add(key.wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = mix(z);
     ((u128::from(z) * u128::from(bound)) >> 64) as u64
-}
-
-fn mix(mut z: u64) -> u64 {
-    z = z.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]
