@@ -25,7 +25,7 @@ pub struct RolloutOptions {
 /// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outside {
-    /// It goes on, and tells when it left ([`Trajectory::left_domain`]).
+    /// It goes on, and tells when it left ([`Trajectory::left_domain`](crate::Trajectory::left_domain)).
     #[default]
     Tell,
     /// It ends there.

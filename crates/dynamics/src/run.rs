@@ -15,7 +15,7 @@ pub(crate) struct Run<'a> {
     pub(crate) divergence: f64,
     /// Whether it ends where it leaves the training domain.
     pub(crate) ends_outside: bool,
-    /// The states where it begins, in the order of [`Simulator::states`]; the recorded ones where none are given.
+    /// The states where it begins, in the order of [`Simulator::states`](crate::Simulator::states); the recorded ones where none are given.
     pub(crate) beginning: Option<&'a [f64]>,
     /// Of every state, the share of what its measurement differs by that it is moved by before the next step: a filter of constant gain. None for a simulation that
     /// sees no measurement.

@@ -38,7 +38,7 @@ pub struct Simulator {
 }
 
 impl Simulator {
-    /// Inputs that a controller drives, in the order of [`Trajectory::inputs`].
+    /// Inputs that a controller drives, in the order of [`Trajectory::inputs`](crate::Trajectory::inputs).
     pub fn driven_inputs(&self) -> &[String] {
         self.driver.as_ref().map_or(&[], |driver| &driver.names)
     }

@@ -1,6 +1,6 @@
 //! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
 //!
-//! A recipe becomes an [`EquationTask`]; one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
+//! A recipe becomes an [`EquationTask`](crate::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
 //! standard errors) follows from the statistic ([`fit_sindy`]).
 
 mod estimation;

@@ -11,7 +11,7 @@ use crate::{Specification, Stability, continuous::Continuity};
 pub struct Identification {
     /// The chosen model.
     pub model: Model,
-    /// With [`Options::keep_all`] the models of all candidates, in their order; else empty.
+    /// With [`Options::keep_all`](crate::Options::keep_all) the models of all candidates, in their order; else empty.
     pub models: Vec<Model>,
     /// Every partition that was tried, in the order asked for.
     pub candidates: Vec<Score>,
@@ -79,7 +79,7 @@ pub struct Score {
     pub bic: f64,
     /// What it costs that maps meet at their borders, where they do.
     pub continuity: Option<Continuity>,
-    /// How its maps contract, where [`Options::stability`] asks for it.
+    /// How its maps contract, where [`Options::stability`](crate::Options::stability) asks for it.
     pub stability: Option<Stability>,
     /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
     pub free_loss: f64,

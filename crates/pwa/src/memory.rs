@@ -17,7 +17,7 @@ pub struct Cost {
     pub bytes: usize,
 }
 
-/// Tells beforehand what [`identify`] will keep in memory for `rows` rows.
+/// Tells beforehand what [`identify`](crate::identify()) will keep in memory for `rows` rows.
 pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
     let width = problem.library.len() + targets;
