@@ -37,6 +37,8 @@ pub struct Evidence {
     pub step: f64,
     /// Neighbours on either side that are made of the same samples as a row: lags, differences and smoothing reach over them.
     pub shared_rows: usize,
+    /// Rows of the logs, whether they count or not; a statistic does not tell.
+    pub rows_read: Option<usize>,
     /// The episodes that have rows, in the order of the identities.
     pub episodes: Vec<TrainedEpisode>,
     /// What the user should know.
@@ -60,7 +62,7 @@ impl Evidence {
         frozen.estimate(&mut dataset, &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
         notes.append(&mut found.notes);
-        found.notes = notes;
+        (found.notes, found.rows_read) = (notes, Some(dataset.rows()));
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
         found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
         Ok(found)
@@ -114,6 +116,7 @@ impl Evidence {
             parameters,
             step,
             shared_rows,
+            rows_read: None,
             notes,
         };
         found.rounding = found.rounding_of();

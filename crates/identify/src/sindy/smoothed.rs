@@ -117,15 +117,16 @@ pub(super) fn smoothed(
     if !options.smooth_states.applies(evidence, recipe)? {
         return Ok(None);
     }
-    progress.stage("smooth states");
-    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
-    let rows = dataset.rows();
-    if options.smooth_states == SmoothStates::Auto && rows > UNASKED {
+    if options.smooth_states == SmoothStates::Auto
+        && let Some(rows) = evidence.rows_read.filter(|rows| *rows > UNASKED)
+    {
         notes.push(format!(
             "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; --smooth-states on does so for more"
         ));
         return Ok(None);
     }
+    progress.stage("smooth states");
+    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
     match Alternation::new(recipe, options, evidence).run(chosen, &dataset.view()?, progress) {
         Ok(found) => Ok(Some(found)),
         Err(error @ Error::Cancelled(_)) => Err(error),
