@@ -10,7 +10,7 @@ const PAGE: &str = include_str!("../docs/reference/reports.md");
 /// Keys whose value has names for keys: functions of code, labels and their values, baselines.
 const BY_NAME: [&str; 4] = ["calls", "labels", "baselines", "baseline_rmse"];
 
-fn told_of(value: &Value, named: bool, command: &str) {
+pub(crate) fn told_of(value: &Value, named: bool, command: &str) {
     match value {
         Value::Array(all) => all.iter().for_each(|one| told_of(one, false, command)),
         Value::Object(fields) => {

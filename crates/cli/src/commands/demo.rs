@@ -77,9 +77,9 @@ struct Demo<'a> {
 #[derive(Serialize)]
 struct Simulated {
     runs: usize,
-    rows: f64,
+    rows: u64,
     seconds: f64,
-    bytes: f64,
+    bytes: u64,
     faults: usize,
     training_runs: usize,
     held_out_runs: usize,
@@ -142,10 +142,9 @@ impl Demo<'_> {
             self.command(&words(&["generate", &logs.arguments(held_out), "-o", &self.word(folder), "--force"]));
         }
         let runs = || logs.training.runs.iter().chain(&logs.held_out.runs);
-        let total = |value: fn(&RunReport) -> f64| runs().map(value).sum::<f64>();
         let faults = runs().filter(|run| run.end != fleetfoot::sim::End::Complete).count();
-        let (rows, bytes, seconds) =
-            (total(|run| run.rows as f64), total(|run| run.bytes as f64), total(|run| run.seconds));
+        let (rows, bytes) = (runs().map(|run| run.rows).sum(), runs().map(|run| run.bytes).sum());
+        let seconds = runs().map(|run| run.seconds).sum();
         let told = Simulated {
             runs: runs().count(),
             rows,
@@ -161,7 +160,7 @@ impl Demo<'_> {
                 logs.training.runs.len(),
                 logs.held_out.runs.len(),
                 crate::table::seconds(seconds),
-                crate::table::bytes(bytes as u64)
+                crate::table::bytes(bytes)
             )
         });
         Ok(logs)
