@@ -16,22 +16,32 @@ use crate::{
     angle::wrap,
     cell::Cell,
     controller::Drive,
-    integrate::{advance, runge_kutta_mean},
-    kernel::{LANES, affine, copy, load, near, within},
+    integrate::runge_kutta_mean,
+    kernel::{LANES, advance_all, affine, copy, is_near, load, within},
     run::Run,
 };
 
 /// Trajectories that advance together.
 const TOGETHER: usize = 8;
 
+/// Trajectories whose affine maps are summed side by side.
+const ABREAST: usize = 4;
+
 impl AffineKernel {
     /// Simulates complete windows, a few at a time.
     pub(crate) fn simulate(&self, simulator: &Simulator, runs: &[Run<'_>], method: Method) -> Vec<Trajectory> {
         let mut done = Vec::with_capacity(runs.len());
+        let mut cells: Vec<Cell> = (0..runs.len().min(TOGETHER)).map(|_| self.cells.nowhere()).collect();
         for runs in runs.chunks(TOGETHER) {
-            let mut tracks: Vec<Track<'_>> = runs.iter().map(|run| Track::new(self, simulator, run)).collect();
+            let fresh = runs.iter().zip(cells.drain(..));
+            let mut tracks: Vec<Track<'_>> =
+                fresh.map(|(run, cell)| Track::new(self, simulator, run, cell.anew())).collect();
             pulp::Arch::new().dispatch(Advancing { kernel: self, tracks: &mut tracks, method });
-            done.extend(tracks.into_iter().map(|track| track.finish(self.states)));
+            for track in tracks {
+                let (trajectory, cell) = track.finish(self.states);
+                done.push(trajectory);
+                cells.push(cell);
+            }
         }
         done
     }
@@ -39,41 +49,55 @@ impl AffineKernel {
     #[inline(always)]
     fn advance<S: Simd>(&self, simd: S, tracks: &mut [Track<'_>], method: Method) {
         let horizon = tracks.iter().map(|track| track.run.horizon).max().unwrap_or(0);
-        let mut scratch = Scratch::new(self);
-        let mut lost = Vec::with_capacity(tracks.len());
+        let mut scratch = Scratch::new(self, tracks.len());
+        let mut live: Vec<usize> = (0..tracks.len()).collect();
+        let mut lost: Vec<usize> = Vec::with_capacity(tracks.len());
         for k in 0..horizon {
             lost.clear();
-            for (b, track) in tracks.iter().enumerate() {
-                if track.end == End::Horizon && self.cells.has_left(simd, &track.cell, &track.slots) {
+            for &b in &live {
+                if self.cells.has_left(simd, &tracks[b].cell, &tracks[b].slots) {
                     lost.push(b);
                 }
             }
             for &b in &lost {
                 let track = &mut tracks[b];
-                self.cells.standardise(simd, &mut track.cell, &track.slots);
+                self.cells.refer::<S>(&mut track.cell, &track.slots);
+                self.cells.approach(simd, &mut track.cell, &track.slots);
             }
             for &b in &lost {
-                self.cells.score(&mut tracks[b].cell);
+                self.cells.screen(simd, &mut tracks[b].cell);
             }
             for &b in &lost {
-                self.cells.choose(simd, &mut tracks[b].cell);
+                let track = &mut tracks[b];
+                if !self.cells.is_certain(simd, &mut track.cell) {
+                    self.cells.settle(simd, &mut track.cell, &track.slots);
+                }
             }
-            for &b in &lost {
-                self.cells.release(simd, &mut tracks[b].cell);
+            let mut ended = false;
+            for &b in &live {
+                ended |= !self.enter(simd, &mut tracks[b], k);
             }
-            for track in tracks.iter_mut().filter(|track| track.end == End::Horizon) {
-                self.step(simd, track, k, method, &mut scratch);
+            if ended {
+                live.retain(|&b| tracks[b].end == End::Horizon);
+            }
+            self.slopes(simd, tracks, &live, &mut scratch.slopes);
+            for &b in &live {
+                ended |= !self.step(simd, &mut tracks[b], (k, b), method, &mut scratch);
+            }
+            if ended {
+                live.retain(|&b| tracks[b].end == End::Horizon);
             }
         }
     }
 
-    /// One step of one trajectory, whose cell is known.
+    /// Notes the region of a trajectory, whose cell is known, and whether it is within the ranges of it; whether the trajectory goes on.
     #[inline(always)]
-    fn step<S: Simd>(&self, simd: S, track: &mut Track<'_>, k: usize, method: Method, scratch: &mut Scratch) {
+    fn enter<S: Simd>(&self, simd: S, track: &mut Track<'_>, k: usize) -> bool {
         let Some(region) = self.cells.region(&track.cell) else {
             track.end = End::NoRegion;
-            return;
+            return false;
         };
+        track.region = region;
         if track.left.is_none() {
             let at = region * self.slots;
             let (low, high) = (&self.low[at..at + self.slots], &self.high[at..at + self.slots]);
@@ -81,41 +105,132 @@ impl AffineKernel {
                 track.left = Some(k);
                 if track.run.ends_outside {
                     track.end = End::LeftDomain;
-                    return;
+                    return false;
                 }
             }
         }
-        let seconds = track.run.step(k);
-        self.slope(region, &track.slots, &mut scratch.slope);
-        if method == Method::Rk4 {
-            self.refine(simd, track, seconds, scratch);
+        true
+    }
+
+    /// The right sides of some trajectories, each in its region: a row of the padded width a track.
+    #[inline(always)]
+    fn slopes<S: Simd>(&self, simd: S, tracks: &[Track<'_>], live: &[usize], out: &mut [f64]) {
+        let (groups, rest) = live.as_chunks::<ABREAST>();
+        for &group in groups {
+            self.slopes_of(simd, tracks, group, out);
         }
-        for from in (0..self.width).step_by(LANES) {
-            let mut x = load::<LANES>(&track.slots[from..]);
-            let f = load::<LANES>(&scratch.slope[from..]);
-            let keep = load::<LANES>(&self.keep[from..]);
-            let continuous = load::<LANES>(&self.continuous[from..]);
-            for i in 0..LANES {
-                let gain = if continuous[i] > 0.0 { seconds } else { 1.0 };
-                x[i] = advance(keep[i], gain, x[i], f[i]);
+        for &b in rest {
+            self.slopes_of(simd, tracks, [b], out);
+        }
+    }
+
+    /// The right sides of `G` trajectories. Each sum is a chain of its own, whose order is that of [`Self::slope`]; side by side the processor overlaps them.
+    #[inline(always)]
+    fn slopes_of<S: Simd, const G: usize>(&self, simd: S, tracks: &[Track<'_>], group: [usize; G], out: &mut [f64]) {
+        let mut from = 0;
+        while from < self.width {
+            if from + 2 * S::F64_LANES <= self.width {
+                self.panel::<S, G, 2>(simd, tracks, group, from, out);
+                from += 2 * S::F64_LANES;
+            } else {
+                self.panel::<S, G, 1>(simd, tracks, group, from, out);
+                from += S::F64_LANES;
             }
-            track.slots[from..from + LANES].copy_from_slice(&x);
         }
-        if !near(simd, &track.slots[..self.width], &track.first, &track.limit) {
+    }
+
+    /// `V` vectors of the right sides of `G` trajectories, from one of the states on.
+    #[inline(always)]
+    fn panel<S: Simd, const G: usize, const V: usize>(
+        &self,
+        simd: S,
+        tracks: &[Track<'_>],
+        group: [usize; G],
+        from: usize,
+        out: &mut [f64],
+    ) {
+        let (width, length) = (self.width, self.rows * self.width);
+        let mut matrices: [&[f64]; G] = [&[]; G];
+        let mut slots: [&[f64]; G] = [&[]; G];
+        let mut sums = [[simd.splat_f64s(0.0); V]; G];
+        for g in 0..G {
+            let track = &tracks[group[g]];
+            slots[g] = &track.slots[..self.slots];
+            matrices[g] = &self.matrices[track.region * length..][..length];
+            let constants = S::as_simd_f64s(&self.constants[track.region * width + from..][..V * S::F64_LANES]).0;
+            sums[g].copy_from_slice(constants);
+        }
+        for j in 0..self.rows {
+            // One row a slot, or a row a term.
+            let slot = match &self.terms {
+                None => j,
+                Some(terms) => terms[j] as usize,
+            };
+            for g in 0..G {
+                let feature = simd.splat_f64s(slots[g][slot]);
+                let row = S::as_simd_f64s(&matrices[g][j * width + from..][..V * S::F64_LANES]).0;
+                for v in 0..V {
+                    sums[g][v] = simd.mul_add_f64s(row[v], feature, sums[g][v]);
+                }
+            }
+        }
+        for g in 0..G {
+            let out = &mut out[group[g] * width + from..][..V * S::F64_LANES];
+            S::as_mut_simd_f64s(out).0.copy_from_slice(&sums[g]);
+        }
+    }
+
+    /// One step of one trajectory, whose slopes are known; whether it goes on.
+    #[inline(always)]
+    fn step<S: Simd>(
+        &self,
+        simd: S,
+        track: &mut Track<'_>,
+        (k, b): (usize, usize),
+        method: Method,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let seconds = track.run.step(k);
+        if method == Method::Rk4 {
+            self.refine(simd, track, seconds, b, scratch);
+        }
+        let slopes = &scratch.slopes[b * self.width..][..self.width];
+        if !self.move_on(simd, track, seconds, slopes) {
             track.end = End::Diverged;
-            return;
+            return false;
         }
         for &angle in &self.angles {
             track.slots[angle] = wrap(track.slots[angle]);
         }
         // Long before the next step reads them: a wide load that needs a narrow store just made would wait for it.
         self.prepare(track, k + 1);
-        track.regions.push(region as u32);
+        append(&mut track.regions, [track.region as u32]);
         let (chunks, rest) = track.slots[..self.states].as_chunks::<LANES>();
         for chunk in chunks {
-            track.states.extend_from_slice(chunk);
+            append(&mut track.states, *chunk);
         }
-        track.states.extend_from_slice(rest);
+        if !rest.is_empty() {
+            track.states.extend_from_slice(rest);
+        }
+        true
+    }
+
+    /// The states one step later, before angles are wrapped; whether they are near enough to where they began.
+    #[inline(always)]
+    fn move_on<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, slopes: &[f64]) -> bool {
+        let (zero, one, seconds) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0), simd.splat_f64s(seconds));
+        let yes = simd.less_than_or_equal_f64s(zero, zero);
+        let mut inside = yes;
+        let states = S::as_mut_simd_f64s(&mut track.slots[..self.width]).0;
+        let (slopes, keep) = (S::as_simd_f64s(slopes).0, S::as_simd_f64s(&self.keep).0);
+        let continuous = S::as_simd_f64s(&self.continuous).0;
+        let (first, limit) = (S::as_simd_f64s(&track.first).0, S::as_simd_f64s(&track.limit).0);
+        for (v, x) in states.iter_mut().enumerate() {
+            let gain = simd.select_f64s(simd.greater_than_f64s(continuous[v], zero), seconds, one);
+            *x = advance_all(simd, keep[v], gain, *x, slopes[v]);
+            inside = simd.and_m64s(inside, is_near(simd, *x, first[v], limit[v]));
+        }
+        simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
     }
 
     /// Fills the slots that are not states for step `k`.
@@ -171,8 +286,9 @@ impl AffineKernel {
 
     /// Replaces the slopes of the continuous states by the mean of the four Runge-Kutta stages.
     #[inline(always)]
-    fn refine<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, scratch: &mut Scratch) {
-        let Scratch { slope, stages, slots, .. } = scratch;
+    fn refine<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, b: usize, scratch: &mut Scratch) {
+        let Scratch { slopes, stages, slots } = scratch;
+        let slope = &mut slopes[b * self.width..][..self.width];
         copy::<S>(slope, &mut stages[0]);
         for stage in 1..4 {
             let offset = if stage == 3 { seconds } else { seconds * 0.5 };
@@ -202,6 +318,18 @@ impl AffineKernel {
     }
 }
 
+/// Appends values for which there is room. (`extend_from_slice` would be a call that copies by another.)
+#[inline(always)]
+fn append<T: Copy, const N: usize>(to: &mut Vec<T>, values: [T; N]) {
+    let length = to.len();
+    assert!(N <= to.capacity() - length, "the steps of the horizon were reserved");
+    // SAFETY: there is room for as many values behind the last one (asserted), and `values` is this function's own.
+    unsafe {
+        std::ptr::copy_nonoverlapping(values.as_ptr(), to.as_mut_ptr().add(length), N);
+        to.set_len(length + N);
+    }
+}
+
 /// [`AffineKernel::advance`] with the widest vectors of the machine.
 struct Advancing<'a, 'b> {
     kernel: &'a AffineKernel,
@@ -220,15 +348,16 @@ impl pulp::WithSimd for Advancing<'_, '_> {
 
 /// Memory of the step loop.
 struct Scratch {
-    slope: Aligned,
+    /// The right sides at the beginning of the step, a row of the padded width a trajectory.
+    slopes: Aligned,
     stages: [Aligned; 4],
     slots: Aligned,
 }
 
 impl Scratch {
-    fn new(kernel: &AffineKernel) -> Self {
+    fn new(kernel: &AffineKernel, tracks: usize) -> Self {
         Self {
-            slope: Aligned::new(kernel.width, 0.0),
+            slopes: Aligned::new(tracks * kernel.width, 0.0),
             stages: std::array::from_fn(|_| Aligned::new(kernel.width, 0.0)),
             slots: Aligned::new(kernel.slots, 0.0),
         }
@@ -243,6 +372,8 @@ struct Track<'a> {
     /// How far each slot may go from the first.
     limit: Aligned,
     cell: Cell,
+    /// The region of the present step.
+    region: usize,
     recorded: Vec<&'a [f64]>,
     drive: Option<Drive<'a>>,
     /// Slots of driven inputs, and which.
@@ -254,7 +385,7 @@ struct Track<'a> {
 }
 
 impl<'a> Track<'a> {
-    fn new(kernel: &AffineKernel, simulator: &'a Simulator, run: &'a Run<'a>) -> Self {
+    fn new(kernel: &AffineKernel, simulator: &'a Simulator, run: &'a Run<'a>, cell: Cell) -> Self {
         let mut slots = Aligned::new(kernel.slots, 0.0);
         for (slot, state) in slots.iter_mut().zip(&simulator.states) {
             *slot = run.window.values(state.column, 0, 1)[0];
@@ -271,7 +402,8 @@ impl<'a> Track<'a> {
             run,
             first: Aligned::from_slice(&slots[..kernel.width]),
             limit,
-            cell: kernel.cells.nowhere(),
+            cell,
+            region: 0,
             recorded: kernel
                 .recorded
                 .iter()
@@ -297,9 +429,10 @@ impl<'a> Track<'a> {
         track
     }
 
-    fn finish(self, states: usize) -> Trajectory {
+    /// The trajectory, and the memory of its cell.
+    fn finish(self, states: usize) -> (Trajectory, Cell) {
         debug_assert_eq!(self.states.len(), (self.regions.len() + 1) * states);
-        Trajectory {
+        let trajectory = Trajectory {
             start: self.run.start,
             time: self.run.time[..=self.regions.len()].to_vec(),
             states: self.states,
@@ -307,6 +440,7 @@ impl<'a> Track<'a> {
             regions: self.regions,
             end: self.end,
             left_domain: self.left,
-        }
+        };
+        (trajectory, self.cell)
     }
 }

@@ -6,7 +6,8 @@ use pulp::Simd;
 use crate::{
     aligned::Aligned,
     compiled::Regions,
-    kernel::{affine, argmax, copy, padded, scaled_square, smallest_lead, standardise},
+    kernel::{affine, argmax, copy, padded, scaled_square, smallest_lead, standardise, standardise_by},
+    screen::{Screen, Screened},
 };
 
 /// The partition of the fast path: how regions follow from the slots of a trajectory.
@@ -19,9 +20,12 @@ pub(crate) struct Cells {
     /// Centres and scales of the columns; the padding's scale makes it 0.
     centre: Aligned,
     scale: Aligned,
+    /// `1 / scale`.
+    inverse: Aligned,
     /// Per slot: length of the standardised step that a unit step of the slot makes.
     slot_scale: Aligned,
-    slots: usize,
+    /// Slots up to the last that a region depends on, padded.
+    reach: usize,
 }
 
 enum CellRule {
@@ -49,6 +53,7 @@ struct Linear {
     joined: Option<Vec<usize>>,
     largest_weight: f64,
     largest_offset: f64,
+    screen: Screen,
 }
 
 /// Where a trajectory is: its region, and how far it may go before the region has to be searched again.
@@ -63,6 +68,8 @@ pub(crate) struct Cell {
     scores: Aligned,
     /// The winner's score; of a tree the distance to the nearest cut on the way.
     top: f64,
+    /// Memory of the screen, where there is one.
+    screened: Option<Screened>,
 }
 
 impl Cells {
@@ -75,8 +82,9 @@ impl Cells {
             consecutive: None,
             centre: Aligned::new(width, 0.0),
             scale: Aligned::new(width, f64::INFINITY),
+            inverse: Aligned::new(width, 0.0),
             slot_scale: Aligned::new(slots, 0.0),
-            slots,
+            reach: 0,
         };
         let Some(regions) = regions else {
             return Some(cells);
@@ -95,12 +103,14 @@ impl Cells {
             Rule::Labels { .. } => return None,
         };
         cells.columns = columns.to_vec();
+        cells.reach = padded(columns.iter().max().map_or(0, |last| last + 1)).min(slots);
         cells.consecutive =
             columns.first().copied().filter(|first| columns.iter().copied().eq(*first..*first + columns.len()));
         cells.consecutive = cells.consecutive.filter(|first| first + width <= slots);
         cells.centre[..columns.len()].copy_from_slice(&regions.centre);
         cells.scale[..columns.len()].copy_from_slice(&regions.scale);
         for (column, (&slot, &scale)) in columns.iter().zip(&regions.scale).enumerate() {
+            cells.inverse[column] = 1.0 / scale;
             // A column without a cut may go as far as it likes.
             let is_cut = |tree: &Tree| tree.cuts.iter().any(|cut| cut.column == column);
             if !matches!(&cells.rule, CellRule::Tree(tree) if !is_cut(tree)) {
@@ -126,29 +136,62 @@ impl Cells {
         Cell {
             region: 0,
             free_square: -1.0,
-            reference: Aligned::new(self.slots, 0.0),
+            reference: Aligned::new(self.reach, 0.0),
             z: Aligned::new(self.centre.len(), 0.0),
             size: 0.0,
             scores: Aligned::new(width, 0.0),
             top: 0.0,
+            screened: match &self.rule {
+                CellRule::Linear(linear) => Some(linear.screen.memory(self.columns.len())),
+                _ => None,
+            },
         }
     }
 
     /// Whether these slots may lie in another region than the cell's.
     #[inline(always)]
     pub(crate) fn has_left<S: Simd>(&self, simd: S, cell: &Cell, slots: &[f64]) -> bool {
-        let stays = scaled_square(simd, slots, &cell.reference, &self.slot_scale) < cell.free_square;
+        let (slots, scale) = (&slots[..self.reach], &self.slot_scale[..self.reach]);
+        let stays = scaled_square(simd, slots, &cell.reference, scale) < cell.free_square;
         // So has one whose distance is not a number.
         !stays
     }
 
-    // A search has four stages of long dependency chains. For many trajectories each stage is done for all of them before the next, so that the
+    // A search has stages of long dependency chains. For many trajectories each stage is done for all of them before the next, so that the
     // processor overlaps their chains.
 
-    /// First stage of a search: standardised columns.
+    /// First stage of a search: from here on distances count.
     #[inline(always)]
-    pub(crate) fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        copy::<S>(slots, &mut cell.reference);
+    pub(crate) fn refer<S: Simd>(&self, cell: &mut Cell, slots: &[f64]) {
+        copy::<S>(&slots[..self.reach], &mut cell.reference);
+    }
+
+    /// Second stage of a search: what the screen scores, at standardised columns that are a rounding off.
+    #[inline(always)]
+    pub(crate) fn approach<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        let (CellRule::Linear(linear), Some(screened)) = (&self.rule, &mut cell.screened) else { return };
+        let square = match self.consecutive {
+            Some(first) => {
+                let values = &slots[first..first + self.centre.len()];
+                standardise_by(simd, values, &self.centre, &self.inverse, &mut cell.z)
+            }
+            None => {
+                let mut square = 0.0;
+                let columns = self.centre.iter().zip(self.inverse.iter()).zip(&self.columns);
+                for (z, ((&centre, &inverse), &slot)) in cell.z.iter_mut().zip(columns) {
+                    *z = (slots[slot] - centre) * inverse;
+                    square += *z * *z;
+                }
+                square
+            }
+        };
+        linear.screen.score(simd, &cell.z[..self.columns.len()], screened);
+        cell.size = square.sqrt();
+    }
+
+    /// Columns standardised as the rule itself does it.
+    #[inline(always)]
+    fn standardise<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
         let square = match self.consecutive {
             Some(first) => {
                 let values = &slots[first..first + self.centre.len()];
@@ -167,17 +210,44 @@ impl Cells {
         cell.size = square.sqrt();
     }
 
-    /// Second stage: the regions' scores.
+    /// Third stage: the winner by the screen.
     #[inline(always)]
-    pub(crate) fn score(&self, cell: &mut Cell) {
+    pub(crate) fn screen<S: Simd>(&self, simd: S, cell: &mut Cell) {
+        if let (CellRule::Linear(linear), Some(screened)) = (&self.rule, &mut cell.screened) {
+            linear.screen.choose(simd, screened);
+        }
+    }
+
+    /// Fourth stage: whether that is certain, and how far the state may go.
+    #[inline(always)]
+    pub(crate) fn is_certain<S: Simd>(&self, simd: S, cell: &mut Cell) -> bool {
+        let (CellRule::Linear(linear), Some(screened)) = (&self.rule, &cell.screened) else { return false };
+        let Some(free) = linear.screen.free(simd, screened, cell.size) else { return false };
+        cell.region = screened.cell;
+        cell.allow(free);
+        true
+    }
+
+    /// Where the screen is not certain: the exact scores, what wins them, and how far that goes.
+    #[inline(always)]
+    pub(crate) fn settle<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
+        self.standardise(simd, cell, slots);
+        self.score(cell);
+        self.choose(simd, cell);
+        self.release(simd, cell);
+    }
+
+    /// The regions' scores.
+    #[inline(always)]
+    fn score(&self, cell: &mut Cell) {
         if let CellRule::Linear(linear) = &self.rule {
             affine(&linear.weights, &linear.offsets, &cell.z[..self.columns.len()], &mut cell.scores);
         }
     }
 
-    /// Third stage: the region.
+    /// The region.
     #[inline(always)]
-    pub(crate) fn choose<S: Simd>(&self, simd: S, cell: &mut Cell) {
+    fn choose<S: Simd>(&self, simd: S, cell: &mut Cell) {
         match &self.rule {
             CellRule::Whole => cell.region = 0,
             CellRule::Ball { radius } => {
@@ -192,11 +262,11 @@ impl Cells {
         }
     }
 
-    /// Last stage: the distance in z within which no other region can win.
+    /// The distance in z within which no other region can win.
     ///
     /// While z moves by d, the lead of region i over j changes by at most `|w_i - w_j| d`.
     #[inline(always)]
-    pub(crate) fn release<S: Simd>(&self, simd: S, cell: &mut Cell) {
+    fn release<S: Simd>(&self, simd: S, cell: &mut Cell) {
         let size = cell.size;
         let terms = (self.columns.len() + 4) as f64;
         let free = match &self.rule {
@@ -212,18 +282,18 @@ impl Cells {
             // No cut on the way is nearer.
             CellRule::Tree(_) => cell.top,
         };
-        // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
-        let free = free.min(1.0 + size) * (1.0 - 1e-9);
-        cell.free_square = if free > 0.0 { free * free } else { -1.0 };
+        cell.allow(free);
     }
 
     /// All stages of a search.
     #[inline(always)]
     pub(crate) fn search<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
-        self.standardise(simd, cell, slots);
-        self.score(cell);
-        self.choose(simd, cell);
-        self.release(simd, cell);
+        self.refer::<S>(cell, slots);
+        self.approach(simd, cell, slots);
+        self.screen(simd, cell);
+        if !self.is_certain(simd, cell) {
+            self.settle(simd, cell, slots);
+        }
     }
 
     /// The region of a cell that was searched for where it is; `None` where a standardised column is not a number.
@@ -234,6 +304,21 @@ impl Cells {
             _ => cell.region,
         };
         (!cell.size.is_nan() && found < self.count()).then_some(found)
+    }
+}
+
+impl Cell {
+    /// The same memory, for another trajectory.
+    pub(crate) fn anew(self) -> Self {
+        Self { region: 0, free_square: -1.0, ..self }
+    }
+
+    /// Notes how far the state may go before the region is searched again.
+    #[inline(always)]
+    fn allow(&mut self, free: f64) {
+        // Beyond this radius the bound on rounding would not hold; distances are computed to a few parts in 1e16 themselves.
+        let free = free.min(1.0 + self.size) * (1.0 - 1e-9);
+        self.free_square = if free > 0.0 { free * free } else { -1.0 };
     }
 }
 
@@ -268,6 +353,7 @@ impl Linear {
             joined: joined.map(|regions| regions.iter().map(|&region| region as usize).collect()),
             largest_weight: 0.0,
             largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
+            screen: Screen::new(weights, offsets, columns, |i, j| joined.is_some_and(|cells| cells[i] == cells[j])),
         };
         linear.offsets[..count].copy_from_slice(offsets);
         for (i, row) in weights.iter().enumerate() {

@@ -57,17 +57,17 @@ pub(crate) fn within<S: Simd>(simd: S, values: &[f64], low: &[f64], high: &[f64]
     simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
 }
 
-/// Whether `|values[i] - reference[i]| <= limit[i]` everywhere; a NaN is nowhere near. All slices of one padded length.
+/// Where `|values - reference| <= limit`; a NaN is nowhere near. (Not by an absolute value, which is a call: nothing inlines it here.)
 #[inline(always)]
-pub(crate) fn near<S: Simd>(simd: S, values: &[f64], reference: &[f64], limit: &[f64]) -> bool {
-    let (reference, limit) = (S::as_simd_f64s(reference).0, S::as_simd_f64s(limit).0);
-    let yes = simd.less_than_or_equal_f64s(simd.splat_f64s(0.0), simd.splat_f64s(0.0));
-    let mut inside = yes;
-    for ((&v, &r), &l) in S::as_simd_f64s(values).0.iter().zip(reference).zip(limit) {
-        let distance = simd.abs_f64s(simd.sub_f64s(v, r));
-        inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(distance, l));
-    }
-    simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
+pub(crate) fn is_near<S: Simd>(simd: S, values: S::f64s, reference: S::f64s, limit: S::f64s) -> S::m64s {
+    let above = simd.less_than_or_equal_f64s(simd.sub_f64s(values, reference), limit);
+    simd.and_m64s(above, simd.less_than_or_equal_f64s(simd.sub_f64s(reference, values), limit))
+}
+
+/// [`crate::integrate::advance`], a vector at a time.
+#[inline(always)]
+pub(crate) fn advance_all<S: Simd>(simd: S, keep: S::f64s, gain: S::f64s, x: S::f64s, f: S::f64s) -> S::f64s {
+    simd.mul_add_f64s(gain, f, simd.mul_f64s(keep, x))
 }
 
 /// `out = (values - centre) / scale`, all of one padded length. Gives the sum of the squares, rounded as the machine likes.
@@ -77,6 +77,24 @@ pub(crate) fn standardise<S: Simd>(simd: S, values: &[f64], centre: &[f64], scal
     let (values, centre, scale) = (S::as_simd_f64s(values).0, S::as_simd_f64s(centre).0, S::as_simd_f64s(scale).0);
     for (((o, &v), &c), &s) in S::as_mut_simd_f64s(out).0.iter_mut().zip(values).zip(centre).zip(scale) {
         *o = simd.div_f64s(simd.sub_f64s(v, c), s);
+        sum = simd.mul_add_f64s(*o, *o, sum);
+    }
+    simd.reduce_sum_f64s(sum)
+}
+
+/// [`standardise`] by the inverses of the scales, which is a rounding off and takes no division.
+#[inline(always)]
+pub(crate) fn standardise_by<S: Simd>(
+    simd: S,
+    values: &[f64],
+    centre: &[f64],
+    inverse: &[f64],
+    out: &mut [f64],
+) -> f64 {
+    let mut sum = simd.splat_f64s(0.0);
+    let (values, centre, inverse) = (S::as_simd_f64s(values).0, S::as_simd_f64s(centre).0, S::as_simd_f64s(inverse).0);
+    for (((o, &v), &c), &i) in S::as_mut_simd_f64s(out).0.iter_mut().zip(values).zip(centre).zip(inverse) {
+        *o = simd.mul_f64s(simd.sub_f64s(v, c), i);
         sum = simd.mul_add_f64s(*o, *o, sum);
     }
     simd.reduce_sum_f64s(sum)
@@ -119,13 +137,19 @@ mod tests {
                 assert!(!within(simd, &values, &low, &high));
                 values[9] = 1.5;
                 assert!(!within(simd, &values, &low, &high));
-                assert!(near(simd, &values, &[0.5; 16], &[1.0; 16]));
-                assert!(!near(simd, &values, &[0.5; 16], &[0.9; 16]));
-                assert!(!near(simd, &[f64::NAN; 8], &[0.5; 8], &[f64::MAX; 8]));
+                let near = |value: f64, limit: f64| {
+                    let [value, reference, limit] = [value, 0.5, limit].map(|number| simd.splat_f64s(number));
+                    simd.first_true_m64s(is_near(simd, value, reference, limit)) == 0
+                };
+                assert!(near(1.5, 1.0) && near(-0.5, 1.0) && near(1.5, f64::MAX));
+                assert!(!near(1.5, 0.9) && !near(-0.5, 0.9) && !near(f64::NAN, f64::MAX));
                 assert_eq!(scaled_square(simd, &values, &[0.5; 16], &[2.0; 16]), 4.0);
                 let mut out = [0.0; 16];
                 assert_eq!(standardise(simd, &values, &[0.5; 16], &[0.5; 16], &mut out), 4.0);
                 assert_eq!((out[8], out[9]), (0.0, 2.0));
+                let mut by = [0.0; 16];
+                assert_eq!(standardise_by(simd, &values, &[0.5; 16], &[2.0; 16], &mut by), 4.0);
+                assert_eq!(by, out);
                 assert_eq!(smallest_lead(simd, 3.0, 0.5, &out, &[2.0; 16]), 1.0);
             }
         }

@@ -69,6 +69,7 @@ mod rollout;
 mod rollout_options;
 mod run;
 mod score;
+mod screen;
 mod sensitivity;
 mod shooting;
 mod simulation;

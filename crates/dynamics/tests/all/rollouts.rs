@@ -8,6 +8,7 @@ use fleetfoot_dynamics::{
     Baseline, End, Error, Method, Outside, RolloutOptions, Simulator, Start, Starts, Step, Trajectory, rollout,
 };
 use fleetfoot_model::{Branch, Cut, Model, Partition, Prediction, Role, Rule, Tree, UnseenLabel};
+use proptest::prelude::*;
 
 pub(crate) fn options(horizon: usize, method: Method) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
@@ -416,6 +417,46 @@ fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
         for trajectory in once.trajectories.iter().step_by(17) {
             let alone = simulator.trajectories(&source, &[trajectory.start], &options, &Silent).unwrap();
             assert_eq!(alone[0].as_ref(), Some(trajectory));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Trajectories that advance together, each alone, and each by the general path: the same bits, whether they change regions, diverge, leave the domain, or need the
+    /// recording's last row.
+    #[test]
+    fn trajectories_together_are_those_alone(
+        (states, inputs, regions) in (1usize..20, 0usize..3, 1usize..60),
+        (range, divergence) in (0.3f64..2.5, 0.2f64..4.0),
+        outside in prop::sample::select(vec![Outside::Tell, Outside::End, Outside::Hold]),
+        method in prop::sample::select(vec![Method::Euler, Method::Rk4]),
+        (horizon, stamps) in (1usize..50, any::<bool>()),
+        count in 1usize..45,
+    ) {
+        let rows = 100;
+        let (mut model, source) = random_hybrid(states, inputs, regions, rows);
+        for (number, region) in model.partitions[0].regions.iter_mut().enumerate() {
+            region.range = vec![[-range, range + 0.1 * number as f64]; states + inputs];
+        }
+        let mut options = options(horizon, method);
+        (options.outside, options.divergence) = (outside, divergence);
+        options.step = if stamps { Step::Stamps } else { Step::Median };
+        let last = rows - 1 - horizon;
+        let starts: Vec<Start> =
+            (0..count).map(|i| Start { episode: i % 2, row: last - (i * 7) % last }).collect();
+        let simulator = Simulator::new(&model).unwrap();
+        prop_assert!(simulator.is_affine());
+        let general = Simulator::new(&model).unwrap().general();
+        let together = simulator.trajectories(&source, &starts, &options, &Silent).unwrap();
+        for (start, together) in starts.iter().zip(&together) {
+            for simulator in [&simulator, &general] {
+                let alone = simulator.trajectories(&source, &[*start], &options, &Silent).unwrap().remove(0);
+                let (alone, together) = (alone.unwrap(), together.as_ref().unwrap());
+                prop_assert!(alone.states.iter().zip(&together.states).all(|(a, b)| a.to_bits() == b.to_bits()));
+                prop_assert_eq!(&alone, together);
+            }
         }
     }
 }
