@@ -3,12 +3,16 @@
 //! A bench is a program that prints a table. It checks the answer of what it times against the peer's, and says what the physical limit is.
 //! The Python that runs the peers is `FLEETFOOT_PYTHON`, else `python3`; a peer that is not installed is reported as absent, never as a number.
 
+pub mod hybrid;
+
 use std::{
     hint::black_box,
     path::{Path, PathBuf},
     process::Command,
     time::Instant,
 };
+
+use faer::{Accum, Mat, Par, linalg::matmul::matmul};
 
 /// Runs `work` `times` times; the fastest run in seconds, and the last result.
 pub fn best_of<R>(times: usize, mut work: impl FnMut() -> R) -> (f64, R) {
@@ -21,6 +25,15 @@ pub fn best_of<R>(times: usize, mut work: impl FnMut() -> R) -> (f64, R) {
         result = Some(value);
     }
     (best, result.expect("at least one run"))
+}
+
+/// Multiply-adds per second of a large product on one thread, in units of 1e9.
+pub fn product_rate() -> f64 {
+    let n = 768;
+    let a = Mat::from_fn(n, n, |i, j| ((i * 7 + j) % 13) as f64);
+    let mut c = Mat::<f64>::zeros(n, n);
+    let (seconds, ()) = best_of(5, || matmul(c.as_mut(), Accum::Replace, a.as_ref(), a.as_ref(), 1.0, Par::Seq));
+    (n * n * n) as f64 / seconds / 1e9
 }
 
 /// Fused multiply-adds per second of one core, in registers: the physical limit of sums. `None` where there is no loop for the processor.

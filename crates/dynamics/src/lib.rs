@@ -64,6 +64,7 @@ mod plane;
 mod points;
 mod predict;
 mod ranges;
+mod recursion;
 mod reign;
 mod rollout;
 mod rollout_options;

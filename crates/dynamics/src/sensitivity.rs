@@ -15,14 +15,14 @@ use std::collections::HashMap;
 
 use fleetfoot_library::Leaf;
 use fleetfoot_model::{Closed, Equation, Model};
-use fleetfoot_stats::kernel::add_scaled;
 
 use crate::{
     Error, Method, Simulator, Trajectory,
     compiled::{Latents, Workspace},
     kernel::padded,
+    recursion::{NONE, Places, Recursion, Stage},
     run::Run,
-    slopes::{Reading, SlopeRows, Slopes},
+    slopes::{Reading, Slopes},
     state::{State, advanced_states},
     window::Window,
 };
@@ -72,15 +72,8 @@ impl Coefficient {
 /// The derivatives that tangents are made of, compiled for a simulator.
 pub(crate) struct Sensitivity {
     slopes: Slopes,
-    /// What the right sides are differentiated by: a state (its place in the simulator), rows back.
-    variables: Vec<(usize, usize)>,
-    /// For every group of latents, by region, then the constant and the functions in use, then latent: the coefficient's number; `NONE` where it is not
-    /// asked for.
-    places: Vec<Vec<u32>>,
+    places: Places,
 }
-
-/// No coefficient.
-const NONE: u32 = u32::MAX;
 
 /// The tangents of one trajectory.
 pub(crate) struct Tangents {
@@ -111,16 +104,6 @@ impl Tangents {
     }
 }
 
-/// The model's derivatives at all rows of a trajectory, in one stage of its steps.
-struct Stage {
-    slopes: SlopeRows,
-    workspace: Workspace,
-    /// Seconds behind the row, of each.
-    offset: Vec<f64>,
-    /// Weight in the mean of the stages.
-    weight: f64,
-}
-
 impl Sensitivity {
     /// Differentiates a simulator's equations with respect to its states and to `coefficients`.
     ///
@@ -136,11 +119,13 @@ impl Sensitivity {
         let sides: Vec<Option<&Equation>> = equations.into_iter().map(Some).collect();
         let place = |column: usize| simulator.states.iter().position(|state| state.column == column).unwrap_or(0);
         let number: HashMap<Coefficient, u32> = coefficients.iter().copied().zip(0..).collect();
-        Ok(Self {
-            slopes: Slopes::new(model, &simulator.compiled, &sides, &readings)?,
+        let slopes = Slopes::new(model, &simulator.compiled, &sides, &readings)?;
+        let places = Places {
             variables: readings.iter().map(|&(column, lag)| (place(column), lag as usize)).collect(),
-            places: simulator.compiled.groups.iter().map(|group| places(group, &number)).collect(),
-        })
+            readers: slopes.readers(),
+            coefficients: simulator.compiled.groups.iter().map(|group| places(group, &number)).collect(),
+        };
+        Ok(Self { slopes, places })
     }
 
     /// The tangents along a trajectory that the simulator made of this run; `beginning`: by the states that it began with, too (dx_0 / dx_0 = I).
@@ -162,16 +147,7 @@ impl Sensitivity {
         if beginning {
             (0..states).for_each(|state| values[state * width + active.len() + gains + state] = 1.0);
         }
-        let mut stepping = Stepping {
-            sensitivity: self,
-            simulator,
-            local: &local,
-            width,
-            slope: vec![0.0; states * width],
-            before: vec![0.0; states * width],
-            first: vec![0.0; states * width],
-            mean: vec![0.0; states * width],
-        };
+        let mut recursion = Recursion::new(&self.places, simulator, &local, (active.len(), width));
         let size = states * width;
         let mut corrected = vec![0.0; if gains > 0 { trajectory.steps() * size } else { 0 }];
         for k in 0..trajectory.steps() {
@@ -183,7 +159,7 @@ impl Sensitivity {
                 correct(simulator, run, (k, trajectory.state(k)), active.len(), own);
                 from = &corrected[..(k + 1) * size];
             }
-            stepping.step(&stages, k, run.step(k), from, &mut next[..size]);
+            recursion.step(&stages, k, run.step(k), from, &mut next[..size]);
         }
         Tangents { active, gains, width, values }
     }
@@ -218,7 +194,7 @@ impl Sensitivity {
     /// Numbers of the coefficients of the regions that were met.
     fn active(&self, simulator: &Simulator, stages: &[Stage]) -> Vec<usize> {
         let mut active = Vec::new();
-        for (group, places) in simulator.compiled.groups.iter().zip(&self.places) {
+        for (group, places) in simulator.compiled.groups.iter().zip(&self.places.coefficients) {
             let length = (group.kept.len() + 1) * group.width;
             let mut met: Vec<u32> = stages
                 .iter()
@@ -341,88 +317,6 @@ impl<'a> Path<'a> {
                         &self.states[state][self.simulator.history() - lag.unsigned_abs() as usize..][..self.rows]
                     }
                     (None, _) => self.window.values(column, -i64::from(lag), self.rows as i64 - i64::from(lag)),
-                }
-            }
-        }
-    }
-}
-
-/// The recursion over the steps of one trajectory, and its memory: states x active coefficients each.
-struct Stepping<'a> {
-    sensitivity: &'a Sensitivity,
-    simulator: &'a Simulator,
-    /// The place of a coefficient among the active ones.
-    local: &'a [u32],
-    width: usize,
-    slope: Vec<f64>,
-    before: Vec<f64>,
-    first: Vec<f64>,
-    mean: Vec<f64>,
-}
-
-impl Stepping<'_> {
-    /// The tangents after step `k` from all those before.
-    fn step(&mut self, stages: &[Stage], k: usize, seconds: f64, past: &[f64], next: &mut [f64]) {
-        let (states, width) = (self.simulator.states.len(), self.width);
-        self.mean.fill(0.0);
-        for (number, stage) in stages.iter().enumerate() {
-            self.slope.fill(0.0);
-            self.chain(stage, k, past, number > 0);
-            self.sources(stage, k);
-            add_scaled(stage.weight, &self.slope, &mut self.mean);
-            if number == 0 {
-                self.first.copy_from_slice(&self.slope);
-            }
-            std::mem::swap(&mut self.slope, &mut self.before);
-        }
-        let now = &past[k * states * width..];
-        for (s, state) in self.simulator.states.iter().enumerate() {
-            let row = s * width..(s + 1) * width;
-            // Differences and next values are those of the row itself.
-            let slope = if state.advance.continuous { &self.mean[row.clone()] } else { &self.first[row.clone()] };
-            let next = &mut next[row.clone()];
-            add_scaled(state.advance.factor(seconds), &now[row], next);
-            add_scaled(state.advance.gain(seconds), slope, next);
-        }
-    }
-
-    /// What the right sides change by what they read: states of this stage and of earlier rows.
-    fn chain(&mut self, stage: &Stage, k: usize, past: &[f64], moved: bool) {
-        let (states, width, readings) = (self.simulator.states.len(), self.width, &self.sensitivity.variables);
-        for row in 0..states {
-            let slopes = &stage.slopes.total[(k * states + row) * readings.len()..][..readings.len()];
-            let out = &mut self.slope[row * width..][..width];
-            for (&slope, &(state, lag)) in slopes.iter().zip(readings).filter(|(slope, _)| **slope != 0.0) {
-                // The rows in front of the start are recorded.
-                let Some(at) = k.checked_sub(lag) else { continue };
-                add_scaled(slope, &past[(at * states + state) * width..][..width], out);
-                if lag == 0 && moved && self.simulator.states[state].advance.continuous {
-                    add_scaled(slope * stage.offset[k], &self.before[state * width..][..width], out);
-                }
-            }
-        }
-    }
-
-    /// What the right sides change by the coefficients themselves.
-    fn sources(&mut self, stage: &Stage, k: usize) {
-        let (states, width, compiled) = (self.simulator.states.len(), self.width, &self.simulator.compiled);
-        let Workspace { stride, values, regions, .. } = &stage.workspace;
-        let latents = stage.slopes.by_latents.len() / (stage.offset.len() * states).max(1);
-        for (group, places) in compiled.groups.iter().zip(&self.sensitivity.places) {
-            let region = regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
-            let length = (group.kept.len() + 1) * group.width;
-            let Some(places) = places.get(region.saturating_mul(length)..).and_then(|own| own.get(..length)) else {
-                continue;
-            };
-            for row in 0..states {
-                let by_latents = &stage.slopes.by_latents[(k * states + row) * latents..][..latents];
-                for (o, &slot) in group.slots.iter().enumerate().filter(|(_, slot)| by_latents[**slot] != 0.0) {
-                    for (j, places) in places.chunks_exact(group.width).enumerate() {
-                        let feature = if j == 0 { 1.0 } else { values[(group.first + j - 1) * stride + k] };
-                        if let Some(&at) = self.local.get(places[o] as usize) {
-                            self.slope[row * width + at as usize] += by_latents[slot] * feature;
-                        }
-                    }
                 }
             }
         }

@@ -17,6 +17,7 @@ use fleetfoot_model::Model;
 use crate::{
     Coefficient, End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory,
     angle::wrap,
+    kernel::LANES,
     run::Run,
     sensitivity::{Sensitivity, Tangents},
     trajectories::GROUP,
@@ -171,11 +172,18 @@ impl<'a> Shooting<'a> {
 
     /// The residuals' derivatives; where a segment ended early its last good state stands, and that state's derivatives.
     fn slopes(&self, cells: &[(usize, usize, f64)], tangents: &Tangents, steps: usize) -> Vec<f64> {
-        let mut slopes = vec![0.0; tangents.active.len() * cells.len()];
-        for (at, &(step, state, _)) in cells.iter().enumerate() {
-            let tangent = tangents.of(step.min(steps), state, self.scale.len());
-            for (number, value) in tangent.iter().enumerate() {
-                slopes[number * cells.len() + at] = -self.scale[state] * value;
+        let (count, length) = (tangents.active.len(), cells.len());
+        let mut slopes = vec![0.0; count * length];
+        // A few columns at a time: what is written stays in the first cache.
+        for first in (0..count).step_by(LANES) {
+            let own = first..(first + LANES).min(count);
+            let columns = &mut slopes[own.start * length..own.end * length];
+            for (at, &(step, state, _)) in cells.iter().enumerate() {
+                let tangent = &tangents.of(step.min(steps), state, self.scale.len())[own.clone()];
+                let scale = -self.scale[state];
+                for (number, value) in tangent.iter().enumerate() {
+                    columns[number * length + at] = scale * value;
+                }
             }
         }
         slopes

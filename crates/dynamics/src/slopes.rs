@@ -95,6 +95,18 @@ impl Slopes {
         })
     }
 
+    /// The right sides that read latents: side, latent; ascending.
+    pub(crate) fn readers(&self) -> Vec<(usize, usize)> {
+        let latent = |&(side, variable): &(usize, Variable)| match variable {
+            Variable::Latent(latent) => Some((side, latent)),
+            Variable::Own(_) => None,
+        };
+        let mut readers: Vec<(usize, usize)> = self.right_entries.iter().filter_map(latent).collect();
+        readers.sort_unstable();
+        readers.dedup();
+        readers
+    }
+
     /// The derivatives at `rows` rows, after [`Compiled::evaluate`] with the same leaves into `workspace`.
     pub(crate) fn evaluate<'a>(
         &self,
