@@ -53,7 +53,7 @@ struct Linear {
     joined: Option<Vec<usize>>,
     largest_weight: f64,
     largest_offset: f64,
-    screen: Screen,
+    screen: Box<Screen>,
 }
 
 /// Where a trajectory is: its region, and how far it may go before the region has to be searched again.
@@ -353,7 +353,9 @@ impl Linear {
             joined: joined.map(|regions| regions.iter().map(|&region| region as usize).collect()),
             largest_weight: 0.0,
             largest_offset: offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs())),
-            screen: Screen::new(weights, offsets, columns, |i, j| joined.is_some_and(|cells| cells[i] == cells[j])),
+            screen: Box::new(Screen::new(weights, offsets, columns, |i, j| {
+                joined.is_some_and(|cells| cells[i] == cells[j])
+            })),
         };
         linear.offsets[..count].copy_from_slice(offsets);
         for (i, row) in weights.iter().enumerate() {
