@@ -15,9 +15,12 @@
 pub(crate) mod chain;
 pub(crate) mod filter;
 pub(crate) mod head;
+mod number;
+mod scores;
 pub(crate) mod smoother;
 
-use smoother::{Likelihood, Residuals, Rows, Smoother};
+use scores::{Likelihood, Rest};
+use smoother::{Residuals, Rows, Smoother};
 
 use crate::{
     SignalError,
@@ -173,10 +176,10 @@ impl<'a> Channel<'a> {
                 check(holds, "lambda", lambda, "a penalty is positive and finite")?;
                 (lambda / to_seconds, false)
             }
-            Lambda::Gcv => self.search::<M>(|lambda| self.gcv::<M>(lambda)),
+            Lambda::Gcv => self.search::<M>(|lambdas| self.gcv::<M>(lambdas)),
             Lambda::Likelihood => {
                 let most = self.most_noise();
-                self.search::<M>(|lambda| self.deviance::<M>(lambda, most))
+                self.search::<M>(|lambdas| self.deviances::<M>(lambdas, most))
             }
         };
         let mut smoothed = self.fit::<M>(lambda);
@@ -185,9 +188,10 @@ impl<'a> Channel<'a> {
     }
 
     /// Bandwidths from a tenth of a row to all rows.
-    fn search<const M: usize>(&self, score: impl Fn(f64) -> f64 + Sync) -> (f64, bool) {
+    fn search<const M: usize>(&self, scores: impl Fn(&[f64]) -> Vec<f64>) -> (f64, bool) {
         let rows = self.times.last().copied().unwrap_or(1.0).max(1.0);
-        let least = crate::least::least(0.1_f64.ln(), rows.ln().max(1.0), WIDTH, |x| score(self.lambda::<M>(x)));
+        let all = |x: &[f64]| scores(&x.iter().map(|x| self.lambda::<M>(*x)).collect::<Vec<f64>>());
+        let least = crate::least::least_of_many(0.1_f64.ln(), rows.ln().max(1.0), WIDTH, all);
         (self.lambda::<M>(least.at), least.at_end)
     }
 
@@ -201,12 +205,11 @@ impl<'a> Channel<'a> {
         self.weight * self.measured as f64 * (f64::EPSILON * size).powi(2)
     }
 
-    /// n rss / (n - tr A)^2.
-    fn gcv<const M: usize>(&self, lambda: f64) -> f64 {
-        let (rows, mut residuals) = (self.rows(), Residuals::default());
-        Smoother::<_, M>::new(rows, lambda).smooth(|row, state| rows.add(&mut residuals, row, state));
-        let rest = self.measured as f64 - residuals.freedom;
-        self.measured as f64 * residuals.squares.max(self.floor()) / (rest * rest)
+    /// n rss / (n - tr A)^2 of each penalty.
+    fn gcv<const M: usize>(&self, lambdas: &[f64]) -> Vec<f64> {
+        let (n, floor) = (self.measured as f64, self.floor());
+        let score = |Rest { squares, freedom }: &Rest| n * squares.max(floor) / (freedom * freedom);
+        scores::rests::<M>(self.rows(), lambdas).iter().map(score).collect()
     }
 
     /// The variance that white noise of this channel can have, gross errors and all. It shows in full in the second differences of neighbours, to which motion only adds; an oscillation, which no
@@ -226,14 +229,17 @@ impl<'a> Channel<'a> {
         (WHITE * doubt).powi(2) * squares / 6.0 / measured.len() as f64
     }
 
-    /// Minus twice the marginal log-likelihood, up to a constant; infinite where the variance of the noise would be above `most`.
-    fn deviance<const M: usize>(&self, lambda: f64, most: f64) -> f64 {
-        let Likelihood { squares, log_variance, count } = Smoother::<_, M>::new(self.rows(), lambda).likelihood();
-        // What is rounding is none either.
-        if squares > (most * count as f64).max(self.floor()) {
-            return f64::INFINITY;
-        }
-        count as f64 * squares.max(self.floor()).ln() + log_variance
+    /// Minus twice the marginal log-likelihood of each penalty, up to a constant; infinite where the variance of the noise would be above `most`.
+    fn deviances<const M: usize>(&self, lambdas: &[f64], most: f64) -> Vec<f64> {
+        let floor = self.floor();
+        let deviance = |Likelihood { squares, log_variance, count }: &Likelihood| {
+            // What is rounding is none either.
+            if *squares > (most * *count as f64).max(floor) {
+                return f64::INFINITY;
+            }
+            *count as f64 * squares.max(floor).ln() + log_variance
+        };
+        scores::likelihoods::<M>(self.rows(), lambdas).iter().map(deviance).collect()
     }
 
     /// The spline of a penalty in units of the channel.

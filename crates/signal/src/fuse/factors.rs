@@ -140,7 +140,7 @@ fn chain_residual([from, to]: [&State; 2], dt: f64) -> [Vector; 3] {
 
 /// The inverse of the lower root of the covariance of a chain's increments.
 fn whitening(dt: f64, jerk: f64) -> [[f64; 3]; 3] {
-    let root = Chain::<3>::new((jerk * jerk).recip()).step(dt).root;
+    let root = Chain::<3>::new(jerk * jerk).step(dt).root();
     let mut back = [[0.0; 3]; 3];
     for j in 0..3 {
         for i in j..3 {

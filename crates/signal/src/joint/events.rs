@@ -134,14 +134,14 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Units of time since the origin of the scale.
+    /// Seconds of the run's clock.
     fn instant(&self, at: usize) -> f64 {
         let Event { sensor, row } = self.events.order[at];
         let (time, late) = match sensor {
             WANTED => (self.run.at[row as usize], 0.0),
             sensor => (self.run.records[sensor as usize].times[row as usize], self.known[sensor as usize].late),
         };
-        (time - late - self.scale.origin) / self.scale.unit
+        time - late
     }
 
     /// The sensor of a reading that counts, its row, and the variance of its error.
@@ -186,7 +186,7 @@ impl Sequence<STATES> for Seen<'_> {
     }
 
     fn step_to(&self, at: usize) -> f64 {
-        (self.instant(at) - self.instant(at - 1)).max(0.0)
+        (self.instant(at) - self.instant(at - 1)).max(0.0) / self.scale.unit
     }
 
     fn learn(&self, at: usize, belief: &mut Belief<STATES>) -> Option<Innovation> {

@@ -71,7 +71,6 @@ pub(super) struct Problem<'a> {
     runs: &'a [JointRun<'a>],
     options: &'a JointOptions,
     events: Vec<Events>,
-    scales: Vec<Scale>,
     scale: Scale,
     known: Vec<Known>,
     variances: Vec<f64>,
@@ -106,7 +105,6 @@ impl<'a> Problem<'a> {
             runs,
             options,
             events: runs.iter().map(|run| Events::new(run, sensors)).collect(),
-            scales: runs.iter().map(|run| scale.of_run(run)).collect(),
             scale,
             known: Vec::new(),
             first: variances.clone(),
@@ -149,7 +147,7 @@ impl<'a> Problem<'a> {
     }
 
     fn seen<'b>(&'b self, run: usize, column: Option<&'b [Vec<f64>]>) -> Seen<'b> {
-        Seen { run: &self.runs[run], events: &self.events[run], known: &self.known, scale: &self.scales[run], column }
+        Seen { run: &self.runs[run], events: &self.events[run], known: &self.known, scale: &self.scale, column }
     }
 
     fn smoother<'b>(&'b self, run: usize, column: Option<&'b [Vec<f64>]>) -> Smoother<Seen<'b>, STATES> {

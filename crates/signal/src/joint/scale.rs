@@ -1,12 +1,10 @@
 //! Units in which the numbers of a joint are near one.
 
-use super::{JointRun, Quantity};
+use super::Quantity;
 
-/// Units of time and position, and their origins.
+/// Units of time and position, and the origin of positions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scale {
-    /// s.
-    pub(super) origin: f64,
     /// Seconds a unit of time: the median period of the sensor that reads most often.
     pub(super) unit: f64,
     /// A position in the middle of all.
@@ -45,12 +43,5 @@ impl Scale {
     /// What a unit of the density of the jerk is.
     pub(super) fn density(&self) -> f64 {
         self.size * self.size / self.unit.powi(5)
-    }
-
-    /// The same units for another run: its stamps begin elsewhere.
-    pub(super) fn of_run(&self, run: &JointRun<'_>) -> Self {
-        let first = |times: &[f64]| times.first().copied();
-        let origin = run.records.iter().filter_map(|record| first(record.times)).chain(first(run.at));
-        Self { origin: origin.reduce(f64::min).unwrap_or(0.0), ..*self }
     }
 }

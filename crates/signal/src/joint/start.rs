@@ -97,7 +97,7 @@ pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Beg
     let unit = (0..alone.len()).map(|sensor| period(runs, sensor)).fold(f64::INFINITY, f64::min);
     let values = records[main].values;
     let centre = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let scale = Scale { origin: 0.0, unit, centre, size: alone[main].noise };
+    let scale = Scale { unit, centre, size: alone[main].noise };
     let density = options.jerk.map_or(alone[main].density, |jerk| jerk * jerk) / scale.density();
     let variance = |(own, sensor): (&Alone, &JointSensor)| scale.scaled(sensor.quantity, own.noise).powi(2);
     let variances = alone.iter().zip(sensors).map(variance).collect();

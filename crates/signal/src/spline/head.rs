@@ -5,8 +5,8 @@
 //! that of the penalty alone.
 
 use super::{
-    chain::{Matrix, Step},
-    filter::{Belief, Posterior, sandwich},
+    chain::{Matrix, Step, transposed},
+    filter::{Belief, Posterior, sandwich, squared},
 };
 
 /// The share of the greatest coefficient below which a direction of the state counts as unseen.
@@ -117,14 +117,15 @@ impl<const M: usize> Information<M> {
             equation[i] = 1.0;
             equations.push(equation);
         }
-        let back = transposed(&std::array::from_fn(|j| step.backward(&std::array::from_fn(|i| f64::from(i == j)))));
+        let back = step.backward_matrix(&identity::<M>());
+        let root = step.root();
         for known in &self.equations {
             let mut equation = vec![0.0; 2 * M + 1];
             for j in 0..M {
                 equation[M + j] = (0..M).map(|k| known[k] * back[k][j]).sum();
             }
             for j in 0..M {
-                equation[j] = -(0..M).map(|k| equation[M + k] * step.root[k][j]).sum::<f64>();
+                equation[j] = -(0..M).map(|k| equation[M + k] * root[k][j]).sum::<f64>();
             }
             equation[2 * M] = known[M];
             equations.push(equation);
@@ -154,19 +155,16 @@ impl<const M: usize> Eliminated<M> {
                 right[i] -= self.next[i][j] * next.mean[j];
             }
         }
-        let noise = product(&self.step.root, &[solve(&self.own, &right)]);
+        let root = self.step.root();
+        let noise = product(&root, &[solve(&self.own, &right)]);
         let end = std::array::from_fn(|i| next.mean[i] - noise[0][i]);
         // s = F^-1 (K s+ - Z times errors of variance one), K = I + L own^-1 next, Z = L own^-1.
-        let columns = |of: &Matrix<M>| product(&self.step.root, &transposed(&solve_matrix(&self.own, of)));
+        let columns = |of: &Matrix<M>| product(&root, &transposed(&solve_matrix(&self.own, of)));
         let (kept, spread) = (transposed(&columns(&self.next)), transposed(&columns(&identity())));
         let kept = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j) + kept[i][j]));
-        let covariance = self.step.backward_both(&sandwich(&kept, &next.covariance, &spread));
+        let covariance = self.step.backward_both(&sandwich(&kept, &next.covariance, &squared(&spread)));
         Posterior { mean: self.step.backward(&end), covariance }
     }
-}
-
-fn transposed<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
 /// L x of every vector x.

@@ -2,13 +2,16 @@
 
 use super::{
     chain::Chain,
-    filter::{Belief, Innovation, Posterior},
+    filter::{Belief, Innovation, Link, Posterior},
     head::{Eliminated, Information},
 };
 
 /// Rows whose beliefs are held at a time, and rows between the beliefs that are kept on the way out: on the way back all stretches but the last are filtered once more, so that what is
 /// held does not grow with the rows. Twelve megabytes of the quintic spline; most records are shorter, and filtered once.
 const STRETCH: usize = 1 << 17;
+
+/// Rows whose links to the next are made at a time: they stay in the first-level cache.
+const PIECE: usize = 64;
 
 /// Rows of a channel, scaled: stamps in units of the median step, values about zero.
 #[derive(Debug, Clone, Copy)]
@@ -36,17 +39,6 @@ pub(crate) trait Sequence<const M: usize>: Copy {
 
     /// Whether so many measurements determine the state.
     fn is_begun(&self, measured: usize, known: &Information<M>) -> bool;
-}
-
-/// What the filter alone tells of a channel.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Likelihood {
-    /// Sum of e^2 / v over the innovations: the least value of the spline's objective.
-    pub(crate) squares: f64,
-    /// Sum of log v.
-    pub(super) log_variance: f64,
-    /// How many innovations: measured rows less the M that determine the start.
-    pub(super) count: usize,
 }
 
 /// What the smoother tells of a channel.
@@ -106,14 +98,14 @@ impl<const M: usize> Sequence<M> for Rows<'_> {
 }
 
 /// The first rows, done.
-struct Start<const M: usize> {
+pub(super) struct Start<const M: usize> {
     /// The states of the rows before `row`, each given the next.
     eliminated: Vec<Eliminated<M>>,
     /// The row of the M-th measurement.
-    row: usize,
-    belief: Belief<M>,
+    pub(super) row: usize,
+    pub(super) belief: Belief<M>,
     /// What the first measurements contradict each other by.
-    squares: f64,
+    pub(super) squares: f64,
 }
 
 /// What the way out leaves for the way back.
@@ -134,7 +126,7 @@ pub(crate) struct Smoother<S, const M: usize> {
 
 impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
     pub(crate) fn new(rows: S, lambda: f64) -> Self {
-        Self { rows, chain: Chain::new(lambda) }
+        Self { rows, chain: Chain::new(1.0 / lambda) }
     }
 
     /// Whether the measurements determine the state.
@@ -152,7 +144,7 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
         false
     }
 
-    fn start(&self) -> Start<M> {
+    pub(super) fn start(&self) -> Start<M> {
         let mut known = Information::<M>::default();
         let mut eliminated = Vec::new();
         let (mut measured, mut row) = (0, 0);
@@ -169,26 +161,11 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
     /// The belief of `row` from that of the row before, and what was measured beside what it expected.
     #[inline]
     fn advance(&self, belief: &Belief<M>, row: usize) -> (Belief<M>, Option<Innovation>) {
-        let mut next = belief.predicted(&self.chain.step(self.rows.step_to(row)));
+        let dt = self.rows.step_to(row);
+        // Of one instant no step is made.
+        let mut next = if dt > 0.0 { belief.predicted(&self.chain.step(dt)) } else { *belief };
         let innovation = self.rows.learn(row, &mut next);
         (next, innovation)
-    }
-
-    /// The filter alone.
-    pub(crate) fn likelihood(&self) -> Likelihood {
-        let start = self.start();
-        let mut sums = Likelihood { squares: start.squares, ..Likelihood::default() };
-        let mut belief = start.belief;
-        for row in start.row + 1..self.rows.rows() {
-            let innovation;
-            (belief, innovation) = self.advance(&belief, row);
-            if let Some(innovation) = innovation {
-                sums.squares += innovation.square();
-                sums.log_variance += innovation.variance.ln();
-                sums.count += 1;
-            }
-        }
-        sums
     }
 
     /// Hands out the state of every row given all measurements, from the last row to the first.
@@ -202,14 +179,7 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
             if at + 1 < kept.len() {
                 self.filter_again(belief, first, &mut stretch);
             }
-            for (row, belief) in stretch.iter().enumerate().rev().map(|(at, belief)| (first + at, belief)) {
-                let own = match &state {
-                    None => belief.posterior(),
-                    Some(next) => belief.smoothed(&self.chain.step(self.rows.step_to(row + 1)), next),
-                };
-                emit(row, &own);
-                state = Some(own);
-            }
+            self.back(&stretch, first, &mut state, &mut emit);
         }
         for (row, eliminated) in start.eliminated.iter().enumerate().rev() {
             let own = state.map(|next| eliminated.smoothed(&next));
@@ -219,6 +189,43 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
             state = own;
         }
         squares
+    }
+
+    /// Goes back over a stretch from the state of the row after it.
+    fn back(
+        &self,
+        stretch: &[Belief<M>],
+        first: usize,
+        state: &mut Option<Posterior<M>>,
+        emit: &mut impl FnMut(usize, &Posterior<M>),
+    ) {
+        let (mut steps, mut links) = ([0.0; PIECE], [Link::NONE; PIECE]);
+        for (at, piece) in stretch.chunks(PIECE).enumerate().rev() {
+            let first = first + at * PIECE;
+            for (row, step) in (first..).zip(&mut steps[..piece.len()]) {
+                *step = if row + 1 < self.rows.rows() { self.rows.step_to(row + 1) } else { 0.0 };
+            }
+            Link::all(&self.chain, piece, &steps[..piece.len()], &mut links[..piece.len()]);
+            let mut rest = piece.len();
+            let mut next = match *state {
+                Some(next) => next,
+                None => {
+                    rest -= 1;
+                    let last = piece[rest].posterior();
+                    emit(first + rest, &last);
+                    last
+                }
+            };
+            for at in (0..rest).rev() {
+                // Of one instant there is one state.
+                if steps[at] > 0.0 {
+                    let step = self.chain.step(steps[at]);
+                    next = links[at].smoothed(&step.forward(&piece[at].mean), &step, &next);
+                }
+                emit(first + at, &next);
+            }
+            *state = Some(next);
+        }
     }
 
     /// The beliefs of every [`STRETCH`]-th row from the start on, and all of the last stretch.

@@ -12,14 +12,17 @@
 //! sum_i w_i (x_i - d_i)^2  +  sum_j ((D x)_j - rho_j)^2 / theta_j
 //! ```
 //!
-//! which is the smoothing of a chain of M states whose last one is pushed by rho_j and noise of variance theta_j. Its filter goes forward on square roots of covariances, as that of the
+//! which is the smoothing of a chain of M states whose last one is pushed by rho_j and noise of variance theta_j. Its filter goes forward on triangles of covariances, as that of the
 //! smoothing spline, and the adjoint of the smoother goes back (Bierman, "Fixed interval smoothing with discrete measurements", International Journal of Control 18, 1973): it
 //! never divides by theta, which is nearly nothing inside of pieces, and hands out the multipliers of D x = z by the way. The matrix D W^-1 D' of the textbook's dual is never formed: its
 //! condition grows as the 2 (k + 1)-th power of the length of a piece, that of the chain as the root of it.
 
 use crate::{
     outliers::median,
-    spline::{chain::Matrix, filter::Belief},
+    spline::{
+        chain::Matrix,
+        filter::{Belief, Innovation},
+    },
 };
 
 /// Points that are measured, in units in which they are near one.
@@ -110,10 +113,10 @@ impl Points {
         let mut belief = Belief::<M>::new([0.0; M], root);
         let gain = |(j, theta): (usize, &f64)| {
             let reach = self.reach::<M>(j + M);
-            let mut moved = belief.root;
+            let (variances, mut moved) = belief.parted();
             // The noise comes in at the last state and goes on to all.
             let mut noise = [0.0; M];
-            noise[M - 1] = theta.sqrt();
+            noise[M - 1] = 1.0;
             for l in (1..M).rev() {
                 for c in 0..M {
                     moved[l - 1][c] += reach[l] * moved[l][c];
@@ -121,10 +124,11 @@ impl Points {
                 noise[l - 1] += reach[l] * noise[l];
             }
             let column = noise.map(|entry| std::array::from_fn(|c| if c == 0 { entry } else { 0.0 }));
-            belief = Belief::stepped([0.0; M], &moved, &column);
-            let (first, states) = (belief.root[0][0], belief.root.map(|row| row[0]));
-            let variance = belief.measure(0.0, self.variances[j + M]).variance;
-            Gain { gain: states.map(|state| state * first / variance), variance }
+            belief = Belief::stepped([0.0; M], &moved, &variances, &column, *theta);
+            let first = belief.factor[0][0];
+            let states = belief.parted().1.map(|row| row[0]);
+            let Innovation { variance, weight, .. } = belief.measure(0.0, self.variances[j + M]);
+            Gain { gain: states.map(|state| state * first * weight), variance }
         };
         theta.iter().enumerate().map(gain).collect()
     }
