@@ -142,20 +142,23 @@ impl<'a> Channel<'a> {
     fn new(times: &[f64], values: &[f64], weights: Option<&'a [f64]>, order: usize) -> Result<Self, SignalError> {
         check_channel(times, values, weights)?;
         let rows = Rows { times, values, weights };
-        let measured: Vec<(f64, f64)> = (0..times.len()).filter_map(|row| rows.measured(row)).collect();
-        if measured.len() <= order {
-            return Err(SignalError::TooFew { found: measured.len(), needed: order + 1 });
+        let (mut found, mut sum, mut weight) = (0, 0.0, 0.0);
+        for (value, own) in (0..times.len()).filter_map(|row| rows.measured(row)) {
+            (found, sum, weight) = (found + 1, sum + value, weight + own);
         }
-        let (n, unit) = (measured.len() as f64, median_step(times));
-        let centre = measured.iter().map(|(value, _)| value).sum::<f64>() / n;
+        if found <= order {
+            return Err(SignalError::TooFew { found, needed: order + 1 });
+        }
+        let (n, unit) = (found as f64, median_step(times));
+        let centre = sum / n;
         Ok(Self {
             times: times.iter().map(|time| (time - times[0]) / unit).collect(),
             values: values.iter().map(|value| value - centre).collect(),
             weights,
             unit,
             centre,
-            measured: measured.len(),
-            weight: measured.iter().map(|(_, weight)| weight).sum::<f64>() / n,
+            measured: found,
+            weight: weight / n,
         })
     }
 
@@ -244,8 +247,9 @@ impl<'a> Channel<'a> {
 
     /// The spline of a penalty in units of the channel.
     fn fit<const M: usize>(&self, lambda: f64) -> Smoothed {
-        let mut derivatives = vec![vec![0.0; self.times.len()]; M];
-        let mut deviations = derivatives.clone();
+        // Zeros that the system hands out cost nothing until they are written.
+        let zeros = || (0..M).map(|_| vec![0.0; self.times.len()]).collect::<Vec<_>>();
+        let (mut derivatives, mut deviations) = (zeros(), zeros());
         let (rows, mut residuals) = (self.rows(), Residuals::default());
         Smoother::<_, M>::new(rows, lambda).smooth(|row, state| {
             rows.add(&mut residuals, row, state);

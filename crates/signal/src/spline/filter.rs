@@ -83,14 +83,14 @@ impl<const M: usize, T: Number> Row<M, T> {
 
     #[inline(always)]
     fn dot(&self, other: &Self, noises: usize) -> T {
-        let mut sum = self.own[0] * other.own[0];
+        let (mut sum, mut noise) = (self.own[0] * other.own[0], self.noise[0] * other.noise[0]);
         for j in 1..M {
             sum = sum + self.own[j] * other.own[j];
         }
-        for j in 0..noises {
-            sum = sum + self.noise[j] * other.noise[j];
+        for j in 1..noises {
+            noise = noise + self.noise[j] * other.noise[j];
         }
-        sum
+        sum + noise
     }
 
     #[inline(always)]
@@ -396,14 +396,139 @@ impl<const M: usize, T: Number> Link<M, T> {
     }
 }
 
-impl<const M: usize> Link<M> {
-    pub(super) const NONE: Self = Self { share: [[0.0; M]; M], kept: [[0.0; M]; M], spread: [[0.0; M]; M] };
+/// Rows that stand side by side: a multiple of what any register holds.
+const BESIDE: usize = 8;
 
-    /// The links of rows whose steps to the next these are: a register holds a number of several rows.
-    pub(super) fn all(chain: &Chain<M>, beliefs: &[Belief<M>], steps: &[f64], links: &mut [Self]) {
-        pulp::Arch::new().dispatch(Links { chain, beliefs, steps, links });
+/// Beliefs of rows in a row; those of a few stand side by side, number by number.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Beliefs<const M: usize> {
+    blocks: Vec<Belief<M, [f64; BESIDE]>>,
+    rows: usize,
+}
+
+impl<const M: usize> Beliefs<M> {
+    /// Room for so many.
+    pub(super) fn new(rows: usize) -> Self {
+        Self { blocks: Vec::with_capacity(rows.div_ceil(BESIDE)), rows: 0 }
     }
 
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.blocks.clear();
+        self.rows = 0;
+    }
+
+    #[inline(always)]
+    pub(super) fn push(&mut self, belief: &Belief<M>) {
+        let at = self.rows % BESIDE;
+        self.rows += 1;
+        if at == 0 {
+            self.blocks.push(Belief { mean: [[1.0; BESIDE]; M], factor: [[[1.0; BESIDE]; M]; M] });
+        }
+        if let Some(block) = self.blocks.last_mut() {
+            for i in 0..M {
+                block.mean[i][at] = belief.mean[i];
+                for j in 0..=i {
+                    block.factor[i][j][at] = belief.factor[i][j];
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn mean(&self, row: usize) -> [f64; M] {
+        let block = &self.blocks[row / BESIDE];
+        std::array::from_fn(|i| block.mean[i][row % BESIDE])
+    }
+
+    pub(super) fn get(&self, row: usize) -> Belief<M> {
+        let factor = &self.blocks[row / BESIDE].factor;
+        let entry = |i: usize, j: usize| factor[i][j][row % BESIDE];
+        Belief { mean: self.mean(row), factor: std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))) }
+    }
+}
+
+/// Rows whose links are made at a time, a multiple of those that stand side by side: they stay in the first-level cache.
+pub(super) const PIECE: usize = 64;
+
+/// The links of rows in a row, number by number.
+pub(super) struct Links<const M: usize> {
+    share: Matrix<M, [f64; PIECE]>,
+    kept: Matrix<M, [f64; PIECE]>,
+    spread: Matrix<M, [f64; PIECE]>,
+}
+
+impl<const M: usize> Links<M> {
+    pub(super) fn new() -> Self {
+        let none = [[[0.0; PIECE]; M]; M];
+        Self { share: none, kept: none, spread: none }
+    }
+
+    /// Makes the links of the rows from `first` on, the first of a piece, whose steps to the next these are: a register holds a number of several rows.
+    pub(super) fn make(&mut self, chain: &Chain<M>, beliefs: &Beliefs<M>, first: usize, steps: &[f64; PIECE]) {
+        let blocks = &beliefs.blocks[first / BESIDE..];
+        let blocks = &blocks[..blocks.len().min(PIECE / BESIDE)];
+        pulp::Arch::new().dispatch(Made { links: self, chain, blocks, steps });
+    }
+
+    /// That of a row.
+    #[inline(always)]
+    pub(super) fn get(&self, at: usize) -> Link<M> {
+        let mut link = Link { share: [[0.0; M]; M], kept: [[0.0; M]; M], spread: [[0.0; M]; M] };
+        for i in 0..M {
+            for j in 0..M {
+                link.share[i][j] = self.share[i][j][at];
+                link.kept[i][j] = self.kept[i][j][at];
+                link.spread[i][j] = self.spread[i.max(j)][i.min(j)][at];
+            }
+        }
+        link
+    }
+}
+
+struct Made<'a, const M: usize> {
+    links: &'a mut Links<M>,
+    chain: &'a Chain<M>,
+    blocks: &'a [Belief<M, [f64; BESIDE]>],
+    steps: &'a [f64; PIECE],
+}
+
+impl<const M: usize> WithSimd for Made<'_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Made { links, chain, blocks, steps } = self;
+        let chain = chain.with(Abreast(Lanes::load(simd, &[chain.density])));
+        let one = Abreast(Lanes::load(simd, &[1.0]));
+        for (at, block) in blocks.iter().enumerate() {
+            for part in (0..BESIDE).step_by(S::F64_LANES) {
+                let mut belief = Belief { mean: [one; M], factor: [[one; M]; M] };
+                for i in 0..M {
+                    for j in 0..=i {
+                        belief.factor[i][j] = Abreast(Lanes::read(simd, &block.factor[i][j], part));
+                    }
+                }
+                let from = at * BESIDE + part;
+                let link = Link::new(&belief, &chain.step(Lanes::read(simd, steps, from)));
+                for i in 0..M {
+                    for j in 0..M {
+                        link.share[i][j].0.write(&mut links.share[i][j], from);
+                        link.kept[i][j].0.write(&mut links.kept[i][j], from);
+                        if j <= i {
+                            link.spread[i][j].0.write(&mut links.spread[i][j], from);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<const M: usize> Link<M> {
     /// The state of a row, of which the filter expects `expected` (F mean) of the next.
     #[inline(always)]
     pub(super) fn smoothed(&self, expected: &[f64; M], step: &Step<M>, next: &Posterior<M>) -> Posterior<M> {
@@ -414,44 +539,6 @@ impl<const M: usize> Link<M> {
             }
         }
         Posterior { mean: step.backward(&end), covariance: sandwich(&self.kept, &next.covariance, &self.spread) }
-    }
-}
-
-struct Links<'a, const M: usize> {
-    chain: &'a Chain<M>,
-    beliefs: &'a [Belief<M>],
-    steps: &'a [f64],
-    links: &'a mut [Link<M>],
-}
-
-impl<const M: usize> WithSimd for Links<'_, M> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let chain = self.chain.with(Abreast(Lanes::load(simd, &[self.chain.density])));
-        let width = S::F64_LANES;
-        let rows = self.beliefs.chunks(width).zip(self.steps.chunks(width)).zip(self.links.chunks_mut(width));
-        let one = Abreast(Lanes::load(simd, &[1.0]));
-        for ((beliefs, steps), links) in rows {
-            let mut belief = Belief { mean: [one; M], factor: [[one; M]; M] };
-            for i in 0..M {
-                for j in 0..=i {
-                    belief.factor[i][j] = Abreast(Lanes::gather(simd, beliefs, |belief| belief.factor[i][j]));
-                }
-            }
-            let link = Link::new(&belief, &chain.step(Lanes::load(simd, steps)));
-            for i in 0..M {
-                for j in 0..M {
-                    let [share, kept, spread] = [&link.share, &link.kept, &link.spread].map(|of| of[i][j].0);
-                    for (at, own) in links.iter_mut().enumerate() {
-                        own.share[i][j] = share.values()[at];
-                        own.kept[i][j] = kept.values()[at];
-                        own.spread[i][j] = spread.values()[at];
-                    }
-                }
-            }
-        }
     }
 }
 

@@ -85,6 +85,18 @@ impl<S: Simd> Lanes<S> {
         Self { simd, values: lanes }
     }
 
+    /// The part of this many numbers that begins there.
+    #[inline(always)]
+    pub(crate) fn read(simd: S, values: &[f64], from: usize) -> Self {
+        Self { simd, values: S::as_simd_f64s(values).0[from / S::F64_LANES] }
+    }
+
+    /// Puts the numbers there.
+    #[inline(always)]
+    pub(crate) fn write(self, places: &mut [f64], from: usize) {
+        S::as_mut_simd_f64s(places).0[from / S::F64_LANES] = self.values;
+    }
+
     /// Divides normal positive numbers by their powers of two, and adds these to the exponents.
     #[inline(always)]
     pub(crate) fn take_exponents(&mut self, exponents: &mut [i64]) {

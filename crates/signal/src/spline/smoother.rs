@@ -2,16 +2,13 @@
 
 use super::{
     chain::Chain,
-    filter::{Belief, Innovation, Link, Posterior},
+    filter::{Belief, Beliefs, Innovation, Links, PIECE, Posterior},
     head::{Eliminated, Information},
 };
 
 /// Rows whose beliefs are held at a time, and rows between the beliefs that are kept on the way out: on the way back all stretches but the last are filtered once more, so that what is
 /// held does not grow with the rows. Twelve megabytes of the quintic spline; most records are shorter, and filtered once.
 const STRETCH: usize = 1 << 17;
-
-/// Rows whose links to the next are made at a time: they stay in the first-level cache.
-const PIECE: usize = 64;
 
 /// Rows of a channel, scaled: stamps in units of the median step, values about zero.
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +110,7 @@ struct Kept<const M: usize> {
     /// The beliefs of every [`STRETCH`]-th row from the start on.
     beliefs: Vec<Belief<M>>,
     /// Those of all rows of the last stretch.
-    stretch: Vec<Belief<M>>,
+    stretch: Beliefs<M>,
     /// The least value of the objective.
     squares: f64,
 }
@@ -194,35 +191,34 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
     /// Goes back over a stretch from the state of the row after it.
     fn back(
         &self,
-        stretch: &[Belief<M>],
+        stretch: &Beliefs<M>,
         first: usize,
         state: &mut Option<Posterior<M>>,
         emit: &mut impl FnMut(usize, &Posterior<M>),
     ) {
-        let (mut steps, mut links) = ([0.0; PIECE], [Link::NONE; PIECE]);
-        for (at, piece) in stretch.chunks(PIECE).enumerate().rev() {
-            let first = first + at * PIECE;
-            for (row, step) in (first..).zip(&mut steps[..piece.len()]) {
-                *step = if row + 1 < self.rows.rows() { self.rows.step_to(row + 1) } else { 0.0 };
-            }
-            Link::all(&self.chain, piece, &steps[..piece.len()], &mut links[..piece.len()]);
-            let mut rest = piece.len();
+        let (mut steps, mut links) = ([0.0; PIECE], Links::new());
+        for from in (0..stretch.rows()).step_by(PIECE).rev() {
+            let mut rest = PIECE.min(stretch.rows() - from);
             let mut next = match *state {
                 Some(next) => next,
                 None => {
                     rest -= 1;
-                    let last = piece[rest].posterior();
-                    emit(first + rest, &last);
+                    let last = stretch.get(from + rest).posterior();
+                    emit(first + from + rest, &last);
                     last
                 }
             };
+            for (at, step) in steps[..rest].iter_mut().enumerate() {
+                *step = self.rows.step_to(first + from + at + 1);
+            }
+            links.make(&self.chain, stretch, from, &steps);
             for at in (0..rest).rev() {
                 // Of one instant there is one state.
                 if steps[at] > 0.0 {
                     let step = self.chain.step(steps[at]);
-                    next = links[at].smoothed(&step.forward(&piece[at].mean), &step, &next);
+                    next = links.get(at).smoothed(&step.forward(&stretch.mean(from + at)), &step, &next);
                 }
-                emit(first + at, &next);
+                emit(first + from + at, &next);
             }
             *state = Some(next);
         }
@@ -231,8 +227,8 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
     /// The beliefs of every [`STRETCH`]-th row from the start on, and all of the last stretch.
     fn kept(&self, start: &Start<M>) -> Kept<M> {
         let (mut belief, mut squares) = (start.belief, start.squares);
-        let (mut kept, mut stretch) = (vec![belief], Vec::with_capacity(STRETCH.min(self.rows.rows())));
-        stretch.push(belief);
+        let (mut kept, mut stretch) = (vec![belief], Beliefs::new(STRETCH.min(self.rows.rows())));
+        stretch.push(&belief);
         for row in start.row + 1..self.rows.rows() {
             let innovation;
             (belief, innovation) = self.advance(&belief, row);
@@ -241,19 +237,19 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
                 kept.push(belief);
                 stretch.clear();
             }
-            stretch.push(belief);
+            stretch.push(&belief);
         }
         Kept { beliefs: kept, stretch, squares }
     }
 
     /// The beliefs of the rows from `first` up to the next that was kept.
-    fn filter_again(&self, belief: &Belief<M>, first: usize, stretch: &mut Vec<Belief<M>>) {
+    fn filter_again(&self, belief: &Belief<M>, first: usize, stretch: &mut Beliefs<M>) {
         stretch.clear();
-        stretch.push(*belief);
+        stretch.push(belief);
         let mut belief = *belief;
         for row in first + 1..(first + STRETCH).min(self.rows.rows()) {
             belief = self.advance(&belief, row).0;
-            stretch.push(belief);
+            stretch.push(&belief);
         }
     }
 }
