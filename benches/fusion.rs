@@ -1,18 +1,31 @@
 //! Fusion of a body and of a joint: an hour at 1 kHz, and the same problems beside GTSAM and filterpy.
 //!
-//! One core. The hour: readings of an inertial sensor at 1 kHz and poses at 100 Hz, every constant of the body unknown (24 numbers: 15 of a state, 9 constants); an encoder at 1 kHz. What is told is the time of a sweep (a step of Gauss and
-//! Newton over all states, its cost included; a pass over the readings of a joint) against the time recorded, and the peak of memory, records included, each in a process of its own.
+//! The hour: readings of an inertial sensor at 1 kHz and poses at 100 Hz, every constant of the body unknown (24 numbers: 15 of a state, which are errors of attitude, position, velocity and both biases, and 9 constants, which are lever, mounting,
+//! time offset and the direction of gravity); an encoder at 1 kHz. A body is fused as `fleetfoot prepare` fuses it, with a file that keeps where it stands after every round. What is told is the time of a sweep (a step of Gauss and
+//! Newton over all states, its cost included; a pass over the readings of a joint) against the time recorded, and the peak of memory above the records, each in a process of its own, on one thread. A second process fuses the body on two
+//! threads, is killed once it has kept something, and goes on: its answer is that of the first to the last bit.
 //!
-//! Peers: GTSAM's combined factors between the same poses, from the same begin, by Gauss and Newton's steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in deviations.
+//! Limits. A sweep eliminates 15 unknowns a pose from some 36 rows of 40 columns by reflectors, twice (forwards, and again between kept nodes on the way back): 64,000 multiply-adds and as many of 22,000 to carry what is left on; ten readings are summed
+//! a pose, with a covariance of 9 x 9, some 20,000. That is 0.2 million a pose and sweep, which this prints in the machine's rate of multiply-adds.
+//!
+//! Peers, on one core: GTSAM's combined factors between the same poses, from the same begin, by Gauss and Newton's steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in deviations.
 //! Bias: GTSAM's time is of its optimisation alone, ours of everything, deviations included. filterpy works one matrix at a time in Python, which is what users of it get.
 
-use std::{error::Error, path::Path, process::Command, time::Instant};
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
 
-use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
-use fleetfoot_data::with_threads;
+use fleetfoot_benches::{best_of, cpu_seconds, fma_rate, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_data::{mix, with_threads};
 use fleetfoot_signal::{
     Loss,
-    fuse::{BodyNoise, BodyRun, FuseOptions, Fused, ImuNoise, ImuRecord, PoseRecord, Prior, fuse},
+    fuse::{
+        BodyNoise, BodyRun, Checkpoint, FuseOptions, Fused, ImuNoise, ImuRecord, PoseRecord, Prior, fuse, fuse_from,
+    },
     joint::{FusedJoint, JointOptions, JointRecord, JointRun, JointSensor, Quantity, fuse_joint},
 };
 use rand::{RngExt, SeedableRng};
@@ -149,41 +162,124 @@ fn encoder(seconds: f64) -> (Vec<f64>, Vec<f64>) {
     (times, values)
 }
 
-/// An hour, in a process of its own.
-fn hour(what: &str) -> Result<(), Box<dyn Error>> {
-    let told = |seconds: f64, sweeps: usize, whole: f64, records: f64| {
-        println!(
-            "{what:<6} {:>6.1} s a sweep, {:>5.0} times real time; {sweeps} sweeps and deviations {whole:.0} s; peak {:.0} MiB, of which records {records:.0}",
-            seconds / sweeps as f64,
-            HOUR * sweeps as f64 / seconds,
-            peak_rss_mib()
-        );
-    };
-    if what == "body" {
-        let body = Body::new(HOUR);
-        let records = peak_rss_mib();
-        let start = Instant::now();
-        let fused = with_threads(1, || fuse(&[body.run()], &unknown()))?;
-        let whole = start.elapsed().as_secs_f64();
-        // What comes after the last step is as much work as one.
-        told(whole, fused.steps + 1, whole, records);
-        let offset = fused.constants.offset;
-        println!(
-            "       converged: {}; poses late by {:.2e} s ({:.1e})",
-            fused.converged, offset.value, offset.deviation
-        );
-    } else {
-        let (times, values) = encoder(HOUR);
-        let records = peak_rss_mib();
-        let record = JointRecord { times: &times, values: &values };
-        let options = JointOptions::new(vec![JointSensor::new(Quantity::Position)]);
-        let start = Instant::now();
-        let fused = with_threads(1, || fuse_joint(&[JointRun { records: vec![record], at: &times }], &options))?;
-        let whole = start.elapsed().as_secs_f64();
-        told(whole, fused.rounds + 2, whole, records);
-        println!("       converged: {}; noise {:.3e}, 1e-3 is true", fused.converged, fused.sensors[0].noise);
+/// Where a fusion stands, in a file that is there whole or not at all.
+struct Kept(PathBuf);
+
+impl Checkpoint for Kept {
+    fn load(&mut self) -> Option<Vec<u8>> {
+        fs::read(&self.0).ok()
     }
+
+    fn save(&mut self, state: &[u8]) {
+        let beside = self.0.with_extension("new");
+        // What cannot be written is begun anew after a kill.
+        let _ = fs::write(&beside, state).and_then(|()| fs::rename(&beside, &self.0));
+    }
+}
+
+/// A hash of all numbers of the answer.
+fn digest(fused: &Fused) -> u64 {
+    format!("{:?}", fused.constants)
+        .bytes()
+        .map(u64::from)
+        .chain(fused.tracks.iter().flat_map(|track| &track.states).flat_map(|state| {
+            let parts: [&[f64]; 9] = [
+                &state.attitude,
+                &state.position,
+                &state.velocity,
+                &state.gyro_bias,
+                &state.accelerometer_bias,
+                &state.rate,
+                &state.acceleration,
+                &state.deviations,
+                &state.acceleration_deviations,
+            ];
+            parts.into_iter().flatten().map(|number| number.to_bits()).collect::<Vec<u64>>()
+        }))
+        .fold(0, |hash, word| mix(hash ^ word))
+}
+
+fn told(what: &str, sweeps: usize, whole: f64, cpu: f64, records: f64) {
+    let peak = peak_rss_mib();
+    println!(
+        "{what:<6} {:>6.1} s a sweep ({:.1} s of the processor), {:>5.0} times real time; {sweeps} sweeps and deviations {whole:.0} s; peak {:.0} MiB above the records, which are {records:.0}",
+        whole / sweeps as f64,
+        cpu / sweeps as f64,
+        HOUR * sweeps as f64 / whole,
+        peak - records
+    );
+}
+
+/// An hour of a body, in a process of its own: what is kept, and the hash of the answer, are in `folder`.
+fn hour_of_body(folder: &Path, threads: usize) -> Result<(), Box<dyn Error>> {
+    let body = Body::new(HOUR);
+    let (records, before, start) = (peak_rss_mib(), cpu_seconds(), Instant::now());
+    let mut kept = Kept(folder.join("kept"));
+    let goes_on = kept.0.exists();
+    let fused = with_threads(threads, || fuse_from(&[body.run()], &unknown(), &mut kept))?;
+    let (whole, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - before);
+    fs::write(folder.join("answer"), digest(&fused).to_string())?;
+    if goes_on {
+        println!("       killed and gone on from what was kept, on {threads} threads: {whole:.0} s more");
+        return Ok(());
+    }
+    // What comes after the last step is as much work as one.
+    told("body", fused.steps + 1, whole, cpu, records);
+    let (poses, offset) = (fused.tracks[0].states.len(), fused.constants.offset);
+    if let Some(rate) = fma_rate() {
+        let multiplied = 2e5 * poses as f64 * (fused.steps + 1) as f64;
+        println!(
+            "       {:.0} times as long as its multiply-adds at the rate of a core's registers",
+            cpu * rate / multiplied
+        );
+    }
+    println!("       converged: {}; poses late by {:.2e} s ({:.1e})", fused.converged, offset.value, offset.deviation);
     Ok(())
+}
+
+fn hour_of_joint() -> Result<(), Box<dyn Error>> {
+    let (times, values) = encoder(HOUR);
+    let (records, before, start) = (peak_rss_mib(), cpu_seconds(), Instant::now());
+    let record = JointRecord { times: &times, values: &values };
+    let options = JointOptions::new(vec![JointSensor::new(Quantity::Position)]);
+    let fused = with_threads(1, || fuse_joint(&[JointRun { records: vec![record], at: &times }], &options))?;
+    told("joint", fused.rounds + 2, start.elapsed().as_secs_f64(), cpu_seconds() - before, records);
+    println!("       converged: {}; noise {:.3e}, 1e-3 is true", fused.converged, fused.sensors[0].noise);
+    Ok(())
+}
+
+/// This program once more, with these arguments.
+fn again(arguments: &[&str]) -> std::io::Result<Command> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(arguments);
+    Ok(command)
+}
+
+fn hours() -> Result<(), Box<dyn Error>> {
+    println!("\nan hour at 1 kHz");
+    let (whole, parted) = (tempfile::tempdir()?, tempfile::tempdir()?);
+    let place = |folder: &tempfile::TempDir| folder.path().display().to_string();
+    if !again(&["body", &place(&whole), "1"])?.status()?.success() {
+        return Err("the hour of the body failed".into());
+    }
+    let mut killed = again(&["body", &place(&parted), "2"])?.stdout(Stdio::null()).spawn()?;
+    while !parted.path().join("kept").exists() && killed.try_wait()?.is_none() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    killed.kill()?;
+    killed.wait()?;
+    if !again(&["body", &place(&parted), "2"])?.status()?.success() {
+        return Err("the hour of the body did not go on".into());
+    }
+    let answer = |folder: &tempfile::TempDir| fs::read(folder.path().join("answer"));
+    if answer(&whole)? != answer(&parted)? {
+        return Err("an hour that was killed has another answer".into());
+    }
+    println!("       and the same answer to the last bit");
+    match again(&["joint"])?.status()?.success() {
+        true => Ok(()),
+        false => Err("the hour of the joint failed".into()),
+    }
 }
 
 /// The greatest difference of the states, in deviations, of nodes that both have.
@@ -318,18 +414,20 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    if let Some(what) = std::env::args().skip(1).find(|word| word == "body" || word == "joint") {
-        return hour(&what);
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["body", folder, threads, ..] => return hour_of_body(Path::new(folder), threads.parse()?),
+        ["joint", ..] => return hour_of_joint(),
+        _ => {}
     }
     println!("fusion, one core");
-    // `cargo bench --bench fusion -- peers` leaves the hours out.
-    if !std::env::args().any(|word| word == "peers") {
-        println!("\nan hour at 1 kHz");
-        for what in ["body", "joint"] {
-            if !Command::new(std::env::current_exe()?).arg(what).status()?.success() {
-                return Err(format!("the hour of the {what} failed").into());
-            }
-        }
+    // `cargo bench --bench fusion -- peers` leaves the hours out, `-- hours` the peers.
+    let asks = |what: &str| words.iter().any(|word| word == what);
+    if !asks("peers") {
+        hours()?;
+    }
+    if asks("hours") {
+        return Ok(());
     }
     let folder = tempfile::tempdir()?;
     beside_gtsam(folder.path())?;

@@ -7,6 +7,7 @@
 
 use fleetfoot_data::checkpoint;
 use nalgebra::SMatrix;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::state::{BORDER, BorderError, STATE, StateError};
 
@@ -36,7 +37,7 @@ pub(super) struct Chain<'a> {
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
     /// Levenberg and Marquardt's damping, in squares of the columns' norms.
     pub(super) damping: f64,
-    /// Columns of a row up to which they hold anything, a multiple of four: fewer than all where theta is given.
+    /// Columns of a row up to which they hold anything, a multiple of eight: fewer than all where theta is given.
     pub(super) width: usize,
     /// Whether what is left of every node is kept for the way back.
     pub(super) keeps_all: bool,
@@ -78,58 +79,135 @@ pub(super) struct Joint {
 /// Reflects the rows from `first` on, so that each of these columns is zero below a row of its own; the row after the last of these is handed back. A column without entries gets no row.
 ///
 /// The greatest entry of a column is its pivot, and rows that have none in it are left alone, which spares most of the work on rows that are triangular already.
-fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, mut first: usize, width: usize) -> usize {
-    for c in columns {
-        let size = |row: &Row| row[c].abs();
-        let Some(pivot) = (first..rows.len()).reduce(|a, b| if size(&rows[b]) > size(&rows[a]) { b } else { a }) else {
-            return first;
-        };
-        if rows[pivot][c] == 0.0 {
-            continue;
-        }
-        // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of four columns: what lies before is zero already.
-        let from = c.min(RIGHT) / LANES * LANES;
-        let (done, below) = rows.split_at_mut(first + 1);
-        let head = &mut done[first];
-        if pivot > first {
-            head[from..width].swap_with_slice(&mut below[pivot - first - 1][from..width]);
-        }
-        let tail: f64 = below.iter().map(|row| row[c] * row[c]).sum();
-        first += 1;
-        if tail == 0.0 {
-            continue;
-        }
-        let norm = (head[c] * head[c] + tail).sqrt();
-        let diagonal = if head[c] > 0.0 { -norm } else { norm };
-        let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
-        let mut dots = [0.0; WIDTH];
-        add(&mut dots, own, head, from..width);
-        for row in below.iter().filter(|row| row[c] != 0.0) {
-            add(&mut dots, row[c], row, from..width);
-        }
-        for dot in &mut dots {
-            *dot *= -beta;
-        }
-        add(head, own, &dots, from..width);
-        for row in below.iter_mut().filter(|row| row[c] != 0.0) {
-            add(row, row[c], &dots, from..width);
-            row[c] = 0.0;
-        }
-        head[c] = diagonal;
-    }
-    first
+fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, first: usize, width: usize) -> usize {
+    Arch::new().dispatch(Reduction { rows, columns, first, width })
 }
 
-/// Columns that are worked on at a time.
-const LANES: usize = 4;
+struct Reduction<'a> {
+    rows: &'a mut [Row],
+    columns: std::ops::Range<usize>,
+    first: usize,
+    width: usize,
+}
 
-/// Adds a multiple of these columns of one row to another, `columns` from a multiple of [`LANES`] to one.
-#[inline]
-fn add(to: &mut Row, factor: f64, from: &Row, columns: std::ops::Range<usize>) {
-    let (to, from) = (to.as_chunks_mut::<LANES>().0, from.as_chunks::<LANES>().0);
-    for at in columns.start / LANES..columns.end / LANES {
-        let ([a, b, c, d], own) = (to[at], from[at]);
-        to[at] = [a + factor * own[0], b + factor * own[1], c + factor * own[2], d + factor * own[3]];
+impl WithSimd for Reduction<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let Self { rows, columns, mut first, width } = self;
+        for c in columns {
+            let Some(pivot) = pivot(&rows[first.min(rows.len())..], c) else { return first };
+            if rows[first + pivot][c] == 0.0 {
+                continue;
+            }
+            // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of eight columns: what lies before is zero already.
+            let from = c.min(RIGHT) / LANES;
+            let (done, below) = rows.split_at_mut(first + 1);
+            let head = &mut done[first];
+            if pivot > 0 {
+                head[from * LANES..width].swap_with_slice(&mut below[pivot - 1][from * LANES..width]);
+            }
+            first += 1;
+            match width / LANES - from {
+                1 => reflect::<S, 1>(simd, head, below, c, from),
+                2 => reflect::<S, 2>(simd, head, below, c, from),
+                3 => reflect::<S, 3>(simd, head, below, c, from),
+                4 => reflect::<S, 4>(simd, head, below, c, from),
+                _ => reflect::<S, 5>(simd, head, below, c, from),
+            }
+        }
+        first
+    }
+}
+
+/// The row with the greatest entry in a column, the first of equals.
+#[inline(always)]
+fn pivot(rows: &[Row], c: usize) -> Option<usize> {
+    let mut best = (0, rows.first()?[c].abs());
+    for (at, row) in rows.iter().enumerate().skip(1) {
+        if row[c].abs() > best.1 {
+            best = (at, row[c].abs());
+        }
+    }
+    Some(best.0)
+}
+
+/// Reflects a row and those below it in the last N times [`LANES`] columns, so that this column is zero in the latter. Products are not fused with sums: on every machine the bits are the same.
+#[inline(always)]
+fn reflect<S: Simd, const N: usize>(simd: S, head: &mut Row, below: &mut [Row], c: usize, from: usize) {
+    let tail: f64 = below.iter().map(|row| row[c] * row[c]).sum();
+    if tail == 0.0 {
+        return;
+    }
+    let norm = (head[c] * head[c] + tail).sqrt();
+    let diagonal = if head[c] > 0.0 { -norm } else { norm };
+    let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
+    let mut dots = Columns::<S, N>::zero(simd);
+    dots.add(own, head, from);
+    for row in below.iter().filter(|row| row[c] != 0.0) {
+        dots.add(row[c], row, from);
+    }
+    dots.scale(-beta);
+    dots.add_to(own, head, from);
+    for row in below.iter_mut().filter(|row| row[c] != 0.0) {
+        dots.add_to(row[c], row, from);
+        row[c] = 0.0;
+    }
+    head[c] = diagonal;
+}
+
+/// Columns that are worked on at a time, whatever a register holds.
+const LANES: usize = 8;
+
+/// N times [`LANES`] columns of a row in registers; of each list the first registers are in use.
+struct Columns<S: Simd, const N: usize> {
+    simd: S,
+    values: [[S::f64s; LANES]; N],
+}
+
+impl<S: Simd, const N: usize> Columns<S, N> {
+    const REGISTERS: usize = LANES / S::F64_LANES;
+
+    #[inline(always)]
+    fn zero(simd: S) -> Self {
+        Self { simd, values: [[simd.splat_f64s(0.0); LANES]; N] }
+    }
+
+    /// Adds a multiple of a row.
+    #[inline(always)]
+    fn add(&mut self, factor: f64, row: &Row, from: usize) {
+        let (row, factor) = (S::as_simd_f64s(row).0, self.simd.splat_f64s(factor));
+        let row = &row[from * Self::REGISTERS..(from + N) * Self::REGISTERS];
+        for n in 0..N {
+            for k in 0..Self::REGISTERS {
+                let product = self.simd.mul_f64s(factor, row[n * Self::REGISTERS + k]);
+                self.values[n][k] = self.simd.add_f64s(self.values[n][k], product);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn scale(&mut self, factor: f64) {
+        let factor = self.simd.splat_f64s(factor);
+        for n in 0..N {
+            for k in 0..Self::REGISTERS {
+                self.values[n][k] = self.simd.mul_f64s(self.values[n][k], factor);
+            }
+        }
+    }
+
+    /// Adds a multiple of these to a row.
+    #[inline(always)]
+    fn add_to(&self, factor: f64, row: &mut Row, from: usize) {
+        let (row, factor) = (S::as_mut_simd_f64s(row).0, self.simd.splat_f64s(factor));
+        let row = &mut row[from * Self::REGISTERS..(from + N) * Self::REGISTERS];
+        for n in 0..N {
+            for k in 0..Self::REGISTERS {
+                let product = self.simd.mul_f64s(factor, self.values[n][k]);
+                row[n * Self::REGISTERS + k] = self.simd.add_f64s(row[n * Self::REGISTERS + k], product);
+            }
+        }
     }
 }
 
@@ -178,7 +256,8 @@ impl Chain<'_> {
 
     /// Eliminates all nodes.
     pub(super) fn eliminated(&self) -> Result<Eliminated, Undetermined> {
-        let (mut kept, mut heads, mut rows, mut squares) = (Vec::new(), Vec::new(), Vec::new(), Squares::default());
+        let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), Squares::default());
+        let mut heads = Vec::with_capacity(if self.keeps_all { self.nodes } else { 0 });
         for node in 0..self.nodes {
             if node % KEPT == 0 {
                 kept.push(rows.clone());
@@ -239,62 +318,82 @@ fn damp(rows: &mut Vec<Row>, columns: std::ops::Range<usize>, damping: f64) {
     }
 }
 
-/// R x + U x_next + V theta = z.
-struct Head {
-    r: SMatrix<f64, STATE, STATE>,
-    u: SMatrix<f64, STATE, STATE>,
-    v: SMatrix<f64, STATE, BORDER>,
-    z: StateError,
-}
+/// R x + U x_next + V theta = z, as the rows have it.
+struct Head([Row; STATE]);
 
 impl Head {
     fn new(rows: &[Row]) -> Self {
-        let mut own = Self { r: SMatrix::zeros(), u: SMatrix::zeros(), v: SMatrix::zeros(), z: StateError::zeros() };
-        for (i, row) in rows[..STATE].iter().enumerate() {
-            for j in 0..STATE {
-                own.r.data.0[j][i] = row[j];
-                own.u.data.0[j][i] = row[NEXT_AT + j];
-            }
-            for j in 0..BORDER {
-                own.v.data.0[j][i] = row[BORDER_AT + j];
-            }
-            own.z.data.0[0][i] = row[RIGHT];
-        }
+        let mut own = Self([[0.0; WIDTH]; STATE]);
+        own.0.copy_from_slice(&rows[..STATE]);
         own
     }
 
-    /// R^-1 B.
-    fn solve<const N: usize>(&self, b: &SMatrix<f64, STATE, N>) -> SMatrix<f64, STATE, N> {
-        let mut x = *b;
-        for column in &mut x.data.0 {
-            for i in (0..STATE).rev() {
-                column[i] /= self.r[(i, i)];
-                let (above, own) = (&self.r.data.0[i], column[i]);
-                for k in 0..i {
-                    column[k] -= above[k] * own;
-                }
-            }
-        }
-        x
-    }
-
     fn error(&self, next: Option<&StateError>, theta: &BorderError) -> StateError {
-        let mut right = self.z - self.v * theta;
-        if let Some(next) = next {
-            right -= self.u * next;
+        let dot = |row: &[f64], of: &[f64]| row.iter().zip(of).map(|(slope, error)| slope * error).sum::<f64>();
+        let mut x = [0.0; STATE];
+        for (i, row) in self.0.iter().enumerate().rev() {
+            let known = dot(&row[BORDER_AT..], theta.as_slice())
+                + next.map_or(0.0, |next| dot(&row[NEXT_AT..RIGHT], next.as_slice()))
+                + dot(&row[i + 1..STATE], &x[i + 1..]);
+            x[i] = (row[RIGHT] - known) / row[i];
         }
-        self.solve(&right)
+        x.into()
     }
 
     /// x = A x_next + B theta + C e, e of variance one and independent of all that comes later.
     fn joint(&self, next: Option<&Joint>, theta: &SMatrix<f64, BORDER, BORDER>) -> Joint {
-        let b = -self.solve(&self.v);
-        let c = self.solve(&SMatrix::<f64, STATE, STATE>::identity());
-        let by_theta = product(&b, theta);
+        Arch::new().dispatch(Spread { head: self, next, theta })
+    }
+}
+
+struct Spread<'a> {
+    head: &'a Head,
+    next: Option<&'a Joint>,
+    theta: &'a SMatrix<f64, BORDER, BORDER>,
+}
+
+impl WithSimd for Spread<'_> {
+    type Output = Joint;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Joint {
+        // R^-1 [U, z, V] in their own columns, and R^-1 in those of the node.
+        let mut solved = [[0.0; WIDTH]; STATE];
+        for i in (0..STATE).rev() {
+            let mut row = self.head.0[i];
+            row[..STATE].fill(0.0);
+            row[i] = 1.0;
+            for k in i + 1..STATE {
+                let factor = self.head.0[i][k];
+                for j in 0..WIDTH {
+                    row[j] -= factor * solved[k][j];
+                }
+            }
+            let inverse = 1.0 / self.head.0[i][i];
+            for j in 0..WIDTH {
+                row[j] *= inverse;
+            }
+            solved[i] = row;
+        }
+        let (mut b, mut c) = (SMatrix::<f64, STATE, BORDER>::zeros(), SMatrix::<f64, STATE, STATE>::zeros());
+        for i in 0..STATE {
+            for j in 0..BORDER {
+                b.data.0[j][i] = -solved[i][BORDER_AT + j];
+            }
+            for j in 0..STATE {
+                c.data.0[j][i] = solved[i][j];
+            }
+        }
+        let by_theta = product(&b, self.theta);
         let mut own = product(&by_theta, &b.transpose()) + product(&c, &c.transpose());
         let (mut with_border, mut with_next) = (by_theta, SMatrix::zeros());
-        if let Some(next) = next {
-            let a = -self.solve(&self.u);
+        if let Some(next) = self.next {
+            let mut a = SMatrix::<f64, STATE, STATE>::zeros();
+            for i in 0..STATE {
+                for j in 0..STATE {
+                    a.data.0[j][i] = -solved[i][NEXT_AT + j];
+                }
+            }
             let (by_border, by_next) = (product(&a, &next.with_border), product(&a, &next.own));
             let crossed = product(&by_border, &b.transpose());
             own += product(&by_next, &a.transpose()) + crossed + crossed.transpose();
@@ -306,6 +405,7 @@ impl Head {
 }
 
 /// A B, column by column: nalgebra's own product of this size is a call for every column of every column.
+#[inline(always)]
 pub(super) fn product<const R: usize, const K: usize, const C: usize>(
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,

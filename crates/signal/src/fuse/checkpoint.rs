@@ -9,6 +9,7 @@ use super::{
     problem::Problem,
     rotation::{Rotation, Vector},
     state::State,
+    track::Track,
 };
 
 /// Keeps where a fusion stands.
@@ -79,34 +80,57 @@ pub(super) fn digest(runs: &[BodyRun<'_>], options: &FuseOptions) -> u64 {
 /// Numbers of a node.
 const NODE: usize = 17;
 
+/// Numbers before the tracks, about.
+const HEAD: usize = 64;
+
+/// Words that are written, and their hash.
+struct Written {
+    bytes: Vec<u8>,
+    hash: u64,
+}
+
+impl Written {
+    fn push(&mut self, word: f64) {
+        self.hash = mix(self.hash ^ word.to_bits());
+        self.bytes.extend(word.to_le_bytes());
+    }
+
+    fn all<'a>(&mut self, words: impl IntoIterator<Item = &'a f64>) {
+        words.into_iter().for_each(|word| self.push(*word));
+    }
+}
+
 /// Where the problem stands.
 pub(super) fn write(problem: &Problem<'_>, progress: &Progress, digest: u64) -> Vec<u8> {
     let Progress { round, steps, moving, last, contradicted, changes, rested } = *progress;
     let (border, setting) = (&problem.border, &problem.setting);
     let noise = &setting.noise;
-    let mut words =
-        vec![VERSION, f64::from_bits(digest), round as f64, steps as f64, f64::from(u8::from(moving)), last];
-    words.extend([f64::from(u8::from(rested))].iter().chain(&changes));
-    words.extend([contradicted as f64, setting.anchor, noise.position, noise.attitude, noise.jerk]);
-    words.extend(noise.imu.gyro.iter().chain(&noise.imu.accelerometer));
-    words.extend([noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
-    words.extend(noise.imu.missed.iter().chain(noise.imu.scatter.as_flattened()));
-    words.extend(
+    // Of a long record this is as much as all states: it is made once, and not grown.
+    let nodes: usize = problem.tracks.iter().map(Track::nodes).sum();
+    let words = HEAD + 9 * problem.tracks.len() + NODE * nodes + 1;
+    let mut written = Written { bytes: Vec::with_capacity(8 * words), hash: 0 };
+    written.all(&[VERSION, f64::from_bits(digest), round as f64, steps as f64, f64::from(u8::from(moving)), last]);
+    written.all([f64::from(u8::from(rested))].iter().chain(&changes));
+    written.all(&[contradicted as f64, setting.anchor, noise.position, noise.attitude, noise.jerk]);
+    written.all(noise.imu.gyro.iter().chain(&noise.imu.accelerometer));
+    written.all(&[noise.imu.gyro_walk, noise.imu.accelerometer_walk]);
+    written.all(noise.imu.missed.iter().chain(noise.imu.scatter.as_flattened()));
+    written.all(
         border.lever.iter().chain(border.gravity.iter()).chain(border.mounting.coords.iter()).chain([&border.late]),
     );
-    words.push(problem.tracks.len() as f64);
+    written.push(problem.tracks.len() as f64);
     for track in &problem.tracks {
-        words.extend([track.run, track.first, track.nodes()].map(|number| number as f64));
-        words.extend(track.reference.iter().flatten());
+        written.all(&[track.run, track.first, track.nodes()].map(|number| number as f64));
+        written.all(track.reference.iter().flatten());
         for (state, used) in track.states.iter().zip(&track.used) {
             let vectors = [&state.position, &state.velocity, &state.gyro, &state.accelerometer];
-            words.extend(state.attitude.coords.iter().chain(vectors.into_iter().flatten()));
-            words.push(f64::from(u8::from(used[0])) + 2.0 * f64::from(u8::from(used[1])));
+            written.all(state.attitude.coords.iter().chain(vectors.into_iter().flatten()));
+            written.push(f64::from(u8::from(used[0])) + 2.0 * f64::from(u8::from(used[1])));
         }
     }
-    let sum = words.iter().fold(0, |hash, word| mix(hash ^ word.to_bits()));
-    words.push(f64::from_bits(sum));
-    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    let hash = written.hash;
+    written.push(f64::from_bits(hash));
+    written.bytes
 }
 
 /// Words, one after the other.
@@ -174,8 +198,7 @@ pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> O
     let count = words.number()?;
     for _ in 0..count {
         let [run, first, nodes] = [words.number()?, words.number()?, words.number()?];
-        let is_it =
-            |track: &super::track::Track<'_>| track.run == run && track.first == first && track.nodes() == nodes;
+        let is_it = |track: &Track<'_>| track.run == run && track.first == first && track.nodes() == nodes;
         let at = problem.tracks.iter().position(is_it)?;
         places.push((at, Words(words.0)));
         words.0 = words.0.get(8 * (6 + NODE * nodes)..)?;

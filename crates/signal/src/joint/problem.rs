@@ -1,5 +1,7 @@
 //! The readings of all runs, what is known of the sensors at present, and what a pass over the readings says of it.
 
+use std::sync::{Mutex, PoisonError};
+
 use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
 use nalgebra::{DMatrix, DVector};
 
@@ -14,7 +16,7 @@ use super::{
 use crate::{
     SignalError,
     fuse::{Prior, slack},
-    spline::smoother::Smoother,
+    spline::{filter::Posterior, smoother::Smoother},
 };
 
 /// By how much variances change at most between two rounds.
@@ -64,6 +66,8 @@ pub(super) struct Pass {
     shares: Vec<Share>,
     /// The least value of the objective.
     squares: f64,
+    /// The states, and how sensors err together, where instants are among the events.
+    told: Option<(JointStates, Pairs)>,
 }
 
 /// The whole problem.
@@ -83,6 +87,8 @@ pub(super) struct Problem<'a> {
     periods: Vec<f64>,
     /// Whether the readings of a run tell its states.
     told: Vec<bool>,
+    /// Whether instants are among the events.
+    wanted: bool,
 }
 
 impl<'a> Problem<'a> {
@@ -115,9 +121,12 @@ impl<'a> Problem<'a> {
             biases: sensors.iter().map(|sensor| sensor.bias.value).collect(),
             periods: (0..sensors.len()).map(|sensor| start::period(runs, sensor)).collect(),
             told: Vec::new(),
+            wanted: false,
         };
         problem.know();
-        problem.sort(false);
+        // Where nothing is sought the first pass over the readings may be all there is to do.
+        let given = problem.sought.is_empty() && options.jerk.is_some();
+        problem.sort(given && sensors.iter().all(|sensor| sensor.noise.is_some()));
         problem.told = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
         if !problem.told.contains(&true) {
             return Err(SignalError::NotFused {
@@ -141,6 +150,7 @@ impl<'a> Problem<'a> {
     }
 
     fn sort(&mut self, wanted: bool) {
+        self.wanted = wanted;
         for (events, run) in self.events.iter_mut().zip(self.runs) {
             events.sort(run, &self.known, wanted);
         }
@@ -195,9 +205,17 @@ impl<'a> Problem<'a> {
             slopes: empty(&|sensor| self.sought.contains(&Sought::Delay(sensor))),
             shares: vec![Share::default(); records.len()],
             squares: 0.0,
+            told: None,
         };
+        let mut told = self.wanted.then(|| self.untold(run));
         pass.squares = self.smoother(run, None).smooth(|at, state| {
+            if let Some(told) = &mut told {
+                self.tell(run, at, state, told);
+            }
             let event = seen.events.order[at];
+            if event.sensor == WANTED {
+                return;
+            }
             let (sensor, row) = (usize::from(event.sensor), event.row as usize);
             let left = seen.left(sensor, row, &state.mean);
             pass.left[sensor][row] = left;
@@ -215,7 +233,30 @@ impl<'a> Problem<'a> {
                 share.redundancy += (1.0 - taken) * own;
             }
         });
+        pass.told = told;
         pass
+    }
+
+    /// No states yet, nor pairs.
+    fn untold(&self, run: usize) -> (JointStates, Pairs) {
+        (self.unknown(&self.runs[run]), Pairs::new(self.periods.clone()))
+    }
+
+    /// Takes the state of an event.
+    #[inline]
+    fn tell(&self, run: usize, at: usize, state: &Posterior<STATES>, (states, pairs): &mut (JointStates, Pairs)) {
+        let seen = self.seen(run, None);
+        let event = seen.events.order[at];
+        if event.sensor == WANTED {
+            for k in 0..STATES {
+                states.derivatives[k][event.row as usize] = state.mean[k];
+                states.deviations[k][event.row as usize] = state.covariance[k][k];
+            }
+        } else if self.variances.len() > 1
+            && let Some((sensor, row, _)) = seen.reading(at)
+        {
+            pairs.add(&seen, [sensor, row], seen.left(sensor, row, &state.mean), state);
+        }
     }
 
     /// How the readings of a run depend on a constant, sensor by sensor.
@@ -388,20 +429,30 @@ impl<'a> Problem<'a> {
             });
         }
         self.is_rarely_used()?;
-        let passes = last.map_or_else(|| self.passes(), Ok)?;
+        let mut passes = last.map_or_else(|| self.passes(), Ok)?;
         let covariance = match self.sought.is_empty() {
             true => DMatrix::zeros(0, 0),
             false => self.border(&passes)?.1,
         };
-        self.sort(true);
+        // Of a long record this is as much as all readings, and is not asked for any more.
+        passes.iter_mut().for_each(|pass| pass.left = Vec::new());
+        if !self.wanted {
+            self.sort(true);
+        }
         let told = self.told();
-        let found = self.each(told.len(), |at| self.states(told[at], &passes[at], &covariance));
+        let taken: Vec<Mutex<Option<_>>> = passes.iter_mut().map(|pass| Mutex::new(pass.told.take())).collect();
+        let found = self.each(told.len(), |at| {
+            let before = taken[at].lock().unwrap_or_else(PoisonError::into_inner).take();
+            self.states(told[at], &passes[at], before, &covariance)
+        });
         let mut pairs = Pairs::new(self.periods.clone());
-        let mut runs: Vec<JointStates> = self.runs.iter().map(|run| self.unknown(run)).collect();
+        let mut runs: Vec<Option<JointStates>> = vec![None; self.runs.len()];
         for (&run, (states, own)) in told.iter().zip(found) {
-            runs[run] = states;
+            runs[run] = Some(states);
             pairs.merge(&own);
         }
+        let or_unknown = |(found, run): (Option<JointStates>, _)| found.unwrap_or_else(|| self.unknown(run));
+        let runs = runs.into_iter().zip(self.runs).map(or_unknown).collect();
         let smoothed = self.smoothed();
         let sensors = (0..self.variances.len()).map(|at| self.estimate(at, &covariance)).collect();
         let jerk = (self.density * self.scale.density()).sqrt();
@@ -434,22 +485,19 @@ impl<'a> Problem<'a> {
         JointStates { derivatives: none(), deviations: none(), rejected: vec![Vec::new(); run.records.len()] }
     }
 
-    /// The states of a run at the instants that are wanted, and how its sensors err together.
-    fn states(&self, run: usize, pass: &Pass, covariance: &DMatrix<f64>) -> (JointStates, Pairs) {
+    /// The states of a run at the instants that are wanted, and how its sensors err together, from what a pass told of both where there was one.
+    fn states(
+        &self,
+        run: usize,
+        pass: &Pass,
+        told: Option<(JointStates, Pairs)>,
+        covariance: &DMatrix<f64>,
+    ) -> (JointStates, Pairs) {
         checkpoint();
-        let (seen, mut states) = (self.seen(run, None), self.unknown(&self.runs[run]));
-        let (mut pairs, compares) = (Pairs::new(self.periods.clone()), self.variances.len() > 1);
-        self.smoother(run, None).smooth(|at, state| {
-            let event = seen.events.order[at];
-            let row = event.row as usize;
-            if event.sensor == WANTED {
-                for k in 0..STATES {
-                    states.derivatives[k][row] = state.mean[k];
-                    states.deviations[k][row] = state.covariance[k][k];
-                }
-            } else if compares && let Some((sensor, row, _)) = seen.reading(at) {
-                pairs.add(&seen, [sensor, row], seen.left(sensor, row, &state.mean), state);
-            }
+        let (mut states, pairs) = told.unwrap_or_else(|| {
+            let mut told = self.untold(run);
+            self.smoother(run, None).smooth(|at, state| self.tell(run, at, state, &mut told));
+            told
         });
         self.add_border(run, pass, covariance, &mut states);
         for k in 0..STATES {
@@ -457,7 +505,7 @@ impl<'a> Problem<'a> {
             states.derivatives[k].iter_mut().for_each(|value| *value = *value * unit + centre);
             states.deviations[k].iter_mut().for_each(|variance| *variance = variance.sqrt() * unit);
         }
-        for (sensor, weights) in seen.events.weights.iter().enumerate() {
+        for (sensor, weights) in self.events[run].weights.iter().enumerate() {
             states.rejected[sensor] = (0..weights.len()).filter(|&row| weights[row] == 0.0).collect();
         }
         (states, pairs)
