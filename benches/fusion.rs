@@ -19,7 +19,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use fleetfoot_benches::{best_of, cpu_seconds, fma_rate, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_benches::{best_of, cpu_of, cpu_seconds, fma_rate, peak_rss_mib, peer, read_f64, write_f64};
 use fleetfoot_data::{mix, with_threads};
 use fleetfoot_signal::{
     Loss,
@@ -317,10 +317,14 @@ fn beside_gtsam(folder: &Path) -> Result<(), Box<dyn Error>> {
         gate: 0.0,
         ..FuseOptions::default()
     };
-    let (seconds, fused) = with_threads(1, || best_of(3, || fuse(&[body.run()], &options)));
+    let run = || fuse(&[body.run()], &options);
+    let ((seconds, fused), processor) = with_threads(1, || (best_of(3, run), cpu_of(run)));
     let fused = fused?;
     println!("\na body of {SECONDS} s, {} poses", fused.tracks[0].states.len());
-    println!("fleetfoot          {seconds:>9.3} s  {} steps, deviations included", fused.steps);
+    println!(
+        "fleetfoot          {seconds:>9.3} s, {processor:.3} s of the processor; {} steps, deviations included",
+        fused.steps
+    );
     for (name, values) in [("rates", &body.rates), ("forces", &body.forces), ("positions", &body.positions)] {
         write_f64(&folder.join(format!("{name}.f64")), &values.concat())?;
     }
@@ -344,12 +348,13 @@ fn beside_gtsam(folder: &Path) -> Result<(), Box<dyn Error>> {
     match peer("fusion.py", &[folder, Path::new("gtsam")]) {
         Err(reason) => println!("gtsam              absent: {reason}"),
         Ok(answer) => {
-            let theirs = answer["seconds"].as_f64().unwrap_or(f64::NAN);
+            let [theirs, used] = ["seconds", "processor"].map(|of| answer[of].as_f64().unwrap_or(f64::NAN));
             let apart = apart(&fused, &read_f64(&folder.join("found.f64"))?);
             println!(
-                "gtsam {:<12} {theirs:>9.3} s  {} steps, {:.1} times ours",
+                "gtsam {:<12} {theirs:>9.3} s, {used:.3} s of the processor; {} steps, {:.1} times ours, {:.1} by the clock",
                 answer["version"].as_str().unwrap_or_default(),
                 answer["steps"],
+                used / processor,
                 theirs / seconds
             );
             println!(
@@ -379,16 +384,16 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
         let record = JointRecord { times: &times, values: &values };
         fuse_joint(&[JointRun { records: vec![record], at: &times }], &options)
     };
-    let (seconds, fused) = with_threads(1, || best_of(3, run));
+    let ((seconds, fused), processor) = with_threads(1, || (best_of(3, run), cpu_of(run)));
     let fused: FusedJoint = fused?;
     println!("\na joint of {} readings, noise and jerk given", times.len());
-    println!("fleetfoot          {seconds:>9.4} s  passes and the states: {}", fused.rounds + 1);
+    println!("fleetfoot          {seconds:>9.4} s, {processor:.4} s of the processor; passes: {}", fused.rounds);
     write_f64(&folder.join("values.f64"), &values)?;
     write_f64(&folder.join("noise.f64"), &[1e-3, noise, jerk])?;
     match peer("fusion.py", &[folder, Path::new("filterpy")]) {
         Err(reason) => println!("filterpy           absent: {reason}"),
         Ok(answer) => {
-            let theirs = answer["seconds"].as_f64().unwrap_or(f64::NAN);
+            let [theirs, used] = ["seconds", "processor"].map(|of| answer[of].as_f64().unwrap_or(f64::NAN));
             let found = read_f64(&folder.join("found.f64"))?;
             let states = &fused.runs[0];
             let off = |(row, theirs): (usize, &[f64])| {
@@ -400,8 +405,9 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
             };
             let apart = found.chunks_exact(6).enumerate().map(off).fold(0.0, f64::max);
             println!(
-                "filterpy {:<9} {theirs:>9.4} s  {:.0} times ours, {apart:.1e} deviations apart at most",
+                "filterpy {:<9} {theirs:>9.4} s, {used:.4} s of the processor; {:.0} times ours, {:.0} by the clock; {apart:.1e} deviations apart at most",
                 answer["version"].as_str().unwrap_or_default(),
+                used / processor,
                 theirs / seconds
             );
             // Its start is a prior of deviations of 10, 100 and 1000.

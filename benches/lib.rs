@@ -62,6 +62,22 @@ pub fn peak_rss_mib() -> f64 {
     line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok()).map_or(f64::NAN, |kib| kib / 1024.0)
 }
 
+/// Runs `work` for a second at least; CPU seconds that a run takes of this thread, on the average. NaN where the system does not tell.
+///
+/// The system counts by the tick of its scheduler, some milliseconds: over so many runs that is nothing. Other tenants of the machine count little here, and much by the clock.
+pub fn cpu_of<R>(mut work: impl FnMut() -> R) -> f64 {
+    let used = || {
+        let status = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+        status.split_whitespace().next().and_then(|field| field.parse::<f64>().ok()).map_or(f64::NAN, |ns| 1e-9 * ns)
+    };
+    let (start, before, mut runs) = (Instant::now(), used(), 0);
+    while runs == 0 || start.elapsed().as_secs_f64() < 1.0 {
+        black_box(work());
+        runs += 1;
+    }
+    (used() - before) / f64::from(runs)
+}
+
 /// CPU seconds of all threads of this process so far, in hundredths. NaN where the system does not tell.
 pub fn cpu_seconds() -> f64 {
     let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();

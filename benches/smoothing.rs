@@ -2,12 +2,16 @@
 //!
 //! Irregular stamps, a motion with noise. One core. Values and slopes at all stamps are compared at the same penalty, values at the two chosen ones.
 //!
+//! Limits. The filter of a cubic spline takes some 45 operations a row, each row after the one before: a division and ten dependent sums and products, about 45 cycles, are the least that a row takes on the way out. The way back takes some
+//! 120, of which 70 depend on no other row and go by the register; 150 bytes a row are read and written. A score of cross-validation takes some 86 operations a row, of registers that hold a number of eight penalties: 24 penalties of a grid and 8 a
+//! round after it, one to three rounds. What is printed is how many times as long as so many operations at the rate of a core's registers that takes; likelihood takes about 30.
+//!
 //! Bias: ours hands out standard deviations of values and slopes with them, which the peer does not compute. The peer's cross-validation takes minutes at 100,000 rows and is timed at 20,000, ours at both.
 //! The peer bounds its search by its own tolerance; the scores are flat there, and penalties may differ by percents.
 
 use std::{error::Error, path::Path};
 
-use fleetfoot_benches::{best_of, peak_rss_mib, peer, read_f64, write_f64};
+use fleetfoot_benches::{best_of, cpu_of, fma_rate, peak_rss_mib, peer, read_f64, write_f64};
 use fleetfoot_data::with_threads;
 use fleetfoot_signal::{Lambda, Smoothed, Spline, smooth};
 use rand::{RngExt, SeedableRng};
@@ -32,20 +36,21 @@ fn record(rows: usize) -> Record {
     Record { times, values }
 }
 
-fn timed(record: &Record, spline: Spline, lambda: Lambda) -> Result<(f64, Smoothed), Box<dyn Error>> {
+/// Seconds by the clock and of the processor.
+fn timed(record: &Record, spline: Spline, lambda: Lambda) -> Result<([f64; 2], Smoothed), Box<dyn Error>> {
     let run = || smooth(&record.times, &record.values, None, spline, lambda);
-    let (seconds, smoothed) = with_threads(1, || best_of(REPEATS, run));
-    Ok((seconds, smoothed?))
+    let ((seconds, smoothed), processor) = with_threads(1, || (best_of(REPEATS, run), cpu_of(run)));
+    Ok(([seconds, processor], smoothed?))
 }
 
-/// The peer's version, its seconds, and its values with slopes.
-fn theirs(record: &Record, lambda: Option<f64>, folder: &Path) -> Result<(String, f64, Vec<f64>), String> {
+/// The peer's version, its seconds by the clock and of the processor, and its values with slopes.
+fn theirs(record: &Record, lambda: Option<f64>, folder: &Path) -> Result<(String, [f64; 2], Vec<f64>), String> {
     let write = |name: &str, values: &[f64]| write_f64(&folder.join(name), values).map_err(|error| error.to_string());
     write("times.f64", &record.times)?;
     write("values.f64", &record.values)?;
     let asked = lambda.map_or_else(|| "gcv".to_owned(), |lambda| lambda.to_string());
     let answer = peer("smoothing.py", &[folder, Path::new(&asked)])?;
-    let seconds = answer["seconds"].as_f64().unwrap_or(f64::NAN);
+    let seconds = ["seconds", "processor"].map(|of| answer[of].as_f64().unwrap_or(f64::NAN));
     let found = read_f64(&folder.join("found.f64")).map_err(|error| error.to_string())?;
     Ok((answer["version"].as_str().unwrap_or_default().to_owned(), seconds, found))
 }
@@ -56,18 +61,35 @@ fn apart(own: &[f64], other: &[f64]) -> f64 {
     own.iter().zip(other).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max)
 }
 
+/// A line of what a task took, and how many times as long as so many operations at the rate of a core's registers.
+fn told(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usize) {
+    let limit = fma_rate().map_or(f64::NAN, |rate| processor * rate / (operations * rows) as f64);
+    println!(
+        "{name:<24} {seconds:>8.4} s, {processor:>8.4} s of the processor: {:.0} ns a row, {limit:.1} times its operations",
+        1e9 * processor / rows as f64
+    );
+}
+
+fn beside(name: &str, [seconds, processor]: [f64; 2], own: [f64; 2], apart: f64) {
+    println!(
+        "{name:<24} {seconds:>8.4} s, {processor:>8.4} s of the processor: {:.0} times ours, {:.0} by the clock; {apart:.1e} apart",
+        processor / own[1],
+        seconds / own[0]
+    );
+}
+
 fn given(record: &Record, folder: &Path) -> Result<(), Box<dyn Error>> {
     let (seconds, own) = timed(record, Spline::Cubic, Lambda::Given(LAMBDA))?;
     println!("\nlambda given, {ROWS} rows: values and slopes; ours with their deviations");
-    println!("fleetfoot cubic    {seconds:>9.4} s  {:>6.0} ns a row", 1e9 * seconds / ROWS as f64);
+    told("fleetfoot cubic", seconds, ROWS, 165);
     let (quintic, _) = timed(record, Spline::Quintic, Lambda::Given(LAMBDA))?;
-    println!("fleetfoot quintic  {quintic:>9.4} s  {:>6.0} ns a row", 1e9 * quintic / ROWS as f64);
+    told("fleetfoot quintic", quintic, ROWS, 600);
     match theirs(record, Some(LAMBDA), folder) {
         Err(reason) => println!("scipy              absent: {reason}"),
         Ok((version, theirs, found)) => {
             let (values, slopes) = found.split_at(ROWS);
             let apart = apart(&own.derivatives[0], values).max(apart(&own.derivatives[1], slopes));
-            println!("scipy {version:<12} {theirs:>9.4} s  {:.0} times ours, {apart:.1e} apart", theirs / seconds);
+            beside(&format!("scipy {version}"), theirs, seconds, apart);
             if apart > 1e-8 {
                 return Err("the spline is not that of scipy".into());
             }
@@ -78,20 +100,20 @@ fn given(record: &Record, folder: &Path) -> Result<(), Box<dyn Error>> {
 
 fn chosen(all: &Record, fewer: &Record, folder: &Path) -> Result<(), Box<dyn Error>> {
     println!("\nlambda chosen");
-    for (rule, lambda) in [("likelihood", Lambda::Likelihood), ("gcv", Lambda::Gcv)] {
+    // Twenty-four penalties of a grid and eight of each of two rounds.
+    for (rule, lambda, operations) in [("likelihood", Lambda::Likelihood, 40 * 30), ("gcv", Lambda::Gcv, 40 * 86)] {
         let (seconds, own) = timed(all, Spline::Cubic, lambda)?;
-        println!("fleetfoot {rule:<11} {ROWS:>7} rows {seconds:>9.4} s  noise {:.5}, 0.1 is true", own.noise);
+        println!("{ROWS} rows, {rule}: noise {:.5}, 0.1 is true", own.noise);
+        told(&format!("fleetfoot {rule}"), seconds, ROWS, operations);
     }
     let (seconds, own) = timed(fewer, Spline::Cubic, Lambda::Gcv)?;
-    println!("fleetfoot gcv         {FEWER:>7} rows {seconds:>9.4} s");
+    println!("{FEWER} rows");
+    told("fleetfoot gcv", seconds, FEWER, 40 * 86);
     match theirs(fewer, None, folder) {
         Err(reason) => println!("scipy                 absent: {reason}"),
         Ok((version, theirs, found)) => {
             let apart = apart(&own.derivatives[0], &found[..FEWER]);
-            println!(
-                "scipy {version} gcv    {FEWER:>7} rows {theirs:>9.4} s  {:.0} times ours, {apart:.1e} apart",
-                theirs / seconds
-            );
+            beside(&format!("scipy {version} gcv"), theirs, seconds, apart);
         }
     }
     Ok(())

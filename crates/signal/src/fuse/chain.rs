@@ -96,47 +96,63 @@ impl WithSimd for Reduction<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> usize {
         let Self { rows, columns, mut first, width } = self;
+        let mut places = vec![0; rows.len()];
         for c in columns {
-            let Some(pivot) = pivot(&rows[first.min(rows.len())..], c) else { return first };
-            if rows[first + pivot][c] == 0.0 {
+            if first >= rows.len() {
+                return first;
+            }
+            // The rows that have an entry, counted from the first, and the greatest: the first of equals.
+            let (mut count, mut pivot, mut size) = (0, 0, 0.0);
+            for (at, row) in rows[first..].iter().enumerate() {
+                let entry = row[c].abs();
+                places[count] = at;
+                count += usize::from(entry != 0.0);
+                if entry > size {
+                    (pivot, size) = (at, entry);
+                }
+            }
+            if count == 0 {
                 continue;
             }
             // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of eight columns: what lies before is zero already.
             let from = c.min(RIGHT) / LANES;
             let (done, below) = rows.split_at_mut(first + 1);
             let head = &mut done[first];
+            let mut own = &mut places[..count];
+            if own[0] == 0 {
+                own = &mut own[1..];
+            } else if let Some(at) = own.iter().position(|&at| at == pivot) {
+                // There the row without an entry goes.
+                own.copy_within(at + 1.., at);
+                own = &mut own[..count - 1];
+            }
             if pivot > 0 {
                 head[from * LANES..width].swap_with_slice(&mut below[pivot - 1][from * LANES..width]);
             }
             first += 1;
             match width / LANES - from {
-                1 => reflect::<S, 1>(simd, head, below, c, from),
-                2 => reflect::<S, 2>(simd, head, below, c, from),
-                3 => reflect::<S, 3>(simd, head, below, c, from),
-                4 => reflect::<S, 4>(simd, head, below, c, from),
-                _ => reflect::<S, 5>(simd, head, below, c, from),
+                1 => reflect::<S, 1>(simd, head, below, own, c, from),
+                2 => reflect::<S, 2>(simd, head, below, own, c, from),
+                3 => reflect::<S, 3>(simd, head, below, own, c, from),
+                4 => reflect::<S, 4>(simd, head, below, own, c, from),
+                _ => reflect::<S, 5>(simd, head, below, own, c, from),
             }
         }
         first
     }
 }
 
-/// The row with the greatest entry in a column, the first of equals.
+/// Reflects a row and those below it at these places, one more than where they are, in the last N times [`LANES`] columns, so that this column is zero in the latter. Products are not fused with sums: on every machine the bits are the same.
 #[inline(always)]
-fn pivot(rows: &[Row], c: usize) -> Option<usize> {
-    let mut best = (0, rows.first()?[c].abs());
-    for (at, row) in rows.iter().enumerate().skip(1) {
-        if row[c].abs() > best.1 {
-            best = (at, row[c].abs());
-        }
-    }
-    Some(best.0)
-}
-
-/// Reflects a row and those below it in the last N times [`LANES`] columns, so that this column is zero in the latter. Products are not fused with sums: on every machine the bits are the same.
-#[inline(always)]
-fn reflect<S: Simd, const N: usize>(simd: S, head: &mut Row, below: &mut [Row], c: usize, from: usize) {
-    let tail: f64 = below.iter().map(|row| row[c] * row[c]).sum();
+fn reflect<S: Simd, const N: usize>(
+    simd: S,
+    head: &mut Row,
+    below: &mut [Row],
+    places: &[usize],
+    c: usize,
+    from: usize,
+) {
+    let tail: f64 = places.iter().map(|at| below[at - 1][c] * below[at - 1][c]).sum();
     if tail == 0.0 {
         return;
     }
@@ -145,12 +161,13 @@ fn reflect<S: Simd, const N: usize>(simd: S, head: &mut Row, below: &mut [Row], 
     let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
     let mut dots = Columns::<S, N>::zero(simd);
     dots.add(own, head, from);
-    for row in below.iter().filter(|row| row[c] != 0.0) {
-        dots.add(row[c], row, from);
+    for at in places {
+        dots.add(below[at - 1][c], &below[at - 1], from);
     }
     dots.scale(-beta);
     dots.add_to(own, head, from);
-    for row in below.iter_mut().filter(|row| row[c] != 0.0) {
+    for at in places {
+        let row = &mut below[at - 1];
         dots.add_to(row[c], row, from);
         row[c] = 0.0;
     }

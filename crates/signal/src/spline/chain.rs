@@ -91,7 +91,7 @@ impl<const M: usize, T: Number> Step<M, T> {
         let mut next = *state;
         for i in 0..M {
             for j in i + 1..M {
-                next[i] = next[i] + state[j].by(self.powers[j - i]);
+                next[i] = state[j].fused_by(self.powers[j - i], next[i]);
             }
         }
         next
@@ -117,7 +117,7 @@ impl<const M: usize, T: Number> Step<M, T> {
         for i in 0..M {
             for k in i + 1..M {
                 for j in 0..M {
-                    product[i][j] = product[i][j] + a[k][j].by(self.powers[k - i]);
+                    product[i][j] = a[k][j].fused_by(self.powers[k - i], product[i][j]);
                 }
             }
         }

@@ -85,10 +85,10 @@ impl<const M: usize, T: Number> Row<M, T> {
     fn dot(&self, other: &Self, noises: usize) -> T {
         let (mut sum, mut noise) = (self.own[0] * other.own[0], self.noise[0] * other.noise[0]);
         for j in 1..M {
-            sum = sum + self.own[j] * other.own[j];
+            sum = self.own[j].fused(other.own[j], sum);
         }
         for j in 1..noises {
-            noise = noise + self.noise[j] * other.noise[j];
+            noise = self.noise[j].fused(other.noise[j], noise);
         }
         sum + noise
     }
@@ -166,17 +166,18 @@ impl<T: Number> Two<T> {
         let u = l.by(h);
         let p = u.plus(1.0);
         let (ap, al) = (a * p, a * l);
-        let first = ap * p + d.by(square);
-        let crossed = ap * l + d.by(h);
+        let first = ap.fused(p, d.by(square));
+        let crossed = ap.fused(l, d.by(h));
         let middle = u.times(0.5).plus(1.0);
-        let grown = a * (middle * middle + (u * u).times(1.0 / 12.0)) + d.by(square.times(1.0 / 3.0));
+        let turned = middle.fused(middle, (u * u).times(1.0 / 12.0));
+        let grown = q.fused_by(square.times(1.0 / 12.0), a.fused(turned, d.by(square.times(1.0 / 3.0))));
         let own = a * d;
-        let whole = own + q * (grown + q.by(square.times(1.0 / 12.0)));
+        let whole = q.fused(grown, own);
         Self {
-            a: [[first, crossed], [crossed, al * l + d]],
+            a: [[first, crossed], [crossed, al.fused(l, d)]],
             determinants: [own, whole],
             first: [p, l],
-            column: [first + q.by(square.times(1.0 / 3.0)), crossed + q.by(h.times(0.5))],
+            column: [q.fused_by(square.times(1.0 / 3.0), first), q.fused_by(h.times(0.5), crossed)],
         }
     }
 }
@@ -307,7 +308,7 @@ impl<const M: usize, T: Number> Belief<M, T> {
         let moved = share * innovation.error;
         self.mean[0] = self.mean[0] + moved;
         for i in 1..M {
-            self.mean[i] = self.mean[i] + self.factor[i][0] * moved;
+            self.mean[i] = self.factor[i][0].fused(moved, self.mean[i]);
         }
         self.factor[0][0] = share * variance;
         innovation

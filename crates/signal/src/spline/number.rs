@@ -26,6 +26,18 @@ pub(crate) trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Ou
 
     /// One over it.
     fn inverse(self) -> Self;
+
+    /// Times a number, plus another: rounded once where many stand side by side, on every machine.
+    #[inline(always)]
+    fn fused(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
+
+    /// The same with what is known of a step.
+    #[inline(always)]
+    fn fused_by(self, shared: Self::Shared, term: Self) -> Self {
+        self.by(shared) + term
+    }
 }
 
 impl Number for f64 {
@@ -62,7 +74,7 @@ impl Number for f64 {
     }
 }
 
-/// As many numbers as a register holds. Products and sums are rounded one by one, as those of single numbers are: on every machine the bits are the same.
+/// As many numbers as a register holds. What is fused is rounded once on every machine, so that on all of them the bits are the same.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lanes<S: Simd> {
     simd: S,
@@ -144,6 +156,16 @@ impl<S: Simd> Mul for Lanes<S> {
 
 impl<S: Simd> Number for Lanes<S> {
     type Shared = f64;
+
+    #[inline(always)]
+    fn fused(self, factor: Self, term: Self) -> Self {
+        Self { values: self.simd.mul_add_f64s(self.values, factor.values, term.values), ..self }
+    }
+
+    #[inline(always)]
+    fn fused_by(self, shared: f64, term: Self) -> Self {
+        self.fused(self.like(shared), term)
+    }
 
     #[inline(always)]
     fn of(self, shared: f64) -> Self {
@@ -271,12 +293,23 @@ impl<T: Number> Mul for Sloped<T> {
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Self { value: self.value * other.value, slope: self.value * other.slope + self.slope * other.value }
+        Self { value: self.value * other.value, slope: self.value.fused(other.slope, self.slope * other.value) }
     }
 }
 
 impl<T: Number> Number for Sloped<T> {
     type Shared = T::Shared;
+
+    #[inline(always)]
+    fn fused(self, factor: Self, term: Self) -> Self {
+        let slope = self.slope.fused(factor.value, term.slope);
+        Self { value: self.value.fused(factor.value, term.value), slope: self.value.fused(factor.slope, slope) }
+    }
+
+    #[inline(always)]
+    fn fused_by(self, shared: T::Shared, term: Self) -> Self {
+        Self { value: self.value.fused_by(shared, term.value), slope: self.slope.fused_by(shared, term.slope) }
+    }
 
     #[inline(always)]
     fn of(self, shared: T::Shared) -> Self {

@@ -167,7 +167,7 @@ impl<T: Number> Sums<Sloped<T>> for RestSums<T> {
     #[inline(always)]
     fn add(&mut self, innovation: Innovation<Sloped<T>>) {
         self.squares = self.squares + innovation.square();
-        self.freedom = self.freedom + innovation.variance.slope * innovation.weight.value;
+        self.freedom = innovation.variance.slope.fused(innovation.weight.value, self.freedom);
     }
 }
 
