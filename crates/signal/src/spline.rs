@@ -15,6 +15,7 @@
 pub(crate) mod chain;
 pub(crate) mod filter;
 pub(crate) mod head;
+mod link;
 mod number;
 mod scores;
 pub(crate) mod smoother;

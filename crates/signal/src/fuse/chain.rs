@@ -55,8 +55,8 @@ struct Squares {
 pub(super) struct Eliminated {
     /// The carried rows at every 1024th node.
     kept: Vec<Vec<Row>>,
-    /// What is left of every node, where that is kept.
-    heads: Vec<Head>,
+    /// What is left of every node, where that is kept: [`STATE`] rows each.
+    heads: Vec<Row>,
     /// What is left on theta.
     pub(super) border: Vec<Row>,
     /// Squares of the columns of theta before elimination.
@@ -274,14 +274,14 @@ impl Chain<'_> {
     /// Eliminates all nodes.
     pub(super) fn eliminated(&self) -> Result<Eliminated, Undetermined> {
         let (mut kept, mut rows, mut squares) = (Vec::new(), Vec::new(), Squares::default());
-        let mut heads = Vec::with_capacity(if self.keeps_all { self.nodes } else { 0 });
+        let mut heads = Vec::with_capacity(if self.keeps_all { STATE * self.nodes } else { 0 });
         for node in 0..self.nodes {
             if node % KEPT == 0 {
                 kept.push(rows.clone());
             }
             let left = self.eliminate(node, &mut rows, &mut squares)?;
             if self.keeps_all {
-                heads.push(Head::new(&rows));
+                heads.extend_from_slice(&rows[..STATE]);
             }
             carry(&mut rows, left);
         }
@@ -297,8 +297,8 @@ impl Chain<'_> {
         each: &mut dyn FnMut(usize, &StateError, Option<&Joint>),
     ) -> Result<(), Undetermined> {
         let mut next: Option<(StateError, Option<Joint>)> = None;
-        let mut visit = |first: usize, heads: &[Head]| {
-            for (at, head) in heads.iter().enumerate().rev() {
+        let mut visit = |first: usize, heads: &[Row]| {
+            for (at, head) in heads.chunks_exact(STATE).map(Head).enumerate().rev() {
                 let error = head.error(next.as_ref().map(|(error, _)| error), theta);
                 let joint = covariance.map(|own| head.joint(next.as_ref().and_then(|(_, joint)| joint.as_ref()), own));
                 each(first + at, &error, joint.as_ref());
@@ -309,14 +309,14 @@ impl Chain<'_> {
             visit(0, &eliminated.heads);
             return Ok(());
         }
-        let mut heads = Vec::with_capacity(KEPT);
+        let mut heads = Vec::with_capacity(STATE * KEPT);
         for (at, start) in eliminated.kept.iter().enumerate().rev() {
             let first = at * KEPT;
             let (mut rows, mut squares) = (start.clone(), Squares::default());
             heads.clear();
             for node in first..(first + KEPT).min(self.nodes) {
                 let left = self.eliminate(node, &mut rows, &mut squares)?;
-                heads.push(Head::new(&rows));
+                heads.extend_from_slice(&rows[..STATE]);
                 carry(&mut rows, left);
             }
             visit(first, &heads);
@@ -336,15 +336,9 @@ fn damp(rows: &mut Vec<Row>, columns: std::ops::Range<usize>, damping: f64) {
 }
 
 /// R x + U x_next + V theta = z, as the rows have it.
-struct Head([Row; STATE]);
+struct Head<'a>(&'a [Row]);
 
-impl Head {
-    fn new(rows: &[Row]) -> Self {
-        let mut own = Self([[0.0; WIDTH]; STATE]);
-        own.0.copy_from_slice(&rows[..STATE]);
-        own
-    }
-
+impl Head<'_> {
     fn error(&self, next: Option<&StateError>, theta: &BorderError) -> StateError {
         let dot = |row: &[f64], of: &[f64]| row.iter().zip(of).map(|(slope, error)| slope * error).sum::<f64>();
         let mut x = [0.0; STATE];
@@ -359,12 +353,12 @@ impl Head {
 
     /// x = A x_next + B theta + C e, e of variance one and independent of all that comes later.
     fn joint(&self, next: Option<&Joint>, theta: &SMatrix<f64, BORDER, BORDER>) -> Joint {
-        Arch::new().dispatch(Spread { head: self, next, theta })
+        Arch::new().dispatch(Spread { head: self.0, next, theta })
     }
 }
 
 struct Spread<'a> {
-    head: &'a Head,
+    head: &'a [Row],
     next: Option<&'a Joint>,
     theta: &'a SMatrix<f64, BORDER, BORDER>,
 }
@@ -377,16 +371,16 @@ impl WithSimd for Spread<'_> {
         // R^-1 [U, z, V] in their own columns, and R^-1 in those of the node.
         let mut solved = [[0.0; WIDTH]; STATE];
         for i in (0..STATE).rev() {
-            let mut row = self.head.0[i];
+            let mut row = self.head[i];
             row[..STATE].fill(0.0);
             row[i] = 1.0;
             for k in i + 1..STATE {
-                let factor = self.head.0[i][k];
+                let factor = self.head[i][k];
                 for j in 0..WIDTH {
                     row[j] -= factor * solved[k][j];
                 }
             }
-            let inverse = 1.0 / self.head.0[i][i];
+            let inverse = 1.0 / self.head[i][i];
             for j in 0..WIDTH {
                 row[j] *= inverse;
             }

@@ -108,16 +108,20 @@ impl Events {
             .chain([(WANTED, at, 0.0)])
             .collect();
         let mut next = vec![0_usize; lists.len()];
+        // Past its end a list waits for ever.
+        let instant = |list: usize, at: usize| lists[list].1.get(at).map_or(f64::INFINITY, |time| time - lists[list].2);
+        let mut first: Vec<f64> = (0..lists.len()).map(|list| instant(list, 0)).collect();
         self.order.clear();
         self.order.reserve_exact(lists.iter().map(|(_, times, _)| times.len()).sum());
         loop {
-            let instant = |list: usize| Some(lists[list].1.get(next[list])? - lists[list].2);
-            let first = (0..lists.len())
-                .filter_map(|list| Some((list, instant(list)?)))
-                .reduce(|best, own| if own.1 < best.1 { own } else { best });
-            let Some((list, _)) = first else { return };
+            let earlier = |best: usize, own: usize| if first[own] < first[best] { own } else { best };
+            let Some(list) = (0..lists.len()).reduce(earlier) else { return };
+            if first[list].is_infinite() {
+                return;
+            }
             self.order.push(Event { sensor: lists[list].0, row: next[list] as u32 });
             next[list] += 1;
+            first[list] = instant(list, next[list]);
         }
     }
 }
@@ -135,6 +139,7 @@ pub(super) struct Seen<'a> {
 
 impl Seen<'_> {
     /// Seconds of the run's clock.
+    #[inline]
     fn instant(&self, at: usize) -> f64 {
         let Event { sensor, row } = self.events.order[at];
         let (time, late) = match sensor {
@@ -145,6 +150,7 @@ impl Seen<'_> {
     }
 
     /// The sensor of a reading that counts, its row, and the variance of its error.
+    #[inline]
     pub(super) fn reading(&self, at: usize) -> Option<(usize, usize, f64)> {
         let Event { sensor, row } = self.events.order[at];
         if sensor == WANTED {
@@ -156,6 +162,7 @@ impl Seen<'_> {
     }
 
     /// The variance of a reading whose weight is one.
+    #[inline]
     pub(super) fn variance(&self, sensor: usize, row: usize) -> f64 {
         let known = &self.known[sensor];
         let shared = self.events.shared[sensor].get(row).map_or(0.0, |&count| f64::from(count));
@@ -163,6 +170,7 @@ impl Seen<'_> {
     }
 
     /// What is to be explained of a reading.
+    #[inline]
     pub(super) fn value(&self, sensor: usize, row: usize) -> f64 {
         match self.column {
             None => {
@@ -174,6 +182,7 @@ impl Seen<'_> {
     }
 
     /// What a state leaves of a reading.
+    #[inline]
     pub(super) fn left(&self, sensor: usize, row: usize, mean: &[f64; STATES]) -> f64 {
         let slopes = &self.known[sensor].slopes;
         self.value(sensor, row) - slopes.iter().zip(mean).map(|(slope, state)| slope * state).sum::<f64>()
@@ -185,10 +194,12 @@ impl Sequence<STATES> for Seen<'_> {
         self.events.order.len()
     }
 
+    #[inline]
     fn step_to(&self, at: usize) -> f64 {
         (self.instant(at) - self.instant(at - 1)).max(0.0) / self.scale.unit
     }
 
+    #[inline]
     fn learn(&self, at: usize, belief: &mut Belief<STATES>) -> Option<Innovation> {
         let (sensor, row, variance) = self.reading(at)?;
         let (value, known) = (self.value(sensor, row), &self.known[sensor]);

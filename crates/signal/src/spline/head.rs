@@ -6,7 +6,8 @@
 
 use super::{
     chain::{Matrix, Step, transposed},
-    filter::{Belief, Posterior, sandwich, squared},
+    filter::{Belief, Posterior},
+    link::{sandwich, squared},
 };
 
 /// The share of the greatest coefficient below which a direction of the state counts as unseen.

@@ -2,8 +2,9 @@
 
 use super::{
     chain::Chain,
-    filter::{Belief, Beliefs, Innovation, Links, PIECE, Posterior},
+    filter::{Belief, Innovation, Posterior},
     head::{Eliminated, Information},
+    link::{Beliefs, Links, PIECE},
 };
 
 /// Rows whose beliefs are held at a time, and rows between the beliefs that are kept on the way out: on the way back all stretches but the last are filtered once more, so that what is
@@ -156,7 +157,7 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
     }
 
     /// The belief of `row` from that of the row before, and what was measured beside what it expected.
-    #[inline]
+    #[inline(always)]
     fn advance(&self, belief: &Belief<M>, row: usize) -> (Belief<M>, Option<Innovation>) {
         let dt = self.rows.step_to(row);
         // Of one instant no step is made.
