@@ -5,8 +5,8 @@
 //! Newton over all states, its cost included; a pass over the readings of a joint) against the time recorded, and the peak of memory above the records, each in a process of its own, on one thread. A second process fuses the body on two
 //! threads, is killed once it has kept something, and goes on: its answer is that of the first to the last bit.
 //!
-//! Limits. A sweep eliminates 15 unknowns a pose from some 36 rows of 40 columns by reflectors, twice (forwards, and again between kept nodes on the way back): 64,000 multiply-adds and as many of 22,000 to carry what is left on; ten readings are summed
-//! a pose, with a covariance of 9 x 9, some 20,000. That is 0.2 million a pose and sweep, which this prints in the machine's rate of multiply-adds.
+//! Limits. A sweep eliminates 15 unknowns a pose from some 36 rows of 40 columns by reflectors, 42,000 multiply-adds, and carries on what is left, 22,000; of a long record it does so twice, forwards and again between kept nodes on the way back. The
+//! ten readings of a pose are summed three times, for the rows of both ways and for the cost, each with a covariance of 9 x 9: 60,000. That is 0.2 million a pose and sweep, and what this takes beside it at the rate of a core's registers is told.
 //!
 //! Peers, on one core: GTSAM's combined factors between the same poses, from the same begin, by Gauss and Newton's steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in deviations.
 //! Bias: GTSAM's time is of its optimisation alone, ours of everything, deviations included. filterpy works one matrix at a time in Python, which is what users of it get.
