@@ -152,20 +152,20 @@ def hexapod(fleetfoot, _data):
         for folder, options in (("train", ("--minutes", 62, "--runs", 37, "--seed", 1)), ("test", ("--minutes", 15, "--runs", 9, "--seed", 2))):
             words = [own.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "-o", folder]
             subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
-        fit = own.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "null,average,kmeans:10,50", "--folds", "10", "--keep-all")
+        fit = own.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "null,average,kmeans:10,50,refined:10,50,tree:6", "--folds", "10", "--keep-all")
         rows = [f"| model | {' | '.join(fit['targets'])} |", "|---" * (len(fit["targets"]) + 1) + "|"]
         for candidate in fit["candidates"]:
             rows.append(f"| {candidate['partition']} | {' | '.join(with_interval(own) for own in candidate['mae_over_null_intervals'])} |")
         rows += ["", f"{fit['rows']:,} rows in {fit['episodes']} runs; chosen: {chosen(fit)}. Free runs with the controller closing the loop, 1,000 starts in nine runs of another seed:", ""]
-        times = (1, 11, 40, 60, 100, 200)
-        rows += [f"| model | {' | '.join(f'{time} ms' for time in times)} | diverged |", "|---" * (len(times) + 2) + "|"]
-        baselines = {}
-        for name in ("average", "kmeans10", "kmeans50"):
-            rollout = own.run("rollout", f"model_{name}.json", "test", "--horizon", 200, "--starts", 1000, "--controller", "treadmill")
-            score = lambda scores: " | ".join(f"{scores['mahalanobis'][time - 1][0]:.3g}" for time in times)
-            rows.append(f"| {name} | {score(rollout['model'])} | {rollout['diverged']} |")
-            baselines = rollout["baselines"]
-        rows += [f"| {name} | {score(scores)} | - |" for name, scores in baselines.items()]
+        times = (1, 2, 11, 40, 60, 100, 200)
+        rows += [f"| model | numbers | {' | '.join(f'{time} ms' for time in times)} | diverged |", "|---" * (len(times) + 3) + "|"]
+        baselines, score = {}, lambda scores: " | ".join(f"{scores['mahalanobis'][time - 1][0]:.3g}" for time in times)
+        for name in ("average", "kmeans10", "kmeans50", "refined10", "refined50", "tree6"):
+            for outside in ("tell", "hold"):
+                rollout = own.run("rollout", f"model_{name}.json", "test", "--horizon", 200, "--starts", 1000, "--controller", "treadmill", "--outside", outside)
+                rows.append(f"| {name}{', held' if outside == 'hold' else ''} | {parameters(own.folder / f'model_{name}.json'):,} | {score(rollout['model'])} | {rollout['diverged']} |")
+                baselines = rollout["baselines"]
+        rows += [f"| {name} | - | {score(scores)} | - |" for name, scores in baselines.items()]
     return "\n".join(rows)
 
 
@@ -173,6 +173,7 @@ def parameters(file):
     """Fitted numbers of a model: constants and coefficients of all regions."""
     latents = json.loads(file.read_text())["model"]["latents"]
     return sum(len(latent["constants"]) + sum(map(len, latent["coefficients"])) for latent in latents)
+
 
 def horizons(rollout, steps):
     """Mahalanobis scores at some steps, the whole rollout's mean with its interval, and how many diverged."""

@@ -47,15 +47,18 @@ impl LogRows {
                 let block = view.read(at, first..episode.rows.min(first + CHUNK), Halo::default())?;
                 let log = dataset.origin(at);
                 if logs.last().is_none_or(|last| last.log != log) {
+                    // Vectors that grow by doubling hold twice what they are for.
+                    let own = view.episodes().iter().enumerate().skip(at).take_while(|(at, _)| dataset.origin(*at) == log);
+                    let rows = own.map(|(_, episode)| episode.rows).sum();
                     let name = episode.name.split_once('#').map_or(episode.name.as_str(), |(file, _)| file).to_owned();
                     logs.push(Self {
                         log: log.to_path_buf(),
                         name,
                         labels: episode.labels.clone(),
                         epoch: block.start,
-                        times: Vec::new(),
-                        vectors: vec![Vec::new(); layout.vectors],
-                        columns: vec![Vec::new(); columns],
+                        times: Vec::with_capacity(rows),
+                        vectors: (0..layout.vectors).map(|_| Vec::with_capacity(rows)).collect(),
+                        columns: (0..columns).map(|_| Vec::with_capacity(rows)).collect(),
                         missing: 0,
                     });
                 }
