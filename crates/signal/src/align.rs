@@ -195,7 +195,9 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     let (skew, curve) = pair.search();
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1)).unwrap_or(0);
     if curve[best].1.is_infinite() {
-        return Err(SignalError::NotAligned { problem: "the channels share fewer than 128 rows, or than half of what they can, at every lag" });
+        return Err(SignalError::NotAligned {
+            problem: "the channels share fewer than 128 rows, or than half of what they can, at every lag",
+        });
     }
     let start = ClockLine { at: pair.at, offset: curve[best].0, skew };
     if best == 0 || best + 1 == curve.len() {

@@ -48,7 +48,8 @@ impl LogRows {
                 let log = dataset.origin(at);
                 if logs.last().is_none_or(|last| last.log != log) {
                     // Vectors that grow by doubling hold twice what they are for.
-                    let own = view.episodes().iter().enumerate().skip(at).take_while(|(at, _)| dataset.origin(*at) == log);
+                    let own =
+                        view.episodes().iter().enumerate().skip(at).take_while(|(at, _)| dataset.origin(*at) == log);
                     let rows = own.map(|(_, episode)| episode.rows).sum();
                     let name = episode.name.split_once('#').map_or(episode.name.as_str(), |(file, _)| file).to_owned();
                     logs.push(Self {
