@@ -314,3 +314,28 @@ fn blanks_separate_columns_too() {
     }
     fit("broken.txt").fails(&["broken.txt:41", "`u`", "fast"]);
 }
+
+/// Simulations that run away say what bounds them; a bounded model's do not run away, and say nothing.
+#[test]
+fn what_runs_away_says_what_bounds_it() {
+    // Twelve runs that grow by a tenth a row, one after another with pauses; and a rest of which simulations begin.
+    let mut grown = String::from("t,x\n");
+    for run in 0..12 {
+        let start = if run % 2 == 0 { 0.01 } else { -0.012 };
+        for row in 0..30 {
+            writeln!(grown, "{},{}", 100.0 * f64::from(run) + 0.1 * f64::from(row), start * 1.1_f64.powi(row)).unwrap();
+        }
+    }
+    let rest: String =
+        (0..9000).map(|row| format!("{},{}\n", 0.1 * f64::from(row), 0.01 + 1e-6 * f64::from(row))).collect();
+    let folder = folder(&[("grown.csv", &grown), ("rest.csv", &format!("t,x\n{rest}"))]);
+    let path = folder.path();
+    let fit =
+        ["fit", "pwa", "grown.csv", "--states", "x", "--predict", "next", "--partition", "kmeans:2", "--max-gap", "1"];
+    for (more, bounded) in [(&[][..], false), (&["--stable"], true)] {
+        fleetfoot(path, &[&fit[..], more].concat()).ok();
+        let said = fleetfoot(path, &["rollout", "model.json", "rest.csv", "--horizon", "8500", "--starts", "20"]).ok();
+        assert_eq!(said.out.contains("; 0 diverged"), bounded, "{}", said.out);
+        assert_eq!(said.err.contains("`fit pwa --stable` bounds the maps"), !bounded, "{}", said.err);
+    }
+}
