@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt, ops::Range, path::PathBuf, str::FromStr};
 
-use crate::{Block, Column, Mark};
+use crate::{Block, Column, Error, Mark};
 
 /// One uninterrupted recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +31,18 @@ impl Episode {
     /// Seconds from the first to the last stamp.
     pub fn duration(&self) -> f64 {
         (self.end - self.start) as f64 * 1e-9
+    }
+
+    /// Refuses a range of rows that it does not have; for sources, which read no other.
+    ///
+    /// # Errors
+    /// A range that ends before it begins, or behind the last row.
+    pub fn check(&self, range: &Range<usize>) -> Result<(), Error> {
+        if range.start <= range.end && range.end <= self.rows {
+            return Ok(());
+        }
+        let (start, end) = (range.start, range.end);
+        Err(Error::OutOfRange { episode: self.name.clone(), start, end, rows: self.rows })
     }
 }
 

@@ -67,14 +67,7 @@ impl Source for MemorySource {
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
         let info = &self.episodes[episode];
-        if rows.start > rows.end || rows.end > info.rows {
-            return Err(Error::OutOfRange {
-                episode: info.name.clone(),
-                start: rows.start,
-                end: rows.end,
-                rows: info.rows,
-            });
-        }
+        info.check(&rows)?;
         let (time, values) = &self.data[episode];
         Ok(cut(time, values, rows, halo))
     }
@@ -118,6 +111,11 @@ mod tests {
         let block = source.read(1, 0..3, Halo { before: 5, after: 5 }).unwrap();
         assert_eq!((block.before, block.after), (0, 0));
         assert!(source.read(1, 2..4, Halo::default()).is_err());
+        let episode = &source.episodes()[1];
+        assert!(episode.check(&(0..3)).is_ok() && episode.check(&(3..3)).is_ok());
+        let backwards = Range { start: 2, end: 1 };
+        let said = episode.check(&backwards).unwrap_err().to_string();
+        assert_eq!(said, format!("rows 2..1 of episode {}, which has 3 rows", episode.name));
     }
 
     #[test]

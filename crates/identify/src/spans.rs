@@ -105,14 +105,7 @@ impl Source for Spans<'_> {
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
         let (inner, span) = &self.spans[episode];
         let info = &self.episodes[episode];
-        if rows.start > rows.end || rows.end > info.rows {
-            return Err(Error::OutOfRange {
-                episode: info.name.clone(),
-                start: rows.start,
-                end: rows.end,
-                rows: info.rows,
-            });
-        }
+        info.check(&rows)?;
         let before = halo.before.min(rows.start);
         let after = halo.after.min(info.rows - rows.end);
         let (from, to) = (rows.start - before, rows.end + after);

@@ -100,11 +100,7 @@ impl Source for Filtered<'_> {
     }
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
-        let info = &self.inner.source().episodes()[episode];
-        if rows.start > rows.end || rows.end > info.rows {
-            let (episode, start, end) = (info.name.clone(), rows.start, rows.end);
-            return Err(Error::OutOfRange { episode, start, end, rows: info.rows });
-        }
+        self.inner.source().episodes()[episode].check(&rows)?;
         self.read_level(self.levels.len(), episode, rows, halo)
     }
 }

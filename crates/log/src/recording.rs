@@ -415,15 +415,7 @@ impl Source for Recording {
     }
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, fleetfoot_data::Error> {
-        let info = &self.episodes[episode];
-        if rows.start > rows.end || rows.end > info.rows {
-            return Err(fleetfoot_data::Error::OutOfRange {
-                episode: info.name.clone(),
-                start: rows.start,
-                end: rows.end,
-                rows: info.rows,
-            });
-        }
+        self.episodes[episode].check(&rows)?;
         Ok(self.read_block(episode, rows, halo)?)
     }
 }

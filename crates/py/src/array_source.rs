@@ -58,11 +58,8 @@ impl Source for ArraySource {
     }
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, Error> {
+        self.episodes[episode].check(&rows)?;
         let length = self.episodes[episode].rows;
-        if rows.start > rows.end || rows.end > length {
-            let episode = self.episodes[episode].name.clone();
-            return Err(Error::OutOfRange { episode, start: rows.start, end: rows.end, rows: length });
-        }
         let (before, after) = (halo.before.min(rows.start), halo.after.min(length - rows.end));
         let (from, to) = (rows.start - before, rows.end + after);
         let columns: Vec<usize> = (0..self.arrays.columns().len()).collect();

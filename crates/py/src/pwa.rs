@@ -84,11 +84,7 @@ impl Source for Table {
 
     // Nothing here has lags or differences: there are no neighbours to bring along.
     fn read(&self, episode: usize, rows: Range<usize>, _: Halo) -> Result<Block, DataError> {
-        let info = &self.episodes[episode];
-        if rows.start > rows.end || rows.end > info.rows {
-            let (start, end) = (rows.start, rows.end);
-            return Err(DataError::OutOfRange { episode: info.name.clone(), start, end, rows: info.rows });
-        }
+        self.episodes[episode].check(&rows)?;
         Ok(self.block(self.first[episode], rows))
     }
 }
