@@ -210,6 +210,51 @@ fn a_sparse_model_is_held_out_refitted() {
 }
 
 #[test]
+fn what_a_bounded_model_is_held_out_by_is_bounded_too() {
+    let mut noises = Noise(5);
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut files: Vec<Vec<[f64; 2]>> = Vec::new();
+    // Slopes of 1.7 and 2.4: the bound of 2 moves the one and not the other.
+    for (name, slope) in [("a.csv", 1.7), ("b.csv", 2.4)] {
+        let rows: Vec<[f64; 2]> = (0..300)
+            .map(|_| {
+                let x = noises.normal();
+                [x, slope * x + 0.1 * noises.normal()]
+            })
+            .collect();
+        let mut text = String::from("t,x,y\n");
+        for (row, [x, y]) in rows.iter().enumerate() {
+            let _ = writeln!(text, "{},{x},{y}", row as f64 * 0.01);
+        }
+        fs::write(folder.path().join(name), text).expect("a file");
+        files.push(rows);
+    }
+    let slope = |rows: &[[f64; 2]]| {
+        let sum = |of: &dyn Fn(&[f64; 2]) -> f64| rows.iter().map(of).sum::<f64>();
+        sum(&|[x, y]| x * y) / sum(&|[x, _]| x * x)
+    };
+    let error = |slope: f64, rows: &[[f64; 2]]| rows.iter().map(|[x, y]| (y - slope * x).powi(2)).sum::<f64>();
+    let held_out = |of: &dyn Fn(f64) -> f64| {
+        let squares = error(of(slope(&files[0])), &files[1]) + error(of(slope(&files[1])), &files[0]);
+        (squares / 600.0).sqrt()
+    };
+    let recipe = "[time]\ncolumn = \"t\"\n[latents]\nk = { functions = [\"1\"], at_least = 2.0 }\n[tasks]\nspring = { target = \"y\", right = \"k*x\" }\n";
+    fs::write(folder.path().join("spring.toml"), recipe).expect("a file");
+    let arguments =
+        ["-c", "spring.toml", "a.csv", "b.csv", "--lambda", "0", "--folds", "episodes", "--keep", "s.stats"];
+    let found = fit(folder.path(), "sparse", &arguments).ok().json();
+    let task = &found["tasks"][0];
+    // A bound is kept beyond itself by a millionth of what is bounded.
+    for (key, expected) in [("held_out_rms", held_out(&|k| k.max(2.0))), ("free_held_out_rms", held_out(&|k| k))] {
+        let said = number(&task[key]);
+        assert!((said / expected - 1.0).abs() < 1e-5, "{key} {said}, not {expected}: {found}");
+    }
+    // A bound that is the same at every row needs no rows.
+    let again = fit(folder.path(), "sparse", &["-c", "spring.toml", "s.stats", "--lambda", "0", "--folds", "episodes"]);
+    assert_eq!(again.ok().json()["tasks"], found["tasks"]);
+}
+
+#[test]
 fn a_row_an_episode_is_refused_with_the_reason() {
     let mut text = String::from("t,x,y\n");
     for row in 0..3000 {

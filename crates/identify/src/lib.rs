@@ -107,12 +107,13 @@ pub use problem::{
 };
 pub use project::{Projected, project};
 pub use recipe::{
-    BodySection, ClockSection, ControlSchedule, ControlSection, Criterion, Derivative, Effort, EpisodeRule,
-    EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Gap, GivenAs, Gravity, Input, InputTable, Join,
-    JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting, NarxSection,
-    NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PrepareMethod,
-    PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer,
-    SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative, Effort,
+    EpisodeRule, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Gap, GivenAs, Gravity, Input,
+    InputTable, Join, JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting,
+    NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice,
+    PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings,
+    SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable,
+    UnseenLabels,
 };
 pub use request::{Cause, RequestError};
 pub use resimulate::{Followed, Spread, resimulate};
@@ -125,7 +126,7 @@ pub use sindy::{
     SindyOptions, SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
-    CandidateReport, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, PathReport,
-    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
-    file_by_value, fit_sparse, solve_statistic, write_frequencies,
+    CandidateReport, EpisodeInfluence, FreeErrors, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
+    LimitReport, PathReport, Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest,
+    TaskReport, file_by_value, fit_sparse, solve_statistic, write_frequencies,
 };

@@ -40,7 +40,7 @@ pub use resimulate::ResimulateSection;
 pub(crate) use settings::seed;
 pub use settings::{Settings, Tunable};
 pub use sindy::{LibrarySection, Normalize, ParameterSection, SindyOptimizer, SindySection, SmoothStates};
-pub use sparse::{LatentSection, SparseSection, TaskSection};
+pub use sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection};
 
 /// What a user says about the recordings and the model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -61,6 +61,9 @@ pub struct Recipe {
     /// What the latents are regressed on.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub tasks: IndexMap<String, TaskSection>,
+    /// What the latents keep together.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub constraints: IndexMap<String, ConstraintSection>,
     /// How a piecewise-affine model is found: what the flags of `fit pwa` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub pwa: PwaSection,

@@ -25,7 +25,7 @@ use fleetfoot_sparse::{
     inference::{Clusters, clustered_covariance},
     select::held_out_refit,
 };
-use fleetfoot_stats::{Concentration, Key};
+use fleetfoot_stats::{Concentration, Key, SquareRoot};
 
 use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
@@ -40,9 +40,12 @@ use crate::{
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
 pub use lambda::LambdaChoice;
+pub use limits::LimitReport;
+use limits::Limited;
 pub use options::{LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
-pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
+use report::Price;
+pub use report::{CandidateReport, FreeErrors, LatentReport, SparseReport, TaskReport};
 pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
 
@@ -187,7 +190,7 @@ impl Evidence {
         };
         let task = file.resolve(recipe)?;
         let options = SparseOptions::new(&recipe.sparse)?;
-        let bounded = task.bounds.iter().flatten().any(|bound| bound.is_finite());
+        let bounded = task.limits.iter().any(|limit| !limit.is_constant(&task.regression));
         let rows = if bounded || matches!(options.bolasso, Some((Resampled::Rows, _))) {
             let OpenedStructure { dataset, .. } = Dataset::for_structure(recipe, logs, progress)?;
             Some(dataset)
@@ -229,25 +232,23 @@ impl Evidence {
         let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
         let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
         notes.append(&mut support.notes);
-        let held_out = folds.map(|folds| {
-            let Problem { structure, banks, assembly, .. } = &problem;
-            held_out_refit(structure, banks, assembly, &folds, &support.columns, progress)
-        });
-        let held_out = held_out.transpose()?;
-        let theta = match limits::within_limits(&problem, &support.columns, source, &mut notes, progress)? {
-            Some(theta) => {
-                if held_out.is_some() {
-                    notes.push("held-out errors are those without the bounds, which need rows".into());
-                }
-                if left_out {
-                    notes.push(
-                        "influence of episodes: the fits with and without them are those without the bounds".into(),
-                    );
-                }
-                theta
+        let Problem { structure, banks, assembly, roots, .. } = &problem;
+        let free = |roots: &[SquareRoot]| Ok::<_, Error>(refit(structure, roots, assembly, &support.columns)?);
+        let limited = limits::within_limits(&problem, &support.columns, source, &mut notes, progress)?;
+        if limited.is_some() && left_out {
+            notes.push("influence of episodes: the fits with and without them are those without the bounds".into());
+        }
+        let fit = |roots: &[SquareRoot]| limited.as_ref().map_or_else(|| free(roots), |limited| limited.refit(roots));
+        let held_out =
+            folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, fit, progress)).transpose()?;
+        let price = match &limited {
+            None => None,
+            Some(_) => {
+                let held_out = folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, free, progress));
+                Some(Price { free: free(roots)?, held_out: held_out.transpose()? })
             }
-            None => refit(&problem.structure, &problem.roots, &problem.assembly, &support.columns)?,
         };
+        let theta = limited.as_ref().map_or_else(|| free(roots), |limited| Ok(limited.coefficients()))?;
         let errors = standard_errors(&problem, &theta, &mut notes);
         let influence = if left_out {
             influence::leave_one_out(&problem, &self.file, &theta, errors.as_deref(), &mut notes, progress)?
@@ -261,9 +262,11 @@ impl Evidence {
         let counts = episodes.iter().filter_map(|id| self.file.scanned.rows.get(id));
         let (at_border, incomplete) =
             counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));
-        let errors = (errors.as_deref(), held_out.as_deref());
-        let report = SparseReport::new(&problem, lambda, &support, &theta, errors, [at_border, incomplete], notes)?;
-        Ok(SparseFitted { value, model, report: SparseReport { influence, ..report } })
+        let tasks = report::tasks(&problem, &theta, held_out.as_deref(), price.as_ref());
+        let limits = limited.as_ref().map_or_else(Vec::new, Limited::report);
+        let left_out = [at_border, incomplete];
+        let report = SparseReport::new(&problem, lambda, &support, (&theta, errors.as_deref()), left_out, notes)?;
+        Ok(SparseFitted { value, model, report: SparseReport { influence, tasks, limits, ..report } })
     }
 }
 

@@ -1,5 +1,5 @@
-//! Structured regression under constraints: bounds, linear equalities and inequalities of the coefficients, and limits that a latent function keeps
-//! at every row of the data ([`constrain_latent`]).
+//! Structured regression under constraints: bounds, linear equalities and inequalities of the coefficients, and limits that forms of the
+//! latents keep at every row of the data ([`fit_within_limits`]).
 //!
 //! The objective is that of the crate, over the coefficients theta of an [`Assembled`] problem:
 //!
@@ -14,15 +14,18 @@
 
 mod constraints;
 mod error;
-mod latent;
+mod limit;
+mod limited;
 mod polish;
 mod program;
 mod scaled;
+mod survey;
 mod verdict;
 
 pub use constraints::{Constraints, LinearConstraint};
 pub use error::ConstrainedError;
-pub use latent::{Clearance, ConstrainedLatent, LatentFit, LatentLimit, LatentOptions, Limit, constrain_latent};
+pub use limit::{Form, Limit, RowLimit};
+pub use limited::{Clearance, LimitOptions, LimitedFit, LimitedRegression, fit_within_limits};
 pub use verdict::ConstrainedCertificate;
 
 use polish::{Guess, Point, polish};

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    CandidateReport, Error, LatentReport, LeaveOneOutReport, Recipe, SparseFitted, SparseReport, SparseRequest,
-    file_by_value, fit_sparse, is_statistic,
+    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, Recipe, SparseFitted, SparseReport,
+    SparseRequest, file_by_value, fit_sparse, is_statistic,
     statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
 };
@@ -207,9 +207,18 @@ fn one_text(report: &SparseReport) -> String {
         };
         let plain = |value: f64| if value.is_nan() { "-".to_owned() } else { number(value) };
         let r2 = if task.r2.is_nan() { "-".to_owned() } else { format!("{:.6}", task.r2) };
-        vec![name, number(task.scale), plain(task.rms), r2, plain(task.held_out)]
+        let mut row = vec![name, number(task.scale), plain(task.rms), r2, plain(task.held_out)];
+        row.extend(task.free.iter().flat_map(|free| [plain(free.rms), plain(free.held_out)]));
+        row
     });
-    text.push_str(&table(&["task", "scale", "error (rms)", "R2", "held out"], rows.collect()));
+    let mut header = vec!["task", "scale", "error (rms)", "R2", "held out"];
+    if !report.limits.is_empty() {
+        header.extend(["without bounds", "held out"]);
+    }
+    text.push_str(&table(&header, rows.collect()));
+    if !report.limits.is_empty() {
+        text.push_str(&format!("\n\n{}", limit_table(&report.limits)));
+    }
     let tables = |intervals: bool| -> Vec<String> {
         report.latents.iter().map(|latent| latent_table(latent, intervals)).collect()
     };
@@ -227,6 +236,24 @@ fn one_text(report: &SparseReport) -> String {
         text.push_str(&format!("\n\n{}", influence_text(influence)));
     }
     text
+}
+
+/// What is kept at every row, and where it is nearest to its bound.
+fn limit_table(limits: &[LimitReport]) -> String {
+    let rows = limits.iter().map(|limit| {
+        let place = match (&limit.episode, limit.row) {
+            (Some(episode), Some(row)) => format!("{episode}, row {row}"),
+            _ => "everywhere".to_owned(),
+        };
+        vec![
+            limit.name.clone(),
+            format!("{} {}", limit.side, number(limit.bound)),
+            format!("{:.3e}", limit.nearest),
+            place,
+            limit.cuts.to_string(),
+        ]
+    });
+    table(&["kept", "bound", "nearest by", "at", "cuts"], rows.collect())
 }
 
 fn has_intervals(latent: &LatentReport) -> bool {

@@ -6,7 +6,7 @@ use fleetfoot::{
     library::Expr,
     sparse::{
         Strength,
-        constrained::{ConstrainedLatent, Constraints, LatentLimit, LatentOptions, Limit, constrain_latent},
+        constrained::{Constraints, Limit, LimitOptions, LimitedRegression, RowLimit, fit_within_limits},
     },
 };
 
@@ -77,8 +77,8 @@ pub(crate) fn estimate(
 fn constrained(source: &MemorySource, scan: &Scan, support: &[usize], shown: usize) -> Result<Hidden, Failure> {
     let regression = &scan.plan.regression;
     let assembled = regression.structure().assemble(&scan.roots, &equations::assembly(&scan.scanned, 0.0)?)?;
-    let limits = [LatentLimit { latent: 1, side: Limit::AtLeast, bound: Expr::number(0.0) }];
-    let problem = ConstrainedLatent {
+    let limits = [RowLimit::of_latent("D", 1, Limit::AtLeast, Expr::number(0.0))];
+    let problem = LimitedRegression {
         regression,
         assembled: &assembled,
         constraints: &Constraints::default(),
@@ -86,7 +86,7 @@ fn constrained(source: &MemorySource, scan: &Scan, support: &[usize], shown: usi
         strength: Strength::lasso(0.0),
         support: Some(support),
     };
-    let fit = constrain_latent(&problem, source, &LatentOptions::default(), &Silent)?;
+    let fit = fit_within_limits(&problem, Some(source), &LimitOptions::default(), &Silent)?;
     if !fit.kept {
         return Err("drag could not be kept from below 0".into());
     }

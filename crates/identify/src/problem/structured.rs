@@ -1,6 +1,7 @@
 //! A recipe resolved to a structured sparse regression: latents, tasks that share them, and the model's equations.
 
 mod latent;
+mod limits;
 mod right_side;
 
 use fleetfoot_data::{Column as DataColumn, nearest};
@@ -8,6 +9,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_sparse::{
     Sign,
+    constrained::{Form, RowLimit},
     structured::{Candidates, Regression, Task as RegressionTask, Term},
 };
 
@@ -17,7 +19,7 @@ use super::{
 };
 use crate::{Error, Recipe};
 use latent::{Latent, prior};
-use right_side::{RightSide, linear};
+use right_side::linear;
 
 /// What a recipe means for a recording: the regression of `fit sparse`, and the model that will follow from it.
 #[derive(Debug, Clone)]
@@ -42,8 +44,8 @@ pub struct StructuredTask {
     pub penalties: Vec<f64>,
     /// Sign of every coefficient (p).
     pub signs: Vec<Sign>,
-    /// Least and greatest value of every latent on the training data (latents); infinite where there is none.
-    pub bounds: Vec<[f64; 2]>,
+    /// What is kept at every row of the training data: bounds of latents, then what latents keep together.
+    pub limits: Vec<RowLimit>,
     /// Where the moments of every latent's functions are found (latents).
     pub moments: Vec<Moments>,
 }
@@ -67,6 +69,8 @@ pub enum Moments {
 /// What is found while a recipe is read.
 struct Parts {
     latents: Vec<Latent>,
+    /// What latents keep together.
+    limits: Vec<RowLimit>,
     tasks: Vec<RegressionTask>,
     scales: Vec<Option<f64>>,
     equations: Vec<Equation>,
@@ -82,7 +86,14 @@ impl StructuredTask {
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let parts = match (recipe.latents.is_empty(), recipe.tasks.is_empty()) {
-            (true, true) => plain(recipe, &mut aliases)?,
+            (true, true) => {
+                if let Some(name) = recipe.constraints.keys().next() {
+                    return Err(Error::missing(format!(
+                        "[constraints] {name}: it is about latents, and there are none; write what the unknown functions are in [latents] and [tasks]"
+                    )));
+                }
+                plain(recipe, &mut aliases)?
+            }
             (false, true) => {
                 return Err(Error::missing(
                     "[latents] without [tasks]: write the equations in which the latents stand, for example `[tasks]` with \
@@ -119,7 +130,9 @@ impl StructuredTask {
         let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
         let factors = regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient));
         let targets = regression.tasks.iter().map(|task| &task.target);
-        functions.chain(factors).chain(targets).chain(&regression.weight).chain(&self.also)
+        let limited = self.limits.iter().flat_map(|limit| &limit.forms);
+        let limited = limited.flat_map(|form| form.terms.iter().map(|term| &term.coefficient).chain([&form.rest]));
+        functions.chain(factors).chain(targets).chain(&regression.weight).chain(&self.also).chain(limited)
     }
 
     /// The model's states: the columns of [`StructuredTask::also`] behind the targets.
@@ -161,7 +174,9 @@ impl Parts {
             );
         }
         let signs = self.latents.iter().flat_map(|latent| vec![latent.sign; latent.functions.len()]).collect();
-        let bounds = self.latents.iter().map(|latent| latent.bounds).collect();
+        let own = self.latents.iter().enumerate();
+        let own = own.flat_map(|(index, latent)| limits::of_latent(&latent.name, index, latent.bounds));
+        let limits = own.chain(self.limits).collect();
         let latents: Vec<Candidates> = self
             .latents
             .into_iter()
@@ -182,7 +197,7 @@ impl Parts {
             strengths,
             penalties,
             signs,
-            bounds,
+            limits,
             moments,
         }
     }
@@ -226,7 +241,7 @@ fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
         latents.push(Latent::plain(name, functions.clone()));
     }
     let scales = vec![None; tasks.len()];
-    Ok(Parts { latents, tasks, scales, equations })
+    Ok(Parts { latents, limits: Vec::new(), tasks, scales, equations })
 }
 
 /// The latents, tasks and equations that the recipe writes out.
@@ -253,7 +268,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
         let target = aliases.over_latents(&section.target, &names, &format!("{place} target"))?;
         right_side::without_latents(&target, &names, &format!("{place} target"))?;
         let right = aliases.over_latents(&section.right, &names, &format!("{place} right"))?;
-        let RightSide { terms, rest } = linear(&right, &names, &format!("{place} right"), &section.right)?;
+        let Form { terms, rest } = linear(&right, &names, &format!("{place} right"), &section.right)?;
         if terms.is_empty() {
             return Err(no_latent(&place, &right, &names));
         }
@@ -277,7 +292,8 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     for (latent, section) in latents.iter_mut().zip(recipe.latents.values()) {
         latent.prior = prior(recipe, section, &latent.name, &names, aliases)?;
     }
-    Ok(Parts { latents, tasks, scales, equations })
+    let limits = limits::together(recipe, &names, aliases)?;
+    Ok(Parts { latents, limits, tasks, scales, equations })
 }
 
 fn no_latent(place: &str, right: &Expr, names: &[String]) -> Error {

@@ -62,6 +62,28 @@ pub struct TaskSection {
     pub scale: Option<f64>,
 }
 
+/// What latents keep together, at every row of the training data: a sum of coefficients times latents, or a symmetric matrix of them, on one side of a bound or between
+/// two.
+///
+/// `friction = { of = "F*v", at_least = 0.0 }` only takes power; `inertia = { matrix = [["M11", "M12"], ["M12", "M22"]], at_least = 1e-3 }` has no eigenvalue below
+/// the bound.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConstraintSection {
+    /// An expression over columns and latents, linear in the latents.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// A symmetric matrix of such expressions by rows; of each row all entries, or those up to the diagonal.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub matrix: Vec<Vec<String>>,
+    /// The least value that it may have, of a matrix the least eigenvalue.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_least: Option<f64>,
+    /// The greatest value that it may have, of a matrix the greatest eigenvalue.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
+}
+
 settings! {
     sparse, SparseSection::silenced;
     /// How a sparse regression goes. Every entry is the flag of `fit sparse` of the same name.

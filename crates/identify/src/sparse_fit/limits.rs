@@ -1,76 +1,157 @@
-//! Latents that keep a bound at every row of the data.
+//! Fits that keep the limits of a recipe at every row.
 
-use fleetfoot_data::{Progress, Source};
-use fleetfoot_library::Expr;
+use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_sparse::{
     Penalty, Strength,
     constrained::{
-        ConstrainedLatent, ConstrainedStatus, Constraints, LatentLimit, LatentOptions, Limit, constrain_latent,
+        Clearance, ConstrainedStatus, Constraints, Limit, LimitOptions, LimitedFit, LimitedRegression,
+        LinearConstraint, RowLimit, fit_within_limits,
     },
+    structured::Assembled,
 };
+use fleetfoot_stats::SquareRoot;
+use serde::Serialize;
 
 use super::problem::Problem;
 use crate::Error;
 
+/// What a fit keeps, and how near it is to the bound.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct LimitReport {
+    /// The latent, or the constraint.
+    pub name: String,
+    /// `at least` or `at most`.
+    pub side: &'static str,
+    /// The bound; of a matrix, of its eigenvalues.
+    pub bound: f64,
+    /// The least distance from the bound at any row; negative where it is broken.
+    pub nearest: f64,
+    /// Where that is; `None` where it is the same at every row.
+    pub episode: Option<String>,
+    /// The row of the episode.
+    pub row: Option<usize>,
+    /// How many rows became constraints of the fit, of a matrix how many directions: with none the bound costs nothing.
+    pub cuts: usize,
+}
+
+/// Least squares on a support within the limits of the recipe.
+pub(super) struct Limited<'a> {
+    problem: &'a Problem<'a>,
+    support: &'a [usize],
+    found: LimitedFit,
+}
+
 /// The least-squares fit on the support with the limits of the recipe; `None` where it has none.
-pub(super) fn within_limits(
-    problem: &Problem<'_>,
-    support: &[usize],
+pub(super) fn within_limits<'a>(
+    problem: &'a Problem<'a>,
+    support: &'a [usize],
     source: Option<&dyn Source>,
     notes: &mut Vec<String>,
     progress: &dyn Progress,
-) -> Result<Option<Vec<f64>>, Error> {
-    let regression = &problem.task.regression;
-    let mut limits = Vec::new();
-    for (latent, bounds) in problem.task.bounds.iter().enumerate() {
-        for (side, bound) in [(Limit::AtLeast, bounds[0]), (Limit::AtMost, bounds[1])] {
-            if bound.is_finite() {
-                limits.push(LatentLimit { latent, side, bound: Expr::number(bound) });
-            }
-        }
+) -> Result<Option<Limited<'a>>, Error> {
+    let limits = &problem.task.limits;
+    if limits.is_empty() {
+        return Ok(None);
     }
-    let Some(first) = limits.first() else { return Ok(None) };
-    let Some(source) = source else {
+    if let (Some(limit), None) = (limits.iter().find(|limit| varies(problem, limit)), source) {
         return Err(Error::needs_rows(format!(
-            "[latents] {}: a bound at every row needs the rows, which a statistic has not; give the logs instead, or leave at_least and at_most away",
-            regression.latents[first.latent].name
+            "{}: a bound at every row needs the rows, which a statistic has not; give the logs instead, or leave at_least and at_most away",
+            limit.name
         )));
-    };
-    // Least squares on the support: nothing is penalised.
-    let mut assembled = problem.assembled.clone();
-    assembled.penalty = Penalty { factors: vec![0.0; assembled.scale.len()], ..assembled.penalty };
-    let constraints = Constraints {
-        names: (0..assembled.scale.len()).map(|coefficient| problem.name(coefficient)).collect(),
-        ..Constraints::default()
-    };
-    let request = ConstrainedLatent {
-        regression,
-        assembled: &assembled,
-        constraints: &constraints,
-        limits: &limits,
-        strength: Strength::lasso(0.0),
-        support: Some(support),
-    };
-    let found = constrain_latent(&request, source, &LatentOptions::default(), progress)?;
-    for (limit, clearance) in limits.iter().zip(&found.clearance) {
-        let name = &regression.latents[limit.latent].name;
-        let side = if limit.side == Limit::AtLeast { "at least" } else { "at most" };
-        let place =
-            clearance.place.as_ref().map_or_else(String::new, |(episode, row)| format!(" ({episode}, row {row})"));
-        notes.push(if clearance.least >= 0.0 {
-            format!("{name} is {side} {} at every row; nearest by {:.3e}{place}", limit.bound, clearance.least)
-        } else {
-            format!(
-                "{name} is not {side} {} everywhere: {} passes left a row that breaks it by {:.3e}{place}",
-                limit.bound, found.passes, -clearance.least
-            )
-        });
     }
+    let found = solve(problem, &problem.assembled, support, limits, Vec::new(), source, progress)?;
     if found.fit.status != ConstrainedStatus::Solved {
         notes.push(format!(
             "the bounded fit did not converge: optimality conditions to {:.1e}, bounds to {:.1e}",
             found.fit.certificate.kkt, found.fit.certificate.violation
         ));
     }
-    Ok(Some(found.fit.theta))
+    for (limit, clearance) in limits.iter().zip(&found.clearance).filter(|(_, clearance)| clearance.least < 0.0) {
+        notes.push(format!(
+            "{} is not {} {} everywhere: {} passes left a row that breaks it by {:.3e}{}",
+            limit.name,
+            words(limit.side),
+            limit.bound,
+            found.passes,
+            -clearance.least,
+            place(clearance)
+        ));
+    }
+    Ok(Some(Limited { problem, support, found }))
+}
+
+fn varies(problem: &Problem<'_>, limit: &RowLimit) -> bool {
+    !limit.is_constant(&problem.task.regression)
+}
+
+fn words(side: Limit) -> &'static str {
+    match side {
+        Limit::AtLeast => "at least",
+        Limit::AtMost => "at most",
+    }
+}
+
+fn place(clearance: &Clearance) -> String {
+    clearance.place.as_ref().map_or_else(String::new, |(episode, row)| format!(" ({episode}, row {row})"))
+}
+
+/// Nothing is penalised.
+fn solve(
+    problem: &Problem<'_>,
+    assembled: &Assembled,
+    support: &[usize],
+    limits: &[RowLimit],
+    inequalities: Vec<LinearConstraint>,
+    source: Option<&dyn Source>,
+    progress: &dyn Progress,
+) -> Result<LimitedFit, Error> {
+    let p = assembled.scale.len();
+    let mut assembled = assembled.clone();
+    assembled.penalty = Penalty { factors: vec![0.0; p], ..assembled.penalty };
+    let constraints = Constraints {
+        names: (0..p).map(|coefficient| problem.name(coefficient)).collect(),
+        inequalities,
+        ..Constraints::default()
+    };
+    let request = LimitedRegression {
+        regression: &problem.task.regression,
+        assembled: &assembled,
+        constraints: &constraints,
+        limits,
+        strength: Strength::lasso(0.0),
+        support: Some(support),
+    };
+    Ok(fit_within_limits(&request, source, &LimitOptions::default(), progress)?)
+}
+
+impl Limited<'_> {
+    /// Coefficients (p).
+    pub(super) fn coefficients(&self) -> Vec<f64> {
+        self.found.fit.theta.clone()
+    }
+
+    /// The coefficients of other rows, without a pass: limits are kept at the rows that became constraints here, those that are the same at every row anew.
+    pub(super) fn refit(&self, roots: &[SquareRoot]) -> Result<Vec<f64>, Error> {
+        let Self { problem, support, found } = self;
+        let assembled = problem.structure.assemble(roots, &problem.assembly)?;
+        let everywhere: Vec<RowLimit> =
+            problem.task.limits.iter().filter(|limit| !varies(problem, limit)).cloned().collect();
+        let found = solve(problem, &assembled, support, &everywhere, found.cuts.clone(), None, &Silent)?;
+        Ok(found.fit.theta)
+    }
+
+    /// What is kept, and how near to its bound.
+    pub(super) fn report(&self) -> Vec<LimitReport> {
+        let of = |(at, (limit, clearance)): (usize, (&RowLimit, &Clearance))| LimitReport {
+            name: limit.name.clone(),
+            side: words(limit.side),
+            bound: limit.bound.as_number().unwrap_or(f64::NAN),
+            nearest: clearance.least,
+            episode: clearance.place.as_ref().map(|(episode, _)| episode.clone()),
+            row: clearance.place.as_ref().map(|(_, row)| *row),
+            cuts: self.found.cuts_of[at],
+        };
+        self.problem.task.limits.iter().zip(&self.found.clearance).enumerate().map(of).collect()
+    }
 }

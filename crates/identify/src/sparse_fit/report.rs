@@ -4,7 +4,8 @@ use fleetfoot_sparse::{Certificate, inference::confounded};
 use serde::Serialize;
 
 use super::{
-    LambdaChoice, LeaveOneOutReport, PathReport, intervals::percentile_intervals, problem::Problem, support::Support,
+    LambdaChoice, LeaveOneOutReport, LimitReport, PathReport, intervals::percentile_intervals, problem::Problem,
+    support::Support,
 };
 use crate::{Error, told};
 
@@ -30,6 +31,9 @@ pub struct SparseReport {
     pub selection: String,
     /// The regression's tasks.
     pub tasks: Vec<TaskReport>,
+    /// What is kept at every row.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<LimitReport>,
     /// The latents.
     pub latents: Vec<LatentReport>,
     /// What was fitted at lambda, for people: `lasso`, `group lasso`.
@@ -70,6 +74,26 @@ pub struct TaskReport {
     /// Root mean squared error on held-out rows of the selected columns, refitted on every fold's training rows; NaN without folds, and for priors.
     #[serde(rename = "held_out_rms")]
     pub held_out: f64,
+    /// `rms` and `held_out` of least squares on the same columns without the limits, where there are any: their price.
+    #[serde(flatten)]
+    pub free: Option<FreeErrors>,
+}
+
+/// Errors of a fit without limits.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct FreeErrors {
+    /// Root mean squared error on the rows of the fit.
+    #[serde(rename = "free_rms")]
+    pub rms: f64,
+    /// Root mean squared error on held-out rows; NaN as [`TaskReport::held_out`].
+    #[serde(rename = "free_held_out_rms")]
+    pub held_out: f64,
+}
+
+/// What a fit without limits has: coefficients, and mean squared errors on held-out rows of the measured tasks.
+pub(super) struct Price {
+    pub(super) free: Vec<f64>,
+    pub(super) held_out: Option<Vec<f64>>,
 }
 
 /// A latent and its candidates.
@@ -109,8 +133,7 @@ impl SparseReport {
         problem: &Problem<'_>,
         lambda: LambdaChoice,
         support: &Support,
-        theta: &[f64],
-        (errors, held_out): (Option<&[f64]>, Option<&[f64]>),
+        (theta, errors): (&[f64], Option<&[f64]>),
         left_out: [u64; 2],
         notes: Vec<String>,
     ) -> Result<Self, Error> {
@@ -121,7 +144,8 @@ impl SparseReport {
             left_out,
             path: PathReport::of(problem, lambda.value, support.columns.len())?,
             selection: support.how.clone(),
-            tasks: tasks(problem, held_out, theta),
+            tasks: Vec::new(),
+            limits: Vec::new(),
             latents: latents(problem, support, theta, errors)?,
             lambda,
             penalty: problem.estimator.name(),
@@ -142,15 +166,24 @@ pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec
     Ok((groups.collect(), found.condition))
 }
 
-fn tasks(problem: &Problem<'_>, held_out: Option<&[f64]>, theta: &[f64]) -> Vec<TaskReport> {
+/// Errors of coefficients by task; mean squared errors on held-out rows are those of the measured tasks.
+pub(super) fn tasks(
+    problem: &Problem<'_>,
+    theta: &[f64],
+    held_out: Option<&[f64]>,
+    price: Option<&Price>,
+) -> Vec<TaskReport> {
+    let held_out = held_out_of(problem, held_out);
     let errors = problem.structure.errors(&problem.roots, theta);
-    let mut held_out = held_out.unwrap_or_default().iter().copied();
-    problem
-        .task
-        .regression
-        .tasks
-        .iter()
-        .enumerate()
+    let free = price.map(|price| {
+        let errors = problem.structure.errors(&problem.roots, &price.free);
+        (errors, held_out_of(problem, price.held_out.as_deref()))
+    });
+    let free = |at: usize| {
+        free.as_ref().map(|(errors, held_out)| FreeErrors { rms: errors[at].rms(), held_out: held_out[at] })
+    };
+    let tasks = problem.task.regression.tasks.iter().enumerate();
+    tasks
         .map(|(index, task)| TaskReport {
             name: task.name.clone(),
             prior: task.prior,
@@ -158,9 +191,17 @@ fn tasks(problem: &Problem<'_>, held_out: Option<&[f64]>, theta: &[f64]) -> Vec<
             weight: problem.assembly.weights[index],
             rms: errors[index].rms(),
             r2: errors[index].r2(),
-            held_out: if task.prior { f64::NAN } else { held_out.next().map_or(f64::NAN, f64::sqrt) },
+            held_out: held_out[index],
+            free: free(index),
         })
         .collect()
+}
+
+/// Root mean squared errors by task, NaN where there are none.
+fn held_out_of(problem: &Problem<'_>, measured: Option<&[f64]>) -> Vec<f64> {
+    let mut measured = measured.unwrap_or_default().iter();
+    let tasks = problem.task.regression.tasks.iter();
+    tasks.map(|task| if task.prior { None } else { measured.next() }.map_or(f64::NAN, |square| square.sqrt())).collect()
 }
 
 fn latents(

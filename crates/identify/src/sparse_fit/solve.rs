@@ -45,7 +45,7 @@ pub struct Solved {
 }
 
 /// Solves a statistic. A recipe may name other penalty factors, signs, scales and strengths than the scan's; without one the scan's holds. Of its `[sparse]`,
-/// `unscaled`, `prior_strength` and `adaptive` count. Bounds of latents need rows: a note says that they were not used.
+/// `unscaled`, `prior_strength` and `adaptive` count. Constraints and bounds of latents are not kept: a note says so.
 ///
 /// # Errors
 /// Another plan; no rows; lambda or `l1_ratio` out of range.
@@ -58,8 +58,8 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
     let mut options = SparseOptions::new(&recipe.sparse)?;
     (options.l1_ratio, options.groups) = (l1_ratio, None);
     let mut notes = Vec::new();
-    if task.bounds.iter().flatten().any(|bound| bound.is_finite()) {
-        notes.push("the bounds of latents (at_least, at_most) need rows, and were not used".to_owned());
+    if !task.limits.is_empty() {
+        notes.push("what is kept at every row ([constraints], at_least, at_most) was not used".to_owned());
     }
     let problem = Problem::new(&task, file, &options, |_| true)?;
     let (coefficients, errors) = if lambda == 0.0 {

@@ -38,6 +38,10 @@ class BlockSparse(Identifier):
         Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with
         ``scale``, the error that counts as one; a pair
         of texts is target and right side.
+    constraints : dict, optional
+        What the unknown functions keep at every row, as a recipe's ``[constraints]``: ``{"friction": {"of": "F*v",
+        "at_least": 0.0}}`` takes power and gives none, ``{"inertia": {"matrix": [["M11", "M12"], ["M12", "M22"]],
+        "at_least": 1e-3}}`` has no eigenvalue below the bound. With ``at_most`` too.
     lam : float or str, default="auto"
         Lambda: ``"auto"``, a number, or ``"L0/sqrt(n)"``.
     select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
@@ -82,7 +86,8 @@ class BlockSparse(Identifier):
     models_ : dict of str to Model
         With ``by`` the models by the label's value.
     report_ : dict
-        ``tasks`` (errors), ``latents`` with their candidates (coefficient, standard error, frequency, interval),
+        ``tasks`` (errors, with constraints those without them too), ``limits`` (what is kept, and where it is nearest
+        to its bound), ``latents`` with their candidates (coefficient, standard error, frequency, interval),
         ``lambda``, ``certificate``
         (KKT residual, duality gap), ``confounded``, ``notes``. With ``by`` that of the first.
     reports_ : dict of str to dict
@@ -111,6 +116,7 @@ class BlockSparse(Identifier):
         latents: Mapping[str, Mapping[str, Any]] | None = None,
         tasks: Mapping[str, Any] | None = None,
         *,
+        constraints: Mapping[str, Mapping[str, Any]] | None = None,
         lam: float | str = "auto",
         select: str = "one-se",
         folds: int | str = "auto",
@@ -140,6 +146,7 @@ class BlockSparse(Identifier):
     ) -> None:
         self.latents = latents
         self.tasks = tasks
+        self.constraints = constraints
         self.lam = lam
         self.select = select
         self.folds = folds
@@ -186,7 +193,8 @@ class BlockSparse(Identifier):
         )
         model = _recipe.said(predict=self._said("target"), degree=self._whole("degree", 1))
         tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
-        sections = (("sparse", sparse), ("model", model), ("latents", dict(self.latents or {})), ("tasks", tasks))
+        named = {name: dict(getattr(self, name) or {}) for name in ("latents", "constraints")}
+        sections = (("sparse", sparse), ("model", model), *named.items(), ("tasks", tasks))
         return {name: section for name, section in sections if section}
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:

@@ -421,3 +421,30 @@ def test_notebooks_show_what_there_is():
     assert "<th>a&lt;b</th>" in table and "300 rows" in table and table.count("<tr>") == 11
     compared = ff.compare({"piecewise": model}, ff.open({"x0": x[:, 0], "x1": x[:, 1]}, dt=PERIOD))._repr_html_()
     assert "<td>piecewise</td>" in compared and "95 % intervals" in compared
+
+
+def test_block_sparse_keeps_constraints():
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(size=(2, 400))
+    f = a - 0.5 * b + 0.1 * rng.normal(size=400)
+    data = ff.open({"a": a, "b": b, "f": f}, dt=0.01)
+    latents = {"K": {"functions": ["1"]}, "D": {"functions": ["1"]}}
+    tasks = {"force": ("f", "K*a + D*b")}
+
+    def fit(**constraints):
+        return ff.BlockSparse(latents, tasks, constraints=constraints, lam=0.0).fit(data).report_
+
+    def values(report):
+        return [latent["functions"][0]["coefficient"] for latent in report["latents"]]
+
+    free = fit()
+    assert values(free)[1] < -0.4 and "limits" not in free
+    damped = fit(damping={"of": "D", "at_least": 0.0})
+    # Without damping the spring is that of its own normal equation; the bound is kept by a millionth of the damping.
+    assert values(damped) == pytest.approx([(a @ f) / (a @ a), 0.0], abs=1e-6) and values(damped)[1] >= 0.0
+    (limit,) = damped["limits"]
+    assert (limit["name"], limit["side"], limit["bound"]) == ("damping", "at least", 0.0)
+    task = damped["tasks"][0]
+    assert task["rms"] > task["free_rms"] == free["tasks"][0]["rms"]
+    assert task["held_out_rms"] > task["free_held_out_rms"] == free["tasks"][0]["held_out_rms"]
+    assert min(values(fit(both={"matrix": [["K", "0"], ["0", "D"]], "at_least": 0.2}))) >= 0.2

@@ -55,6 +55,20 @@ pub enum ConstrainedError {
         /// What it says.
         reason: String,
     },
+    /// Entries that are not the lower triangle of a matrix.
+    #[error("limit `{name}` has {entries} forms: the lower triangle of a symmetric matrix has 1, 3, 6, 10, ...")]
+    NoMatrix {
+        /// The limit.
+        name: String,
+        /// How many it has.
+        entries: usize,
+    },
+    /// A limit that says something else at every row, and no rows.
+    #[error("limit `{name}` says something else at every row: give the rows")]
+    NeedsRows {
+        /// The limit.
+        name: String,
+    },
     /// A limit on a latent that does not exist.
     #[error("a limit is set on latent {latent}; the regression has {latents}, counted from 0")]
     NoSuchLatent {

@@ -1,21 +1,15 @@
 //! Right sides that are linear in the latents.
 
 use fleetfoot_library::{Binary, Expr, Node, Unary};
-use fleetfoot_sparse::structured::Term;
+use fleetfoot_sparse::{constrained::Form, structured::Term};
 
 use crate::Error;
-
-/// `sum of coefficient times latent + rest`.
-pub(super) struct RightSide {
-    pub(super) terms: Vec<Term>,
-    pub(super) rest: Expr,
-}
 
 /// Takes a right side apart: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
 ///
 /// # Errors
 /// When it is not linear in the latents.
-pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) -> Result<RightSide, Error> {
+pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) -> Result<Form, Error> {
     let is_latent = |name: &str| latents.iter().any(|latent| latent == name);
     let problem = |problem: String| Error::value(format!("{place} = \"{text}\": {problem}"));
     if let Some(found) = kinked(right, &is_latent) {
@@ -41,7 +35,7 @@ pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) 
     }
     terms.sort_by_key(|term| term.latent);
     let rest = right.substituted(|name| is_latent(name).then(|| Expr::number(0.0))).simplified();
-    Ok(RightSide { terms, rest })
+    Ok(Form { terms, rest })
 }
 
 /// The first part whose derivative would not show that it is not linear in a latent: steps and wraps of one, and one at another row.

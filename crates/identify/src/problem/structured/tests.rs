@@ -1,4 +1,5 @@
 use fleetfoot_data::Column as DataColumn;
+use fleetfoot_sparse::constrained::Limit;
 
 use super::*;
 
@@ -57,7 +58,8 @@ fn the_equations_of_the_paper() {
     assert_eq!(task.strengths, [Some(1.0), Some(1.0), Some(1.0), Some(1000.0)]);
     assert_eq!((task.penalties[14], task.penalties[15], task.penalties[25]), (1.0, 0.5, 1.0));
     assert_eq!((task.signs[24], task.signs[25]), (Sign::Free, Sign::NonNegative));
-    assert_eq!(task.bounds[1], [0.0, f64::INFINITY]);
+    let [limit] = &task.limits[..] else { panic!("{:?}", task.limits) };
+    assert_eq!(*limit, RowLimit::of_latent("D", 1, Limit::AtLeast, Expr::number(0.0)));
     assert_eq!(task.moments[1], Moments::Task { task: 0, first: 15, factor: -1.0 });
     assert_eq!(task.moments[3], Moments::Task { task: 3, first: 0, factor: 1.0 });
     // No state has an equation: what the tasks say is predicted, and the constant target of `fuel` is not.
