@@ -1,9 +1,9 @@
 """The peers of fusion: fusion.py FOLDER gtsam|filterpy.
 
 gtsam: a body's inertial readings and poses as a factor graph (combined factors between poses, biases that walk), by Gauss and Newton's steps; states go to FOLDER/found.f64, a row a pose: quaternion x, y, z, w, position,
-velocity, bias of gyroscope and accelerometer. filterpy: a chain of position, rate and acceleration behind an encoder, by its filter and Rauch-Tung-Striebel smoother; a row a reading: means, then variances.
+velocity, bias of gyroscope and accelerometer, then the 15 deviations. filterpy: a chain of position, rate and acceleration behind an encoder, by its filter and Rauch-Tung-Striebel smoother; a row a reading: means, then variances.
 
-Prints one JSON line: version, seconds by the clock and of the processor. Those of gtsam are of the optimisation alone: readings are handed over one by one from Python before.
+Prints one JSON line: version, seconds by the clock and of the processor. Those of gtsam are of the optimisation, then of the deviations too (marginal covariances of all states): readings are handed over one by one from Python before.
 """
 
 import json
@@ -67,15 +67,23 @@ def body(folder):
     start, used = time.perf_counter(), time.process_time()
     optimizer = gtsam.GaussNewtonOptimizer(graph, first, settings)
     found = optimizer.optimize()
+    optimised = time.perf_counter() - start, time.process_time() - used
+    marginals = gtsam.Marginals(graph, found)
+    covariances = [[marginals.marginalCovariance(of(node)) for of in (pose, speed, bias)] for node in range(len(stamps))]
     seconds = time.perf_counter() - start, time.process_time() - used
     rows = []
     for node in range(len(stamps)):
         at, own = found.atPose3(pose(node)), found.atConstantBias(bias(node))
         q = at.rotation().toQuaternion()
         parts = [[q.x(), q.y(), q.z(), q.w()], at.translation(), found.atVector(speed(node)), own.gyroscope(), own.accelerometer()]
+        # A pose's error is its turn, then its shift, both in the body; a bias' that of the accelerometer, then of the gyroscope.
+        of_pose, of_speed, of_bias = covariances[node]
+        turn = at.rotation().matrix()
+        blocks = [of_pose[:3, :3], turn @ of_pose[3:, 3:] @ turn.T, of_speed, of_bias[3:, 3:], of_bias[:3, :3]]
+        parts += [np.sqrt(np.diag(block)) for block in blocks]
         rows.append(np.concatenate(parts))
     np.array(rows).tofile(folder / "found.f64")
-    return version("gtsam"), seconds, optimizer.iterations()
+    return version("gtsam"), optimised + seconds, optimizer.iterations()
 
 
 def joint(folder):
@@ -102,8 +110,8 @@ def joint(folder):
 
 def main():
     folder, peer = pathlib.Path(sys.argv[1]), sys.argv[2]
-    of, (seconds, processor), steps = {"gtsam": body, "filterpy": joint}[peer](folder)
-    print(json.dumps({"version": of, "seconds": seconds, "processor": processor, "steps": steps}))
+    of, seconds, steps = {"gtsam": body, "filterpy": joint}[peer](folder)
+    print(json.dumps({"version": of, "seconds": seconds[::2], "processor": seconds[1::2], "steps": steps}))
 
 
 main()
