@@ -122,7 +122,7 @@ pub fn fuse_from(
         anchor: options.offset.value,
     };
     let border = start::begin(&mut tracks, options, &setting);
-    let mut problem = Problem { tracks, border, setting, options: options.clone() };
+    let mut problem = Problem { tracks, border, setting, options: options.clone(), at_rest: None };
     let digest = checkpoint::digest(runs, options);
     solve(&mut problem, outside, checkpoint, digest)
 }
@@ -237,6 +237,9 @@ fn choose(problem: &mut Problem<'_>, contradicted: &mut usize) -> Result<bool, S
     let mut chosen = false;
     for track in &mut problem.tracks {
         chosen |= track.choose(gate, &border, &setting);
+    }
+    if chosen {
+        problem.at_rest = None;
     }
     // What most poses contradict is no motion of this body.
     let used = || problem.tracks.iter().flat_map(|track| &track.used);

@@ -30,6 +30,8 @@ pub(super) struct Problem<'a> {
     pub(super) border: Border,
     pub(super) setting: Setting,
     pub(super) options: FuseOptions,
+    /// What the last step eliminated, where it changed nothing any more and nothing changed since: the solution's covariances are made of it.
+    pub(super) at_rest: Option<Whole>,
 }
 
 /// A step of all unknowns.
@@ -37,6 +39,8 @@ pub(super) struct Step<T> {
     /// What was made of the states' errors, track by track.
     pub(super) states: Vec<Vec<T>>,
     pub(super) border: BorderError,
+    /// What the step was made of.
+    whole: Whole,
     /// The greatest number of all errors.
     size: f64,
 }
@@ -156,7 +160,7 @@ impl<'a> Problem<'a> {
         none: T,
         of: impl Fn(&State, &StateError) -> T + Sync,
     ) -> Result<Step<T>, Undetermined> {
-        let (eliminated, border, _) = self.eliminated(damping)?;
+        let (eliminated, border, covariance) = self.eliminated(damping)?;
         let back = |at: usize| {
             let track = &self.tracks[at];
             let (mut found, mut size) = (vec![none; track.nodes()], 0.0_f64);
@@ -168,7 +172,8 @@ impl<'a> Problem<'a> {
             Ok((found, size))
         };
         let (states, sizes): (Vec<_>, Vec<f64>) = self.each(back)?.into_iter().unzip();
-        Ok(Step { states, border, size: sizes.into_iter().fold(border.amax(), f64::max) })
+        let size = sizes.into_iter().fold(border.amax(), f64::max);
+        Ok(Step { states, border, whole: Whole { tracks: eliminated, covariance }, size })
     }
 
     /// The errors of all states and of the constants.
@@ -191,11 +196,13 @@ impl<'a> Problem<'a> {
                 problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
             });
         }
+        self.at_rest = None;
         for steps in 1..=most {
             let step = self.stepped(damping, State::default(), State::moved)?;
             let border = self.border.moved(&step.border);
             let (found, is_small) = (self.cost(&step.states, &border)?, step.size < SMALL);
             let gained = (cost - found) / cost.max(f64::MIN_POSITIVE);
+            let undamped = damping == 0.0;
             if found <= cost {
                 (cost, self.border) = (found, border);
                 for (track, own) in self.tracks.iter_mut().zip(step.states) {
@@ -208,6 +215,7 @@ impl<'a> Problem<'a> {
             }
             // What rounding leaves of the cost cannot tell two such states apart.
             if is_small || gained.abs() < 1e-12 {
+                self.at_rest = Some(step.whole).filter(|_| undamped);
                 return Ok(Descent { steps, converged: true });
             }
         }
@@ -221,8 +229,11 @@ impl<'a> Problem<'a> {
         self.chain(&self.tracks[at], 0.0, back)
     }
 
-    /// All states eliminated at the solution.
-    pub(super) fn whole(&self) -> Result<Whole, Undetermined> {
+    /// All states eliminated at the solution: by the last step, where that changed nothing.
+    pub(super) fn whole(&mut self) -> Result<Whole, Undetermined> {
+        if let Some(whole) = self.at_rest.take() {
+            return Ok(whole);
+        }
         let (tracks, _, covariance) = self.eliminated(0.0)?;
         Ok(Whole { tracks, covariance })
     }
@@ -337,6 +348,7 @@ impl<'a> Problem<'a> {
 
     /// Sums the readings between nodes anew, after nodes or noise changed.
     pub(super) fn sum(&mut self) {
+        self.at_rest = None;
         sum(&mut self.tracks, &self.setting);
     }
 }

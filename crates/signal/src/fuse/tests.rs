@@ -55,7 +55,7 @@ fn problem<'a>(runs: &[BodyRun<'a>], options: &FuseOptions) -> Problem<'a> {
         anchor: options.offset.value,
     };
     let border = start::begin(&mut tracks, options, &setting);
-    Problem { tracks, border, setting, options: options.clone() }
+    Problem { tracks, border, setting, options: options.clone(), at_rest: None }
 }
 
 /// The deviations of the constants from the truth, in their own deviations.
