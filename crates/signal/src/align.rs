@@ -5,6 +5,7 @@ use fleetfoot_data::{Cancelled, Silent, parallel_map};
 use crate::{
     ClockLine, Lambda, SignalError, Spline,
     error::{check, check_stamps},
+    means::means,
     outliers::gross_errors,
     smooth,
 };
@@ -97,7 +98,7 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// The value at `t` by the cubic through the four stamps around it, and its slope; `at` is where the search begins, and stays. `None` outside.
+    /// The value at `t` by the cubic through the four stamps around it, and its slope; `at` is where the search begins, and stays. `None` outside, and where one of these has none.
     fn at(&self, t: f64, at: &mut usize) -> Option<(f64, f64)> {
         let n = self.times.len();
         while *at + 1 < n && self.times[*at + 1] <= t {
@@ -118,7 +119,7 @@ impl<'a> Record<'a> {
             value += y[i] * product;
             slope += y[i] * derivative;
         }
-        Some((value, slope))
+        Some((value, slope)).filter(|_| !value.is_nan())
     }
 
     /// The values without their gross errors, and where these were.
@@ -175,7 +176,7 @@ impl Sums {
 /// the values do not matter, nor their rates.
 ///
 /// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
-/// lags which fall there would look better than they are. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
+/// lags which fall there would look better than they are. Of a channel that is at least twice as fast as the other means over the other's period are compared: what the other cannot follow tells nothing of a lag. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
 /// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
 ///
 /// # Errors
@@ -188,7 +189,15 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
     let ((own, first_out), (other, second_out)) = (first.without_gross_errors()?, second.without_gross_errors()?);
     let smoothed = smooth(second.times, &other, None, Spline::Cubic, Lambda::Likelihood)?;
-    let (first, second) = (Record { values: &own, ..first }, Record { values: &smoothed.derivatives[0], ..second });
+    let other = &smoothed.derivatives[0];
+    // What the slower one does not follow is no common motion: of a gyroscope at 1 kHz beside poses at 100 Hz it would be most of the error.
+    let period = first.period().max(second.period());
+    let common = |record: Record<'_>, values: &[f64]| match 2.0 * record.period() <= period {
+        true => means(record.times, values, period),
+        false => values.to_vec(),
+    };
+    let (own, other) = (common(first, &own), common(second, other));
+    let (first, second) = (Record { values: &own, ..first }, Record { values: &other, ..second });
     let left_out = [first_out, second_out];
     let pair =
         Pair { first, second, within, left_out, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };

@@ -24,6 +24,7 @@ mod interpolate;
 pub mod joint;
 mod least;
 mod loss;
+mod means;
 mod outliers;
 mod savitzky_golay;
 mod sections;
