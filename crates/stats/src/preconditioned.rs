@@ -72,7 +72,7 @@ impl Preconditioner {
     }
 
     /// The pivoted Cholesky factor of the Gram matrix of preconditioned rows, and the lengths that the columns were made from.
-    fn pivoted(&self, gram: &Gram) -> (PivotedCholesky, Vec<f64>) {
+    pub(crate) fn pivoted(&self, gram: &Gram) -> (PivotedCholesky, Vec<f64>) {
         let (p, q) = (self.regressors(), self.targets());
         assert_eq!(gram.dimension(), p + q, "a Gram matrix of the preconditioned columns");
         let weight = gram.weight;
