@@ -5,6 +5,7 @@
 //! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
 
 mod marks;
+mod phases;
 mod rule;
 mod training;
 
@@ -14,6 +15,7 @@ use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Transitions};
+use phases::{PairText, PhasesText};
 use rule::RuleText;
 use training::TrainingText;
 
@@ -210,6 +212,10 @@ struct PartitionText {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     transitions: Vec<Vec<u64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    phases: Option<PhasesText>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pairs: Vec<PairText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     lattice: Option<LatticeText>,
 }
 
@@ -338,6 +344,8 @@ impl ModelText {
                     rule: p.rule.into_rule(),
                     regions: p.regions.into_iter().map(RegionText::into_region).collect(),
                     transitions: (!p.transitions.is_empty()).then_some(Transitions { counts: p.transitions }),
+                    phases: p.phases.map(PhasesText::into_phases),
+                    pairs: p.pairs.into_iter().map(PairText::into_pair).collect(),
                     lattice: p.lattice.map(LatticeText::into_lattice),
                 })
             })
@@ -392,6 +400,8 @@ impl From<&Partition> for PartitionText {
             rule: RuleText::from(&p.rule),
             regions: p.regions.iter().map(RegionText::from).collect(),
             transitions: p.transitions.as_ref().map_or_else(Vec::new, |transitions| transitions.counts.clone()),
+            phases: p.phases.as_ref().map(PhasesText::from),
+            pairs: p.pairs.iter().map(PairText::from).collect(),
             lattice: p.lattice.as_ref().map(LatticeText::from),
         }
     }

@@ -28,6 +28,10 @@ pub struct Partition {
     pub regions: Vec<crate::Region>,
     /// Which region follows which, where it was counted.
     pub transitions: Option<crate::Transitions>,
+    /// How they lie along a phase, where one was named.
+    pub phases: Option<crate::Phases>,
+    /// Which of them have the same dynamics, where transitions were counted: pairs ascending.
+    pub pairs: Vec<crate::RegionPair>,
     /// The tree of joins that the regions are a level of, where they are.
     pub lattice: Option<crate::Lattice>,
 }
@@ -152,6 +156,8 @@ impl Partition {
             rule: Rule::Whole,
             regions: Vec::new(),
             transitions: None,
+            phases: None,
+            pairs: Vec::new(),
             lattice: None,
         }
     }

@@ -1,10 +1,13 @@
 //! Models for people.
 
+mod transitions;
+
 use std::fmt::Write;
 
 use fleetfoot_library::Expr;
 
 use crate::{Branch, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
+pub use transitions::describe_transitions;
 
 /// The model as text: columns, equations, and per region its size, rank and coefficients.
 ///
@@ -205,49 +208,6 @@ fn describe_level(out: &mut String, level: &Level, own: bool) {
         short(level.bic),
         if own { "  <- this model" } else { "" }
     );
-}
-
-/// Which region follows which, for people: shares of a region's rows by the region one sample later, and how long a visit lasts. `None` where no partition of
-/// the model has them counted.
-pub fn describe_transitions(model: &Model) -> Option<String> {
-    let mut out = String::new();
-    for partition in &model.partitions {
-        let Some(transitions) = &partition.transitions else { continue };
-        let names: Vec<String> = (0..partition.rule.count()).map(|region| partition.region_name(region)).collect();
-        let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(6);
-        if !out.is_empty() {
-            out.push('\n');
-        }
-        let _ = writeln!(
-            out,
-            "transitions of {}: shares of a region's rows by the region one sample later",
-            partition.specification
-        );
-        let heads: Vec<String> = names.iter().map(|name| format!("{name:>width$}")).collect();
-        let _ = writeln!(out, "  {:>width$}  {}  mean dwell in rows", "from", heads.join("  "));
-        for (from, name) in names.iter().enumerate() {
-            let shares = (0..names.len()).map(|to| match transitions.probability(from, to) {
-                share if share.is_nan() => format!("{:>width$}", "-"),
-                share => format!("{share:>width$.4}"),
-            });
-            let _ = writeln!(
-                out,
-                "  {name:>width$}  {}  {}",
-                shares.collect::<Vec<String>>().join("  "),
-                dwell(transitions.dwell(from), model.step)
-            );
-        }
-    }
-    (!out.is_empty()).then_some(out)
-}
-
-fn dwell(rows: f64, step: f64) -> String {
-    match rows {
-        rows if rows.is_nan() => "-".into(),
-        rows if rows.is_infinite() => "never left".into(),
-        rows if step > 0.0 => format!("{} ({} s)", short(rows), short(rows * step)),
-        rows => short(rows),
-    }
 }
 
 fn terms(model: &Model, latent: &Latent, region: usize) -> String {

@@ -115,6 +115,13 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
             return Err(format!("partition {name}: transitions are not {count} x {count}"));
         }
     }
+    if let Some(phases) = &partition.phases {
+        phases.check(partition.rule.count()).map_err(|problem| format!("partition {name}: {problem}"))?;
+    }
+    let pairs = partition.pairs.iter().map(|pair| pair.regions);
+    if let Some([a, b]) = pairs.into_iter().find(|[a, b]| a >= b || *b as usize >= partition.rule.count()) {
+        return Err(format!("partition {name}: {a} and {b} are no pair of {} regions", partition.rule.count()));
+    }
     if let Some(lattice) = &partition.lattice {
         let count = partition.rule.count();
         let known = |join: &Join| [join.kept, join.gone].iter().all(|&region| (region as usize) < count);

@@ -2,7 +2,11 @@
 //!
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 
-use super::{ExportOptions, ExportedFile, transitions::arrays as transition_arrays, zip::archive};
+use super::{
+    ExportOptions, ExportedFile,
+    transitions::{Values, tables as transition_tables},
+    zip::archive,
+};
 use crate::{Cut, Model, Partition, Rule, UnseenLabel};
 
 /// The file `prefix.npz`.
@@ -10,7 +14,9 @@ use crate::{Cut, Model, Partition, Rule, UnseenLabel};
 /// Per latent `latent/NAME/constants` (regions) and `latent/NAME/coefficients` (regions x functions) with the functions' texts in
 /// `latent/NAME/functions` and the number of its partition; per partition `partition/N/...` its columns, centres, scales and weights, per
 /// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`; where transitions were counted
-/// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and `.../dwell` (rows).
+/// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and `.../dwell` (rows); along a phase `partition/N/phase/rows` and
+/// `.../share` (bins x regions) and `.../transition_count` (bins x regions x regions), from stride to stride `partition/N/stride/count` and `.../probability`, and
+/// `partition/N/pairs/p` where pairs of regions were told apart.
 pub(super) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     let mut arrays = Arrays::default();
     let texts = |values: Vec<String>| values;
@@ -65,12 +71,18 @@ fn partition_arrays(arrays: &mut Arrays, index: usize, partition: &Partition) {
         arrays.reals(&name("ranges"), &ranges, &[regions.len(), functions, 2]);
     }
     rule_arrays(arrays, &name("rule"), &partition.rule, columns);
-    if let Some(counted) = &partition.transitions {
-        let (counts, shares, dwells) = transition_arrays(counted);
-        let square = [dwells.len(), dwells.len()];
-        arrays.integers(&name("transitions/count"), &counts, &square);
-        arrays.reals(&name("transitions/probability"), &shares, &square);
-        arrays.reals(&name("transitions/dwell"), &dwells, &square[..1]);
+    for table in transition_tables(partition, 0.0) {
+        match &table.values {
+            Values::Counts(rows) => {
+                let rows: Vec<i64> = rows.iter().map(|&rows| i64::try_from(rows).unwrap_or(i64::MAX)).collect();
+                arrays.integers(&name(table.path), &rows, &table.shape());
+            }
+            Values::Reals(values) => arrays.reals(&name(table.path), values, &table.shape()),
+        }
+    }
+    if let Some(phases) = &partition.phases {
+        let bins: Vec<String> = (0..phases.bins.count()).map(|bin| phases.bins.name(bin)).collect();
+        arrays.strings(&name("phase/bins"), &bins);
     }
 }
 

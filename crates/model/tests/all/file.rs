@@ -2,8 +2,8 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role,
-    Rule, TrainedEpisode, Training, Transitions, UnseenLabel,
+    Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage, PhaseBins, Phases,
+    Prediction, Region, RegionPair, Role, Rule, TrainedEpisode, Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -65,6 +65,16 @@ fn model(numbers: &[f64; 12]) -> Model {
         transitions: Some(Transitions {
             counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
         }),
+        phases: Some(Phases {
+            specification: "stance".into(),
+            bins: PhaseBins::Cyclic { period: 6.25, count: 3 },
+            rows: (0..3).map(|bin| (0..5).map(|region| bin * 11 + region).collect()).collect(),
+            passages: vec![Passage { bin: 2, from: 0, to: 4, rows: u64::MAX }],
+            strides: (0..5).map(|from| (0..5).map(|to| from * 3 + to).collect()).collect(),
+            stride_rows: 977,
+            falling: true,
+        }),
+        pairs: vec![RegionPair { regions: [1, 3], statistic: n(4), freedom: 3, p: n(5) }],
         lattice: Some(Lattice {
             joins: (0..4).map(|i| Join { kept: 0, gone: 4 - i, training: n(i as usize) }).collect(),
             levels: vec![Level { regions: 5, training: n(3), held_out: f64::NAN, standard_error: n(1), bic: n(2) }],
@@ -145,5 +155,30 @@ fn a_model_that_contradicts_itself_is_refused() {
     {
         let error = Model::from_json(text, "x.json").expect_err("not a model").to_string();
         assert!(error.contains(word) && error.contains("x.json"), "{error}");
+    }
+}
+
+#[test]
+fn what_was_not_found_is_not_written() {
+    let mut model = model(&[0.5; 12]);
+    (model.partitions[0].phases, model.partitions[0].pairs) = (None, Vec::new());
+    let text = model.to_json();
+    // Files that were written before there were any are the same files.
+    assert!(!text.contains("phases") && !text.contains("pairs"));
+    assert_eq!(Model::from_json(&text, "old.json").expect("it reads back").to_json(), text);
+}
+
+#[test]
+fn phases_and_pairs_of_other_regions_are_refused() {
+    let refused = |change: &dyn Fn(&mut Partition)| {
+        let mut broken = model(&[0.5; 12]);
+        change(&mut broken.partitions[0]);
+        Model::from_json(&broken.to_json(), "broken.json").expect_err("contradicts itself").to_string()
+    };
+    let strides = refused(&|own| own.phases.iter_mut().for_each(|phases| phases.strides.truncate(4)));
+    assert!(strides.contains("3 bins and 5 regions"), "{strides}");
+    for pair in [[3, 3], [1, 5], [2, 1]] {
+        let told = refused(&|own| own.pairs[0].regions = pair);
+        assert!(told.contains(&format!("{} and {} are no pair", pair[0], pair[1])), "{told}");
     }
 }

@@ -83,6 +83,8 @@ impl Maker {
             rule,
             regions: Vec::new(),
             transitions: None,
+            phases: None,
+            pairs: Vec::new(),
             lattice: None,
         });
         self.model.partitions.len() - 1

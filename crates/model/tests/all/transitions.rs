@@ -2,7 +2,10 @@
 
 use std::process::Command;
 
-use fleetfoot_model::{ExportOptions, Model, Precision, Target, Transitions, export};
+use fleetfoot_model::{
+    ExportOptions, Model, Passage, PhaseBins, Phases, Precision, RegionPair, Target, Transitions, describe_transitions,
+    export,
+};
 
 use crate::{
     export::{FLAGS, Folder, present},
@@ -14,10 +17,54 @@ fn counts(most: u64) -> Vec<Vec<u64>> {
     vec![vec![70, 3, 0, 7, 1], vec![1, most, 2, 0, 0], vec![0, 0, 11, 0, 0], vec![2, 1, 0, 30, 0], vec![0, 0, 0, 0, 0]]
 }
 
+/// Two bins, the second without rows, and a region in which no stride began.
+fn phases(most: u64) -> Phases {
+    Phases {
+        specification: "gait:2".into(),
+        bins: PhaseBins::Cyclic { period: 1.0, count: 2 },
+        rows: vec![vec![9, most, 0, 1, 2], vec![0; 5]],
+        passages: vec![
+            Passage { bin: 0, from: 0, to: 4, rows: most },
+            Passage { bin: 0, from: 3, to: 3, rows: 8 },
+            Passage { bin: 0, from: 4, to: 0, rows: 1 },
+        ],
+        strides: vec![vec![1, 2, 0, 0, 0], vec![0; 5], vec![0, 0, 7, 0, 0], vec![3, 0, 0, 0, 1], vec![0, 5, 0, 0, 0]],
+        stride_rows: 99,
+        falling: false,
+    }
+}
+
 fn model(most: u64) -> Model {
     let mut model = models::pwa(5, 2);
-    model.partitions[0].transitions = Some(Transitions { counts: counts(most) });
+    let partition = &mut model.partitions[0];
+    partition.transitions = Some(Transitions { counts: counts(most) });
+    partition.phases = Some(phases(most));
+    let pair = |a, b, p| RegionPair { regions: [a, b], statistic: 12.5, freedom: 3, p };
+    partition.pairs = vec![pair(0, 1, 0.25), pair(0, 4, 1e-12), pair(2, 3, f64::NAN)];
     model
+}
+
+/// All whole numbers of the tables in their order, then all others.
+fn expected(most: u64) -> (Vec<u64>, Vec<f64>) {
+    let (transitions, phases) = (Transitions { counts: counts(most) }, phases(most));
+    let mut passages = vec![0; 50];
+    for own in &phases.passages {
+        passages[(own.bin * 25 + own.from * 5 + own.to) as usize] = own.rows;
+    }
+    let mut counts: Vec<u64> = transitions.counts.iter().chain(&phases.rows).flatten().copied().collect();
+    counts.extend(passages);
+    counts.extend(phases.strides.iter().flatten());
+    let mut reals: Vec<f64> = (0..25).map(|at| transitions.probability(at / 5, at % 5)).collect();
+    reals.extend((0..5).map(|region| transitions.dwell(region)));
+    reals.extend((0..10).map(|at| phases.share(at / 5, at % 5)));
+    reals.extend((0..25).map(|at| phases.stride_probability(at / 5, at % 5)));
+    let p = |at: usize| match (at / 5, at % 5) {
+        (0, 1) | (1, 0) => 0.25,
+        (0, 4) | (4, 0) => 1e-12,
+        _ => f64::NAN,
+    };
+    reals.extend((0..25).map(p));
+    (counts, reals)
 }
 
 /// What a program prints, one number a line: counts, shares, dwells.
@@ -34,15 +81,12 @@ fn build(compiler: &mut Command) {
 
 /// The printed numbers are the model's, rounded to the code's precision.
 fn compare(what: &str, printed: &[String], most: u64, precision: Precision) {
-    let counts = counts(most);
-    let transitions = Transitions { counts: counts.clone() };
-    assert_eq!(printed.len(), 25 + 25 + 5, "{what}: {printed:?}");
-    let expected: Vec<String> = counts.iter().flatten().map(u64::to_string).collect();
-    assert_eq!(printed[..25], expected, "{what}");
-    let shares = (0..25).map(|at| transitions.probability(at / 5, at % 5));
-    let expected: Vec<f64> = shares.chain((0..5).map(|region| transitions.dwell(region))).collect();
-    assert!(expected[20].is_nan() && expected[25 + 2] == f64::INFINITY && expected[25 + 4].is_nan(), "no hard case");
-    for (text, expected) in printed[25..].iter().zip(expected) {
+    let (counts, reals) = expected(most);
+    assert_eq!(printed.len(), counts.len() + reals.len(), "{what}: {printed:?}");
+    let (whole, others) = printed.split_at(counts.len());
+    assert_eq!(whole, counts.iter().map(u64::to_string).collect::<Vec<String>>(), "{what}");
+    assert!(reals[20].is_nan() && reals[25 + 2] == f64::INFINITY && reals[35].is_nan(), "no hard case");
+    for (text, expected) in others.iter().zip(reals) {
         // C may print a sign of what is no number.
         let value: f64 = text.trim_start_matches("-nan").parse().unwrap_or(f64::NAN);
         let expected = if precision == Precision::Float { f64::from(expected as f32) } else { expected };
@@ -60,7 +104,12 @@ fn c_has_them_in_a_source_of_its_own() {
         return;
     }
     let folder = Folder::new("transitions-c");
-    let main = "#include \"robot.h\"\n#include <inttypes.h>\n#include <stdio.h>\nint main(void) {\n    enum { N = ROBOT_REGION_COUNT };\n    for (int i = 0; i < N * N; i++) printf(\"%\" PRIu64 \"\\n\", (uint64_t)robot_transition_count[i / N][i % N]);\n    for (int i = 0; i < N * N; i++) printf(\"%.17g\\n\", (double)robot_transition_probability[i / N][i % N]);\n    for (int i = 0; i < N; i++) printf(\"%.17g\\n\", (double)robot_dwell[i]);\n    return 0;\n}\n";
+    let main = "#include \"robot.h\"\n#include <inttypes.h>\n#include <stdio.h>\n\
+        #define COUNTS(table, type) for (size_t i = 0; i < sizeof(table) / sizeof(type); i++) printf(\"%\" PRIu64 \"\\n\", (uint64_t)((const type *)table)[i])\n\
+        #define REALS(table, type) for (size_t i = 0; i < sizeof(table) / sizeof(type); i++) printf(\"%.17g\\n\", (double)((const type *)table)[i])\n\
+        int main(void) {\n    COUNTS(robot_transition_count, WIDE);\n    COUNTS(robot_phase_rows, WIDE);\n    COUNTS(robot_phase_transition_count, WIDE);\n\
+            COUNTS(robot_stride_count, uint32_t);\n    REALS(robot_transition_probability, REAL);\n    REALS(robot_dwell, REAL);\n    REALS(robot_phase_share, REAL);\n\
+            REALS(robot_stride_probability, REAL);\n    REALS(robot_difference_p, REAL);\n    return ROBOT_PHASE_BIN_COUNT - 2;\n}\n";
     std::fs::write(folder.0.join("main.c"), main).expect("written");
     for most in MOST {
         for precision in [Precision::Double, Precision::Float] {
@@ -77,7 +126,9 @@ fn c_has_them_in_a_source_of_its_own() {
             build(compiler.current_dir(&folder.0).args(FLAGS).args(["robot.c", "robot_test.c", "-o", "test", "-lm"]));
             let mut compiler = Command::new("cc");
             let sources = ["main.c", "robot_transitions.c", "-o", "main"];
-            build(compiler.current_dir(&folder.0).args(FLAGS).args(sources));
+            let wide = if most > u64::from(u32::MAX) { "-DWIDE=uint64_t" } else { "-DWIDE=uint32_t" };
+            let real = if precision == Precision::Double { "-DREAL=double" } else { "-DREAL=float" };
+            build(compiler.current_dir(&folder.0).args(FLAGS).args([wide, real]).args(sources));
             let what = format!("{precision:?}, {most}");
             compare(&what, &printed(&mut Command::new(folder.0.join("main"))), most, precision);
         }
@@ -90,7 +141,9 @@ fn rust_has_them_as_constants() {
         return;
     }
     let folder = Folder::new("transitions-rust");
-    let main = "#![allow(dead_code)]\nmod robot;\nfn main() {\n    for n in robot::TRANSITION_COUNT.iter().flatten() { println!(\"{n}\"); }\n    for v in robot::TRANSITION_PROBABILITY.iter().flatten().chain(&robot::DWELL) { println!(\"{:?}\", *v as f64); }\n}\n";
+    let main = "#![allow(dead_code)]\nmod robot;\nuse robot::*;\nfn main() {\n    for n in TRANSITION_COUNT.iter().flatten().chain(PHASE_ROWS.iter().flatten()) { println!(\"{n}\"); }\n\
+        for n in PHASE_TRANSITION_COUNT.iter().flatten().flatten() { println!(\"{n}\"); }\n    for n in STRIDE_COUNT.iter().flatten() { println!(\"{n}\"); }\n\
+        for v in TRANSITION_PROBABILITY.iter().flatten().chain(&DWELL).chain(PHASE_SHARE.iter().flatten()).chain(STRIDE_PROBABILITY.iter().flatten()).chain(DIFFERENCE_P.iter().flatten()) { println!(\"{:?}\", *v as f64); }\n}\n";
     std::fs::write(folder.0.join("main.rs"), main).expect("written");
     for (most, precision) in [(MOST[0], Precision::Double), (MOST[1], Precision::Float)] {
         let mut options = ExportOptions::new(Target::Rust);
@@ -121,7 +174,8 @@ fn python_has_them_as_tuples() {
     options.prefix = "robot".into();
     let files = export(&model(MOST[1]), &options, &[]).expect("code").files;
     std::fs::write(folder.0.join("robot.py"), &files[0].bytes).expect("written");
-    let program = "import robot\nfor row in robot.TRANSITION_COUNT + robot.TRANSITION_PROBABILITY + (robot.DWELL,):\n    for value in row: print(repr(value))\n";
+    let program = "import robot as r\ncounts = r.TRANSITION_COUNT + r.PHASE_ROWS + sum(r.PHASE_TRANSITION_COUNT, ()) + r.STRIDE_COUNT\n\
+        reals = r.TRANSITION_PROBABILITY + (r.DWELL,) + r.PHASE_SHARE + r.STRIDE_PROBABILITY + r.DIFFERENCE_P\nfor row in counts + reals:\n    for value in row: print(repr(value))\n";
     let mut python = Command::new("python3");
     let printed = printed(python.current_dir(&folder.0).args(["-W", "error", "-B", "-c", program]));
     compare("Python", &printed, MOST[1], Precision::Double);
@@ -135,9 +189,41 @@ fn numpy_reads_them() {
     options.prefix = "robot".into();
     let files = export(&model(MOST[1]), &options, &[]).expect("arrays").files;
     std::fs::write(folder.0.join("robot.npz"), &files[0].bytes).expect("written");
-    let program = "import numpy as np\na = np.load('robot.npz')\nt = 'partition/0/transitions/'\nassert a[t + 'count'].shape == a[t + 'probability'].shape == (5, 5) and a[t + 'dwell'].shape == (5,)\nfor name in ('count', 'probability', 'dwell'):\n    for value in a[t + name].ravel().tolist(): print(repr(value))\n";
+    let program = "import numpy as np\na = np.load('robot.npz')\nt = 'partition/0/'\n\
+        assert a[t + 'phase/transition_count'].shape == (2, 5, 5) and a[t + 'phase/share'].shape == (2, 5) and a[t + 'transitions/dwell'].shape == (5,)\n\
+        assert a[t + 'phase/bins'].tolist() == ['0.00..0.50', '0.50..1.00']\n\
+        for name in ('transitions/count', 'phase/rows', 'phase/transition_count', 'stride/count', 'transitions/probability', 'transitions/dwell', 'phase/share', 'stride/probability', 'pairs/p'):\n    for value in a[t + name].ravel().tolist(): print(repr(value))\n";
     let printed = printed(Command::new(python).current_dir(&folder.0).args(["-c", program]));
     compare("NumPy", &printed, MOST[1], Precision::Double);
+}
+
+/// What people read: tables from sample to sample, along the phase and from stride to stride, and the pairs, those that are not told apart first.
+#[test]
+fn people_read_them() {
+    let mut model = model(1_000);
+    let pair = |a, b, p| RegionPair { regions: [a, b], statistic: 12.5, freedom: 3, p };
+    // 0 and 4 are neighbours in one direction, 2 and 4 in none.
+    model.partitions[0].pairs = vec![pair(0, 1, 0.02), pair(0, 4, 0.04), pair(2, 4, 1e-9), pair(3, 4, f64::NAN)];
+    let text = describe_transitions(&model, false).expect("counted");
+    let line =
+        |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default().to_owned();
+    assert_eq!(line("0.00..0.50"), "  0.00..0.50  0.0089  0.9881  0.0000  0.0010  0.0020    1012  0 to 4 98.8 %, 4 to 0 0.1 %");
+    assert_eq!(line("0.50..1.00"), "  0.50..1.00       -       -       -       -       -       0");
+    assert!(
+        text.contains("a stride begins where the phase wraps; 19 of 5.21053 rows (0.104211 s) on average"),
+        "{text}"
+    );
+    // Holm's of two: 0.04 each; of three with one that is nothing to do with neighbours, other numbers.
+    let pairs: Vec<&str> = text.lines().skip_while(|line| !line.contains("neighbours have maps")).skip(2).collect();
+    assert_eq!(pairs[0].split_whitespace().collect::<Vec<_>>()[..6], ["0", "4", "12.5", "3", "0.04", "0.04"], "{text}");
+    assert_eq!(pairs.len(), 3, "{text}");
+    let all = describe_transitions(&model, true).expect("counted");
+    assert!(all.contains("too few rows") && all.contains("1e-9"), "{all}");
+    assert!(describe_transitions(&models::pwa(5, 2), true).is_none());
+    let phases = model.partitions[0].phases.as_mut().expect("phases");
+    (phases.strides, phases.bins) = (vec![vec![0; 5]; 5], PhaseBins::Labels(vec!["left".into(), "right".into()]));
+    let text = describe_transitions(&model, false).expect("counted");
+    assert!(text.contains("no two strides follow each other: a stride begins where left is entered"), "{text}");
 }
 
 /// Without counts nothing changes, and neither does anything but the tables with them.

@@ -1,0 +1,187 @@
+//! Which region follows which, for people: from sample to sample, along a phase, from stride to stride; and which regions have the same map.
+
+use std::fmt::Write;
+
+use super::short;
+use crate::{Model, Partition, PhaseBins, Phases, Transitions, holm};
+
+/// Pairs that are printed, at most, where not all are wanted.
+const PAIRS: usize = 24;
+/// Changes of region of a bin that are printed, at most.
+const CHANGES: usize = 4;
+/// The probability below which two regions are told apart.
+const LEVEL: f64 = 0.05;
+
+/// Which region follows which, for people: shares of a region's rows by the region one sample later, and how long a visit lasts; where the regions lie along a
+/// phase and which follows which from stride to stride, where a phase was named; and which neighbours (rows pass from one to the other) are told apart by their
+/// maps, of `all` pairs or of neighbours alone. `None` where no partition of the model has them counted.
+pub fn describe_transitions(model: &Model, all: bool) -> Option<String> {
+    let mut out = String::new();
+    for partition in &model.partitions {
+        let Some(transitions) = &partition.transitions else { continue };
+        let names: Vec<String> = (0..partition.rule.count()).map(|region| partition.region_name(region)).collect();
+        if !out.is_empty() {
+            out.push('\n');
+        }
+        by_sample(&mut out, model, partition, (transitions, &names));
+        if let Some(phases) = &partition.phases {
+            along(&mut out, phases, &names);
+            by_stride(&mut out, model, phases, &names);
+        }
+        pairs(&mut out, partition, (transitions, &names), all);
+    }
+    (!out.is_empty()).then_some(out)
+}
+
+fn width(names: &[String]) -> usize {
+    names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(6)
+}
+
+/// A share with four digits behind the point.
+fn share(share: f64, width: usize) -> String {
+    if share.is_nan() { format!("{:>width$}", "-") } else { format!("{share:>width$.4}") }
+}
+
+/// The head of a table of regions by regions.
+fn heads(names: &[String], width: usize) -> String {
+    names.iter().map(|name| format!("{name:>width$}")).collect::<Vec<String>>().join("  ")
+}
+
+fn by_sample(out: &mut String, model: &Model, partition: &Partition, (counted, names): (&Transitions, &[String])) {
+    let width = width(names);
+    let _ = writeln!(
+        out,
+        "transitions of {}: shares of a region's rows by the region one sample later",
+        partition.specification
+    );
+    let _ = writeln!(out, "  {:>width$}  {}  mean dwell in rows", "from", heads(names, width));
+    for (from, name) in names.iter().enumerate() {
+        let shares: Vec<String> = (0..names.len()).map(|to| share(counted.probability(from, to), width)).collect();
+        let _ = writeln!(out, "  {name:>width$}  {}  {}", shares.join("  "), dwell(counted.dwell(from), model.step));
+    }
+}
+
+/// Where the regions lie along the phase, and which changes there are in a bin.
+fn along(out: &mut String, phases: &Phases, names: &[String]) {
+    let width = width(names);
+    let bins: Vec<String> = (0..phases.bins.count()).map(|bin| phases.bins.name(bin)).collect();
+    let first = bins.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(5);
+    let _ = writeln!(out, "\nalong {}: shares of a bin's rows in each region", phases.specification);
+    let _ = writeln!(out, "  {:>first$}  {}    rows  changes, of the bin's rows", "phase", heads(names, width));
+    for (bin, name) in bins.iter().enumerate() {
+        let shares: Vec<String> = (0..names.len()).map(|region| share(phases.share(bin, region), width)).collect();
+        let rows: u64 = phases.rows[bin].iter().sum();
+        let line = format!("  {name:>first$}  {}  {rows:>6}  {}", shares.join("  "), changes(phases, bin, rows, names));
+        let _ = writeln!(out, "{}", line.trim_end());
+    }
+}
+
+/// The most frequent passages of a bin from one region to another.
+fn changes(phases: &Phases, bin: usize, rows: u64, names: &[String]) -> String {
+    let mut left: Vec<_> = phases.passages.iter().filter(|own| own.bin as usize == bin && own.from != own.to).collect();
+    left.sort_by_key(|own| std::cmp::Reverse(own.rows));
+    let told = left.iter().take(CHANGES).map(|own| {
+        let percent = 100.0 * own.rows as f64 / rows as f64;
+        format!("{} to {} {percent:.1} %", names[own.from as usize], names[own.to as usize])
+    });
+    told.collect::<Vec<String>>().join(", ")
+}
+
+fn by_stride(out: &mut String, model: &Model, phases: &Phases, names: &[String]) {
+    let width = width(names);
+    let begins = match (&phases.bins, phases.falling) {
+        (PhaseBins::Cyclic { .. }, false) => "the phase wraps".to_owned(),
+        (PhaseBins::Cyclic { .. }, true) => "the phase, which falls, wraps".to_owned(),
+        (PhaseBins::Labels(labels), _) => format!("{} is entered", labels.first().map_or("", String::as_str)),
+    };
+    if phases.stride_count() == 0 {
+        let _ = writeln!(out, "\nno two strides follow each other: a stride begins where {begins}");
+        return;
+    }
+    let rows = phases.rows_of_a_stride();
+    let seconds = if model.step > 0.0 { format!(" ({} s)", short(rows * model.step)) } else { String::new() };
+    let _ = writeln!(
+        out,
+        "\nfrom stride to stride: shares of the strides that began in a region by the region in which the next one began\n  \
+         a stride begins where {begins}; {} of {} rows{seconds} on average",
+        phases.stride_count(),
+        short(rows)
+    );
+    let _ = writeln!(out, "  {:>width$}  {}  strides", "from", heads(names, width));
+    for (from, name) in names.iter().enumerate() {
+        let shares: Vec<String> =
+            (0..names.len()).map(|to| share(phases.stride_probability(from, to), width)).collect();
+        let strides: u64 = phases.strides[from].iter().sum();
+        let _ = writeln!(out, "  {name:>width$}  {}  {strides:>7}", shares.join("  "));
+    }
+}
+
+/// Which regions are told apart by their maps: those that are not come first.
+fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transitions, &[String]), all: bool) {
+    let passes = |from: u32, to: u32| counted.counts[from as usize][to as usize] > 0;
+    let neighbours = |&[a, b]: &[u32; 2]| passes(a, b) || passes(b, a);
+    let asked: Vec<_> = partition.pairs.iter().filter(|pair| all || neighbours(&pair.regions)).collect();
+    if asked.is_empty() {
+        return;
+    }
+    let adjusted = holm(&asked.iter().map(|pair| pair.p).collect::<Vec<f64>>());
+    let mut order: Vec<usize> = (0..asked.len()).collect();
+    // Where nothing can be told, nothing tells them apart.
+    let least = |at: usize| if adjusted[at].is_nan() { 2.0 } else { adjusted[at] };
+    order.sort_by(|&a, &b| least(b).total_cmp(&least(a)).then(asked[b].p.total_cmp(&asked[a].p)).then(a.cmp(&b)));
+    let which = if all { "pairs of regions" } else { "neighbours" };
+    let _ = writeln!(
+        out,
+        "\nwhich {which} have maps of their own: twice the logarithm of the likelihood ratio of two maps against one, and how probable a larger one is if one holds"
+    );
+    let width = width(names);
+    let _ = writeln!(out, "  {:>width$}  {:>width$}     2 ln ratio  freedom          p  p (Holm)", "region", "region");
+    let shown = if all { order.len() } else { PAIRS.min(order.len()) };
+    for &at in &order[..shown] {
+        let (pair, adjusted) = (asked[at], adjusted[at]);
+        let [a, b] = pair.regions.map(|region| &names[region as usize]);
+        let verdict = match adjusted {
+            value if value.is_nan() => "  too few rows",
+            value if value >= LEVEL => "  <- one map would do",
+            _ => "",
+        };
+        let _ = writeln!(
+            out,
+            "  {a:>width$}  {b:>width$}  {:>13}  {:>7}  {:>9}  {:>8}{verdict}",
+            known(pair.statistic),
+            pair.freedom,
+            probability(pair.p),
+            probability(adjusted)
+        );
+    }
+    if shown < order.len() {
+        let _ = writeln!(out, "  and {} more, which differ no less", order.len() - shown);
+    }
+    let _ = writeln!(
+        out,
+        "  regions that were drawn where maps differ, on these rows, differ here too: read which ones do not"
+    );
+}
+
+fn known(value: f64) -> String {
+    if value.is_nan() { "-".into() } else { short(value) }
+}
+
+/// A probability with two digits.
+fn probability(p: f64) -> String {
+    match p {
+        p if p.is_nan() => "-".into(),
+        p if p >= 0.01 => format!("{p:.2}"),
+        p if p < 1e-99 => "0".into(),
+        p => format!("{p:.0e}"),
+    }
+}
+
+fn dwell(rows: f64, step: f64) -> String {
+    match rows {
+        rows if rows.is_nan() => "-".into(),
+        rows if rows.is_infinite() => "never left".into(),
+        rows if step > 0.0 => format!("{} ({} s)", short(rows), short(rows * step)),
+        rows => short(rows),
+    }
+}
