@@ -5,6 +5,7 @@ use fleetfoot_stats::{FoldLayout, Preconditioner};
 use crate::{
     Options, Problem,
     lattice::{Sets, Tree},
+    phase::Scale,
     rows::Rows,
     scan::Scan,
     segmentation::Segmentation,
@@ -24,6 +25,8 @@ pub(crate) struct Fit<'a> {
     /// Sums of the cells and their trees, where there are any.
     pub(crate) joined: Option<&'a (Sets, Vec<Tree>)>,
     pub(crate) preconditioner: &'a Preconditioner,
+    /// What the phase's values are bins of, where there is one.
+    pub(crate) phase: Option<&'a Scale>,
     /// What the models' maps are bounded by.
     pub(crate) bound: Option<Loop>,
 }

@@ -86,6 +86,19 @@ pub enum Error {
         /// How many are allowed.
         limit: usize,
     },
+    /// A column that does not come round.
+    #[error(
+        "`{column}` goes from {low} to {high}: a phase is within 0 and 1, or within 0 and 2 pi (or -pi and pi); say that a state or input is an angle (kind = \"angle\"), write an expression \
+         that comes round, such as wrap({column}), or name labels (--phase labels:{column})"
+    )]
+    NoPhase {
+        /// The column.
+        column: String,
+        /// Its least value.
+        low: f64,
+        /// Its greatest.
+        high: f64,
+    },
     /// Separators of more numbers than their Hessian has room for.
     #[error(
         "refined:{regions} on {columns} partition columns has separators of {} numbers, and {limit} is the limit: ask for fewer regions, or look at fewer \

@@ -13,12 +13,14 @@ use fleetfoot_stats::{
 use crate::{
     Error,
     assignment::Assigner,
+    phase::Scale,
     region_model::RegionModel,
     residual::{Maps, Scatter, Sums, by_rows},
     rows::{Rows, Tile},
     segmentation::Segmentation,
     select::Order,
-    walks::Walks,
+    strides::Step,
+    walks::{MOST_REGIONS, Walks},
 };
 
 /// What the pass found.
@@ -118,6 +120,8 @@ pub(crate) struct Measure<'a> {
     pub(crate) fold_means: &'a [Vec<f64>],
     /// That of the covariance of the targets ([`fleetfoot_stats::Mahalanobis::whitening`]).
     pub(crate) whitening: &'a [f64],
+    /// What the phase's values are bins of, where there is one.
+    pub(crate) phase: Option<&'a Scale>,
 }
 
 impl Measure<'_> {
@@ -145,7 +149,7 @@ impl Measure<'_> {
                 total.residuals.iter_mut().zip(&errors.residuals).for_each(|(a, b)| a.merge(b));
                 for (total, walks) in total.walks.iter_mut().zip(&errors.walks) {
                     if let (Some(total), Some(walks)) = (total, walks) {
-                        total.merge(walks);
+                        total.merge(walks, self.phase);
                     }
                 }
                 Ok(())
@@ -169,8 +173,9 @@ impl Measure<'_> {
 
     /// Room for the transitions of a candidate, where they are wanted: other partitions may have regions whose pairs fill the memory.
     fn walks(&self, candidate: usize) -> Option<Walks> {
+        let regions = self.orders[candidate].full.len();
         let fits = self.segmentation.candidates[candidate].specification.fits_targets();
-        fits.then(|| Walks::new(self.orders[candidate].full.len()))
+        (fits || self.phase.is_some() && regions <= MOST_REGIONS).then(|| Walks::new(regions, self.phase))
     }
 
     fn prepare(&self, order: &Order) -> Prepared {
@@ -218,7 +223,12 @@ impl Measure<'_> {
                 part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
                 if let Some(walks) = &mut part.errors.walks[kept] {
                     let rows = tile.index().iter().map(|row| place.first + row);
-                    walks.extend(place.chunk.episode, rows.zip(part.regions.iter().copied()));
+                    walks.extend(place.chunk.episode, rows.clone().zip(part.regions.iter().copied()));
+                    if let (Some(scale), Some(phases)) = (self.phase, tile.phase()) {
+                        let steps = rows.zip(&part.regions).zip(phases);
+                        let steps = steps.map(|((row, &region), &phase)| Step { row, region, phase });
+                        walks.along(scale, place.chunk.episode, steps);
+                    }
                 }
             }
         }

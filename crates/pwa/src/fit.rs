@@ -47,25 +47,34 @@ impl Roots for Solver<'_> {
     }
 
     fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
-        let set = held.map_or(0, |held| 1 + usize::from(held));
-        match self.joined(partition) {
-            Some((table, cells)) => self.of_cells(cells.training(set), table),
-            None => self.roots(|key| usize::from(key.partition) == partition && trains(key, held)),
-        }
+        self.factored(self.grams(partition, held))
     }
 
     fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
         match self.joined(partition) {
-            Some((table, cells)) => self.of_cells(cells.testing(fold), table),
-            None => self.roots(|key| usize::from(key.partition) == partition && key.fold.own == fold),
+            Some((table, cells)) => self.factored(joined(cells.testing(fold), table)),
+            None => {
+                self.factored(self.stats.totals(|key| {
+                    (usize::from(key.partition) == partition && key.fold.own == fold).then_some(key.region)
+                }))
+            }
         }
     }
 }
 
 impl Solver<'_> {
-    fn roots(&self, wanted: impl Fn(&Key) -> bool) -> BTreeMap<u32, SquareRoot> {
-        let totals: BTreeMap<u32, Gram> = self.stats.totals(|key| wanted(key).then_some(key.region));
-        totals.into_iter().map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
+    /// Gram matrices, in the preconditioner's coordinates, of the regions of a partition that train for `held`; regions without rows are missing.
+    pub(crate) fn grams(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, Gram> {
+        match self.joined(partition) {
+            Some((table, cells)) => joined(cells.training(held.map_or(0, |held| 1 + usize::from(held))), table),
+            None => self
+                .stats
+                .totals(|key| (usize::from(key.partition) == partition && trains(key, held)).then_some(key.region)),
+        }
+    }
+
+    fn factored(&self, regions: BTreeMap<u32, Gram>) -> BTreeMap<u32, SquareRoot> {
+        regions.into_iter().map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
     }
 
     /// The region of every cell and the cells' sums, of a partition that is joined of cells.
@@ -74,11 +83,6 @@ impl Solver<'_> {
             (Rule::Joined { regions, .. }, Some(cells)) => Some((regions, cells)),
             _ => None,
         }
-    }
-
-    fn of_cells(&self, cells: &[Gram], table: &[u32]) -> BTreeMap<u32, SquareRoot> {
-        let regions = joined(cells, table).into_iter();
-        regions.map(|(region, gram)| (region, self.preconditioner.square_root(&gram))).collect()
     }
 }
 

@@ -13,6 +13,7 @@ use crate::{
     fit::{Roots, Solver},
     levels::described,
     notes::confounded,
+    pairs::pairs,
     partition::{Prepared, join_cells, prepare},
     region_model::Base,
     scan::sum,
@@ -33,7 +34,8 @@ pub fn identify(
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
     let bound = options.stability.map(|bound| Loop::new(problem, bound)).transpose()?;
-    let Prepared { rows, grid, folds, chunks, survey, mut segmentation } = prepare(problem, options, source, progress)?;
+    let Prepared { rows, grid, folds, chunks, survey, mut segmentation, phase } =
+        prepare(problem, options, source, progress)?;
     let preconditioner = rows.coordinates(source)?;
     progress.stage("regression");
     let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
@@ -49,6 +51,7 @@ pub fn identify(
         scan: &scanned,
         joined: joined.as_ref(),
         preconditioner: &preconditioner,
+        phase: phase.as_ref(),
         bound,
     };
     fit.finish(source, &chunks, progress)
@@ -125,9 +128,13 @@ impl Fit<'_> {
             .zip(errors.residuals.iter().zip(&roots))
             .map(|(&kept, (residuals, roots))| self.model(&orders[kept], kept, &errors, residuals, source, roots))
             .collect();
-        for (model, walks) in models.iter_mut().zip(&errors.walks) {
+        let share = (independent / base.root.weight).min(1.0);
+        for ((model, walks), &kept) in models.iter_mut().zip(errors.walks).zip(&kept) {
             if let (Some(partition), Some(walks)) = (model.partitions.first_mut(), walks) {
-                partition.transitions = Some(walks.transitions());
+                let (transitions, phases) = walks.counted(self.options.phase.as_ref().zip(self.phase));
+                let grams = solver.grams(self.segmentation.candidates[kept].full, None);
+                partition.pairs = pairs(&grams, &transitions, self.preconditioner, share)?;
+                (partition.transitions, partition.phases) = (Some(transitions), phases);
             }
         }
         for (model, &kept) in models.iter_mut().zip(&kept) {
@@ -139,6 +146,7 @@ impl Fit<'_> {
         let mut notes = self.segmentation.notes.clone();
         confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
+        notes.extend(self.uncounted(&kept));
         Ok(Identification {
             model,
             models,
@@ -266,6 +274,7 @@ impl MeasureInput<'_> {
             mean: &self.mean,
             fold_means: &self.fold_means,
             whitening: self.metric.whitening(),
+            phase: self.fit.phase,
         }
         .run(source, chunks, progress)
     }

@@ -5,6 +5,7 @@ use crate::{
     complete::Fit,
     fit::{Roots, Solver},
     region_model::Base,
+    walks::MOST_REGIONS,
 };
 
 /// What the rows cannot tell apart.
@@ -36,5 +37,22 @@ impl Fit<'_> {
                 }
             }
         }
+    }
+
+    /// Kept models whose regions are too many for their pairs to be counted along the phase.
+    pub(crate) fn uncounted(&self, kept: &[usize]) -> Vec<String> {
+        let Some(phase) = &self.options.phase else { return Vec::new() };
+        let many = |&candidate: &usize| {
+            let own = &self.segmentation.candidates[candidate];
+            let regions = self.segmentation.partitions[own.full].rule.count();
+            let told = || {
+                format!(
+                    "{}: {regions} regions are too many to count which follows which along {}",
+                    own.specification, phase.specification
+                )
+            };
+            (!own.specification.fits_targets() && regions > MOST_REGIONS).then(told)
+        };
+        kept.iter().filter_map(many).collect()
     }
 }

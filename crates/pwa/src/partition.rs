@@ -9,6 +9,7 @@ use crate::{
     budget::{STATS_BUDGET, expected_regions, gram_bytes},
     continuous::check as check_continuous,
     lattice::{Sets, Tree, grow, joined_ranges},
+    phase::Scale,
     regions::segment,
     rows::Rows,
     scan::{Scan, sum},
@@ -98,6 +99,8 @@ pub(crate) struct Prepared {
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) survey: Survey,
     pub(crate) segmentation: Segmentation,
+    /// What the phase's values are bins of, where there is one.
+    pub(crate) phase: Option<Scale>,
 }
 
 /// Surveys the rows and cuts them into regions, on all rows and on the training rows of every fold.
@@ -108,7 +111,7 @@ pub(crate) fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, Error> {
     let places = if options.continuous { check_continuous(problem, &options.partitions)? } else { Vec::new() };
-    let rows = Rows::compile(problem, &options.partitions, source)?;
+    let rows = Rows::compile(problem, options, source)?;
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let bytes = gram_bytes(rows.dimension());
@@ -122,11 +125,13 @@ pub(crate) fn prepare(
     progress.stage("survey");
     let survey = Survey::scan(&rows, source, &chunks, options, progress)?;
     check(problem, &rows, &survey)?;
+    let phase = survey.phase.as_ref().zip(options.phase.as_ref());
+    let phase = phase.map(|(seen, phase)| seen.scale(phase)).transpose()?;
     // Rows that are too few for a model are too few for folds: the former is said first.
     let folds = folds?;
     progress.stage("partition");
     let segmentation = segment((problem, &places), options, &rows, &survey, progress)?;
-    Ok(Prepared { rows, grid, folds, chunks, survey, segmentation })
+    Ok(Prepared { rows, grid, folds, chunks, survey, segmentation, phase })
 }
 
 /// The folds, where there are any; `halo`: the rows that lags and differences reach over.

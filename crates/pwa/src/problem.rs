@@ -4,7 +4,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, UnseenLabel};
 use fleetfoot_stats::Purge;
 
-use crate::Specification;
+use crate::{Phase, Specification};
 
 /// What is to be identified, over the columns (aliases) of a source.
 #[derive(Debug, Clone)]
@@ -57,6 +57,8 @@ pub struct Options {
     pub keep_all: bool,
     /// Whether the maps of neighbouring regions meet at their border.
     pub continuous: bool,
+    /// A phase along which regions are counted, and from stride to stride; rows without it do not train.
+    pub phase: Option<Phase>,
     /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
     pub memory: usize,
 }
@@ -79,6 +81,7 @@ impl Default for Options {
             tsqr: false,
             keep_all: false,
             continuous: false,
+            phase: None,
             memory: 512 << 20,
         }
     }

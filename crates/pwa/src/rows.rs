@@ -8,7 +8,7 @@ use fleetfoot_stats::{
     scan::{self, Columns},
 };
 
-use crate::{Error, Problem, Specification};
+use crate::{Error, Options, Problem};
 
 /// Groups of columns, in their order.
 const REGRESSORS: usize = 0;
@@ -16,10 +16,11 @@ const TARGETS: usize = 1;
 const STATES: usize = 2;
 const PARTITION: usize = 3;
 const LABELS: usize = 4;
+const PHASE: usize = 5;
 
 /// What the columns of the rows are.
 pub(crate) struct Rows {
-    /// Regressors, targets, states, partition columns, labels, and the weight.
+    /// Regressors, targets, states, partition columns, labels, the phase where there is one, and the weight.
     pub(crate) columns: Columns,
     /// Number of regressors.
     pub(crate) regressors: usize,
@@ -37,18 +38,20 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    pub(crate) fn compile(problem: &Problem, partitions: &[Specification], source: &dyn Source) -> Result<Self, Error> {
+    pub(crate) fn compile(problem: &Problem, options: &Options, source: &dyn Source) -> Result<Self, Error> {
         let targets: Vec<Expr> = problem.equations.iter().filter_map(|equation| equation.target.clone()).collect();
         if targets.is_empty() {
             return Err(Error::NothingToFit);
         }
         let states: Vec<Expr> =
             problem.columns.iter().filter(|c| c.role == Role::State).map(|c| Expr::column(c.name.as_str())).collect();
-        let mut labels: Vec<String> = partitions.iter().filter_map(|p| p.label().map(str::to_owned)).collect();
+        let mut labels: Vec<String> = options.partitions.iter().filter_map(|p| p.label().map(str::to_owned)).collect();
         labels.sort();
         labels.dedup();
         let of_labels: Vec<Expr> = labels.iter().map(|name| Expr::column(name.as_str())).collect();
-        let groups: [&[Expr]; 5] = [&problem.library, &targets, &states, &problem.partition_columns, &of_labels];
+        let phase: Vec<Expr> = options.phase.iter().map(|phase| phase.column.clone()).collect();
+        let groups: [&[Expr]; 6] =
+            [&problem.library, &targets, &states, &problem.partition_columns, &of_labels, &phase];
         Ok(Self {
             columns: Columns::compile(&groups, problem.weight.as_ref(), source)?,
             regressors: problem.library.len(),
@@ -134,6 +137,11 @@ impl<'t> Tile<'t> {
 
     pub(crate) fn labels(&self) -> Vec<&'t [f64]> {
         self.0.columns(LABELS..LABELS + 1)
+    }
+
+    /// The phase, where there is one.
+    pub(crate) fn phase(&self) -> Option<&'t [f64]> {
+        self.0.columns(PHASE..PHASE + 1).pop()
     }
 
     /// Partition columns, regressors, targets, the weight where there are weights, labels.

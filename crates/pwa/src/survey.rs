@@ -18,6 +18,7 @@ use fleetfoot_stats::{
 use crate::{
     Error, Options, Specification,
     kept::{Kept, Share},
+    phase::Seen,
     rows::{Rows, Tile},
 };
 
@@ -57,6 +58,8 @@ pub(crate) struct Survey {
     pub(crate) examples: Kept,
     /// Whether these are fewer than they would be with more memory.
     pub(crate) examples_lack_memory: bool,
+    /// The values of the phase, where there is one.
+    pub(crate) phase: Option<Seen>,
     /// Moments of targets, then states, over all rows.
     pub(crate) scales: Gram,
     /// The targets' own by chunk.
@@ -69,6 +72,7 @@ struct Part {
     moments: Option<Moments>,
     scales: Option<Gram>,
     labels: Vec<BTreeSet<u64>>,
+    phase: Option<Seen>,
     kept: Vec<Vec<f64>>,
     examples: Vec<Vec<f64>>,
 }
@@ -86,6 +90,7 @@ impl Survey {
         let mut survey = Self {
             moments: BTreeMap::new(),
             labels: Vec::new(),
+            phase: options.phase.as_ref().map(Seen::new),
             kept: Kept::new(rows.partition + rows.labels.len()),
             examples: Kept::new(rows.example_columns()),
             examples_lack_memory: shares.short,
@@ -99,9 +104,13 @@ impl Survey {
             source,
             chunks,
             progress,
-            || Part::new(rows),
+            || Part::new(rows, options),
             |part, place, tile| {
-                part.add(rows, &Tile::new(tile), place, &shares);
+                let tile = Tile::new(tile);
+                part.add(rows, &tile, place, &shares);
+                if let (Some(seen), Some(phase), Some(values)) = (&mut part.phase, &options.phase, tile.phase()) {
+                    seen.add(values, phase)?;
+                }
                 part.labels.iter().zip(&rows.labels).try_for_each(|(seen, column)| limit_labels(column, seen))
             },
             |chunk, counts, part| {
@@ -109,6 +118,9 @@ impl Survey {
                 for ((column, all), seen) in rows.labels.iter().zip(&mut labels).zip(part.labels) {
                     all.extend(seen);
                     limit_labels(column, all)?;
+                }
+                if let (Some(all), Some(seen), Some(phase)) = (&mut survey.phase, part.phase, &options.phase) {
+                    all.merge(seen, phase)?;
                 }
                 if let Some(scales) = part.scales {
                     survey.scales.merge(&scales);
@@ -184,11 +196,12 @@ impl Shares {
 }
 
 impl Part {
-    fn new(rows: &Rows) -> Self {
+    fn new(rows: &Rows, options: &Options) -> Self {
         Self {
             moments: None,
             scales: None,
             labels: vec![BTreeSet::new(); rows.labels.len()],
+            phase: options.phase.as_ref().map(Seen::new),
             kept: vec![Vec::new(); rows.partition + rows.labels.len()],
             examples: vec![Vec::new(); rows.example_columns()],
         }
@@ -216,7 +229,7 @@ impl Part {
     }
 }
 
-fn limit_labels(column: &str, seen: &BTreeSet<u64>) -> Result<(), Error> {
+pub(crate) fn limit_labels(column: &str, seen: &BTreeSet<u64>) -> Result<(), Error> {
     if seen.len() > LABEL_LIMIT {
         return Err(Error::TooManyLabels { column: column.to_owned(), limit: LABEL_LIMIT });
     }

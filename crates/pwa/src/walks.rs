@@ -1,6 +1,14 @@
 //! Which region follows which, counted over the rows in their order.
 
-use fleetfoot_model::Transitions;
+use fleetfoot_model::{Phases, Transitions};
+
+use crate::{
+    phase::{Phase, Scale},
+    strides::{self, Strides},
+};
+
+/// Regions of a partition that does not fit the dynamics whose pairs are counted along a phase, at most.
+pub(crate) const MOST_REGIONS: usize = 1_000;
 
 /// A row of an episode and its region.
 type Step = (usize, u32);
@@ -14,11 +22,14 @@ pub(crate) struct Walks {
     episode: usize,
     first: Option<Step>,
     last: Option<Step>,
+    /// Along a phase, where there is one.
+    strides: Option<Strides>,
 }
 
 impl Walks {
-    pub(crate) fn new(regions: usize) -> Self {
-        Self { regions, counts: vec![0; regions * regions], episode: 0, first: None, last: None }
+    pub(crate) fn new(regions: usize, phase: Option<&Scale>) -> Self {
+        let strides = phase.map(|scale| Strides::new(scale, regions));
+        Self { regions, counts: vec![0; regions * regions], episode: 0, first: None, last: None, strides }
     }
 
     /// Goes on with rows of an episode: row numbers, ascending, and their regions.
@@ -28,6 +39,13 @@ impl Walks {
             self.count(self.last, step);
             self.first = self.first.or(Some(step));
             self.last = Some(step);
+        }
+    }
+
+    /// Goes on with rows of an episode along a phase.
+    pub(crate) fn along(&mut self, scale: &Scale, episode: usize, steps: impl Iterator<Item = strides::Step>) {
+        if let Some(own) = &mut self.strides {
+            own.extend(scale, episode, steps);
         }
     }
 
@@ -41,7 +59,7 @@ impl Walks {
     }
 
     /// Adds the rows that follow.
-    pub(crate) fn merge(&mut self, next: &Self) {
+    pub(crate) fn merge(&mut self, next: &Self, phase: Option<&Scale>) {
         self.counts.iter_mut().zip(&next.counts).for_each(|(all, counts)| *all += counts);
         if let (Some(first), true) = (next.first, self.episode == next.episode) {
             self.count(self.last, first);
@@ -49,10 +67,16 @@ impl Walks {
         if next.last.is_some() {
             (self.episode, self.last) = (next.episode, next.last);
         }
+        if let (Some(own), Some(next), Some(scale)) = (&mut self.strides, &next.strides, phase) {
+            own.merge(next, scale);
+        }
     }
 
-    pub(crate) fn transitions(&self) -> Transitions {
-        Transitions { counts: self.counts.chunks(self.regions.max(1)).map(<[u64]>::to_vec).collect() }
+    /// All that was counted; along a phase where there is one.
+    pub(crate) fn counted(self, phase: Option<(&Phase, &Scale)>) -> (Transitions, Option<Phases>) {
+        let counts = self.counts.chunks(self.regions.max(1)).map(<[u64]>::to_vec).collect();
+        let phases = self.strides.zip(phase).map(|(strides, (phase, scale))| strides.phases(phase, scale));
+        (Transitions { counts }, phases)
     }
 }
 
@@ -69,21 +93,21 @@ mod tests {
             // Rows are missing now and then.
             let mut row = 0;
             let steps: Vec<Step> = steps.into_iter().map(|(region, gap)| { row += 1 + usize::from(gap); (row, region) }).collect();
-            let mut whole = Walks::new(3);
+            let mut whole = Walks::new(3, None);
             whole.extend(4, steps.iter().copied());
             let (left, right) = steps.split_at(cut.min(steps.len()));
-            let (mut total, mut a, mut b) = (Walks::new(3), Walks::new(3), Walks::new(3));
+            let (mut total, mut a, mut b) = (Walks::new(3, None), Walks::new(3, None), Walks::new(3, None));
             a.extend(4, left.iter().copied());
             b.extend(4, right.iter().copied());
-            total.merge(&a);
-            total.merge(&b);
+            total.merge(&a, None);
+            total.merge(&b, None);
             prop_assert_eq!(&total.counts, &whole.counts);
             let expected = steps.windows(2).filter(|pair| pair[0].0 + 1 == pair[1].0).count() as u64;
             prop_assert_eq!(whole.counts.iter().sum::<u64>(), expected);
             // Another episode begins anew.
-            let mut other = Walks::new(3);
+            let mut other = Walks::new(3, None);
             other.extend(5, [(row + 1, 0)].into_iter());
-            total.merge(&other);
+            total.merge(&other, None);
             prop_assert_eq!(&total.counts, &whole.counts);
         }
     }

@@ -207,7 +207,10 @@ fn people_read_them() {
     let text = describe_transitions(&model, false).expect("counted");
     let line =
         |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default().to_owned();
-    assert_eq!(line("0.00..0.50"), "  0.00..0.50  0.0089  0.9881  0.0000  0.0010  0.0020    1012  0 to 4 98.8 %, 4 to 0 0.1 %");
+    assert_eq!(
+        line("0.00..0.50"),
+        "  0.00..0.50  0.0089  0.9881  0.0000  0.0010  0.0020    1012  0 to 4 98.8 %, 4 to 0 0.1 %"
+    );
     assert_eq!(line("0.50..1.00"), "  0.50..1.00       -       -       -       -       -       0");
     assert!(
         text.contains("a stride begins where the phase wraps; 19 of 5.21053 rows (0.104211 s) on average"),

@@ -5,4 +5,5 @@ mod identify;
 mod lattice;
 mod refined;
 mod stable;
+mod transitions;
 mod tree;
