@@ -153,6 +153,33 @@ fn joined_cells_go_the_whole_way() {
 }
 
 #[test]
+fn regions_are_counted_along_a_phase() {
+    let folder = logs();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let fit = ["fit", "pwa", "-c", "robot.toml", "--folds", "0", "-o", "model.json", "--partition", "kmeans:3", "runs"];
+    run(&[&fit[..], &["--phase", "wrap(2*t):6"]].concat());
+    let transitions = run(&["show", "model.json", "--transitions"]).out;
+    for part in ["along wrap(2*t):6", "0.00..1.05", "from stride to stride", "a stride begins where the phase wraps"] {
+        assert!(transitions.contains(part), "{part}: {transitions}");
+    }
+    // The rows are 0.01 s apart, and the phase comes round every pi seconds.
+    let rows = transitions.split(" rows (").nth(1).and_then(|rest| rest.split(" s)").next());
+    let seconds: f64 = rows.and_then(|text| text.parse().ok()).expect("seconds");
+    assert!((seconds - std::f64::consts::PI).abs() < 0.02, "{transitions}");
+    run(&["report", "model.json", "held-out.csv", "-o", "page.html"]);
+    let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert_eq!(page.matches("id=\"phase-1-1\"").count(), 1);
+    assert!(page.contains("lie along wrap(2*t):6"));
+    run(&["export", "model.json", "--to", "c", "--prefix", "robot", "-o", "code"]);
+    let code = fs::read_to_string(folder.path().join("code/robot_transitions.c")).unwrap();
+    assert!(code.contains("robot_phase_share[ROBOT_PHASE_BIN_COUNT][ROBOT_REGION_COUNT]"), "{code}");
+    assert_eq!(fleetfoot(folder.path(), &[&fit[..], &["--phase", "v:1"]].concat()).code, 2, "one bin is none");
+    for (phase, words) in [("nothing", ["--phase", "nothing"]), ("1e9*t", ["wrap(", "labels:"])] {
+        fleetfoot(folder.path(), &[&fit[..], &["--phase", phase]].concat()).fails(&words);
+    }
+}
+
+#[test]
 fn trees_go_the_whole_way() {
     let folder = logs();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
@@ -264,8 +291,17 @@ fn refined_models_go_the_whole_way() {
             && transitions.contains(" s)\n"),
         "{transitions}"
     );
-    fleetfoot(folder.path(), &["show", "model_average.json", "--transitions"])
-        .fails(&["model_average.json", "refined:K"]);
+    // Two regions pass rows to each other, and are told apart.
+    assert!(transitions.contains("which neighbours have maps of their own"), "{transitions}");
+    let pair = transitions.lines().find(|line| line.split_whitespace().take(2).eq(["0", "1"])).expect("a pair");
+    assert!(!pair.contains("one map would do"), "{transitions}");
+    fleetfoot(folder.path(), &["show", "model_average.json", "--transitions"]).fails(&[
+        "model_average.json",
+        "refined:K",
+        "--phase",
+    ]);
+    assert_eq!(fleetfoot(folder.path(), &["show", "model.json", "--all-pairs"]).code, 2);
+    assert!(run(&["show", "model.json", "--transitions", "--all-pairs"]).out.contains("which pairs of regions"));
 
     run(&["predict", "model.json", "held-out.csv", "-o", "predicted.parquet"]);
     run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "--starts", "20"]);

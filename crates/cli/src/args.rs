@@ -440,9 +440,13 @@ pub(crate) struct Show {
     /// Regions to write out, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
-    /// Tell which region follows which, and how long a visit lasts: for models of refined partitions, lattices and trees, which carry it.
+    /// Tell which region follows which, how long a visit lasts, where the regions lie along a phase, and which neighbours have maps of their own: for models of refined
+    /// partitions, lattices and trees, and for those fitted with --phase.
     #[arg(long)]
     pub(crate) transitions: bool,
+    /// Compare all pairs of regions that the model has compared, and not neighbours alone.
+    #[arg(long, requires = "transitions")]
+    pub(crate) all_pairs: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

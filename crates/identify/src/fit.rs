@@ -130,7 +130,9 @@ pub const PWA_PASSES: usize = 3;
 fn functions(task: &Task) -> Vec<Expr> {
     let problem = &task.problem;
     let targets = problem.equations.iter().filter_map(|equation| equation.target.as_ref());
-    problem.library.iter().chain(targets).chain(&problem.partition_columns).chain(&problem.weight).cloned().collect()
+    let phase = task.phase.iter().map(|phase| &phase.column);
+    let also = problem.partition_columns.iter().chain(&problem.weight).chain(phase);
+    problem.library.iter().chain(targets).chain(also).cloned().collect()
 }
 
 /// Fits a piecewise-affine model to logs, or to one `.stats` file without a pass, as the recipe says: its partitions, else one region; chosen as `[pwa]` says.
@@ -155,6 +157,7 @@ pub fn fit_pwa(
     let mut options = said.of_step(dataset.step());
     options.keep_all = request.keep_all;
     let view = dataset.view()?;
+    options.phase = task.phase_in(view.columns());
     let mut rollouts = None;
     if let Some(rule) = said.rollouts {
         let choice = by_rollouts(recipe, &task.problem, &options, &view, rule, progress)?;

@@ -110,7 +110,7 @@ pub use recipe::{
     BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative, Effort,
     EpisodeRule, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Gap, GivenAs, Gravity, Input,
     InputTable, Join, JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting,
-    NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice,
+    NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PhaseColumn,
     PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings,
     SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable,
     UnseenLabels,

@@ -46,7 +46,15 @@ impl Dataset {
         let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
         let problem = &task.problem;
         let weights = problem.weight.iter();
-        let clock = clock(&problem.equations, problem.library.iter().chain(&problem.partition_columns).chain(weights));
+        let clock = clock(
+            &problem.equations,
+            problem
+                .library
+                .iter()
+                .chain(&problem.partition_columns)
+                .chain(weights)
+                .chain(task.phase.iter().map(|phase| &phase.column)),
+        );
         let mut dataset = Self::open(recipe, &problem.columns, &task.aliases, clock, logs, progress)?;
         dataset.see_auxiliary(&problem.columns, &problem.equations)?;
         let mut task = task;

@@ -89,7 +89,7 @@ pub enum Error {
     /// A column that does not come round.
     #[error(
         "`{column}` goes from {low} to {high}: a phase is within 0 and 1, or within 0 and 2 pi (or -pi and pi); say that a state or input is an angle (kind = \"angle\"), write an expression \
-         that comes round, such as wrap({column}), or name labels (--phase labels:{column})"
+         that comes round, such as wrap(6.283185*{column}/PERIOD), or name labels (--phase labels:{column})"
     )]
     NoPhase {
         /// The column.

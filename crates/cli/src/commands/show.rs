@@ -15,11 +15,11 @@ pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     } else if arguments.transitions {
         let missing = || {
             Error::missing(format!(
-                "{}: no transitions were counted for this model; those of `fit pwa --partition refined:K`, `lattice:K` and `tree:DEPTH` carry them",
+                "{}: no transitions were counted for this model; those of `fit pwa --partition refined:K`, `lattice:K` and `tree:DEPTH` carry them, and those of all partitions with --phase",
                 arguments.model.display()
             ))
         };
-        write_out(&describe_transitions(&model).ok_or_else(missing)?);
+        write_out(&describe_transitions(&model, arguments.all_pairs).ok_or_else(missing)?);
     } else {
         write_out(&describe(&model, arguments.regions));
     }

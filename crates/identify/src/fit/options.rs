@@ -20,6 +20,8 @@ pub struct PwaOptions {
     pub rollouts: Option<RolloutRule>,
     /// What coefficients are fitted to.
     pub objective: Objective,
+    /// Whether regions are counted along a phase, which is known once the columns are ([`crate::Task::phase`]).
+    pub(crate) phase: bool,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
 }
@@ -89,6 +91,7 @@ impl PwaOptions {
             purge,
             rollouts: rollouts(section, recipe)?,
             objective: section.objective.unwrap_or_default(),
+            phase: section.phase.is_some(),
             smoothed: recipe.time.smoothed,
         })
     }

@@ -81,6 +81,8 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
 fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
     let problem = if said.rollouts.is_some() {
         "rollouts compare simulations with rows: leave --select rollout away and name the span of a derivative"
+    } else if said.phase {
+        "--phase asks rows where they are in their stride: leave it away"
     } else if said.identification.tsqr {
         "--tsqr factors the rows themselves: leave it away"
     } else if said.identification.continuous {

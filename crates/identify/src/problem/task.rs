@@ -1,22 +1,24 @@
 //! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and what every fit reads of a recipe.
 
-use fleetfoot_data::Column as DataColumn;
+use fleetfoot_data::{Column as DataColumn, ColumnKind};
 use fleetfoot_library::{Expr, Library, central_difference};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
-use fleetfoot_pwa::Problem;
+use fleetfoot_pwa::{Phase, PhaseKind, Problem};
 
 use super::{
     Aliases,
     derivative::measured,
     leak::{predicted, refuse_target_in_partition},
 };
-use crate::{Error, Kind, Recipe, State, items};
+use crate::{Error, Kind, PhaseColumn, Recipe, State, items};
 
 /// What a recipe means for a recording.
 #[derive(Debug, Clone)]
 pub struct Task {
     /// The problem to identify, over the aliases.
     pub problem: Problem,
+    /// The phase along which regions are counted, where the recipe names one.
+    pub phase: Option<Phase>,
     /// The columns of the view, and the expressions over the recording's fields that give them.
     pub aliases: Vec<(DataColumn, Expr)>,
 }
@@ -48,8 +50,42 @@ impl Task {
         let labels: Vec<Expr> = labels.iter().map(|label| Expr::column(label.as_str())).collect();
         refuse_target_in_partition(&equations, &aliases, &labels)?;
         let weight = recipe.model.weight.as_deref().map(|text| aliases.over_aliases(text, "weight")).transpose()?;
+        let phase = recipe.pwa.phase.as_ref().map(|phase| resolved(phase, &mut aliases)).transpose()?;
         let problem = Problem { columns: aliases.columns, library, equations, partition_columns, weight, step };
-        Ok(Self { problem, aliases: aliases.expressions })
+        Ok(Self { problem, phase, aliases: aliases.expressions })
+    }
+}
+
+/// The phase that `[pwa]` names, over the aliases: its period is known of angles.
+fn resolved(phase: &PhaseColumn, aliases: &mut Aliases<'_>) -> Result<Phase, Error> {
+    let (PhaseColumn::Cyclic { column: text, .. } | PhaseColumn::Labels(text)) = phase;
+    let column = aliases.over_aliases(text, "--phase")?;
+    let own = column.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
+    let is_angle = own.is_some_and(|own| own.angle || own.unit.as_deref() == Some("rad"));
+    let kind = match phase {
+        PhaseColumn::Cyclic { bins, .. } => {
+            PhaseKind::Cyclic { bins: *bins, period: is_angle.then_some(2.0 * std::f64::consts::PI) }
+        }
+        PhaseColumn::Labels(_) => PhaseKind::Labels(DataColumn::float(text.as_str())),
+    };
+    Ok(Phase { specification: phase.to_string(), column, kind })
+}
+
+impl Task {
+    /// The phase over the columns of the logs that were opened, which know the names of labels; what is text is labels.
+    pub(crate) fn phase_in(&self, columns: &[DataColumn]) -> Option<Phase> {
+        let mut phase = self.phase.clone()?;
+        let own = phase.column.as_column().and_then(|name| columns.iter().find(|column| column.name == name));
+        if let Some(own) = own {
+            let is_text = matches!(own.kind, ColumnKind::Category(_));
+            if let (PhaseKind::Cyclic { .. }, true) = (&phase.kind, is_text) {
+                phase.specification = format!("labels:{}", own.name);
+            }
+            if is_text || matches!(phase.kind, PhaseKind::Labels(_)) {
+                phase.kind = PhaseKind::Labels(own.clone());
+            }
+        }
+        Some(phase)
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Objective,
+    Objective, PhaseColumn,
     settings::{Tunable, settings},
 };
 
@@ -58,6 +58,10 @@ settings! {
         /// Bound of every region's map over one sampling period, in a metric that all regions share: stable at 1; at 0.99 states shrink by a hundredth a row (default: free).
         #[arg(long, value_name = "BOUND", num_args = 0..=1, require_equals = true, default_missing_value = "1", allow_negative_numbers = true)]
         pub stable: f64,
+        /// Count regions along a phase, and from stride to stride: a column that comes round (or an expression), in 12 bins or as many as said, or labels:COLUMN;
+        /// rows without it do not train. `show --transitions` tells.
+        #[arg(long, value_name = "COLUMN[:BINS]")]
+        pub phase: PhaseColumn,
         /// What happens to labels that were not seen in training (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,

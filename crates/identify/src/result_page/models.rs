@@ -81,6 +81,8 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
         let walked =
             walked.and_then(|counted| transitions::figure(own, counted, model.step, &name, "the training rows"));
         parts.extend(walked.map(Part::Figure));
+        let along = own.phases.as_ref().and_then(|phases| transitions::along(own, phases, model.step, &name));
+        parts.extend(along.map(Part::Figure));
     }
     parts
 }

@@ -1,12 +1,51 @@
 //! Which region follows which (Fig. 9 of Buchan, Haldane, Fearing shows where they lie; this shows how they are walked).
 
-use fleetfoot_model::{Partition, Transitions};
+use fleetfoot_model::{Partition, Phases, Transitions};
 use fleetfoot_report::{
     Chart, Figure, Matrix,
     words::{number, seconds},
 };
 
 use super::regions::by_size;
+
+/// Regions against a phase: of the rows in a part of it, the share that is in each region.
+pub(super) fn along(partition: &Partition, phases: &Phases, step: f64, place: &str) -> Option<Figure> {
+    let all = by_size(partition);
+    let drawn = &all[..all.len().min(DRAWN)];
+    let bins: Vec<usize> =
+        (0..phases.bins.count()).filter(|&bin| phases.rows[bin].iter().any(|&rows| rows > 0)).collect();
+    if drawn.len() < 2 || bins.len() < 2 {
+        return None;
+    }
+    let values = bins.iter().map(|&bin| drawn.iter().map(|&region| phases.share(bin, region)).collect()).collect();
+    let names = [
+        bins.iter().map(|&bin| phases.bins.name(bin)).collect(),
+        drawn.iter().map(|&region| partition.region_name(region)).collect(),
+    ];
+    let more = match all.len() {
+        count if count > DRAWN => format!(" Shown are the {DRAWN} largest of {count} regions."),
+        _ => String::new(),
+    };
+    let strides = match phases.stride_count() {
+        0 => String::new(),
+        count => {
+            let rows = phases.rows_of_a_stride();
+            let length = if step > 0.0 { seconds(rows * step) } else { format!("{} rows", number(rows)) };
+            format!(" {count} strides last {length} on average.")
+        }
+    };
+    let caption = format!(
+        "Of the training rows in each part of {} (from the top), the share that is in each region (from the left).{strides}{more}",
+        phases.specification
+    );
+    let matrix = Matrix::new("share of a part's rows", ["phase", "region"], names, values);
+    Some(Figure::new(
+        format!("phase-{place}"),
+        format!("Where the regions of {} lie along {}", partition.specification, phases.specification),
+        caption,
+        Chart::Matrix(matrix),
+    ))
+}
 
 /// Regions that are drawn, the largest first.
 const DRAWN: usize = 12;

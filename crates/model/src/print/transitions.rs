@@ -157,10 +157,12 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
     if shown < order.len() {
         let _ = writeln!(out, "  and {} more, which differ no less", order.len() - shown);
     }
-    let _ = writeln!(
-        out,
-        "  regions that were drawn where maps differ, on these rows, differ here too: read which ones do not"
-    );
+    if ["refined", "lattice", "tree"].iter().any(|kind| partition.specification.contains(kind)) {
+        let _ = writeln!(
+            out,
+            "  regions that were drawn where maps differ, on these rows, differ here too: read which ones do not"
+        );
+    }
 }
 
 fn known(value: f64) -> String {

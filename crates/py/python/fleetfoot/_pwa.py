@@ -57,6 +57,10 @@ class PWA(Identifier):
     stable : float, optional
         Bound of every region's map over one sampling period, in a metric that all regions share: 1 for a stable model;
         ``report_["candidates"]`` tells radii, norms, the metric and the loss of the free model.
+    phase : str, optional
+        A phase along which regions are counted, and from stride to stride: ``"alpha_l:24"``, a column or an expression
+        that comes round and its bins (12), or ``"labels:stance"``. ``model_.export("npz", ...)`` has the counts, and
+        ``fleetfoot show --transitions`` tells them.
     unseen_labels : {"refuse", "pool"}, default="refuse"
         What happens to labels that training did not see: an error, or a model fitted on all rows.
     seed, restarts, iterations : int, default=0, 1, 100
@@ -107,6 +111,7 @@ class PWA(Identifier):
         shrinkage: float | str = 0.0,
         continuous: bool = False,
         stable: float | None = None,
+        phase: str | None = None,
         unseen_labels: str = "refuse",
         seed: int = 0,
         restarts: int = 1,
@@ -138,6 +143,7 @@ class PWA(Identifier):
         self.shrinkage = shrinkage
         self.continuous = continuous
         self.stable = stable
+        self.phase = phase
         self.unseen_labels = unseen_labels
         self.seed = seed
         self.restarts = restarts
@@ -174,6 +180,7 @@ class PWA(Identifier):
             shrinkage=self._real("shrinkage", "auto"),
             continuous=self._said("continuous"),
             stable=self._real("stable"),
+            phase=self._said("phase"),
             unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,

@@ -357,6 +357,7 @@ WORDS = {
     "bolasso": ("chunks:5", "rows:5"),
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
+    "phase": ("alpha_l:24", "labels:stance"),
     "objective": ("steps:3", "one-step"),
     "smooth_states": ("on", "off"),
     **dict.fromkeys(("tsqr", "continuous", "direct", "adaptive", "stability", "unscaled", "normalize"), (True, False)),

@@ -317,7 +317,8 @@ fn a_derivative_that_is_measured_otherwise_has_sums_of_its_own() {
         crate::fit_pwa(&recipe, crate::PwaRequest::default(), of(file.clone()), &Silent).unwrap_err().to_string()
     };
     type Change = fn(&mut Recipe);
-    let changes: [(Change, &str); 4] = [
+    let changes: [(Change, &str); 5] = [
+        (|recipe| recipe.pwa.phase = Some("labels:x".parse().unwrap()), "--phase"),
         (|recipe| recipe.pwa.continuous = Some(true), "--continuous"),
         (|recipe| recipe.pwa.tsqr = Some(true), "--tsqr"),
         (|recipe| recipe.pwa.unseen_labels = Some(crate::UnseenLabels::Pool), "--unseen-labels"),
